@@ -24,8 +24,11 @@ _POLISHED_UP_TO = 1e7
 _REACH = 1e3
 
 
-def settle(newton: NewtonSolver, task: Task) -> None:
-    """Solve to the tolerances, with the friction bound's fixed point where there is friction."""
+def settle(newton: NewtonSolver, task: Task, least_steps: int = 0) -> None:
+    """Solve to the tolerances, with the friction bound's fixed point where there is friction.
+
+    At least ``least_steps`` are taken; with friction each bound takes one.
+    """
     tolerance = task.settings.tolerance
     if task.system.rubbing:
         fixed_point(
@@ -33,7 +36,7 @@ def settle(newton: NewtonSolver, task: Task) -> None:
             lambda: newton.solve(INNER_SHARE * tolerance, least_steps=1),
             task.system.penalty_bounds,
         )
-    newton.solve(tolerance)
+    newton.solve(tolerance, least_steps=0 if task.system.rubbing else least_steps)
 
 
 def polish(task: Task, most_steps: int, direct: PETSc.KSP | None = None, near: bool = True) -> bool:
@@ -48,7 +51,8 @@ def polish(task: Task, most_steps: int, direct: PETSc.KSP | None = None, near: b
     newton = NewtonSolver(few, near, direct)
     try:
         with task.system.preserved(only_on_failure=True):
-            settle(newton, few)
+            # One step takes off most of what is left within the tolerances.
+            settle(newton, few, least_steps=1)
     except NotConverged:
         report.friction_change, report.contraction = change, contraction
         return False

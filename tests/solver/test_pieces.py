@@ -164,3 +164,22 @@ def test_steps_go_on_from_the_locked_cells_of_the_last(n: float) -> None:
     assert all(step.converged for step in steps)
     first, *later = (step.summary["iterations"]["tangents"] for step in steps)
     assert np.mean(later) <= 8.0 and np.mean(later) < first
+
+
+def test_friction_of_the_last_step_turns_with_a_foundation_that_moves_along() -> None:
+    """The normal of a cylinder at a node turns, and no part of the old friction stays along it."""
+    parameters = _block(
+        loads={"displacements": [{"on": "bottom", "value": [0.0, 0.0]}]},
+        contact={
+            "on": "top",
+            "foundation": {
+                "cylinder": {"centre": [0.5, 2.0], "radius": 1.0},
+                "motion": ["0.05*max(t - 1, 0)", "-0.02*min(t, 1)"],
+            },
+        },
+        steps={"times": [1.0, 1.2, 1.4]},
+    )
+    pressed, *moved = solving.solve_steps(parameters)
+    assert pressed.converged and all(step.converged for step in moved)
+    tangents = [step.summary["iterations"]["tangents"] for step in moved]
+    assert max(tangents) < pressed.summary["iterations"]["tangents"]

@@ -181,7 +181,7 @@ def _nodal(points: ContactPoints) -> Any:
     own = slice(None if MPI.COMM_WORLD.rank == 0 else 0)
     return tuple(
         SimpleNamespace(
-            surface=SimpleNamespace(points=part.x[own]),
+            surface=SimpleNamespace(points=part.x[own], jump=None),
             smoothed_stress=-part.pressure[own],
             outline=np.empty((0, part.x.shape[1], part.x.shape[1])),
         )

@@ -217,7 +217,7 @@ class ActiveSet:
         iterate = Iterate(tangent, self._tuning.band)
         left: list[_Left] = []
         bound_step: BoundStep | None = None
-        keeps = False
+        keeps = reached = False
         for number in range(min(pieces.steps, task.settings.max_iterations)):
             if not is_linearised:
                 self._look(linearise=not keeps)
@@ -233,9 +233,15 @@ class ActiveSet:
             self._advance(self._direction(bound_step))
             measures = self._judge.measure(iterate)
             task.monitor.iteration(number, measures.worst())
-            if measures.reached(task.settings, self._tuning.gap_tolerance):
+            reached_before = reached
+            reached = measures.reached(task.settings, self._tuning.gap_tolerance)
+            if reached and reached_before:
                 task.report.duality_gap = max(measures.gap, 0.0)
                 return iterate
+            if reached:
+                # One more step by the same tangent takes off most of what is left.
+                keeps = True
+                continue
             left.append(self._left(measures))
             if self._leads_away(left):
                 raise NotConverged("the pieces of the laws are too far away")

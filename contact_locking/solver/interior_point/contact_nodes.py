@@ -51,7 +51,7 @@ class ContactNodes:
 
     def slips(self, displacement: FloatArray) -> FloatArray:
         """``u_tau`` (d, k) of a displacement, relative to tools; collective."""
-        return self._tangential(self._at_points(displacement))
+        return self.tangential(self._at_points(displacement))
 
     def old_slips(self) -> FloatArray:
         """``u_{k-1,tau}`` (d, k), where the nodes stood before the step."""
@@ -59,9 +59,10 @@ class ContactNodes:
 
     def increments(self, displacement: FloatArray) -> FloatArray:
         """The slips (d, k) of the step, ``u_tau - u_{k-1,tau}``, of a displacement; collective."""
-        return self._tangential(self._at_points(displacement) - self.old_slips())
+        return self.tangential(self._at_points(displacement) - self.old_slips())
 
-    def _tangential(self, values: FloatArray) -> FloatArray:
+    def tangential(self, values: FloatArray) -> FloatArray:
+        """The parts of vectors (d, k) along the foundation."""
         # Once more, as rounding leaves a normal part that the stiffness of sticking enlarges.
         for _ in range(2):
             values = values - np.einsum("ik,ik->k", values, self.normal) * self.normal
@@ -69,11 +70,11 @@ class ContactNodes:
 
     def unit_tangents(self, vectors: FloatArray) -> FloatArray:
         """Unit tangents (d, k) along the tangential parts of vectors, any where these vanish."""
-        tangents = self._tangential(vectors)
+        tangents = self.tangential(vectors)
         none = np.linalg.norm(tangents, axis=0) == 0.0
         steepest = np.argmin(np.abs(self.normal), axis=0)
         axes = np.eye(self.dim)[:, steepest]
-        tangents = np.where(none, self._tangential(axes), tangents)
+        tangents = np.where(none, self.tangential(axes), tangents)
         return np.asarray(tangents / np.linalg.norm(tangents, axis=0))
 
     def add_pressure(self, pressure: FloatArray, forces: PETSc.Vec) -> None:

@@ -179,7 +179,10 @@ class FrictionProjection(Projection):
         self._turned: BoolArray = np.zeros(len(family.weights), dtype=bool)
 
     def recall(self, pair: Pair) -> None:
-        self.family.z = pair[1].copy()
+        z = pair[1].copy()
+        # The foundation may have turned since.
+        z[self._rows] = self.family.nodes.tangential(z[self._rows])
+        self.family.z = z
         self.start(self.family.reactions)
         self._slides_at = _SLIDES_ON
 
