@@ -232,7 +232,6 @@ def _mesh_file(path: Path, dim: int, *, names: bool = True, order: int = 1) -> N
     ("dim", "options", "expected"),
     [
         (1, {}, "1D"),
-        (2, {"names": False}, "physical group"),
         (2, {"order": 2}, "first-order"),
     ],
 )

@@ -245,7 +245,7 @@ def _named_facets(
                 f"{places.more(int(inner.sum()))}; these facets are left out"
             )
     usable = [name for name in given.names if name not in unusable]
-    has_name = np.array([given.named(name) for name in usable]).reshape(len(usable), -1)
+    has_name = np.array([given.named(name) for name in usable]).reshape(len(usable), len(given))
     order = np.flatnonzero((shared == 1) & has_name.any(axis=0))
     _, first, inverse = np.unique(found[order], return_index=True, return_inverse=True)
     names_of = np.zeros((len(first), len(usable)), dtype=bool)

@@ -4,7 +4,8 @@ The cones of contact and friction and those of the strain limit are semismooth e
 (:mod:`projections`).  Their Newton's method ends at once where the pieces are the right ones:
 nodes touch and stick, points are at their limit.  From the elastic displacement it finds the pieces
 of contact and friction in a few steps, and from the last step of a process also those of the limit.
-From far away it finds nothing, and says so early.
+From far away it finds nothing, and says so early.  Where nothing presses a body, many places are
+right, and the interior point method finds one away from the foundations.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged, raise_callback_error
-from contact_locking.parallel import on_every_rank
+from contact_locking.parallel import on_any_rank, on_every_rank
 from contact_locking.solver.interior_point.bound_step import BoundStep, MovingBound
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.family import Direction, Family
@@ -236,6 +237,8 @@ class ActiveSet:
             reached_before = reached
             reached = measures.reached(task.settings, self._tuning.gap_tolerance)
             if reached and reached_before:
+                if self._springs > 0.0 and not self._touches():
+                    raise NotConverged("nothing presses the body to where contact holds it")
                 task.report.duality_gap = max(measures.gap, 0.0)
                 return iterate
             if reached:
@@ -249,6 +252,13 @@ class ActiveSet:
             is_near = left[-1].changed == 0 and left[-1].worst <= pieces.keeps_below
             keeps = is_near and kept_well
         raise NotConverged("the pieces of the laws do not settle")
+
+    def _touches(self) -> bool:
+        """Whether contact bears any pressure; collective."""
+        bears = any(
+            law.y.any() for family, law in self._laws.items() if isinstance(family, ContactCones)
+        )
+        return on_any_rank(self._tangent.comm, bears)
 
     def _look(self, linearise: bool) -> None:
         """Linearise the laws at the present iterate, if asked, and evaluate them; collective."""
