@@ -80,7 +80,8 @@ class _Left:
     changed: int
 
     def is_less_than(self, before: _Left, factor: float) -> bool:
-        return self.worst <= factor * before.worst or self.changed <= factor * before.changed
+        fewer = before.changed > 0 and self.changed <= factor * before.changed
+        return fewer or self.worst <= factor * before.worst
 
 
 class ActiveSet:
