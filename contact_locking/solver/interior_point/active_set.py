@@ -176,6 +176,7 @@ class ActiveSet:
         if len(last.travels) == len(system.tools):
             system.tools.travels = last.travels
         self._tangent.visit()
+        self._judge.begin(self._judge.mean_strain(self._task.settings.tolerance))
         for law, pair in zip(self._laws.values(), last.cones, strict=True):
             family = law.family
             family.takes_part = True
@@ -238,8 +239,8 @@ class ActiveSet:
             reached_before = reached
             reached = measures.reached(task.settings, self._tuning.gap_tolerance)
             if reached and reached_before:
-                if self._springs > 0.0 and not self._touches():
-                    raise NotConverged("nothing presses the body to where contact holds it")
+                if self._rests():
+                    raise NotConverged("nothing presses the body to the foundations")
                 task.report.duality_gap = max(measures.gap, 0.0)
                 return iterate
             if reached:
@@ -254,12 +255,16 @@ class ActiveSet:
             keeps = is_near and kept_well
         raise NotConverged("the pieces of the laws do not settle")
 
-    def _touches(self) -> bool:
-        """Whether contact bears any pressure; collective."""
+    def _rests(self) -> bool:
+        """Whether all forces are rounding, or contact would hold the body and bears none.
+
+        Collective.
+        """
         bears = any(
             law.y.any() for family, law in self._laws.items() if isinstance(family, ContactCones)
         )
-        return on_any_rank(self._tangent.comm, bears)
+        touches = on_any_rank(self._tangent.comm, bears)
+        return self._judge.sees_rounding or (self._springs > 0.0 and not touches)
 
     def _look(self, linearise: bool) -> None:
         """Linearise the laws at the present iterate, if asked, and evaluate them; collective."""

@@ -165,7 +165,8 @@ class Iterate:
         its limit makes these large beside loads and elastic forces.
         """
         left, reaction = self.tangent.residual_norms(Reaction.of(self.families))
-        return left / max(scale, ROUNDING * reaction / tolerance)
+        # Nothing is left where there are no forces at all.
+        return left / max(scale, ROUNDING * reaction / tolerance) if left > 0.0 else 0.0
 
     def tool_residual(self) -> float:
         """The largest share of its force that a tool leaves unbalanced; collective."""

@@ -33,6 +33,11 @@ class Judge:
         self._least_energy = self._tuning.least_energy * energy
         self._least_force = self._least_energy / ((strain or 1.0) * target.length)
 
+    @property
+    def sees_rounding(self) -> bool:
+        """Whether the forces of the iterate are below the least that are judged."""
+        return self._tangent.force_scale < self._least_force
+
     def measure(self, iterate: Iterate) -> Measures:
         """Look at the iterate and judge it; collective."""
         tangent, target = self._tangent, self._task.target
