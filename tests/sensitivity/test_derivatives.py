@@ -27,6 +27,8 @@ CASES: dict[str, dict[str, Any]] = {
 }
 # These take half a minute each.
 SLOW = ("penalty", "quadratic", "filter", "three dimensions")
+# Differences on two ranks take a minute for each case; the others show that ranks agree.
+ONE_RANK = ("newton", "local")
 
 
 Make = Callable[..., Block]
@@ -47,7 +49,17 @@ def make() -> Iterator[Make]:
 
 
 @pytest.mark.parametrize(
-    "case", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CASES]
+    "case",
+    [
+        pytest.param(
+            name,
+            marks=[
+                *[pytest.mark.slow] * (name in SLOW),
+                *[pytest.mark.serial] * (name in ONE_RANK),
+            ],
+        )
+        for name in CASES
+    ],
 )
 def test_derivatives_are_those_of_central_differences(case: str, make: Make) -> None:
     made = make(**CASES[case])
