@@ -6,7 +6,7 @@ WORKERS = 2
 SEVERAL = -n $(WORKERS) --dist loadfile
 # The time limit ends a deadlock.  Open MPI's ranks wait by spinning, which takes several times as long
 # where other programs need the cores as well.
-PARALLEL = env OMPI_MCA_mpi_yield_when_idle=1 timeout --kill-after=30 2700 mpirun -n $(RANKS)
+PARALLEL = env OMPI_MCA_mpi_yield_when_idle=1 timeout --kill-after=30 3600 mpirun -n $(RANKS)
 
 # The compiled C serves several ranks: these tests also run with MUMPS in its place.
 NATIVE = $(addprefix tests/solver/test_,substructuring.py one_substructure.py projection.py)
