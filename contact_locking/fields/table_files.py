@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -13,7 +12,7 @@ from mpi4py import MPI
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import LARGEST, Table
-from contact_locking.files.csv_file import place_of, rows_of
+from contact_locking.files.csv_file import number_at, place_of, rows_of
 from contact_locking.parallel import on_root
 from contact_locking.study_file.parameters import TableParameters
 
@@ -68,13 +67,7 @@ def _columns(
 
 
 def _number(row: list[str], place: int, where: str, key: str) -> float:
-    text = row[place].strip() if place < len(row) else ""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value, text = number_at(place, row)
     if not abs(value) <= LARGEST:
-        raise InputError(
-            f"{where}: {text[:40]!r} is no number of at most {LARGEST:g}", f"{key}.file"
-        )
+        raise InputError(f"{where}: {text!r} is no number of at most {LARGEST:g}", f"{key}.file")
     return value

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -61,3 +62,12 @@ def place_of(column: str, header: list[str], path: Path) -> int:
             f"{', '.join(header)[:200]!r}"
         )
     return header.index(column)
+
+
+def number_at(place: int, row: list[str]) -> tuple[float, str]:
+    """The number in a row, NaN if there is none, and the text that stands there."""
+    text = row[place].strip() if place < len(row) else ""
+    try:
+        return float(text), text[:40]
+    except ValueError:
+        return math.nan, text[:40]

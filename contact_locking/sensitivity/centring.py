@@ -24,7 +24,7 @@ _ALIKE = 0.02
 _SHARE, _SHORT = 0.9, 0.05
 
 
-def centred(linear: Linearisation) -> LastIterate | None:
+def nearer_the_path(linear: Linearisation) -> LastIterate | None:
     """The iterate after a step to the mean product; None where the products are alike; collective.
 
     None as well where the step leads out of the cones at once.

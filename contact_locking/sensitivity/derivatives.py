@@ -10,7 +10,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
-from contact_locking.sensitivity.centring import centred
+from contact_locking.sensitivity.centring import nearer_the_path
 from contact_locking.sensitivity.equations import Equations, Residual
 from contact_locking.sensitivity.linearisation import Adjoint, Change, Gradient, Linearisation
 from contact_locking.sensitivity.parameters import Frozen, Parameter, width
@@ -61,7 +61,7 @@ class Derivatives:
                 raise
             self._linear = Linearisation(equations, task)
             for _ in range(_MOST_STEPS):
-                iterate = centred(self._linear)
+                iterate = nearer_the_path(self._linear)
                 if iterate is None:
                     break
                 self.destroy()

@@ -17,7 +17,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError, with_key
-from contact_locking.files.csv_file import place_of, rows_of
+from contact_locking.files.csv_file import number_at, place_of, rows_of
 from contact_locking.plain_text import count
 from contact_locking.study_file.parameters import Curve, FitParameters, Parameters
 
@@ -170,11 +170,7 @@ def _read(curve: Curve, key: str, given: FitParameters) -> Experiment:
 
 
 def _number(row: list[str], place: int, where: str, key: str) -> float:
-    text = row[place].strip() if place < len(row) else ""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value, text = number_at(place, row)
     if not math.isfinite(value):
-        raise InputError(f"{where}: {text[:40]!r} is no finite number", key)
+        raise InputError(f"{where}: {text!r} is no finite number", key)
     return value
