@@ -12,6 +12,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 from mpi4py import MPI
+from petsc4py import PETSc
 from report_folder import run_folder
 from verification_table import Row, table_text
 
@@ -79,6 +80,17 @@ def collect_petsc_objects() -> Iterator[None]:
     if SIZE > 1:
         gc.collect()
         MPI.COMM_WORLD.Barrier()
+
+
+@pytest.fixture(autouse=True)
+def options_of_petsc() -> Iterator[None]:
+    """Options left in PETSc's database would change the solvers of the tests that follow."""
+    yield
+    gc.collect()
+    left = [name for name in PETSc.Options().getAll() if name.startswith("contact_locking")]
+    for name in left:
+        PETSc.Options().delValue(name)
+    assert not left
 
 
 @pytest.hookimpl(trylast=True)
