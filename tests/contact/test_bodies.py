@@ -38,8 +38,9 @@ def largest(solution: StudySolution, values: Any) -> float:
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("swapped", [False, True])
 @pytest.mark.parametrize("slope", [0.0, 0.2])
+@pytest.mark.parametrize("degree", [1, 2])
 def test_constant_stresses_cross_unmatched_and_tilted_interfaces(
-    dim: int, swapped: bool, slope: float
+    dim: int, swapped: bool, slope: float, degree: int
 ) -> None:
     sides = ["lower_top", "upper_bottom"] if swapped else ["upper_bottom", "lower_top"]
     problem = assemble(
@@ -49,6 +50,7 @@ def test_constant_stresses_cross_unmatched_and_tilted_interfaces(
             mesh__slope=slope,
             contact={"on": sides[0], "against": sides[1]},
             friction__coefficient=1.0,
+            discretisation__degree=degree,
         ),
         MPI.COMM_WORLD,
     )
@@ -80,8 +82,9 @@ def elastic_stress(strain: Any) -> Any:
 
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize(("n", "share"), [(1e3, 1e-10), (math.inf, 1e-7)])
+@pytest.mark.parametrize("degree", [1, 2])
 def test_a_tilted_interface_with_friction_carries_a_uniform_pressure(
-    dim: int, n: float, share: float
+    dim: int, n: float, share: float, degree: int
 ) -> None:
     # Free sides: the lower face widens as it wants to.
     factor = (1.0 + POISSON) / YOUNG if dim == 2 else 1.0 / YOUNG
@@ -95,13 +98,15 @@ def test_a_tilted_interface_with_friction_carries_a_uniform_pressure(
             loads__displacements=[{"on": "bottom", "value": [*bottom, 0.0]}],
             friction__coefficient=1.0,
             penalty__n=n,
+            discretisation__degree=degree,
             solver__tolerance=1e-8 if n == math.inf else 1e-12,
         )
     )
     exact = np.zeros((dim, dim))
     exact[-1, -1] = -0.01
     stress = solution.elastic_stress.x.array.reshape(-1, dim, dim)
-    assert largest(solution, stress - exact) <= 0.01 * share
+    # Strains of quadratic elements multiply the rounding of displacements by more.
+    assert largest(solution, stress - exact) <= 0.01 * share * (1.0 if degree == 1 else 10.0)
 
 
 def test_action_is_reaction_and_every_body_is_in_equilibrium() -> None:
@@ -214,7 +219,6 @@ def test_a_side_that_is_much_coarser_is_warned_of() -> None:
 @pytest.mark.parametrize(
     "change",
     [
-        {"discretisation": {"degree": 2}},
         {"adapt": {}},
         {"sensitivities": {"to": ["friction.coefficient"]}},
     ],
