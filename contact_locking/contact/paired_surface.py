@@ -28,6 +28,7 @@ _COARSER = 3.0
 class PairedSurface(ContactSurface):
     """Gamma_C of a body that faces another side, ``against``, by jumps at its nodes.
 
+    If ``against`` has the names of ``on``, the bodies that have these parts touch each other.
     The weights are those of the part that side 2 covers, and ``distance`` (k,) is the gap between
     the sides, the extent of the body where a node faces nothing.  All ranks find the whole pairing.
     Raises InputError for sides that have nodes in common, for sides that do not face each other or
@@ -46,11 +47,13 @@ class PairedSurface(ContactSurface):
             raise InputError(f"bodies that touch each other are not there for {what}", key)
         super().__init__(domain, space, given.on, f"{key}.on", element, space)
         other = domain.facets(names, f"{key}.against")
-        one, mine = _side(domain, space, self.facets)
-        two, theirs = _side(domain, space, other)
-        _require_apart(domain, one, two, mine, theirs, given)
+        among = set(given.on) == set(names)
+        one, mine = _side(domain, space, self.facets, among)
+        two, theirs = _side(domain, space, other, among)
+        at_tip = np.isin(mine, theirs) & (not among)
+        if not among:
+            _require_apart(domain, one, two, mine, theirs, given)
         found = pair(one, two)
-        at_tip = np.isin(mine, theirs)
         _require_facing(domain, one, found, given)
         index_map = space.dofmap.index_map
         here = np.searchsorted(mine, index_map.local_to_global(self.blocks))
@@ -108,10 +111,12 @@ class PairedSurface(ContactSurface):
         ]
 
 
-def _side(domain: Domain, space: fem.FunctionSpace, facets: IndexArray) -> tuple[Side, IntArray]:
+def _side(
+    domain: Domain, space: fem.FunctionSpace, facets: IndexArray, among: bool
+) -> tuple[Side, IntArray]:
     """The side with the given local facets, and the global blocks (k,) of its points; collective.
 
-    All ranks have the same side.
+    All ranks have the same side.  It knows its bodies if ``among`` these there is contact.
     """
     comm, dim = domain.comm, domain.dim
     mesh, index_map = domain.mesh, space.dofmap.index_map
@@ -131,6 +136,7 @@ def _side(domain: Domain, space: fem.FunctionSpace, facets: IndexArray) -> tuple
             points.reshape(-1, dim)[first],
             inverse.reshape(-1, nodes.shape[1]),
             np.concatenate(comm.allgather(outward)),
+            np.concatenate(comm.allgather(domain.parts[cells])) if among else None,
         ),
         blocks,
     )

@@ -59,12 +59,14 @@ class Side:
 
     ``points`` (k, d) are its nodes, ``facets`` (m, n) the nodes of its facets as numbers of points,
     and ``outward`` is (m, d).  The corners of a facet are first; behind them are the midpoints of
-    its edges for quadratic functions, in the order of DOLFINx.
+    its edges for quadratic functions, in the order of DOLFINx.  ``bodies`` (m,) are the numbers of
+    the bodies of the facets where several bodies touch each other.
     """
 
     points: FloatArray
     facets: IntArray
     outward: FloatArray
+    bodies: IntArray | None = None
 
     @property
     def corners(self) -> FloatArray:
@@ -102,11 +104,19 @@ class Pairing:
 
 
 def pair(one: Side, other: Side) -> Pairing:
-    """The pairing of side 1, ``one``, with side 2."""
+    """The pairing of side 1, ``one``, with side 2.
+
+    If both have the same facets, of several bodies, each facet is paired with the nearest other
+    body if this has the larger number: of two bodies one is side 1.
+    """
     from scipy.sparse import csr_matrix
 
     frames, first = _tangents(one), one.corners[:, :1]
     facet, facing = _candidates(one, other)
+    if one.bodies is not None and other.bodies is not None:
+        own, others = one.bodies[facet], other.bodies[facing]
+        kept = _of_the_nearest(one, other, facet, facing, own != others) & (own < others)
+        facet, facing = facet[kept], facing[kept]
     away = other.corners[facing] - first[facet]
     flat = np.einsum("pcd,ptd->pct", away, frames[facet])
     heights = np.einsum("pcd,pd->pc", away, one.outward[facet])
@@ -213,6 +223,20 @@ def _candidates(one: Side, other: Side) -> tuple[IntArray, IntArray]:
     near = aside <= (around[0][facet] + around[1][facing]) ** 2
     kept = near & (np.sum(outward * other.outward[facing], axis=1) < _FACING)
     return facet[kept], facing[kept]
+
+
+def _of_the_nearest(
+    one: Side, other: Side, facet: IntArray, facing: IntArray, may: BoolArray
+) -> BoolArray:
+    """(p,) the pairs that ``may`` be and have the body that is nearest to the facet of side 1."""
+    assert other.bodies is not None
+    away = other.corners.mean(axis=1)[facing] - one.corners.mean(axis=1)[facet]
+    distance = np.where(may, np.linalg.norm(away, axis=1), np.inf)
+    # The last entry for a facet is the nearest one.
+    order = np.argsort(-distance, kind="stable")
+    nearest = np.full(len(one.facets), -1)
+    nearest[facet[order]] = other.bodies[facing[order]]
+    return np.asarray(may & (other.bodies[facing] == nearest[facet]))
 
 
 def _balls(side: Side) -> tuple[FloatArray, FloatArray]:

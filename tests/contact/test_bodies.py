@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from dolfinx import fem
 from mpi4py import MPI
 from problems import with_changes
 from small_meshes import Groups, grid, shared, side_by_side
@@ -16,6 +17,7 @@ from two_bodies import POISSON, YOUNG, fit, lame_pressure, stack
 import contact_locking as cl
 from contact_locking import StudySolution, assemble, save, solve
 from contact_locking.errors import InputError
+from contact_locking.fem.compiled import integral
 from contact_locking.problem.body_forms import BodyForms
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
 from contact_locking.study_file.parameters import Parameters
@@ -189,7 +191,7 @@ def test_wrong_sides_are_refused_with_words() -> None:
     with pytest.raises(InputError, match=r"reaches 0\.4\d* deep into rim"):
         solve(fit(mesh__radius=1.4, contact={"on": "inner", "against": "rim"}))
     with pytest.raises(ValueError, match=r"'lower_top' is in on as well"):
-        stack(contact={"on": "lower_top", "against": "lower_top"})
+        stack(contact={"on": ["lower_top", "left"], "against": "lower_top"})
     with pytest.raises(ValueError, match=r"leave out one of both"):
         half = {"half_space": {"point": [0, 0], "normal": [0, 1]}}
         stack(contact={"on": "upper_bottom", "against": "lower_top", "foundation": half})
@@ -354,6 +356,27 @@ def test_an_iterative_solver_knows_what_joins_two_bodies(
     # As with a foundation: a filter that forgets a side takes some 200 for each tangent.
     counts = found[1].summary["iterations"]
     assert counts["linear"] <= 30 * counts["tangents"]
+
+
+def test_the_floor_and_the_walls_bear_the_weight_of_all_grains() -> None:
+    given: dict[str, Any] = {
+        "mesh": {"builder": "grains", "count": 6, "width": 5.0, "h": 0.4},
+        "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
+        "loads": {"body_force": [0.0, -1e-3], "springs": [{"on": "grains", "stiffness": 1e-8}]},
+        "contact": [
+            {"on": "grains", "against": "grains"},
+            {"on": "grains", "foundation": {"polyline": [[5, 9], [5, 0], [0, 0], [0, 9]]}},
+        ],
+        "friction": {"coefficient": 0.3, "smoothing": {"kernel": "none"}},
+        "penalty": {"n": math.inf},
+    }
+    solution = solved(Parameters.model_validate(given))
+    domain = solution.domain
+    weight = 1e-3 * integral(domain, fem.Constant(domain.mesh, 1.0) * domain.dx())
+    _, box = solution.summary["contacts"]
+    force = box["contact_force"][1] + box["friction_force"][1]
+    assert force == pytest.approx(weight, rel=1e-3)
+    assert solution.summary["certificate"]["resultants"]["contact"][1] == pytest.approx(force)
 
 
 def test_two_locking_blocks_that_are_squeezed_too_far_are_proved_to_be() -> None:
