@@ -124,7 +124,7 @@ class ContactSection(Section):
         if both and set(self.on) != set(self.against):
             yield Fault(
                 ("against",),
-                f"'{both[0]}' is in on as well; give all names of on for bodies that touch each other",
+                f"'{both[0]}' is in on as well; bodies that touch each other share all names",
             )
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
