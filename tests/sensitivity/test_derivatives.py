@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 from differences import errors
 from differentiated_block import NAMES, Block, block, quantities
+from petsc4py import PETSc
 
 import contact_locking as cl
 from contact_locking.sensitivity.parameters import Entry
+from contact_locking.solver.linear.options import PREFIX
 
 CASES: dict[str, dict[str, Any]] = {
     "inequality": {},
@@ -144,6 +146,13 @@ def test_deriving_leaves_the_problem_as_it_was(make: Make) -> None:
     # On several ranks sums are rounded in another order.
     values, wanted = again.displacement.x.array, solution.displacement.x.array
     np.testing.assert_allclose(values, wanted, rtol=0.0, atol=1e-12)
+
+
+def test_a_solution_with_derivatives_lends_its_solver_to_no_other(make: Make) -> None:
+    made = make(cells=4)
+    solution = made.problem.solve()
+    assert solution.derivative("compliance", made.given["E"]) < 0.0
+    assert not [name for name in PETSc.Options().getAll() if name.startswith(PREFIX)]
 
 
 def test_an_elastic_body_has_derivatives(make: Make) -> None:
