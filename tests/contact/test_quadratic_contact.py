@@ -11,6 +11,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from problems import block
+from slow import slow
 from test_elements import solved
 
 from contact_locking import convergence
@@ -168,7 +169,7 @@ def test_forces_of_the_table_and_of_the_fields_balance_the_reactions(
     assert np.add(resultants["loads"], resultants["reactions"]) == pytest.approx(-total, abs=1e-8)
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [2, slow(3)])
 def test_newton_finds_the_solution_of_the_interior_point_method(
     dim: int, comm: MPI.Intracomm
 ) -> None:

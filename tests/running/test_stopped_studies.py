@@ -95,6 +95,7 @@ def test_a_full_disk_stops_a_study_and_keeps_what_is_finished(
     assert {row["state"] for row in folder.table()} == {"converged"}
 
 
+@pytest.mark.slow
 def test_a_study_that_was_killed_ends_as_one_that_was_not(
     folder: Folder, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -170,6 +170,7 @@ def test_a_step_solved_jointly_agrees_with_its_friction_bound(
     assert max(missed[6:]) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_joint_solve_takes_fewer_iterations_than_responses_to_the_friction_bound(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

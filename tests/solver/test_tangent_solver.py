@@ -10,6 +10,7 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 from problems import block
+from slow import slow
 from solved_by_cg import agree, solved
 
 from contact_locking.errors import InputError
@@ -39,7 +40,9 @@ def filterings(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return counts
 
 
-@pytest.mark.parametrize("patience", [0, 40, _NEVER], ids=["at once", "on the way", "never"])
+@pytest.mark.parametrize(
+    "patience", [slow(0), 40, slow(_NEVER)], ids=["at once", "on the way", "never"]
+)
 def test_whenever_the_filter_begins_the_solution_is_that_of_the_direct_solver(
     patience: int, filterings: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
