@@ -146,8 +146,10 @@ def test_contact_at_nodes_lets_edges_enter_between_nodes(comm: MPI.Intracomm) ->
     assert entered(solved(pressed(2), SIMPSON, comm)) > 1e-5
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("kernel", ["convolution", "helmholtz"])
+@pytest.mark.parametrize(
+    ("dim", "kernel"),
+    [(2, "convolution"), slow(2, "helmholtz"), slow(3, "convolution"), (3, "helmholtz")],
+)
 def test_forces_of_the_table_and_of_the_fields_balance_the_reactions(
     dim: int, kernel: str, comm: MPI.Intracomm
 ) -> None:

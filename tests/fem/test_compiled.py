@@ -117,6 +117,7 @@ def test_a_process_that_is_killed_as_it_compiles_stops_no_other(tmp_path: Path) 
     assert not errors and len(out.split()) == 3 and time.monotonic() - begun < 40.0
 
 
+@pytest.mark.slow
 def test_a_cache_that_cannot_be_written_to_is_read(tmp_path: Path) -> None:
     assert started(tmp_path).wait() == 0
     (folder,) = (tmp_path / "fenics").iterdir()

@@ -110,6 +110,7 @@ def test_both_solvers_find_one_solution_of_the_penalised_problem() -> None:
     assert len(used) == 5 and sum(share > 1.0 for share in used.values()) >= 3, used
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_every_set_is_kept_for_every_n_up_to_infinity_within_its_penalty() -> None:
     excesses = []

@@ -168,6 +168,7 @@ def test_settings_of_the_solver_are_no_reason_to_solve_again(folder: Path) -> No
         assert tangents(solving.solve(given("auto", solver=settings), restart=folder)) == 0
 
 
+@pytest.mark.slow
 def test_a_sharper_tolerance_is_reached_from_the_saved_state(folder: Path) -> None:
     coarse, fine = (
         {"method": "newton", "tolerance": 10.0**-k, "friction_tolerance": 10.0**-k} for k in (2, 9)

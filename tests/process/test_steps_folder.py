@@ -165,6 +165,7 @@ def test_a_killed_run_goes_on_from_its_last_complete_step(tmp_path: Path) -> Non
     assert {"history-force", "history-area", "history-energy", "history-moment"} <= charts
 
 
+@pytest.mark.slow
 def test_saved_steps_of_other_parameters_are_not_used(tmp_path: Path) -> None:
     folder = shared(tmp_path)
     with pytest.raises(KeyboardInterrupt):

@@ -75,6 +75,7 @@ def test_what_a_callback_raises_inside_a_linear_solve_is_no_failure_of_the_solve
     assert caught.value is error
 
 
+@pytest.mark.slow
 def test_whoever_keeps_such_an_error_can_solve_again() -> None:
     """petsc4py would crash after some errors that leave a monitor."""
     kept = []

@@ -28,7 +28,7 @@ CASES: dict[str, dict[str, Any]] = {
     "without friction": {"coefficient": lambda mu: 0.0},
     "three dimensions": {"dim": 3, "cells": 3, "kernel": cl.Local()},
 }
-QUICK = ("inequality", "without friction")
+QUICK = ("inequality",)
 
 
 Make = Callable[..., Block]

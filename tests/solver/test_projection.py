@@ -80,6 +80,7 @@ def test_multigrid_alone_may_take_longer_where_n_bounds_the_contrast(
     assert bool(made) == projects
 
 
+@pytest.mark.slow
 def test_multigrid_smooths_more_before_the_projection_takes_over(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

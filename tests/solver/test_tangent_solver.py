@@ -131,6 +131,7 @@ def test_stiff_rows_and_what_is_left_make_up_the_tangent(monkeypatch: pytest.Mon
     assert max(counts) > 0
 
 
+@pytest.mark.slow
 def test_where_cg_of_a_user_breaks_down_the_residual_is_filtered_again_and_cg_goes_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -187,6 +188,7 @@ def test_users_may_factorise_instead() -> None:
     agree(solved(1e4, "iterative", **FACTORISES), solved(1e4, "direct"))
 
 
+@pytest.mark.slow
 def test_users_may_precondition_otherwise() -> None:
     by_gamg = solved(1e2, "iterative", pc_type="gamg", ksp_rtol="1e-10")
     agree(by_gamg, solved(1e2, "direct"))
