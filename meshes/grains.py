@@ -127,8 +127,8 @@ def _places(placed: list[_Disc], radius: float, width: float) -> list[tuple[floa
                 found.append((wall, y + math.sqrt(rest)))
         if (rest := reach**2 - (radius - y) ** 2) >= 0.0:
             found += [(x - math.sqrt(rest), radius), (x + math.sqrt(rest), radius)]
-    for one, other in itertools.combinations(placed, 2):
-        found += _beside(one, other, radius)
+    for pair in itertools.combinations(placed, 2):
+        found += _beside(*pair, radius)
     return [
         (x, y)
         for x, y in found

@@ -114,8 +114,9 @@ def pair(one: Side, other: Side) -> Pairing:
     frames, first = _tangents(one), one.corners[:, :1]
     facet, facing = _candidates(one, other)
     if one.bodies is not None and other.bodies is not None:
-        own, others = one.bodies[facet], other.bodies[facing]
-        kept = _of_the_nearest(one, other, facet, facing, own != others) & (own < others)
+        first_body, second = one.bodies[facet], other.bodies[facing]
+        kept = _of_the_nearest(one, other, facet, facing, first_body != second)
+        kept &= first_body < second
         facet, facing = facet[kept], facing[kept]
     away = other.corners[facing] - first[facet]
     flat = np.einsum("pcd,ptd->pct", away, frames[facet])
@@ -319,9 +320,9 @@ def _quadrature(simplices: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Points (q, n, d - 1) and weights (q, n) that are exact for degree 4."""
     edges = simplices[:, 1:] - simplices[:, :1]
     if simplices.shape[2] == 1:
-        places, shares = np.polynomial.legendre.leggauss(3)
+        places, lengths = np.polynomial.legendre.leggauss(3)
         points = simplices[:, :1] + 0.5 * (1.0 + places)[None, :, None] * edges
-        return points, 0.5 * np.abs(edges[:, 0]) * shares
+        return points, 0.5 * np.abs(edges[:, 0]) * lengths
     area = 0.5 * np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0])
     shares, weights = [], []
     for outer, weight in _TRIANGLE:
