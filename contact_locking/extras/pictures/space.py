@@ -10,7 +10,7 @@ from contact_locking.extras.pictures import style
 from contact_locking.extras.pictures.offscreen import Image
 from contact_locking.extras.pictures.snapshot import Snapshot
 
-_WIDTH, _TITLE, _PAD = 4.0, 0.35, 0.1
+_WIDTH, _TITLE, _PAD = 4.0, 0.35, 0.05
 
 
 def figure(body: Snapshot, images: Mapping[str, Image]) -> Figure:
