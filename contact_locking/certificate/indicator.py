@@ -184,7 +184,8 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
 
 def cell_field(state: SolvedState, name: str, square: FloatArray) -> fem.Function:
     """The roots of values (k,) of the owned cells as a function; collective."""
-    space = fem.functionspace(state.problem.domain.mesh, ("DG", 0))
+    mesh = state.problem.domain.mesh
+    space = state.system.kept("cells", lambda: fem.functionspace(mesh, ("DG", 0)))
     field = fem.Function(space, name=name)
     field.x.array[space.dofmap.list.reshape(-1)[: len(square)]] = np.sqrt(square)
     field.x.scatter_forward()

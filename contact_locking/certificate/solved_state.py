@@ -146,16 +146,19 @@ class StrainPoints:
         domain, element = state.problem.domain, state.problem.element
         mesh, dim = domain.mesh, domain.dim
         self._owned = mesh.topology.index_map(dim).size_local
-        self._space = element.tensor_space(mesh)
-        scalar = self._scalar = element.strain_space(mesh)
-        ones = compiled.form(ufl.TestFunction(scalar) * state.problem.data.locking_dx)
-        self.weights = fem.assemble_vector(ones).array[
-            scalar.dofmap.list[: self._owned].reshape(-1)
-        ]
+        kept, dx = state.system.kept, state.problem.data.locking_dx
+        self._kept = kept
+        self._space = kept("tensors", lambda: element.tensor_space(mesh))
+        scalar = self._scalar = kept("scalars", lambda: element.strain_space(mesh))
+        weights = kept(
+            "locking weights",
+            lambda: fem.assemble_vector(compiled.form(ufl.TestFunction(scalar) * dx)).array,
+        )
+        self.weights = weights[scalar.dofmap.list[: self._owned].reshape(-1)]
         self.volume = float(domain.comm.allreduce(float(self.weights.sum())))
         self.limit = self.of(state.problem.limits.limit)
         self.locking_stress = self.of(state.body.locking_stress)
-        self._strained = fem.Function(state.problem.u.function_space)
+        self._strained = kept("strained", lambda: fem.Function(state.problem.u.function_space))
         self._strain = element.strain(self._strained)
         pairs = zip(state.problem.data.sets, state.body.locking_parts, strict=True)
         self.sets = [self._set(item, part) for item, part in pairs]
@@ -174,9 +177,13 @@ class StrainPoints:
 
     def _set(self, law: StrainSet, multiplier: fem.Function) -> SetAtPoints:
         """A set with its multiplier; collective."""
-        expr = law.measured(self._strain)
-        function = fem.Function(self._space if expr.ufl_shape else self._scalar)
-        expression = compiled.interpolation(expr, function.function_space)
+
+        def compiled_strain() -> tuple[fem.Function, fem.Expression]:
+            expr = law.measured(self._strain)
+            function = fem.Function(self._space if expr.ufl_shape else self._scalar)
+            return function, compiled.interpolation(expr, function.function_space)
+
+        function, expression = self._kept(("measured", law), compiled_strain)
 
         def measured(w: fem.Function) -> FloatArray:
             self._strained.x.array[:] = w.x.array

@@ -14,7 +14,6 @@ from contact_locking.certificate.constants import constants
 from contact_locking.certificate.criteria import Criterion, complaints
 from contact_locking.certificate.critical_friction import critical_friction
 from contact_locking.certificate.elliptic import Lifting, NotApplicable
-from contact_locking.certificate.guaranteed import guaranteed_error, limit_load
 from contact_locking.certificate.indicator import ErrorIndicator, cell_field, error_indicator
 from contact_locking.certificate.laws import entry_criterion, law_criteria
 from contact_locking.certificate.penalty_error import penalty_error
@@ -103,8 +102,13 @@ def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
     with contextlib.closing(lifting):
         bounds = proved_bounds(state, lifting)
         shares: fem.Function | None = None
+        limit: dict[str, Any] | None = None
         errors = {"mesh": mesh, "penalty": penalty_error(state, lifting)}
         if wanted:
+            # With the parts of SciPy that they use, these proofs take a while to import.
+            from contact_locking.certificate.guaranteed import guaranteed_error, limit_load
+
+            limit = limit_load(state)
             errors["guaranteed"], squares = guaranteed_error(state, lifting)
             shares = None if squares is None else cell_field(state, "error_bound", squares)
     return Certificate(
@@ -122,7 +126,7 @@ def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
         errors=errors,
         indicator=indicator,
         error_bound=shares,
-        limit_load=limit_load(state) if wanted else None,
+        limit_load=limit,
         critical_friction=critical_friction(state) if extras.critical_friction else None,
     )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,10 @@ from contact_locking.solver.multipliers import Multipliers
 
 # A cell is locked if |eps| >= M (1 - 1e-6).
 _LOCKED_MARGIN = 1e-6
+
+
+def _norm(eps: Expr) -> Expr:
+    return ufl.sqrt(ufl.inner(eps, eps))
 
 
 class BodyFields:
@@ -45,15 +51,16 @@ class BodyFields:
         data, self._kept = system.data, system.kept
         self._element, self._dx = data.element, data.dx
         eps = data.strain(system.u)
-        stress = data.elastic_stress(eps)
-        norm = ufl.sqrt(ufl.inner(eps, eps))
+        norm = functools.partial(_norm, eps)
         self.strain_norm = self._at_points(data.element, norm, "strain_norm")
+        stress = functools.partial(data.elastic_stress, eps)
         self.elastic_stress = self._at_points(data.element, stress, "elastic_stress")
         self.locking_stress, self.locking_parts = found.locking_stress, found.parts
-        shares = [(item, item.utilisation(eps)) for item in data.limits]
+        shares = [(item, functools.partial(item.utilisation, eps)) for item in data.limits]
         #: The utilisation of each set of strains but the ball.
         self.utilisations = [
-            self._at_points(data.element, share, item.name) for item, share in shares
+            self._at_points(data.element, share, item.name, number)
+            for number, (item, share) in enumerate(shares)
         ]
         self.locking_limit = limits.limit
         self.is_limited = (
@@ -70,15 +77,25 @@ class BodyFields:
             self._peaks = self._at_points(at_peaks, norm, "strain_norm")
         self._limit_at_peaks = limits.limit_at_peaks
         self._utilisations_at_peaks = [
-            self._at_points(at_peaks, share, item.name) for item, share in shares
+            self._at_points(at_peaks, share, item.name, number)
+            for number, (item, share) in enumerate(shares)
         ]
         self.von_mises = self._von_mises(problem)
 
-    def _at_points(self, element: Element, expr: Expr, name: str) -> fem.Function:
-        space = element.strain_space(self.domain.mesh, expr.ufl_shape)
-        function = fem.Function(space, name=name)
+    def _at_points(
+        self, element: Element, made: Callable[[], Expr], name: str, number: int | None = None
+    ) -> fem.Function:
+        """The values of an expression, which is made once for each name and number."""
+
+        def compile_it() -> tuple[fem.FunctionSpace, fem.Expression]:
+            expr = made()
+            space = element.strain_space(self.domain.mesh, expr.ufl_shape)
+            return space, compiled.interpolation(expr, space)
+
         at = "peaks" if element is not self._element else "points"
-        function.interpolate(self._kept((expr, at), lambda: compiled.interpolation(expr, space)))
+        space, values = self._kept((name, number, at), compile_it)
+        function = fem.Function(space, name=name)
+        function.interpolate(values)
         function.x.scatter_forward()
         return function
 

@@ -208,7 +208,7 @@ def test_the_frames_of_a_film_share_magnification_scale_and_palette(tmp_path: Pa
         for number in range(2):
             opened.seek(number)
             image = np.asarray(opened.convert("RGB"))
-            bars.append(image[:, -image.shape[1] // 8 :])
+            bars.append(image[:, -image.shape[1] // 6 :])
         assert opened.tell() == 1
     # The scale of colours is at the right, and the same in both.
     assert np.ptp(bars[0].astype(int), axis=-1).max() > 100

@@ -67,7 +67,7 @@ def test_a_picture_in_the_plane_is_drawn(kind: str, tmp_path: Path, comm: MPI.In
     assert dict(matplotlib.rcParams) == settings
     if comm.rank == 0:
         image = matplotlib.image.imread(folder / "picture.png")
-        assert min(image.shape[:2]) > 1000
+        assert image.shape[1] == round(7.2 * style.DPI) and min(image.shape[:2]) > 800
         assert image[:, :, :3].std() > 0.05
 
 
@@ -151,8 +151,8 @@ def test_a_picture_of_a_wide_body_has_no_empty_space() -> None:
         body.x[:, 1] *= factor
         body.displacement[:] *= 0.0
         heights.append(plane.figure(body).get_figheight())
-    assert heights[0] == pytest.approx(8.4)
-    assert 5.5 < heights[1] < 6.5
+    assert 8.0 < heights[0] < 9.0
+    assert heights[0] - heights[1] > 2.0
 
 
 def test_two_foundations_with_gaps_of_their_own_are_no_curved_one() -> None:

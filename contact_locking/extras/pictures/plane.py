@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import TriMesh
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, PathPatch, Polygon
 from matplotlib.path import Path
+from matplotlib.tri import Triangulation
 
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.extras.pictures import style
@@ -122,43 +123,54 @@ def _state_strip(axes: Axes, s: FloatArray, state: IntArray) -> None:
 # Thickness of the drawn foundation and its reach beyond Gamma_C, as shares of the body's size.
 _THICKNESS, _REACH = 0.05, 0.08
 _DASHES = (0, (4, 3))
-# The largest height and the width of the axes with the body, in inches.
-_HIGHEST, _WIDTH = 3.2, 5.5
-# The width of the pictures of an animation in inches, the free space around the body and its tools,
-# and how far beside the body tools are shown, as shares of the size.
-_FRAME, _MARGIN, _BESIDE = 6.4, 0.06, 0.25
+# In inches: the widths of a picture and of a frame of an animation, the limits of the height of the
+# body, and the room for words on the left of axes, on the right of the body, above and below axes.
+_SHEET, _FRAME, _LOWEST, _HIGHEST = 7.2, 6.4, 0.8, 3.4
+_LEFT, _RIGHT, _TITLE, _BELOW, _LEGEND = 0.95, 1.15, 0.35, 0.5, 0.35
+# The heights of the tractions on a contact, of the states, and of the space between them.
+_TRACTIONS, _STATES, _BETWEEN = 1.9, 0.13, 0.13
+# The free space around the body and its tools, and how far beside the body tools are shown, as
+# shares of the size.
+_MARGIN, _BESIDE = 0.06, 0.25
 
 
 def figure(body: Snapshot) -> Figure:
     """The deformed body, and below it a panel with the tractions along each contact."""
     contacts = body.contact.parts()
-    height = 5.4 + 3.0 * len(contacts) if contacts else 5.6
-    low, high = _window([body], style.magnification(body))
-    # A body that is much wider than high leaves a part of its panel empty.
-    empty = max(_HIGHEST - max(_WIDTH * float((high - low)[1] / (high - low)[0]), 0.8), 0.0)
-    fig = Figure(figsize=(7.2, height - empty), layout="constrained")
-    ratios = (1.75 - empty / 3.0, *(1.0, 0.07) * len(contacts))
-    top, *panels = fig.subplots(len(ratios), 1, height_ratios=ratios, squeeze=False)[:, 0]
+    width, top = _SHEET - _LEFT - _RIGHT, style.HEAD + _TITLE
+    height = _height(*_window([body], style.magnification(body)), width, _HIGHEST)
+    first = top + height + _BELOW + _LEGEND
+    each = _LEGEND + _TITLE + _TRACTIONS + _BETWEEN + _STATES + _BELOW
+    fig = Figure(figsize=(_SHEET, first + each * len(contacts)))
+    style.head(fig, body)
+    _body(fig, style.panel(fig, _LEFT, top, width, height), body)
     largest = float(body.contact.points.pressure.max(initial=0.0))
     for number, contact in enumerate(contacts):
-        _tractions(panels[2 * number], panels[2 * number + 1], contact, largest)
-    _body(fig, top, body)
-    style.head(fig, body)
+        top = first + number * each + _LEGEND + _TITLE
+        width = _SHEET - _LEFT - _RIGHT / 4
+        axes = style.panel(fig, _LEFT, top, width, _TRACTIONS)
+        strip = style.panel(fig, _LEFT, top + _TRACTIONS + _BETWEEN, width, _STATES)
+        _tractions(axes, strip, contact, largest)
     return fig
 
 
 def frames(bodies: Sequence[Snapshot], look: Look, titles: Sequence[str]) -> Iterator[Figure]:
     """The pictures of an animation, all with the same limits of the axes."""
     low, high = _window(bodies, look.factor)
-    size = high - low
-    height = float(np.clip(_FRAME * 0.78 * size[1] / size[0], 1.6, 6.4)) + 0.7
+    width = _FRAME - _LEFT - _RIGHT
+    height = _height(low, high, width, _FRAME)
     for body, shade, title in zip(bodies, look.shades, titles, strict=True):
-        fig = Figure(figsize=(_FRAME, height), layout="constrained")
-        axes = fig.add_subplot()
+        fig = Figure(figsize=(_FRAME, _TITLE + height + _BELOW))
+        axes = style.panel(fig, _LEFT, _TITLE, width, height)
         _deformed(fig, axes, body, look.factor, shade)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.set_title(title, loc="left", parse_math=False)
         yield fig
+
+
+def _height(low: FloatArray, high: FloatArray, width: float, highest: float) -> float:
+    """The height of axes of a width that show a window at one scale, within limits; in inches."""
+    return float(np.clip(width * (high - low)[1] / (high - low)[0], _LOWEST, highest))
 
 
 def _window(bodies: Sequence[Snapshot], factor: float) -> tuple[FloatArray, FloatArray]:
@@ -195,12 +207,13 @@ def _deformed(
     """Draw the body, its locked zone and the foundation; returns the entries of the legend."""
     x = style.deformed(body, factor)
     handles: list[Patch | Line2D] = []
-    triangles: Any = x[body.cells]
-    colours = PolyCollection(
-        triangles, cmap=shade.cmap, norm=shade.norm, edgecolors="face", linewidths=0.25
-    )
-    colours.set_array(shade.values)
-    axes.add_collection(colours)
+    # Corners of one colour: Matplotlib draws polygons, each of them a path, more slowly.
+    corners = np.arange(body.cells.size).reshape(-1, 3)
+    mesh = Triangulation(*x[body.cells].reshape(-1, 2).T, corners)
+    colours = TriMesh(mesh, cmap=shade.cmap, norm=shade.norm)
+    colours.set_array(shade.values.repeat(3))
+    axes.add_collection(colours, autolim=False)
+    axes.update_datalim(x)
     if body.locked.any():
         handles += _locked_zone(axes, x, body)
     for outline in curves(body.boundary):
@@ -223,7 +236,8 @@ def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> list[Patch | Line
     triangles = x[body.cells[body.locked]][:, [0, 1, 2, 0]].reshape(-1, 2)
     codes = np.tile([Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], len(triangles) // 4)
     path = Path(triangles, codes)
-    axes.add_patch(PathPatch(path, facecolor="none", edgecolor=style.BLACK, hatch="////", lw=0.0))
+    hatched = PathPatch(path, facecolor="none", edgecolor=style.BLACK, hatch="////", lw=0.0)
+    axes.add_artist(hatched)  # add_patch would look for the extent of each triangle
     share = style.locked_share(body)
     for colour, width in (("white", 3.0), (style.VERMILION, 1.6)):
         axes.tricontour(

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, ListedColormap, Normalize
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 
 from contact_locking.extras.pictures.snapshot import Snapshot
@@ -46,7 +46,9 @@ RC: dict[str, Any] = {
     "hatch.color": BLACK,
     "mathtext.fontset": "dejavusans",
 }
-DPI = 200
+DPI = 160
+#: The height of the title and the numbers of a picture in inches.
+HEAD = 0.75
 
 #: A tool in three dimensions shows the part of the body behind it.
 TOOL_OPACITY = 0.45
@@ -145,17 +147,24 @@ def scale_words(factor: float) -> str:
     return "true scale" if factor == 1.0 else f"displacement \u00d7 {factor:g}"
 
 
+def panel(figure: Figure, left: float, top: float, width: float, height: float) -> Axes:
+    """New axes of a size, at distances from the left and the top of the figure, in inches.
+
+    An automatic layout measures all words before they are drawn, which takes as long as to draw.
+    """
+    across, down = figure.get_size_inches()
+    where = (left / across, 1.0 - (top + height) / down, width / across, height / down)
+    return figure.add_axes(where)
+
+
 def head(figure: Figure, body: Snapshot) -> None:
-    """Write the study's title and a line of numbers at the top of the figure."""
+    """Write the study's title and a line of numbers into the upper `HEAD` inches of the figure."""
     numbers = f"{body.dofs:,} dofs".replace(",", "\u2009")
     if body.locked.any():
         numbers += f"     {value_in_words(QUANTITIES['locked_fraction'], body.locked_fraction)}"
     if not body.converged:
         numbers += "     NOT CONVERGED"
     height = figure.get_figheight()
-    engine = figure.get_layout_engine()
-    if isinstance(engine, ConstrainedLayoutEngine):
-        engine.set(rect=(0.0, 0.0, 1.0, 1.0 - 0.75 / height))
     # In a title, which users write, a dollar sign begins no formula.
     title = textwrap.shorten(body.title or "Locking body in contact", _LONGEST_TITLE)
     size = _TITLE_SIZE * min(1.0, _FULL_SIZE_TITLE / len(title))

@@ -46,11 +46,12 @@ class StrainOperator:
             else ufl.as_vector([measured])
         )
         self.rows = vector.ufl_shape[0]
-        vectors = element.strain_space(mesh, (self.rows,))
-        form = kept(
-            ("strains", law),
-            lambda: compiled.form(ufl.inner(vector, ufl.TestFunction(vectors)) * dx),
-        )
+
+        def strains() -> fem.Form:
+            test = ufl.TestFunction(element.strain_space(mesh, (self.rows,)))
+            return compiled.form(ufl.inner(vector, test) * dx)
+
+        form = kept(("strains", law), strains)
         by_cell = petsc.create_matrix(form)
         # Half of the entries, at least, are zero: a normal strain knows one component only.
         by_cell.setOption(PETSc.Mat.Option.IGNORE_ZERO_ENTRIES, True)
@@ -58,8 +59,8 @@ class StrainOperator:
         by_cell.assemble()
         self._matrix = self._by_component(by_cell)
         by_cell.destroy()
-        self.scalars = element.strain_space(mesh)
-        self.tensors = element.tensor_space(mesh)
+        self.scalars = kept("scalars", lambda: element.strain_space(mesh))
+        self.tensors = kept("tensors", lambda: element.tensor_space(mesh))
         self._element = element
         weights: FloatArray = kept(
             "locking weights",
