@@ -16,6 +16,7 @@ from contact_locking.certificate.critical_friction import critical_friction
 from contact_locking.certificate.elliptic import Lifting, NotApplicable
 from contact_locking.certificate.guaranteed import guaranteed_error, limit_load
 from contact_locking.certificate.indicator import ErrorIndicator, cell_field, error_indicator
+from contact_locking.certificate.kappa import Kappa, kappa
 from contact_locking.certificate.laws import entry_criterion, law_criteria
 from contact_locking.certificate.penalty_error import penalty_error
 from contact_locking.certificate.solved_state import SolvedState
@@ -100,6 +101,7 @@ def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
     balance = equilibrium(state)
     mesh, indicator = _mesh_error(state)
     lifting, wanted = Lifting(state), extras.error_bound
+    small = _kappa(state, extras.constants or wanted)
     with contextlib.closing(lifting):
         bounds = proved_bounds(state, lifting)
         shares: fem.Function | None = None
@@ -112,7 +114,7 @@ def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
         | law_criteria(state)
         | entry_criterion(state),
         bounds=bounds,
-        constants=constants(state, extras.constants),
+        constants=constants(state, extras.constants, small),
         resultants={
             "loads": balance.loads.tolist(),
             "contact": balance.contact.tolist(),
@@ -125,6 +127,14 @@ def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
         limit_load=limit_load(state) if wanted else None,
         critical_friction=critical_friction(state) if extras.critical_friction else None,
     )
+
+
+def _kappa(state: SolvedState, wanted: bool) -> Kappa | NotApplicable:
+    """Kappa, or why there is none; collective."""
+    try:
+        return kappa(state, wanted)
+    except NotApplicable as failure:
+        return failure
 
 
 def _mesh_error(state: SolvedState) -> tuple[dict[str, Any], ErrorIndicator | None]:

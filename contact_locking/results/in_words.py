@@ -19,7 +19,6 @@ _UNIQUENESS = {
     "covered for the discrete problem, by sampled constants": (
         "to be expected on this mesh, by constants that are sampled and not proved"
     ),
-    "not known": "not known, as usual with friction",
 }
 
 
@@ -297,6 +296,10 @@ def _uniqueness(entry: Mapping[str, Any]) -> str:
     verdict = entry["verdict"]
     if verdict == "not unique":
         return f"proved: there are other solutions, as {entry['why']}"
+    if verdict == "unique on this mesh":
+        return f"proved: no other solution on this mesh, as {entry['why']}"
+    if verdict == "not known":
+        return f"not known: {entry['why']}"
     return _UNIQUENESS.get(verdict, verdict)
 
 
