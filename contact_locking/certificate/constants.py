@@ -60,6 +60,7 @@ def constants(state: SolvedState, wanted: bool, small: Kappa | NotApplicable) ->
         "friction_lipschitz": coefficient.lipschitz,
         "friction_constants": "exact" if coefficient.exact else "sampled",
         "smoothing_norm": _smoothing_norm(state),
+        **(small.numbers() if isinstance(small, Kappa) else {}),
     }
     found["uniqueness"] = _uniqueness(state, trace, why, coefficient, small)
     return found

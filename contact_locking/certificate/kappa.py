@@ -52,6 +52,10 @@ class Kappa:
     def value(self) -> float:
         return self.trace * self.lift
 
+    def numbers(self) -> dict[str, float]:
+        """The entries of summary.json."""
+        return {"c": self.trace, "rho": self.lift}
+
     @property
     def is_small(self) -> bool:
         """Whether kappa is below 1 by more than what the eigenvalue solver may lack."""

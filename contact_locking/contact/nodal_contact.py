@@ -11,6 +11,7 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.contact import Contact, Gap
 from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
+from contact_locking.contact.smoothing import Identity
 from contact_locking.contact.state import ContactState
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError
@@ -90,6 +91,24 @@ class NodalContact:
             *about_the_gap(self.surface.domain, self._first_gap, f"{self.key}.{kind}"),
             *self.foundation.warnings(self.surface, self._first_gap),
             *(() if self.friction.stands else self.given.friction.smoothing.warnings(self.surface)),
+            *self._at_supports(),
+        ]
+
+    def _at_supports(self) -> list[str]:
+        """Whether R keeps constants where a displacement condition meets Gamma_C; collective."""
+        domain, bound = self.surface.domain, self.friction
+        if bound.frictionless or bound.stands or isinstance(bound.smoothing, Identity):
+            return []
+        if not bound.smoothing.keeps_constants:
+            return []
+        held = np.concatenate(domain.comm.allgather(self.surface.points[~self.free]))
+        if not len(held):
+            return []
+        place = held[np.lexsort(held.T[::-1])[0]]
+        return [
+            f"{self.key}: displacements are prescribed on a part of it, as at "
+            f"{domain.where(place)}, and R keeps constants there: the friction bound need not stay "
+            "bounded as the mesh is refined; take friction.smoothing.at_supports: vanish"
         ]
 
     def enter(self, state: ContactState) -> None:

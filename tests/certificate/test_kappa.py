@@ -131,3 +131,27 @@ def test_the_coefficients_up_to_which_a_block_has_one_solution(
     r, largest = radius
     found = uniqueness(block(h=1 / 32, friction__smoothing__radius=r))
     assert 0.1 / found["kappa"] == pytest.approx(largest, rel=0.01)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("at_supports", "growth"), [("keep", (1.15, 1.35)), ("vanish", (0.9, 1.1))]
+)
+def test_rho_grows_with_refinement_where_r_keeps_constants_at_a_clamp(
+    at_supports: str, growth: tuple[float, float]
+) -> None:
+    clamp = [{"on": "left", "value": [0.0, 0.0]}]
+    smoothing = {"radius": 0.2, "at_supports": at_supports}
+    rho = []
+    for cells in (8, 32):
+        parameters = block(h=1 / cells, loads__displacements=clamp, friction__smoothing=smoothing)
+        problem = assemble(parameters, MPI.COMM_WORLD)
+        solution = solve_assembled(problem)
+        assert solution.converged
+        (contact,) = solution.contacts
+        held = contact.surface.points[:, 0] < 1e-9
+        assert (contact.bound[held] == 0.0).all()
+        rho.append(solution.summary["certificate"]["constants"]["rho"] / 0.1)
+    if at_supports == "keep":
+        assert rho == pytest.approx([2.01, 2.47], abs=0.01)
+    assert growth[0] < rho[1] / rho[0] < growth[1]
