@@ -183,7 +183,7 @@ def _uniqueness(
         if small.is_small:
             return _verdict(BY_KAPPA, first) | report
     else:
-        first = f"there is no kappa: {small}"
+        first = f"there is no kappa, as {small}"
     if state.target.penalty.epsilon == 0.0:
         return _verdict(UNKNOWN, first) | report
     if trace is None:

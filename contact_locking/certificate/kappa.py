@@ -83,7 +83,7 @@ def kappa(state: SolvedState, wanted: bool) -> Kappa:
         raise NotApplicable("the friction coefficient depends on the slip")
     lifts = _Lifts(state, rubbing)
     if not wanted:
-        raise NotApplicable("it takes certificate.constants: true")
+        raise NotApplicable("certificate.constants is false")
     v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
     slips = [[item.parts(item.limited(field))[1] for field in (v, w)] for item in rubbing]
     pairs = zip(rubbing, slips, strict=True)

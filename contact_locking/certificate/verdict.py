@@ -14,7 +14,7 @@ from contact_locking.certificate.constants import constants
 from contact_locking.certificate.criteria import Criterion, complaints
 from contact_locking.certificate.critical_friction import critical_friction
 from contact_locking.certificate.elliptic import Lifting, NotApplicable
-from contact_locking.certificate.guaranteed import guaranteed_error, limit_load
+from contact_locking.certificate.guaranteed import guaranteed_error, limit_load, moving_error
 from contact_locking.certificate.indicator import ErrorIndicator, cell_field, error_indicator
 from contact_locking.certificate.kappa import Kappa, kappa
 from contact_locking.certificate.laws import entry_criterion, law_criteria
@@ -107,8 +107,11 @@ def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
         shares: fem.Function | None = None
         errors = {"mesh": mesh, "penalty": penalty_error(state, lifting)}
         if wanted:
-            errors["guaranteed"], squares = guaranteed_error(state, lifting)
-            shares = None if squares is None else cell_field(state, "error_bound", squares)
+            errors["guaranteed"], frozen = guaranteed_error(state, lifting)
+            if frozen is not None:
+                shares = cell_field(state, "error_bound", frozen.squares)
+            if any(not contact.friction.frictionless for contact in state.problem.contacts):
+                errors["moving_friction"] = moving_error(state, frozen, small)
     return Certificate(
         criteria=balance.criteria(state.settings.tolerance)
         | law_criteria(state)

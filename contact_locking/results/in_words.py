@@ -75,6 +75,7 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("criteria", _criteria(certificate["criteria"])),
         ("proved", _proved(summary)),
         ("guaranteed bound", None if bound.get("applicable", True) else bound["reason"]),
+        ("moving friction", _moving(certificate["errors"].get("moving_friction"))),
         ("limit load", _limit_load(certificate.get("limit_load"))),
         ("critical friction", _critical_friction(certificate.get("critical_friction"))),
         ("estimated", _estimated(summary)),
@@ -259,6 +260,13 @@ def _at_most(change: str, bound: float, what: str, under: str) -> str:
     if bound > 1.0:
         return f"{NOT_USEFUL} {what}"
     return f"{change} at most {per_cent(bound)}{under}"
+
+
+def _moving(entry: Mapping[str, Any] | None) -> str | None:
+    """The estimate of the whole error with the friction bound that moves."""
+    if entry is None or entry["relative"] is None:
+        return None if entry is None else str(entry["reason"])
+    return f"bound of the whole error {per_cent(entry['relative'])}, {entry['reason']}"
 
 
 def _limit_load(entry: Mapping[str, Any] | None) -> str | None:

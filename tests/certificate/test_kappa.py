@@ -57,7 +57,7 @@ def uniqueness(parameters: Parameters) -> dict[str, Any]:
         ({"friction__coefficient": "0.1 + 0*s"}, UNKNOWN, "depends on the slip"),
         ({"friction__coefficient": "0.1*x"}, BY_KAPPA, "is below 1"),
         ({"material__locking_limit": 0.5}, UNKNOWN, "can lock beside Gamma_C"),
-        ({"contact__on": ["bottom"], "certificate": {}}, UNKNOWN, "certificate.constants"),
+        ({"contact__on": ["bottom"], "certificate": {}}, UNKNOWN, "certificate.constants is false"),
     ],
 )
 def test_the_verdict_says_kappa_or_which_hypothesis_fails(
