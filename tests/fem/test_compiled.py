@@ -88,6 +88,7 @@ def started(folder: Path) -> subprocess.Popen[str]:
     )
 
 
+@pytest.mark.slow
 def test_four_processes_compile_the_same_forms_at_once(tmp_path: Path) -> None:
     """The first forms are half there: without the sign of the end, and without the source."""
     assert started(tmp_path).wait() == 0
@@ -103,6 +104,7 @@ def test_four_processes_compile_the_same_forms_at_once(tmp_path: Path) -> None:
     assert len(list(folder.glob("*.c.cached"))) == 3
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_as_it_compiles_stops_no_other(tmp_path: Path) -> None:
     killed = started(tmp_path)
     deadline = time.monotonic() + 60
@@ -115,6 +117,7 @@ def test_a_process_that_is_killed_as_it_compiles_stops_no_other(tmp_path: Path) 
     assert not errors and len(out.split()) == 3 and time.monotonic() - begun < 40.0
 
 
+@pytest.mark.slow
 def test_a_cache_that_cannot_be_written_to_is_read(tmp_path: Path) -> None:
     assert started(tmp_path).wait() == 0
     (folder,) = (tmp_path / "fenics").iterdir()
