@@ -60,7 +60,6 @@ def constants(state: SolvedState, wanted: bool, small: Kappa | NotApplicable) ->
         "friction_lipschitz": coefficient.lipschitz,
         "friction_constants": "exact" if coefficient.exact else "sampled",
         "smoothing_norm": _smoothing_norm(state),
-        **(small.numbers() if isinstance(small, Kappa) else {}),
     }
     found["uniqueness"] = _uniqueness(state, trace, why, coefficient, small)
     return found
@@ -168,8 +167,10 @@ def _uniqueness(
     """
     if all(contact.friction.frictionless for contact in state.problem.contacts):
         return without_friction(state)
-    value = small.value if isinstance(small, Kappa) else None
-    report = {"kappa": value, "contraction": state.report.contraction}
+    report = {
+        **(small.numbers() if isinstance(small, Kappa) else {"kappa": None}),
+        "contraction": state.report.contraction,
+    }
     try:
         require_coulomb(state)
     except NotApplicable as failure:
@@ -181,9 +182,10 @@ def _uniqueness(
         isnt = "" if small.is_small else "not "
         first = f"kappa = mu rho c = {small.value:.3g} is {isnt}below 1 (eigenvalues to 1e-6)"
         if small.is_small:
-            return _verdict(BY_KAPPA, first) | report
+            return _verdict(BY_KAPPA, first + _at_supports(state)) | report
     else:
         first = f"there is no kappa, as {small}"
+    first += _at_supports(state)
     if state.target.penalty.epsilon == 0.0:
         return _verdict(UNKNOWN, first) | report
     if trace is None:
@@ -200,6 +202,18 @@ def _uniqueness(
         f"(c_0 of the fields on this mesh, from below{sampled})"
     )
     return _verdict(SAMPLED if covered else UNKNOWN, f"{first}; {second}") | report
+
+
+def _at_supports(state: SolvedState) -> str:
+    """A warning of kernels that keep constants at supports, where rho is unbounded; collective."""
+    found = [contact.constant_support() for contact in state.problem.contacts]
+    place = next((words for words in found if words is not None), None)
+    if place is None:
+        return ""
+    return (
+        f"; displacements are prescribed at Gamma_C, as at {place}, and R keeps constants there, "
+        "so that kappa grows as the mesh is refined; take friction.smoothing.at_supports: vanish"
+    )
 
 
 def _verdict(verdict: str, why: str) -> dict[str, Any]:

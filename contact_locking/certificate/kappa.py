@@ -54,7 +54,7 @@ class Kappa:
 
     def numbers(self) -> dict[str, float]:
         """The entries of summary.json."""
-        return {"c": self.trace, "rho": self.lift}
+        return {"kappa": self.value, "c": self.trace, "rho": self.lift}
 
     @property
     def is_small(self) -> bool:

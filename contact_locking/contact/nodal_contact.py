@@ -91,25 +91,17 @@ class NodalContact:
             *about_the_gap(self.surface.domain, self._first_gap, f"{self.key}.{kind}"),
             *self.foundation.warnings(self.surface, self._first_gap),
             *(() if self.friction.stands else self.given.friction.smoothing.warnings(self.surface)),
-            *self._at_supports(),
         ]
 
-    def _at_supports(self) -> list[str]:
-        """Whether R keeps constants where a displacement condition meets Gamma_C; collective."""
+    def constant_support(self) -> str | None:
+        """A held node beside which R keeps constants, as a place in words; collective."""
         domain, bound = self.surface.domain, self.friction
         if bound.frictionless or bound.stands or isinstance(bound.smoothing, Identity):
-            return []
-        if not bound.smoothing.keeps_constants:
-            return []
+            return None
         held = np.concatenate(domain.comm.allgather(self.surface.points[~self.free]))
-        if not len(held):
-            return []
-        place = held[np.lexsort(held.T[::-1])[0]]
-        return [
-            f"{self.key}: displacements are prescribed on a part of it, as at "
-            f"{domain.where(place)}, and R keeps constants there: the friction bound need not stay "
-            "bounded as the mesh is refined; take friction.smoothing.at_supports: vanish"
-        ]
+        if not len(held) or not bound.smoothing.keeps_constants:
+            return None
+        return domain.where(held[np.lexsort(held.T[::-1])[0]])
 
     def enter(self, state: ContactState) -> None:
         """Begin a step with the memory of friction; collective."""

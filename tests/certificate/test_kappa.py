@@ -151,7 +151,9 @@ def test_rho_grows_with_refinement_where_r_keeps_constants_at_a_clamp(
         (contact,) = solution.contacts
         held = contact.surface.points[:, 0] < 1e-9
         assert (contact.bound[held] == 0.0).all()
-        rho.append(solution.summary["certificate"]["constants"]["rho"] / 0.1)
+        why = solution.summary["certificate"]["constants"]["uniqueness"]["why"]
+        assert ("at_supports: vanish" in why) == (at_supports == "keep")
+        rho.append(solution.summary["certificate"]["constants"]["uniqueness"]["rho"] / 0.1)
     if at_supports == "keep":
         assert rho == pytest.approx([2.01, 2.47], abs=0.01)
     assert growth[0] < rho[1] / rho[0] < growth[1]

@@ -37,7 +37,7 @@ def test_the_estimate_is_above_the_distance_to_a_finer_solution(coefficient: flo
 
 def test_the_estimate_follows_from_its_parts() -> None:
     proofs = certificate(block(certificate__error_bound=True))
-    errors, constants = proofs["errors"], proofs["constants"]
+    errors, constants = proofs["errors"], proofs["constants"]["uniqueness"]
     found, kappa = errors["moving_friction"], _kappa(proofs)
     assert kappa == pytest.approx(constants["c"] * constants["rho"])
     # The loads are polynomials, and in an elastic body the bound is that of Prager and Synge, but
