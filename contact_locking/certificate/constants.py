@@ -167,7 +167,7 @@ def _uniqueness(
     """
     if all(contact.friction.frictionless for contact in state.problem.contacts):
         return without_friction(state)
-    report = {
+    report: dict[str, Any] = {
         **(small.numbers() if isinstance(small, Kappa) else {"kappa": None}),
         "contraction": state.report.contraction,
     }

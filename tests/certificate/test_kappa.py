@@ -46,6 +46,7 @@ def uniqueness(parameters: Parameters) -> dict[str, Any]:
     return dict(certificate(parameters)["constants"]["uniqueness"])
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("changes", "verdict", "why"),
     [
