@@ -168,7 +168,8 @@ def _uniqueness(
     if all(contact.friction.frictionless for contact in state.problem.contacts):
         return without_friction(state)
     report: dict[str, Any] = {
-        **(small.numbers() if isinstance(small, Kappa) else {"kappa": None}),
+        "kappa": None,
+        **(small.numbers() if isinstance(small, Kappa) else {}),
         "contraction": state.report.contraction,
     }
     try:
