@@ -79,6 +79,7 @@ studies: ## measure the convergence that the paper asserts (ten minutes): docs/s
 	./in-env python3 demos/studies/local_friction.py
 	./in-env python3 demos/studies/locking_stress.py
 	./in-env python3 demos/studies/error_bound.py
+	./in-env python3 demos/studies/a_priori_rate.py
 	./in-env python3 demos/studies/figures.py docs/figures
 
 docs: ## build the documentation in docs/_build/html (two minutes: it runs the demos)

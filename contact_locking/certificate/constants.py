@@ -7,24 +7,15 @@ from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx.fem import petsc
-from petsc4py import PETSc
 
-from contact_locking.certificate.elliptic import (
-    NotApplicable,
-    elliptic_problem,
-    inner_product,
-)
+from contact_locking.certificate.eigenvalue import trace_norm
+from contact_locking.certificate.elliptic import NotApplicable, inner_product
+from contact_locking.certificate.kappa import Kappa, require_coulomb
 from contact_locking.certificate.other_solutions import without_friction
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.nodal_contact import NodalContact
-from contact_locking.errors import raise_callback_error
-from contact_locking.fem import compiled
 from contact_locking.parallel import maximum
 
-_PREFIX = "contact_locking_steklov_"
-# The relative accuracy of the eigenvalue; a bound needs no more.
-_RTOL = 1e-6
 # mu(x, s) is sampled at the slip 0, and from this share of the extent of the body to the extent.
 _LEAST_SLIP = 1e-8
 _SLIPS = 400
@@ -32,6 +23,7 @@ _SLIPS = 400
 # Samples may exceed the constants of a friction law by this share because of rounding.
 _ROUNDING = 1e-9
 # The verdicts on uniqueness where there is friction.
+BY_KAPPA = "unique on this mesh"
 SAMPLED = "covered for the discrete problem, by sampled constants"
 UNKNOWN = "not known"
 
@@ -50,10 +42,11 @@ class Coefficient:
     exceeded: bool = False
 
 
-def constants(state: SolvedState, wanted: bool) -> dict[str, Any]:
+def constants(state: SolvedState, wanted: bool, small: Kappa | NotApplicable) -> dict[str, Any]:
     """``alpha``, ``c_0``, ``mu*``, ``L_mu``, ``|R|`` and the verdict on uniqueness; collective.
 
     c_0 takes an eigenproblem, as long as one or two elastic solves, and is None unless ``wanted``.
+    ``small`` is kappa, or why there is none.
     """
     found: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
     if not state.contacts:
@@ -68,7 +61,7 @@ def constants(state: SolvedState, wanted: bool) -> dict[str, Any]:
         "friction_constants": "exact" if coefficient.exact else "sampled",
         "smoothing_norm": _smoothing_norm(state),
     }
-    found["uniqueness"] = _uniqueness(state, trace, why, coefficient)
+    found["uniqueness"] = _uniqueness(state, trace, why, coefficient, small)
     return found
 
 
@@ -124,41 +117,13 @@ def trace_constant(state: SolvedState) -> float:
     upper bound of the constant in (11): the eigenvalue solver approaches from below, and V has more
     fields.  Raises NotApplicable if the eigenvalue solver fails.
     """
-    from slepc4py import SLEPc
-
     space, data = state.problem.u.function_space, state.problem.data
-    constraints = state.problem.constraints
     v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
     traces = sum(
         ufl.inner(contact.limited(w), contact.limited(v)) * contact.surface.ds
         for contact in data.contacts
     )
-    surface = petsc.assemble_matrix(compiled.form(traces))
-    surface.assemble()
-    with elliptic_problem(state, inner_product(space, data), constraints) as problem:
-        # The held part keeps the identity in the V product and has no trace.
-        mask = surface.createVecLeft()
-        mask.array_w[:] = constraints.free_dofs()[: mask.getLocalSize()]
-        surface.diagonalScale(mask, mask)
-        constraints.supports.directions.eliminate(surface, holds=False)
-        solver = SLEPc.EPS().create(state.comm)
-        solver.setOptionsPrefix(_PREFIX)
-        solver.setOperators(surface, problem.matrix)
-        solver.setProblemType(SLEPc.EPS.ProblemType.GHEP)
-        solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_REAL)
-        solver.setTolerances(tol=_RTOL)
-        solver.getST().setKSP(problem.ksp)
-        try:
-            solver.solve()
-        except PETSc.Error as error:
-            raise_callback_error(error)
-            raise NotApplicable("the eigenvalue solver failed") from error
-        if not solver.getConverged():
-            raise NotApplicable("the eigenvalue solver did not converge")
-        largest = solver.getEigenvalue(0).real
-        for item in (solver, mask, surface):
-            item.destroy()
-    return float(np.sqrt(largest))
+    return trace_norm(state, inner_product(space, data), traces)
 
 
 def _trace(state: SolvedState, wanted: bool) -> tuple[float | None, str | None]:
@@ -177,9 +142,13 @@ def _trace(state: SolvedState, wanted: bool) -> tuple[float | None, str | None]:
 
 
 def _uniqueness(
-    state: SolvedState, trace: float | None, why: str | None, coefficient: Coefficient
+    state: SolvedState,
+    trace: float | None,
+    why: str | None,
+    coefficient: Coefficient,
+    small: Kappa | NotApplicable,
 ) -> dict[str, Any]:
-    """Whether the theory excludes another solution.
+    """Whether another solution is excluded, by kappa or, for eps > 0, by the condition below.
 
     Let u_2 be this solution of (25), u_1 another one, ``v = u_1 - u_2``, and ``q`` the difference
     of the pressures.  The difference of both equations, tested with v, contains at least
@@ -191,41 +160,60 @@ def _uniqueness(
 
         mu* |R| c_0 < 2 sqrt(eps (alpha - L_mu |R sigma_nu|_inf c_0^2)).
 
-    This is the condition of Theorem 4.2 with an explicit constant.  The condition fails for eps ->
-    0, where the constant of Theorem 4.1 is not explicit.  The norms on Gamma_C use the nodal
-    weights, c_0 is the constant of the discrete fields, approached from below, and mu* and L_mu may
-    be sampled.  The verdict is therefore about the discrete problem, and as certain as these
-    numbers.
+    This is the condition of Theorem 4.2 with an explicit constant.  The norms on Gamma_C use the
+    nodal weights, c_0 is the constant of the discrete fields, approached from below, and mu* and
+    L_mu may be sampled.  The verdict is therefore about the discrete problem, and as certain as
+    these numbers.
     """
-    bounds = [contact.friction for contact in state.problem.contacts]
-    if all(bound.frictionless for bound in bounds):
+    if all(contact.friction.frictionless for contact in state.problem.contacts):
         return without_friction(state)
-    report = {"contraction": state.report.contraction}
-    if state.problem.data.tools:
-        why = "a force pushes a foundation, and the slip is relative to the unknown travel"
-        return _verdict(UNKNOWN, why) | report
-    if any(bound.stands for bound in bounds):
-        return _verdict(UNKNOWN, "without slip there is no coefficient of friction") | report
-    if not all(bound.is_coulomb for bound in bounds):
-        return _verdict(UNKNOWN, "the friction bound is the user's own") | report
+    report: dict[str, Any] = {
+        "kappa": None,
+        **(small.numbers() if isinstance(small, Kappa) else {}),
+        "contraction": state.report.contraction,
+    }
+    try:
+        require_coulomb(state)
+    except NotApplicable as failure:
+        return _verdict(UNKNOWN, str(failure)) | report
     if coefficient.exceeded:
         why = "the friction law exceeds the largest value or the Lipschitz constant that it states"
         return _verdict(UNKNOWN, why) | report
+    if isinstance(small, Kappa):
+        isnt = "" if small.is_small else "not "
+        first = f"kappa = mu rho c = {small.value:.3g} is {isnt}below 1 (eigenvalues to 1e-6)"
+        if small.is_small:
+            return _verdict(BY_KAPPA, first + _at_supports(state)) | report
+    else:
+        first = f"there is no kappa, as {small}"
+    first += _at_supports(state)
     if state.target.penalty.epsilon == 0.0:
-        return _verdict(UNKNOWN, "the constant L* of Theorem 4.1 is not explicit") | report
+        return _verdict(UNKNOWN, first) | report
     if trace is None:
-        return _verdict(UNKNOWN, f"c_0 is not known ({why})") | report
+        return _verdict(UNKNOWN, f"{first}; c_0 is not known ({why})") | report
     stress = max(maximum(state.comm, np.abs(fields.smoothed_stress)) for fields in state.contacts)
     left = coefficient.largest * _smoothing_norm(state) * trace
     slack = state.problem.material.ellipticity - coefficient.lipschitz * stress * trace**2
     right = 2.0 * float(np.sqrt(state.target.penalty.epsilon * max(slack, 0.0)))
     covered = left < right
     sampled = "" if coefficient.exact else ", mu* and L_mu sampled"
-    return report | _verdict(
-        SAMPLED if covered else UNKNOWN,
+    second = (
         f"mu* |R| c_0 = {left:.3g} is {'' if covered else 'not '}below "
         f"2 sqrt(eps (alpha - L_mu |R sigma_nu| c_0^2)) = {right:.3g} "
-        f"(c_0 of the fields on this mesh, from below{sampled})",
+        f"(c_0 of the fields on this mesh, from below{sampled})"
+    )
+    return _verdict(SAMPLED if covered else UNKNOWN, f"{first}; {second}") | report
+
+
+def _at_supports(state: SolvedState) -> str:
+    """A warning of kernels that keep constants at supports, where rho is unbounded; collective."""
+    found = [contact.constant_support() for contact in state.problem.contacts]
+    place = next((words for words in found if words is not None), None)
+    if place is None:
+        return ""
+    return (
+        f"; displacements are prescribed at Gamma_C, as at {place}, and R keeps constants there, "
+        "so that kappa grows as the mesh is refined; take friction.smoothing.at_supports: vanish"
     )
 
 

@@ -226,7 +226,9 @@ def held_nodes(state: SolvedState) -> float:
 def smoothing_constants(state: SolvedState, fields: ContactFields) -> float:
     """``max |R 1 - 1|`` over the free nodes, where R has to keep constants; collective."""
     contact, free = fields.contact, ~state.held(fields)
-    change = np.abs(contact.friction.smoothing.apply(np.ones(len(free))) - 1.0)[free]
+    smoothing = contact.friction.smoothing
+    change = (smoothing.apply(np.ones(len(free))) - 1.0)[free]
+    change = np.abs(change) if smoothing.keeps_constants else np.maximum(change, 0.0)
     return maximum(contact.surface.domain.comm, change)
 
 

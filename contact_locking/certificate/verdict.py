@@ -15,6 +15,7 @@ from contact_locking.certificate.criteria import Criterion, complaints
 from contact_locking.certificate.critical_friction import critical_friction
 from contact_locking.certificate.elliptic import Lifting, NotApplicable
 from contact_locking.certificate.indicator import ErrorIndicator, cell_field, error_indicator
+from contact_locking.certificate.kappa import Kappa, kappa
 from contact_locking.certificate.laws import entry_criterion, law_criteria
 from contact_locking.certificate.penalty_error import penalty_error
 from contact_locking.certificate.solved_state import SolvedState
@@ -99,6 +100,7 @@ def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
     balance = equilibrium(state)
     mesh, indicator = _mesh_error(state)
     lifting, wanted = Lifting(state), extras.error_bound
+    small = _kappa(state, extras.constants or wanted)
     with contextlib.closing(lifting):
         bounds = proved_bounds(state, lifting)
         shares: fem.Function | None = None
@@ -106,17 +108,24 @@ def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
         errors = {"mesh": mesh, "penalty": penalty_error(state, lifting)}
         if wanted:
             # With the parts of SciPy that they use, these proofs take a while to import.
-            from contact_locking.certificate.guaranteed import guaranteed_error, limit_load
+            from contact_locking.certificate.guaranteed import (
+                guaranteed_error,
+                limit_load,
+                moving_error,
+            )
 
             limit = limit_load(state)
-            errors["guaranteed"], squares = guaranteed_error(state, lifting)
-            shares = None if squares is None else cell_field(state, "error_bound", squares)
+            errors["guaranteed"], frozen = guaranteed_error(state, lifting)
+            if frozen is not None:
+                shares = cell_field(state, "error_bound", frozen.squares)
+            if any(not contact.friction.frictionless for contact in state.problem.contacts):
+                errors["moving_friction"] = moving_error(state, frozen, small)
     return Certificate(
         criteria=balance.criteria(state.settings.tolerance)
         | law_criteria(state)
         | entry_criterion(state),
         bounds=bounds,
-        constants=constants(state, extras.constants),
+        constants=constants(state, extras.constants, small),
         resultants={
             "loads": balance.loads.tolist(),
             "contact": balance.contact.tolist(),
@@ -129,6 +138,14 @@ def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
         limit_load=limit,
         critical_friction=critical_friction(state) if extras.critical_friction else None,
     )
+
+
+def _kappa(state: SolvedState, wanted: bool) -> Kappa | NotApplicable:
+    """Kappa, or why there is none; collective."""
+    try:
+        return kappa(state, wanted)
+    except NotApplicable as failure:
+        return failure
 
 
 def _mesh_error(state: SolvedState) -> tuple[dict[str, Any], ErrorIndicator | None]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from contact_locking.contact.smoothing import (
     Smoothing,
 )
 from contact_locking.contact.surface import ContactSurface
+from contact_locking.contact.surface_mesh import SurfaceMesh
+from contact_locking.contact.vanishing import VanishingOperator
+from contact_locking.errors import InputError
 from contact_locking.laws.friction import Coefficient, FrictionLaw
 
 # The default radius of R is this share of the extent of Gamma_C.  It is at least twice the longest
@@ -60,15 +63,32 @@ class Convolution:
     """``R w(x) = int k(|x - y|/r) w(y) / int k(|x - y|/r)``, k a smooth bump with the radius r.
 
     ``radius`` is r, a length; without one it is a tenth of the extent of the contact, and twice its
-    longest facet at least.  ``key`` names the radius in messages.
+    longest facet at least.  ``key`` names the radius in messages.  ``at_supports`` is ``"keep"`` or
+    ``"vanish"``: beside nodes whose normal displacement is prescribed, R keeps constants, or falls
+    to zero over the distance r: then it is ``f R f`` with ``f = min(1, d/r)`` and the distance d to
+    these nodes.
     """
 
     radius: float | None = None
     key: str = "smoothing.radius"
+    at_supports: Literal["keep", "vanish"] = "keep"
+
+    def __post_init__(self) -> None:
+        if self.at_supports not in ("keep", "vanish"):
+            key = f"{self.key.rpartition('.')[0]}.at_supports"
+            raise InputError(f"is 'keep' or 'vanish', not {self.at_supports!r}", key)
 
     def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
-        whole = surface.whole(free, sides)
-        return ConvolutionOperator(surface.domain.comm, whole, self._radius(surface))
+        whole, radius = surface.whole(free, sides), self._radius(surface)
+        smoothing = self._inside(surface, whole, sides, radius)
+        if self.at_supports == "keep":
+            return smoothing
+        return VanishingOperator(smoothing, whole, radius)
+
+    def _inside(
+        self, surface: ContactSurface, whole: SurfaceMesh, sides: IntArray, radius: float
+    ) -> Smoothing:
+        return ConvolutionOperator(surface.domain.comm, whole, radius)
 
     def warnings(self, surface: ContactSurface) -> list[str]:
         size = surface.domain.facet_diameter(surface.facets)
@@ -88,10 +108,11 @@ class Convolution:
 class Helmholtz(Convolution):
     """``(I - r^2 Laplace_Gamma) R w = w`` with natural conditions at the edge of the contact."""
 
-    def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
-        radius = min(self._radius(surface), _LARGEST_RADIUS_SHARE * _extent(surface))
-        whole, laplacian = surface.whole(free, sides), surface.laplacian(sides)
-        return HelmholtzOperator(surface.domain.comm, whole, laplacian, radius)
+    def _inside(
+        self, surface: ContactSurface, whole: SurfaceMesh, sides: IntArray, radius: float
+    ) -> Smoothing:
+        radius = min(radius, _LARGEST_RADIUS_SHARE * _extent(surface))
+        return HelmholtzOperator(surface.domain.comm, whole, surface.laplacian(sides), radius)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.contact import Contact, Gap
 from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
+from contact_locking.contact.smoothing import Identity
 from contact_locking.contact.state import ContactState
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError
@@ -91,6 +92,16 @@ class NodalContact:
             *self.foundation.warnings(self.surface, self._first_gap),
             *(() if self.friction.stands else self.given.friction.smoothing.warnings(self.surface)),
         ]
+
+    def constant_support(self) -> str | None:
+        """A held node beside which R keeps constants, as a place in words; collective."""
+        domain, bound = self.surface.domain, self.friction
+        if bound.frictionless or bound.stands or isinstance(bound.smoothing, Identity):
+            return None
+        held = np.concatenate(domain.comm.allgather(self.surface.points[~self.free]))
+        if not len(held) or not bound.smoothing.keeps_constants:
+            return None
+        return domain.where(held[np.lexsort(held.T[::-1])[0]])
 
     def enter(self, state: ContactState) -> None:
         """Begin a step with the memory of friction; collective."""

@@ -29,7 +29,12 @@ _POSITIVE = 1e-12
 
 
 class Smoothing(Protocol):
-    """A linear map of the nodal values on Gamma_C that keeps constants at the free nodes."""
+    """A linear map of the nodal values on Gamma_C.
+
+    ``keeps_constants`` says that R of 1 is 1 at the free nodes; otherwise it is at most 1.
+    """
+
+    keeps_constants: bool
 
     def apply(self, values: FloatArray) -> FloatArray:
         """``R w`` (k,) from ``w`` (k,) at the owned nodes; collective."""
@@ -49,6 +54,8 @@ class Smoothing(Protocol):
 
 class Identity:
     """``R w = w``: local Coulomb friction, the limit of a radius r -> 0."""
+
+    keeps_constants = True
 
     def apply(self, values: FloatArray) -> FloatArray:
         return values.copy()
@@ -80,6 +87,8 @@ class ConvolutionOperator:
     around.  ``radius`` is the length r.  The matrix of all pairs of nodes is made when R is first
     used, as `check` does not use R.
     """
+
+    keeps_constants = True
 
     def __init__(self, comm: MPI.Intracomm, surface: SurfaceMesh, radius: float) -> None:
         self._comm, self._surface, self._radius = comm, surface, radius
@@ -165,6 +174,8 @@ class HelmholtzOperator:
     the solve and added afterwards, because the rounding in ``r^2 K`` would change the mean for a
     large radius.  The constructor is collective.
     """
+
+    keeps_constants = True
 
     def __init__(
         self, comm: MPI.Intracomm, surface: SurfaceMesh, stiffness: PETSc.Mat, radius: float

@@ -155,6 +155,22 @@ class PointValues:
         forces.x.scatter_forward()
         return np.asarray(forces.x.array)
 
+    def limited_forces(self, scalars: fem.FunctionSpace, at_nodes: FloatArray) -> FloatArray:
+        """The forces (k, d) on limited values for forces (k, d) on the values at the nodes.
+
+        ``scalars`` is the space of scalar fields.  Collective.
+        """
+        if self.are_nodal:
+            return at_nodes
+        found = np.empty_like(at_nodes)
+        work = fem.Function(scalars)
+        transposed = self.inverse(self._nodes, np.arange(len(self.blocks))).T
+        for component in range(at_nodes.shape[1]):
+            work.x.array[:] = transposed @ at_nodes[:, component]
+            work.x.scatter_reverse(la.InsertMode.add)
+            found[:, component] = work.x.array[self._nodes]
+        return found
+
     def edges(self, function: fem.Function) -> tuple[IndexArray, IndexArray]:
         """The midpoints (m,) of edges, and the ends (m, 2), as nodes or blocks of a function."""
         if function.ufl_shape == ():

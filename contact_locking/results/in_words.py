@@ -19,7 +19,6 @@ _UNIQUENESS = {
     "covered for the discrete problem, by sampled constants": (
         "to be expected on this mesh, by constants that are sampled and not proved"
     ),
-    "not known": "not known, as usual with friction",
 }
 
 
@@ -76,6 +75,7 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("criteria", _criteria(certificate["criteria"])),
         ("proved", _proved(summary)),
         ("guaranteed bound", None if bound.get("applicable", True) else bound["reason"]),
+        ("moving friction", _moving(certificate["errors"].get("moving_friction"))),
         ("limit load", _limit_load(certificate.get("limit_load"))),
         ("critical friction", _critical_friction(certificate.get("critical_friction"))),
         ("estimated", _estimated(summary)),
@@ -270,6 +270,13 @@ def _at_most(change: str, bound: float, what: str, under: str) -> str:
     return f"{change} at most {per_cent(bound)}{under}"
 
 
+def _moving(entry: Mapping[str, Any] | None) -> str | None:
+    """The estimate of the whole error with the friction bound that moves."""
+    if entry is None or entry["relative"] is None:
+        return None if entry is None else str(entry["reason"])
+    return f"bound of the whole error {per_cent(entry['relative'])}, {entry['reason']}"
+
+
 def _limit_load(entry: Mapping[str, Any] | None) -> str | None:
     """The limit load, if the study file asks for proofs and displacements move."""
     if entry is None or entry["load_factor"] is None:
@@ -305,6 +312,10 @@ def _uniqueness(entry: Mapping[str, Any]) -> str:
     verdict = entry["verdict"]
     if verdict == "not unique":
         return f"proved: there are other solutions, as {entry['why']}"
+    if verdict == "unique on this mesh":
+        return f"proved: no other solution on this mesh, as {entry['why']}"
+    if verdict == "not known":
+        return f"not known: {entry['why']}"
     return _UNIQUENESS.get(verdict, verdict)
 
 

@@ -227,6 +227,15 @@ def test_script_writes_a_table_that_can_be_drawn(
 
 
 @pytest.mark.serial
+def test_the_error_for_a_given_friction_bound_falls_faster_than_proved() -> None:
+    study = script("a_priori_rate")
+    reference, cells = study.solved(32, degree=2), (4, 8, 16)
+    errors = [study.error(study.solved(number), reference) for number in cells]
+    rate = fitted_rate([1.0 / number for number in cells], errors)
+    assert 0.8 < rate < 1.05
+
+
+@pytest.mark.serial
 def test_a_figure_shows_the_rates_and_is_the_same_each_time(tmp_path: Path) -> None:
     curve = Curve("error", [0.1, 0.01, 0.001], [5.0, 0.1, 0.001], fitted=2)
     assert curve.text == "error:  2.00"

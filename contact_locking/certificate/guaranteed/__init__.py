@@ -2,5 +2,6 @@
 
 from contact_locking.certificate.guaranteed.energy_bound import guaranteed_error
 from contact_locking.certificate.guaranteed.limit_load import limit_load
+from contact_locking.certificate.guaranteed.moving_bound import moving_error
 
-__all__ = ["guaranteed_error", "limit_load"]
+__all__ = ["guaranteed_error", "limit_load", "moving_error"]

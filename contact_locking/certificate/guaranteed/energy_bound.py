@@ -16,6 +16,7 @@ The proof is in docs/certificate.md.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -104,34 +105,49 @@ _THREE_DIMENSIONS = (
 )
 
 
+@dataclass(frozen=True)
+class FrozenBound:
+    """A bound for the friction bound kept fixed, and what it comes from.
+
+    ``energy_norm`` bounds ``sqrt(a(u - u_h, u - u_h))``, and ``stress`` the distance of the stress
+    s to that of u in the norm of A^-1 where the body does not lock, with the oscillation of the
+    loads.  ``squares`` (n,) are the contributions of the owned cells, and ``contacts`` have the
+    tractions of s.
+    """
+
+    energy_norm: float
+    stress: float
+    squares: FloatArray
+    contacts: list[ContactTractions]
+
+
 def guaranteed_error(
     state: SolvedState, lifting: Lifting
-) -> tuple[dict[str, Any], FloatArray | None]:
+) -> tuple[dict[str, Any], FrozenBound | None]:
     """``energy_norm``, a bound of ``sqrt(a(u - u_h, u - u_h))``, and ``relative``; collective.
 
     ``relative`` is the bound over the energy norm of u_h.  ``applicable`` says whether the bound is
     proved, and ``reason`` says of which problem; without a bound, both numbers are None and
-    ``reason`` says why.  The second value has for each owned cell (n,) the gap of the cell and of
-    its facets on Gamma_C, with the oscillation of the loads; None without a bound.  Takes one
+    ``reason`` says why, and the second value is None.  Takes one
     linear solve with about six times the unknowns of the displacement, and for a finite penalty the
     lift of ``penalty_error``.
     """
     try:
-        found, squares = _bound(state, lifting)
+        found = _bound(state, lifting)
     except NotApplicable as failure:
         none = dict.fromkeys(("relative", "energy_norm"))
         return {**none, "applicable": False, "reason": f"not applicable: {failure}"}, None
     size = np.sqrt(2.0 * state.energy)
     return {
-        "relative": float(found / size) if size > 0.0 else None,
-        "energy_norm": found,
+        "relative": float(found.energy_norm / size) if size > 0.0 else None,
+        "energy_norm": found.energy_norm,
         "applicable": True,
         "reason": _PROVED,
-    }, squares
+    }, found
 
 
-def _bound(state: SolvedState, lifting: Lifting) -> tuple[float, FloatArray]:
-    """The bound, and the contributions (n,) of the owned cells; collective."""
+def _bound(state: SolvedState, lifting: Lifting) -> FrozenBound:
+    """The bound, with the gaps of cells and of their facets on Gamma_C as squares; collective."""
     _require_applicable(state)
     problem = state.problem
     triangles = Triangles(problem.domain)
@@ -169,7 +185,9 @@ def _bound(state: SolvedState, lifting: Lifting) -> tuple[float, FloatArray]:
     oscillation = loads.oscillation(triangles) ** 2 / body.elasticity.eigenvalues[:, 0]
     rough = np.sqrt(state.sum(oscillation))
     bound = share * rough + np.sqrt((share * rough) ** 2 + most) + apart
-    return float(bound), np.maximum(squares, 0.0) + oscillation
+    stress = rough + np.sqrt(rough**2 + 2.0 * square)
+    shares = np.maximum(squares, 0.0) + oscillation
+    return FrozenBound(float(bound), float(stress), shares, contacts)
 
 
 def _sharpened(state: SolvedState, gap: Gap, square: float) -> tuple[float, float]:

@@ -22,6 +22,7 @@ from .values import (
 )
 
 Kernel = Literal["convolution", "helmholtz", "none"]
+AtSupports = Literal["keep", "vanish"]
 
 
 class Smoothing(Section):
@@ -35,6 +36,11 @@ class Smoothing(Section):
         "r, of the kernel, measured along Gamma_C; null: a tenth of the extent of Gamma_C, two "
         "facets at least",
         "length",
+    )
+    at_supports: AtSupports = entry(
+        "keep",
+        "beside points of Gamma_C whose normal displacement is prescribed, keep constant "
+        "pressures, or vanish over the distance r",
     )
 
 
@@ -63,6 +69,9 @@ class OwnSmoothing(Section):
     kernel: Kernel | None = entry(None, "null: friction.smoothing.kernel", optional=True)
     radius: Positive | None = entry(
         None, "null: friction.smoothing.radius", "length", optional=True
+    )
+    at_supports: AtSupports | None = entry(
+        None, "null: friction.smoothing.at_supports", optional=True
     )
 
 

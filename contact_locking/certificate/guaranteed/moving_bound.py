@@ -1,0 +1,90 @@
+"""From the bound for the frozen friction bound to one for Coulomb's law, whose bound moves.
+
+Let u solve the continuous problem on the polygon of the mesh with the friction bound
+``G = mu R |sigma_nu|``, where ``R s = sum_i phi_i sum_j R_ij <s, phi_j>/w_j`` has the matrix of the
+discrete R, and let e bound ``|u' - u_h|_a`` and e' bound ``|sigma(u') - s|`` in the norm of A^-1,
+for the solution u' with the bound ``G_h`` of u_h kept fixed and the equilibrated stress s.  With
+``kappa = c rho < 1``
+
+    |u - u_h|_a <= e + (kappa e' + c r)/(1 - kappa),    r = |mu R |s_nu| - G_h|  in L2(Gamma_C).
+
+The discrete rho is an upper bound, as the fields w_g are continuous ones, and as the weights of the
+nodes are at least the mass matrix of the phi_i.  The c of the displacements on the mesh is none, so
+that the result is an estimate.  The proof is in docs/certificate.md.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from dolfinx import la
+
+from contact_locking.arrays import FloatArray
+from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.guaranteed.contact_tractions import ContactTractions
+from contact_locking.certificate.guaranteed.energy_bound import FrozenBound
+from contact_locking.certificate.guaranteed.facet_polynomials import product_integral
+from contact_locking.certificate.kappa import Kappa
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.contact.nodal_contact import joint_norm
+from contact_locking.parallel import on_every_rank
+
+_ESTIMATED = (
+    "estimated, with the friction bound that moves and R by its values at the nodes: c is that of "
+    "the displacements on this mesh, from below"
+)
+
+
+def moving_error(
+    state: SolvedState, frozen: FrozenBound | None, small: Kappa | NotApplicable
+) -> dict[str, Any]:
+    """``energy_norm``, ``relative``, and ``reason``: of what the estimate is, or why there is none.
+
+    Collective.  ``residual`` is r.
+    """
+    try:
+        found, residual = _estimate(frozen, small)
+    except NotApplicable as failure:
+        none = dict.fromkeys(("relative", "energy_norm", "residual"))
+        return {**none, "reason": f"not applicable: {failure}"}
+    size = np.sqrt(2.0 * state.energy)
+    return {
+        "relative": float(found / size) if size > 0.0 else None,
+        "energy_norm": found,
+        "residual": residual,
+        "reason": _ESTIMATED,
+    }
+
+
+def _estimate(frozen: FrozenBound | None, small: Kappa | NotApplicable) -> tuple[float, float]:
+    if frozen is None:
+        raise NotApplicable("there is no bound for the friction bound kept fixed")
+    if isinstance(small, NotApplicable):
+        raise NotApplicable(f"there is no kappa, as {small}")
+    if not small.is_small:
+        raise NotApplicable(f"kappa = {small.value:.3g} is not below 1")
+    contacts = [item.fields.contact for item in frozen.contacts]
+    residual = joint_norm(contacts, [_residual(item) for item in frozen.contacts])
+    more = small.value * frozen.stress + small.trace * residual
+    return frozen.energy_norm + more / (1.0 - small.value), residual
+
+
+def _residual(tractions: ContactTractions) -> FloatArray:
+    """``mu R |s_nu| - G_h`` (k,) by its control values at the nodes of a contact; collective."""
+    contact = tractions.fields.contact
+    surface, bound = contact.surface, contact.friction
+    if tractions.pressure.shape[1] > 2 and surface.limited.are_nodal:
+        raise NotApplicable("contact acts at the nodes of quadratic displacements")
+    if not on_every_rank(surface.domain.comm, bound.smoothing.is_positive()):
+        raise NotApplicable("R has negative entries")
+    work = surface.scalar_function(np.zeros(len(surface.nodes)))
+    for number, nodes in enumerate(tractions.nodes.T):
+        one = np.zeros_like(tractions.pressure)
+        one[:, number] = 1.0
+        shares = tractions.lengths * product_integral(tractions.pressure, one)
+        np.add.at(work.x.array, nodes, shares)
+    work.x.scatter_reverse(la.InsertMode.add)
+    pressure = contact.acting(work.x.array[surface.nodes] / surface.weights)
+    moved = bound.evaluate(pressure, np.zeros(len(pressure)))
+    return contact.acting(moved - tractions.fields.bound)
