@@ -128,6 +128,8 @@ class ContactProblem:
             supports=[name for support in held for name in support.on],
         )
         self._discrete = DiscreteProblem(body, placed, n, compliance)
+        for contact in self._discrete.contacts:
+            contact_checks.check_values(contact)
         self._solver = ProblemSolver(self._discrete, settings or Settings(), monitor)
 
     @property

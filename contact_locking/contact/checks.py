@@ -15,10 +15,12 @@ from contact_locking.arrays import present
 from contact_locking.contact.contact import Contact, Gap, Motion
 from contact_locking.contact.coulomb import Coulomb
 from contact_locking.contact.foundation import PlacedFoundation
-from contact_locking.errors import InputError
+from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.errors import InputError, with_key
 from contact_locking.laws.foundation import Round
 from contact_locking.laws.friction import FrictionLaw
 from contact_locking.laws.level_set import LevelSet
+from contact_locking.parallel import agree
 
 # The vectors of the foundations of this package.
 _VECTORS = ("point", "normal", "centre", "axis")
@@ -28,6 +30,18 @@ def check(given: Contact, dim: int) -> None:
     """Raise InputError for a part of another kind, and say which kind would be right."""
     for part, fault in _faults(given, dim):
         raise InputError(fault, f"{given.key}.{part}")
+
+
+def check_values(contact: NodalContact) -> None:
+    """Raise InputError for a mu whose values are not one at each point; collective."""
+    law, points = contact.friction.law, contact.surface.points
+
+    def evaluated() -> None:
+        # A rank without points has no values whose shape could tell.
+        if len(points):
+            with_key(f"{contact.key}.friction", lambda: law(points, np.zeros(len(points))))
+
+    agree(contact.surface.domain.comm, evaluated)
 
 
 def _faults(given: Contact, dim: int) -> Iterator[tuple[str, str]]:

@@ -162,8 +162,9 @@ def test_an_argument_of_another_kind_is_refused_with_its_key(
 
 def test_values_of_mu_for_other_points_are_refused(space: fem.FunctionSpace) -> None:
     """Points come to mu as (k, d), and to foundations as (d, k)."""
-    with pytest.raises(cl.InputError, match="maps points"):
-        pressed(space, friction=cl.Coulomb(lambda x, s: 0.1 + 0.2 * x[0])).solve()
+    with pytest.raises(cl.InputError, match="maps points") as caught:
+        pressed(space, friction=cl.Coulomb(lambda x, s: 0.1 + 0.2 * x[0]))
+    assert caught.value.key == "contacts.0.friction"
 
 
 def test_an_energy_may_have_a_degree_of_its_own(space: fem.FunctionSpace) -> None:
