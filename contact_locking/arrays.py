@@ -1,9 +1,9 @@
-"""The types of NumPy arrays in signatures, the names of the axes, and moments of forces."""
+"""Types of NumPy arrays, the names of the axes, numbers at present, and moments of forces."""
 
 from __future__ import annotations
 
 import math
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,11 @@ AXES = ("x", "y", "z")
 #: Bounds of the absolute values of quantities, and of divisors.  No quantity reaches them in any
 #: unit, and products of three such values stay in the range of double precision.
 LARGEST, SMALLEST = 1e100, 1e-100
+
+
+def present(value: Any) -> FloatArray:
+    """The numbers of a value, or those that a constant of DOLFINx has at present."""
+    return np.array(getattr(value, "value", value), dtype=float)
 
 
 def moments(x: FloatArray, forces: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,6 +16,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate import Extras, certify
+from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element, element_of
@@ -23,6 +25,7 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.given_mesh import NamedFacets
 from contact_locking.mesh.half_section import half_section
 from contact_locking.monitor import Monitor
+from contact_locking.problem import own_energy
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.elasticity import Elasticity, elasticity_of
 from contact_locking.problem.limits import Limit
@@ -79,6 +82,7 @@ class ContactProblem:
         monitor: Monitor | None = None,
     ) -> None:
         space = space or _space_of(a, L)
+        _check(n, limits)
         if axisymmetric and not isinstance(a, Elasticity):
             raise InputError("must be an Elasticity for an axisymmetric body", "a")
         element = _element_of(space, limit_at, axisymmetric)
@@ -106,6 +110,10 @@ class ContactProblem:
                 zip(contacts, of_contacts, of_others, strict=True)
             )
         ]
+        for item in placed:
+            contact_checks.check(item, domain.dim)
+        if energy is not None:
+            own_energy.check(energy, space)
         given = [item for item in bcs if not isinstance(item, Support)]
         body = Body(
             domain=domain,
@@ -120,6 +128,8 @@ class ContactProblem:
             supports=[name for support in held for name in support.on],
         )
         self._discrete = DiscreteProblem(body, placed, n, compliance)
+        for contact in self._discrete.contacts:
+            contact_checks.check_values(contact)
         self._solver = ProblemSolver(self._discrete, settings or Settings(), monitor)
 
     @property
@@ -190,6 +200,15 @@ class ContactProblem:
         """Destroy the PETSc objects."""
         self._solver.close()
         self._discrete.close()
+
+
+def _check(n: Any, limits: Sequence[Any]) -> None:
+    if not isinstance(n, Real):
+        raise InputError(f"must be a number or infinity, not {type(n).__name__}", "n")
+    for item in limits:
+        if not callable(getattr(item, "on", None)):
+            wanted = "limits of the strain, such as StrainBall(0.02)"
+            raise InputError(f"must be {wanted}, not {type(item).__name__}", "limits")
 
 
 def _space_of(a: ufl.Form | Elasticity, L: ufl.Form | None) -> fem.FunctionSpace:

@@ -31,8 +31,8 @@ class InputError(ContactLockingError):
     """The study file, the mesh or an argument cannot be used as given.
 
     The message names the offending key or name, the value given and a value that would be right.
-    ``key`` is the dotted key of the study file, if one is known, so that a caller that holds the
-    file can add the line.
+    ``key`` is the dotted key of the study file, or the argument of a script, if one is known.  A
+    caller that holds the file can add the line; tracebacks show the key as a note.
     """
 
     exit_code = 2
@@ -40,6 +40,8 @@ class InputError(ContactLockingError):
     def __init__(self, message: str, key: str | None = None) -> None:
         super().__init__(message)
         self.key = key
+        if key is not None:
+            self.add_note(f"This is about {key}.")
 
 
 class Misplaced(InputError):

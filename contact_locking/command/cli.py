@@ -81,7 +81,7 @@ def parser() -> argparse.ArgumentParser:
         help="the new file, study.yml by default; no file is overwritten",
     )  # fmt: skip
     one = add_for_file("run", "Solve a study file; also under mpirun.", _PETSC_HINT)
-    one.add_argument("--output", metavar="DIR", help="folder of the results")
+    one.add_argument("-o", "--output", metavar="DIR", help="folder of the results")
     one.add_argument(
         "--checkpoint", action="store_true", help="save the state too, in the folder of the results"
     )
@@ -91,14 +91,14 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--quiet", action="store_true", help="print warnings and errors only")
     one.add_argument("--progress", type=Path, help=argparse.SUPPRESS)  # for a study to look at
     one = add_for_file("study", "Solve every case of a study; repeat the command to continue it.")
-    one.add_argument("--output", metavar="DIR", help="folder of the results")
+    one.add_argument("-o", "--output", metavar="DIR", help="folder of the results")
     one.add_argument("--jobs", metavar="J", type=_positive, default=1, help="cases at a time")
     one.add_argument("--ranks", metavar="K", type=_positive, default=1, help="MPI ranks of each")
     one.add_argument(
         "--executor", choices=("local", "slurm"), default="local", help="where the cases run"
     )
     one = add_for_file("fit", "Fit numbers of a study file to curves; repeat it to continue.")
-    one.add_argument("--output", metavar="DIR", help="folder of the results")
+    one.add_argument("-o", "--output", metavar="DIR", help="folder of the results")
     one.add_argument("--quiet", action="store_true", help="print warnings and errors only")
     one = add("report", "Write an HTML page and charts of a finished run or study.")
     one.add_argument("directory", metavar="DIR", type=Path, help="folder of the results")

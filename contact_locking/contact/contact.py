@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+from dolfinx import fem
+from ufl.core.expr import Expr
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import FloatArray, present
 from contact_locking.contact.coulomb import Coulomb
 from contact_locking.contact.foundation import PlacedFoundation
 from contact_locking.errors import InputError
@@ -21,34 +23,45 @@ from contact_locking.mesh.domain import Where
 class Gap:
     """``u_nu <= g``: a foundation at a distance along the outward normal nu of the body.
 
-    ``distance`` is g, a length: a number, or a function of points (d, k) with values (k,).
+    ``distance`` is g, a length: a number, a constant of DOLFINx, or a function of points (d, k)
+    with values (k,).
     """
 
-    distance: float | Callable[[FloatArray], FloatArray] = 0.0
+    distance: float | fem.Constant | Callable[[FloatArray], FloatArray] = 0.0
 
     def at(self, x: FloatArray) -> FloatArray:
         """The gap (k,) at points (d, k)."""
-        found = self.distance(x) if callable(self.distance) else self.distance
-        return np.broadcast_to(np.asarray(found, dtype=float), x.shape[1:]).copy()
+        if isinstance(self.distance, fem.Constant):
+            found = present(self.distance)
+        else:
+            found = present(self.distance(x) if callable(self.distance) else self.distance)
+        return np.broadcast_to(found, x.shape[1:]).copy()
 
 
 @dataclass
 class Motion:
     """``x = about + R (X - about) + translation`` for the points X of a foundation at rest.
 
-    ``translation`` and ``about`` are (d,), lengths.  ``rotation`` is an angle (1,) in 2D and a
-    rotation vector (3,) in 3D, in radians.  Each solve reads the present values.
+    ``translation`` and ``about`` are (d,), lengths.  ``rotation`` is an angle in 2D and a rotation
+    vector (3,) in 3D, in radians.  Each is numbers, or a constant of DOLFINx; each solve reads the
+    present values.
     """
 
-    translation: Sequence[float]
-    rotation: Sequence[float] | None = None
-    about: Sequence[float] | None = None
+    translation: Sequence[float] | fem.Constant
+    rotation: float | Sequence[float] | fem.Constant | None = None
+    about: Sequence[float] | fem.Constant | None = None
 
     def __call__(self) -> RigidMotion:
-        translation = np.array(self.translation, dtype=float)
+        translation = np.atleast_1d(present(self.translation))
         dim = len(translation)
-        turn = np.eye(dim) if self.rotation is None else rotation(np.array(self.rotation))
-        about = np.zeros(dim) if self.about is None else np.array(self.about, dtype=float)
+        angles = np.zeros(1) if self.rotation is None else np.atleast_1d(present(self.rotation))
+        about = np.zeros(dim) if self.about is None else present(self.about)
+        if about.shape != translation.shape:
+            raise InputError(f"about must have {dim} components, as translation has", "motion")
+        if self.rotation is not None and len(angles) != (1 if dim == 2 else 3):
+            wanted = "one angle in 2D" if dim == 2 else "a rotation vector (3,) in 3D"
+            raise InputError(f"rotation must be {wanted}", "motion")
+        turn = np.eye(dim) if self.rotation is None else rotation(angles)
         return RigidMotion(translation, turn, about)
 
 
@@ -74,6 +87,8 @@ class Force:
     """
 
     def __init__(self, vector: Sequence[float], key: str = "force") -> None:
+        if isinstance(vector, Expr):
+            raise InputError("is of numbers; set its vector[:] between two solves", key)
         self.vector: FloatArray = np.array(vector, dtype=float)
         self.key, self.largest = key, float(np.linalg.norm(self.vector))
         if not (np.isfinite(self.largest) and self.largest > 0.0):

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Literal, Protocol
 
 import numpy as np
+from dolfinx import fem
 
-from contact_locking.arrays import BoolArray, FloatArray, IntArray
+from contact_locking.arrays import BoolArray, FloatArray, IntArray, present
 from contact_locking.contact.friction_bound import FrictionBound
 from contact_locking.contact.no_slip import NoSlip
 from contact_locking.contact.smoothing import (
@@ -119,15 +121,15 @@ class Helmholtz(Convolution):
 class Coulomb:
     """``|sigma_tau| <= mu(x, s) |R sigma_nu|`` (6), with s the accumulated slip.
 
-    ``coefficient`` is mu: a number, infinity for no slip where the body is pressed, a function of
-    points (k, d) and slips (k,), or a :class:`~contact_locking.laws.friction.FrictionLaw`.
-    ``regularisation`` is the slip, a
-    length, at which friction reaches 71 % of its bound (22); 0 is Coulomb's law itself, and None
+    ``coefficient`` is mu: a number, infinity for no slip where the body is pressed, a constant of
+    DOLFINx, a function of points (k, d) and slips (k,), or a
+    :class:`~contact_locking.laws.friction.FrictionLaw`.  ``regularisation`` is the slip, a length,
+    at which friction reaches 71 % of its bound (22); 0 is Coulomb's law itself, and None
     stands for the compliance of the contact times Young's modulus.  A user's own friction bound is
     a subclass whose :meth:`on` returns another :class:`FrictionBound`.
     """
 
-    coefficient: float | Coefficient | FrictionLaw = 0.0
+    coefficient: float | fem.Constant | Coefficient | FrictionLaw = 0.0
     smoothing: Kernel = field(default_factory=Convolution)
     regularisation: float | None = None
 
@@ -137,9 +139,11 @@ class Coulomb:
         match self.coefficient:
             case FrictionLaw():
                 return self.coefficient
-            case float() | int():
+            case Real():
                 mu = float(self.coefficient)
                 return FrictionLaw(lambda points, slip: np.full(len(slip), mu), mu, 0.0)
+            case fem.Constant() as constant:
+                return FrictionLaw(lambda points, slip: present(constant), None, 0.0)
         return FrictionLaw(self.coefficient)
 
     @property
@@ -150,7 +154,7 @@ class Coulomb:
     @property
     def is_zero(self) -> bool:
         """Whether there is no friction."""
-        return isinstance(self.coefficient, float | int) and self.coefficient == 0.0
+        return isinstance(self.coefficient, Real) and self.coefficient == 0.0
 
     def on(self, surface: ContactSurface, smoothing: Smoothing) -> FrictionBound:
         """The friction bound on a surface, with R there."""

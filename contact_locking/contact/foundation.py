@@ -189,9 +189,10 @@ class RigidFoundation:
     """A foundation with a shape, at rest or with a prescribed motion from rest.
 
     ``motion`` is its present motion, and ``is_timed`` says that it may move, or change its
-    shape.  ``key`` is that of the foundation in messages.  The methods raise InputError for a body
-    whose distance is not finite, and Misplaced for one that lies behind Gamma_C, or reaches into
-    the body so that the way out of it leads through the body.
+    shape.  ``key`` is that of the foundation in messages, and ``shape`` that of its shape below it,
+    by default the name of the class.  The methods raise InputError for a body whose distance is not
+    finite, and Misplaced for one that lies behind Gamma_C, or reaches into the body so that the way
+    out of it leads through the body.
     """
 
     def __init__(
@@ -202,10 +203,12 @@ class RigidFoundation:
         motion: Callable[[], RigidMotion],
         key: str,
         is_timed: bool,
+        shape: str = "",
     ) -> None:
         self._comm, self._dim, self._body, self._key = comm, dim, body, key
         self.motion = motion
-        self._shape = _name_of(body)
+        self._kind = _name_of(body)
+        self._place = f"{key}.{shape or self._kind}"
         self.is_plane = isinstance(body, HalfSpace)
         self.is_distance = not isinstance(body, LevelSet)
         self.is_timed = self.moves = is_timed
@@ -223,7 +226,7 @@ class RigidFoundation:
 
         def values() -> FloatArray:
             with np.errstate(all="ignore"):
-                return with_key(f"{self._key}.{self._shape}", lambda: function(x))
+                return with_key(self._place, lambda: function(x))
 
         return agree(self._comm, values)
 
@@ -242,11 +245,11 @@ class RigidFoundation:
         gap = np.where(np.abs(gap) <= _TOUCH * maximum(comm, np.abs(points)), 0.0, gap)
         normals = self._evaluated(body.contact_normal, points).T
         if not on_every_rank(comm, np.isfinite(gap) & np.isfinite(normals).all(axis=1)):
-            raise InputError(_NOT_FINITE.get(self._shape, _TOO_FAR), self._key)
+            raise InputError(_NOT_FINITE.get(self._kind, _TOO_FAR), self._key)
         if isinstance(self._body, LevelSet):
             low, high = self._slopes(self._body, surface)
             if low <= _ROUNDING * high:
-                raise InputError(_NOT_FINITE[self._shape], self._key)
+                raise InputError(_NOT_FINITE[self._kind], self._key)
         outward = surface.body_normals()
         facing = np.sum(normals * outward, axis=1)
         if not self._is_oriented:
@@ -254,7 +257,7 @@ class RigidFoundation:
             if self._is_reversed(surface, gap, facing):
                 self._reverse()
                 return self.at_nodes(surface)
-        turn, inside = _TURN.get(self._shape), gap < 0.0
+        turn, inside = _TURN.get(self._kind), gap < 0.0
         # Only a part of Gamma_C need face the foundation; the rest, as the top of a ball, is
         # outside of the foundation and never gets there, but keeps the distance as well.
         if turn and _most(surface, facing < -_SIDEWAYS, inside):
@@ -295,8 +298,8 @@ class RigidFoundation:
         assert isinstance(self._body, TriangulatedSurface | Polyline)
         self._body = self._body.reversed()
         self.shape_warnings.append(
-            f"{self._key}.{self._shape}: it is that of a die, whose hole is inside of the outline, "
-            f"but the body is not in the hole; the other side was taken: {_TURN[self._shape]}"
+            f"{self._place}: it is that of a die, whose hole is inside of the outline, "
+            f"but the body is not in the hole; the other side was taken: {_TURN[self._kind]}"
         )
 
     def _way_out(
@@ -347,17 +350,17 @@ class RigidFoundation:
             low, high = self._slopes(body, surface)
             if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:
                 found.append(
-                    f"{self._key}.expression: the length of its gradient is between {low:.3g} and "
+                    f"{self._place}: the length of its gradient is between {low:.3g} and "
                     f"{high:.3g} on Gamma_C, and that of a distance is 1; the expression was "
                     "divided by the length, which is the distance near its zeros only"
                 )
         if on_any_rank(comm, self._at_open_end(surface.points.T)):
             found.append(
-                f"{self._key}.{self._shape}: a part of Gamma_C lies beyond the end of the open "
+                f"{self._place}: a part of Gamma_C lies beyond the end of the open "
                 "foundation, whose rim is nearest there; let the foundation reach beyond the body"
             )
         if isinstance(body, TriangulatedSurface | Polyline):
-            found += about_the_size(surface.domain, body.extent, f"{self._key}.{self._shape}")
+            found += about_the_size(surface.domain, body.extent, self._place)
         return found + about_the_distance(surface.domain, gap, self._key)
 
     def outline(self, box: FloatArray) -> FloatArray:
@@ -384,7 +387,7 @@ class RigidFoundation:
             raise Misplaced(
                 "Gamma_C reaches around the end of the open foundation, where it has no inside; "
                 "close the foundation, or let it reach beyond the body",
-                f"{self._key}.{self._shape}",
+                self._place,
             )
 
 

@@ -11,9 +11,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
+from contact_locking.errors import InputError
 from contact_locking.laws.convex import positive_part, regularised_norm
 
 
@@ -50,10 +52,10 @@ Coefficient = Callable[[FloatArray, FloatArray], FloatArray]
 class FrictionLaw:
     """``mu(x, s) <= largest`` and ``|mu(x, s) - mu(x, t)| <= lipschitz |s - t|``, as (12) asks.
 
-    ``coefficient`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,).  ``largest``
-    is mu*, and ``lipschitz`` is L_mu, one over a length.  The certificate takes both constants as
-    the law states them.  Where a constant is None, the certificate samples mu, which proves
-    nothing.
+    ``coefficient`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,), or to one
+    number.  ``largest`` is mu*, and ``lipschitz`` is L_mu, one over a length.  The certificate
+    takes both constants as the law states them.  Where a constant is None, the certificate samples
+    mu, which proves nothing.
     """
 
     coefficient: Coefficient
@@ -61,4 +63,11 @@ class FrictionLaw:
     lipschitz: float | None = None
 
     def __call__(self, points: FloatArray, slip: FloatArray) -> FloatArray:
-        return self.coefficient(points, slip)
+        found = np.asarray(self.coefficient(points, slip), dtype=float)
+        if found.shape not in ((), slip.shape):
+            raise InputError(
+                f"the coefficient of friction has values of the shape {found.shape} at "
+                f"{len(slip)} points: it maps points (k, d) and slips (k,) to values (k,), as "
+                "lambda x, s: 0.1 + 0.2*x[:, 0] does"
+            )
+        return np.broadcast_to(found, slip.shape)

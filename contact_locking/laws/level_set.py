@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact_locking.arrays import FloatArray
+from contact_locking.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -21,14 +22,20 @@ class LevelSet:
 
     function: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
+    def _evaluated(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        found = self.function(x)
+        if not isinstance(found, tuple | list) or np.shape(found[-1]) != x.shape:
+            raise InputError("the function of a LevelSet returns f (k,) and its gradient (d, k)")
+        return found[0], found[1]
+
     def slope(self, x: FloatArray) -> FloatArray:
         """``|grad f|`` (k,) at points (d, k)."""
-        return np.asarray(np.linalg.norm(self.function(x)[1], axis=0))
+        return np.asarray(np.linalg.norm(self._evaluated(x)[1], axis=0))
 
     def gap(self, x: FloatArray) -> FloatArray:
-        values, gradient = self.function(x)
+        values, gradient = self._evaluated(x)
         return np.asarray(values / np.linalg.norm(gradient, axis=0))
 
     def contact_normal(self, x: FloatArray) -> FloatArray:
-        gradient = self.function(x)[1]
+        gradient = self._evaluated(x)[1]
         return np.asarray(-gradient / np.linalg.norm(gradient, axis=0))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import mesh as dmesh
 
 from contact_locking.arrays import BoolArray, IndexArray
@@ -52,14 +54,40 @@ class NamedFacets:
         """
         if isinstance(where, str):
             where = (where,)
+        if callable(where):
+            raise InputError(
+                "must be names, facets or (mesh tags, value), and no function: "
+                "dolfinx.mesh.locate_entities_boundary finds facets by a function",
+                key,
+            )
         if len(where) and all(isinstance(name, str) for name in where):
             for name in where:
                 self._put(name, self._named(name, key), key)
             return tuple(where)
         if len(where) == 2 and isinstance(where[0], dmesh.MeshTags):
             where = where[0].find(where[1])
-        self._put(key, np.asarray(where, dtype=np.int32), key)
+        self._put(key, self._given(np.asarray(where), key), key)
         return (key,)
+
+    def _given(self, facets: npt.NDArray[Any], key: str) -> IndexArray:
+        """Facets as an array of their local numbers; collective."""
+        index_map = self._mesh.topology.index_map(self._mesh.topology.dim - 1)
+        count = index_map.size_local + index_map.num_ghosts
+
+        def checked() -> IndexArray:
+            if len(facets) and facets.dtype.kind not in "iu":
+                hint = "; np.flatnonzero gives those of marks" if facets.dtype == bool else ""
+                raise InputError(f"must be the local numbers of facets{hint}", key)
+            if np.any((facets < 0) | (facets >= count)):
+                raise InputError(
+                    f"has numbers that are no facets of the mesh, which has {count}", key
+                )
+            return facets.astype(np.int32)
+
+        found = agree(self._mesh.comm, checked)
+        if not on_any_rank(self._mesh.comm, bool(len(found))):
+            raise InputError("has no facet", key)
+        return found
 
     def domain(self) -> Domain:
         """The domain with these boundary parts; collective."""

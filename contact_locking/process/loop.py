@@ -52,14 +52,16 @@ def row_of(
 ) -> Row:
     """The row of history.csv for the next step."""
     summary = solution.summary
-    row: dict[str, float] = {"step": len(history) + 1, "t": at} | columns(summary)
-    row |= components("reaction", summary["certificate"]["resultants"]["reactions"])
+    reactions = summary["certificate"]["resultants"]["reactions"]
+    dim = len(reactions)
+    row: dict[str, float] = {"step": len(history) + 1, "t": at} | columns(summary, dim)
+    row |= components("reaction", reactions)
     for name, force in summary["reactions"].items():
         row |= components(f"reaction_{name}", force)
     several = len(summary["contacts"]) > 1
     for number, entry in enumerate(summary["contacts"], start=1):
         ending = f"_{number}" if several else ""
-        row |= columns(entry, ending) if several else {}
+        row |= columns(entry, dim, ending) if several else {}
         for name in ("force", "travel") if "tool" in entry else ():
             row[f"tool_{name}{ending}"] = entry["tool"][name]
     row |= {

@@ -35,7 +35,9 @@ class Quantity:
     the certificate computes the value.  With a preposition ``at`` the value has a place, which the
     summary has under ``<key>_at``.  A ``share_of`` something is told in per cent, and a quantity
     ``beside`` another only if that is known.  Pages fold a ``detail``; the terminal has none.
-    One that ``derives`` has derivatives (`contact_locking.sensitivity.quantities`).
+    One that ``derives`` has derivatives (`contact_locking.sensitivity.quantities`).  One that
+    ``is_place`` has coordinates, or None; history.csv has columns for all axes in both cases, and
+    reports a chart of places.  Other vectors have the same number of components in every step.
 
     A study plots a quantity with a ``trend`` over the keys that vary.  The differences of one that
     ``settles`` have a rate, one that ``vanishes`` has a rate itself, and counts of cells, points
@@ -54,6 +56,7 @@ class Quantity:
     detail: bool = False
     beside: str = ""
     derives: bool = False
+    is_place: bool = False
 
 
 def touches(fields: ContactFields) -> FloatArray:
@@ -125,14 +128,22 @@ def friction_used(contacts: Contacts) -> Any:
     return size / bound if bound > 0.0 else None
 
 
+def _mean_place(
+    contacts: Contacts, weight: Callable[[ContactFields], FloatArray], total: float
+) -> FloatArray:
+    """``int w x / int w`` (d,) of weights (k,) at the nodes with the integral ``total``."""
+    dim, size = contacts.domain.dim, np.abs(contacts.domain.bounding_box()).max()
+    mean = contacts.integral(lambda f: weight(f)[:, None] * f.surface.points, dim) / total
+    return np.where(np.abs(mean) <= _ROUNDING * size, 0.0, mean)
+
+
 @quantity("contact", "contact moment", "force · length", at="about")
 def contact_moment(contacts: Contacts) -> Any:
     """Moment of pressure and friction on the body, about the centre of where it touches."""
     dim, area = contacts.domain.dim, contact_area(contacts)
     if not area > 0.0 or contacts.domain.axisymmetric:
         return np.zeros(3 if dim == 3 else ()), None
-    centre = contacts.integral(lambda f: touches(f)[:, None] * f.surface.points, dim) / area
-    centre[np.abs(centre) <= _ROUNDING * np.abs(contacts.domain.bounding_box()).max()] = 0.0
+    centre = _mean_place(contacts, touches, area)
 
     def each(fields: ContactFields) -> FloatArray:
         forces = fields.traction - fields.pressure[:, None] * fields.normal
@@ -142,6 +153,15 @@ def contact_moment(contacts: Contacts) -> Any:
     size = contacts.integral(lambda fields: np.linalg.norm(each(fields), axis=1))
     total[np.abs(total) <= _ROUNDING * size] = 0.0
     return total if dim == 3 else total[0], centre
+
+
+@quantity("contact", "centre of pressure", "length", trend=None, is_place=True)
+def pressure_centre(contacts: Contacts) -> Any:
+    """∫ p x / ∫ p, the mean place of the contact pressure p."""
+    total = contacts.integral(lambda fields: fields.pressure)
+    if not total > 0.0 or contacts.domain.axisymmetric:
+        return None
+    return _mean_place(contacts, lambda fields: fields.pressure, total)
 
 
 @quantity("contact", "contact area", "area", trend="jumps")
@@ -258,11 +278,14 @@ def computed(of: Of, fields: BodyFields | Contacts) -> dict[str, Any]:
     return found
 
 
-def columns(found: Mapping[str, Any], ending: str = "") -> dict[str, float]:
+def columns(found: Mapping[str, Any], dim: int, ending: str = "") -> dict[str, float]:
     """The columns of history.csv for the computed quantities of a summary or of a contact."""
-    keys = [key for key, item in QUANTITIES.items() if item.compute and key in found]
-    parts = [components(f"{key}{ending}", found[key]) for key in keys]
-    return {name: value for part in parts for name, value in part.items()}
+    row: dict[str, float] = {}
+    for key, item in QUANTITIES.items():
+        if item.compute is not None and key in found:
+            value = [math.nan] * dim if item.is_place and found[key] is None else found[key]
+            row |= components(f"{key}{ending}", value)
+    return row
 
 
 def components(name: str, value: Any) -> dict[str, float]:

@@ -99,12 +99,13 @@ def _foundation(
     """The foundation of a section; collective."""
     key, dim = f"{contact.key}.foundation", domain.dim
     placement = Placement(dim, domain.comm, clock, key)
-    body = build(*given.shape, placement)
+    shape, value = given.shape
+    body = build(shape, value, placement)
     text = given.expression
     timed_shape = text is not None and is_timed(parse(text, (*AXES, TIME), tables=clock.tables))
     motion = partial(_motion, given, f"{key}.motion", dim, clock)
     is_moved = given.moved is not None or timed_shape
-    found = RigidFoundation(domain.comm, dim, body, motion, key, is_moved)
+    found = RigidFoundation(domain.comm, dim, body, motion, key, is_moved, shape)
     found.shape_warnings += placement.warnings
     return found
 

@@ -32,3 +32,8 @@ def test_wrong_words_return_2_with_one_message(
 ) -> None:
     assert cli.main(words) == 2
     assert capsys.readouterr().err.startswith("error: ")
+
+
+@pytest.mark.parametrize("command", ["run", "study", "fit"])
+def test_o_is_short_for_output_in_every_command_that_writes(command: str) -> None:
+    assert cli.parser().parse_args([command, "a.yml", "-o", "r"]).output == "r"

@@ -134,6 +134,38 @@ def test_friction_balances_the_moment_of_a_shear_on_the_top(dim: int) -> None:
         assert found["friction_force"][0] == pytest.approx(-shear, rel=1e-6)
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_centre_of_pressure_is_below_the_resultant_of_the_load(dim: int) -> None:
+    """A pressure ``1 + x - 1/2`` on the top of a unit block has its resultant at x = 7/12."""
+    push = [*[0.0] * (dim - 1), "-0.01*(0.5 + x)"]
+    found = summary(
+        pressed(
+            dim,
+            loads={"tractions": [{"on": "top", "value": push}]},
+            friction={"coefficient": 0.5, "smoothing": {"kernel": "none"}},
+        )
+    )
+    wanted = [7 / 12, *[0.5] * (dim - 2), 0.0]
+    assert found["pressure_centre"] == pytest.approx(wanted, abs=1e-6)
+
+
+@pytest.mark.serial
+def test_the_centre_of_pressure_is_not_known_before_the_body_touches(tmp_path: Path) -> None:
+    down = {"displacements": [{"on": "top", "value": [0.0, "-0.05*t"]}]}
+    steps, output = {"times": [0.5, 1.0]}, {"directory": "r", "picture": False, "fields": False}
+    touching = {"on": "bottom", "gap": 0.03}
+    given = pressed(contact=touching, loads=down, steps=steps, output=output)
+    solution, _ = run_steps(given, tmp_path)
+    assert solution.summary["pressure_centre"] == pytest.approx([0.5, 0.0], abs=1e-3)
+    (results,) = read_all(tmp_path)
+    history = results.history  # type: ignore[union-attr]
+    assert np.isnan(history.column("pressure_centre_x")).tolist() == [True, False]
+    assert history.column("pressure_centre_y")[1] == 0.0
+    page = report.write(tmp_path).read_text(encoding="utf-8")
+    assert '<span title="pressure_centre">centre of pressure</span>' in page
+    assert (tmp_path / "report" / "history-place.svg").exists()
+
+
 def test_a_block_that_slides_uses_all_of_its_friction() -> None:
     drag = {"displacements": [{"on": "top", "value": [0.1, -0.01]}]}
     free: dict[str, Any] = {"friction__smoothing": {"kernel": "none"}, "penalty": {}}

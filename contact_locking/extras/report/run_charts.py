@@ -137,7 +137,8 @@ def history_charts(history: History) -> list[Chart]:
         is_scalar = column in QUANTITIES
         quantity = QUANTITIES.get(column if is_scalar else column[:-2])
         if quantity and not quantity.detail and np.isfinite(history.column(column)).any():
-            label = "share" if quantity.share_of else quantity.unit
+            label = "place" if quantity.is_place else quantity.unit
+            label = "share" if quantity.share_of else label
             name = quantity.name if is_scalar else f"{quantity.name}, {column[-1]}"
             drawn.setdefault(label, {})[column] = name
     drawn["energy"] = _WORK

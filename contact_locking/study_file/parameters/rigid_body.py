@@ -83,7 +83,18 @@ MotionOrTranslation = Annotated[
 MOST_CORNERS = 10_000
 
 
-class HalfSpace(Section):
+class Shape(Section):
+    """The shape of a rigid body; its lists of numbers are vectors in space."""
+
+    def dimension_faults(self, dim: int) -> Iterator[Fault]:
+        """The vectors that do not have ``dim`` components."""
+        for name in type(self).model_fields:
+            value = getattr(self, name)
+            if isinstance(value, tuple):
+                yield from vector_faults((name,), value, dim)
+
+
+class HalfSpace(Shape):
     """(x - point) . normal <= 0."""
 
     point: tuple[Number, ...] = entry(..., "a point of its surface", "length")
@@ -95,14 +106,14 @@ class HalfSpace(Section):
         return zero_faults("normal", self.normal)
 
 
-class Sphere(Section):
+class Sphere(Shape):
     """|x - centre| <= radius; a disc in 2D."""
 
     centre: tuple[Number, ...] = entry(..., "its centre", "length")
     radius: Positive = entry(..., "its radius", "length")
 
 
-class Cylinder(Section):
+class Cylinder(Shape):
     """Distance of x from the line through ``centre`` along ``axis`` <= radius; a disc in 2D."""
 
     centre: tuple[Number, ...] = entry(..., "a point of its axis", "length")
@@ -114,8 +125,15 @@ class Cylinder(Section):
     def _faults(self) -> Iterator[Fault]:
         return zero_faults("axis", self.axis)
 
+    def dimension_faults(self, dim: int) -> Iterator[Fault]:
+        if dim == 2 and self.axis is not None:
+            yield Fault(("axis",), "must be left out in 2D")
+            yield from vector_faults(("centre",), self.centre, dim)
+        else:
+            yield from super().dimension_faults(dim)
 
-class Surface(Section):
+
+class Surface(Shape):
     """A surface of triangles from a file; outside is where they run counterclockwise."""
 
     file: Text = entry(
@@ -135,6 +153,9 @@ class Surface(Section):
         None, "added to its coordinates after scale; null: nothing", "length", optional=True
     )
     turned: Switch = entry(False, "whether the other side of the triangles is outside")
+
+    def dimension_faults(self, dim: int) -> Iterator[Fault]:
+        yield from vector_faults(("shift",), self.shift, 3)
 
 
 _Corners = Annotated[
@@ -221,21 +242,15 @@ class Foundation(Section):
         return self.motion
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """The vectors that do not have ``dim`` components, and an axis in 2D."""
+        """The vectors that do not have ``dim`` components, and a shape of another dimension."""
         yield from vector_faults(("force",), self.force, dim)
-        places = ("half_space.point", "half_space.normal", "sphere.centre", "cylinder.centre")
-        for place in (tuple(text.split(".")) for text in (*places, "cylinder.axis")):
-            vector = getattr(getattr(self, place[0]), place[1], None)
-            if dim == 2 and place[1] == "axis" and vector is not None:
-                yield Fault(place, "must be left out in 2D")
-            else:
-                yield from vector_faults(place, vector, dim)
+        name, shape = self.shape
+        if isinstance(shape, Shape):
+            yield from below((name,), shape.dimension_faults(dim))
         if self.polyline is not None and dim != 2:
             yield Fault(("polyline",), "is for 2D; in 3D take surface")
         if self.surface is not None and dim != 3:
             yield Fault(("surface",), "is for 3D; in 2D take polyline")
-        if isinstance(self.surface, Surface):
-            yield from vector_faults(("surface", "shift"), self.surface.shift, 3)
         if isinstance(self.polyline, tuple):
             for index, corner in enumerate(self.polyline):
                 yield from vector_faults(("polyline", index), corner, 2)

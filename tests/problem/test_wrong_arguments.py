@@ -1,0 +1,192 @@
+"""Arguments of another kind than a contact problem takes are refused, and the message says why."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem, mesh
+from mpi4py import MPI
+
+import contact_locking as cl
+
+FLOOR = cl.HalfSpace((0.0, 0.0), (0.0, 1.0))
+
+
+@pytest.fixture(scope="module")
+def space() -> fem.FunctionSpace:
+    return fem.functionspace(mesh.create_unit_square(MPI.COMM_WORLD, 4, 4), ("Lagrange", 1, (2,)))
+
+
+def pressed(space: fem.FunctionSpace, **given: Any) -> cl.ContactProblem:
+    """A block whose top goes down; ``given`` are arguments of its contact, or of the problem."""
+    body = space.mesh
+    sides = [
+        mesh.locate_entities_boundary(body, 1, lambda x, y=y: np.isclose(x[1], y))
+        for y in (0.0, 1.0)
+    ]
+    top = fem.locate_dofs_topological(space, 1, sides[1])
+    down = fem.dirichletbc(np.array([0.0, -0.01]), top, space)
+    names = ("on", "foundation", "friction", "motion", "force")
+    of_contact = {"on": sides[0]} | {key: given.pop(key) for key in names if key in given}
+    return cl.ContactProblem(
+        cl.Elasticity(young=1.0, poisson=0.3),
+        bcs=[down],
+        contacts=[cl.Contact(**of_contact)],
+        space=space,
+        **given,
+    )
+
+
+def x(space: fem.FunctionSpace) -> Any:
+    return ufl.SpatialCoordinate(space.mesh)
+
+
+def steep(u: Any) -> Any:
+    """A density whose degree UFL adds up from a fibre that turns, squares and an exponential."""
+    angle = ufl.SpatialCoordinate(u.ufl_function_space().mesh)[0]
+    fibre = ufl.as_vector([ufl.cos(angle), ufl.sin(angle)])
+    return ufl.exp(ufl.inner(fibre, ufl.sym(ufl.grad(u)) * fibre) ** 2)
+
+
+WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str, str]] = {
+    "mu of UFL": (
+        lambda space: {"friction": cl.Coulomb(0.1 + x(space)[0])},
+        "lambda x, s: 0.1 + 0.2*x[:, 0], not an expression of UFL",
+        "contacts.0.friction",
+    ),
+    "mu below zero": (
+        lambda space: {"friction": cl.Coulomb(-0.3)},
+        "mu must be >= 0, not -0.3",
+        "contacts.0.friction",
+    ),
+    "mu alone": (
+        lambda space: {"friction": 0.3},
+        "must be Coulomb",
+        "contacts.0.friction",
+    ),
+    "gap of UFL": (
+        lambda space: {"foundation": cl.Gap(0.01 * x(space)[0])},
+        "lambda x: 0.01*x[0], not an expression of UFL",
+        "contacts.0.foundation",
+    ),
+    "gap alone": (
+        lambda space: {"foundation": 0.0},
+        "must be a Gap, a shape",
+        "contacts.0.foundation",
+    ),
+    "a ball in the plane": (
+        lambda space: {"foundation": cl.Sphere((0.0, -1.0, 0.0), 1.0)},
+        "centre must have 2 components in 2D, not 3",
+        "contacts.0.foundation",
+    ),
+    "radius below zero": (
+        lambda space: {"foundation": cl.Sphere((0.0, -1.0), -1.0)},
+        "radius must be > 0",
+        "contacts.0.foundation",
+    ),
+    "level set of UFL": (
+        lambda space: {"foundation": cl.LevelSet(x(space)[1])},
+        "a function of points",
+        "contacts.0.foundation",
+    ),
+    "motion alone": (
+        lambda space: {"foundation": FLOOR, "motion": [0.0, 0.001]},
+        "must be a Motion",
+        "contacts.0.motion",
+    ),
+    "motion in space": (
+        lambda space: {"foundation": FLOOR, "motion": cl.Motion((0.0, 0.0, 0.0))},
+        "translation must have 2 components",
+        "contacts.0.motion",
+    ),
+    "force alone": (
+        lambda space: {"foundation": FLOOR, "force": (0.0, 0.1)},
+        "must be a Force",
+        "contacts.0.force",
+    ),
+    "marks of facets": (
+        lambda space: {"on": np.zeros(9, dtype=bool)},
+        "np.flatnonzero",
+        "contacts.0",
+    ),
+    "no facets": (
+        lambda space: {"on": np.empty(0, dtype=np.int32)},
+        "has no facet",
+        "contacts.0",
+    ),
+    "too large facets": (
+        lambda space: {"on": np.array([10**6])},
+        "no facets of the mesh",
+        "contacts.0",
+    ),
+    "place by a function": (
+        lambda space: {"on": lambda x: np.isclose(x[1], 0.0)},
+        "locate_entities_boundary",
+        "contacts.0",
+    ),
+    "limit alone": (lambda space: {"limits": [0.02]}, "StrainBall", "limits"),
+    "n of DOLFINx": (
+        lambda space: {"n": fem.Constant(space.mesh, 1e4)},
+        "must be a number or infinity",
+        "n",
+    ),
+    "energy without measure": (
+        lambda space: {"energy": lambda u: ufl.inner(u, u), "n": 1e4},
+        "density * ufl.dx",
+        "energy",
+    ),
+    "energy of a degree that takes endless time": (
+        lambda space: {"energy": lambda u: steep(u) ** 3 * ufl.dx, "n": 1e4},
+        "give the integral a degree, such as ufl.dx(degree=2)",
+        "energy",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_an_argument_of_another_kind_is_refused_with_its_key(
+    name: str, space: fem.FunctionSpace
+) -> None:
+    make, text, key = WRONG[name]
+    with pytest.raises(cl.InputError) as caught:
+        pressed(space, **make(space))
+    assert text in str(caught.value)
+    assert caught.value.key == key
+    assert f"This is about {key}." in "".join(traceback.format_exception(caught.value))
+
+
+def test_values_of_mu_for_other_points_are_refused(space: fem.FunctionSpace) -> None:
+    """Points come to mu as (k, d), and to foundations as (d, k)."""
+    with pytest.raises(cl.InputError, match="maps points") as caught:
+        pressed(space, friction=cl.Coulomb(lambda x, s: 0.1 + 0.2 * x[0]))
+    assert caught.value.key == "contacts.0.friction"
+
+
+def test_an_energy_may_have_a_degree_of_its_own(space: fem.FunctionSpace) -> None:
+    problem = pressed(space, energy=lambda u: steep(u) ** 3 * ufl.dx(degree=2), n=1e4)
+    problem.close()
+
+
+def test_constants_of_dolfinx_move_foundations_and_change_gap_and_friction(
+    space: fem.FunctionSpace,
+) -> None:
+    way, gap, mu = (fem.Constant(space.mesh, value) for value in ((0.0, 0.0), 0.0, 0.0))
+    moving = pressed(space, foundation=FLOOR, motion=cl.Motion(way), friction=cl.Coulomb(mu))
+    standing = pressed(space, foundation=cl.Gap(gap), friction=cl.Coulomb(0.0))
+    before = moving.solve(certificate=False).summary
+    way.value[:], gap.value, mu.value = (0.003, 0.002), -0.002, 0.3
+    after = moving.solve(certificate=False).summary
+    assert before["friction_force"] == [0.0, 0.0]
+    assert after["friction_force"][0] > 0.0
+    assert after["contact_force"][1] == pytest.approx(1.2 * before["contact_force"][1], rel=0.1)
+    pushed = standing.solve(certificate=False).summary
+    mu.value, way.value[:] = 0.0, (0.0, 0.002)
+    smooth = moving.solve(certificate=False).summary
+    assert pushed["contact_force"] == pytest.approx(smooth["contact_force"], abs=1e-9)
+    moving.close()
+    standing.close()
