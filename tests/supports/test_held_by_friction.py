@@ -327,3 +327,24 @@ def test_the_resultant_meets_the_plane_where_the_loads_have_no_moment() -> None:
     points[0, 2] += 0.1
     assert resultant_on_plane(force, twist, points, normals) is None
     assert math.isclose(found.place[2], 0.3)
+
+
+def test_feet_that_slide_apart_hold_each_other() -> None:
+    """Both feet slide outwards with all of their friction, and a push moves none of them away."""
+    pulls = [{"on": "left", "value": [-1.0, 0.0]}, {"on": "right", "value": [1.0, 0.0]}]
+    found = solved(
+        pushed(
+            2,
+            0.0,
+            mesh={
+                "builder": "block",
+                "size": [4.0, 1.0],
+                "h": 0.3,
+                "parts": {"feet": {"on": "bottom", "expression": "x < 1 or x > 3"}},
+            },
+            loads={"tractions": [{"on": "top", "value": [0.0, -0.01]}, *pulls]},
+            contact={"on": "feet"},
+        )
+    )
+    assert found.summary["friction_used"] > 1.0 - 1e-4
+    assert not found.summary["warnings"]
