@@ -49,6 +49,10 @@ class Misplaced(InputError):
     """
 
 
+class NoDerivatives(InputError):
+    """A problem can be solved, and its solution has no derivatives; the message says why."""
+
+
 class NotConverged(ContactLockingError):
     """A solver stopped before its criteria held; the message names the criterion and a remedy."""
 
