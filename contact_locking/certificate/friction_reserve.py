@@ -34,7 +34,7 @@ def share_against_sliding(state: SolvedState) -> float:
         if not found.contact.friction.frictionless:
             tangents = at_nodes.tangents()
             weights = found.contact.surface.weights * found.free
-            moves.append(tangents.reshape(len(weights), problem.domain.dim, -1))
+            moves.append(tangents.reshape(len(weights), problem.domain.dim, tangents.shape[1]))
             forces.append(weights[:, None] * found.traction)
             bounds.append(weights * found.bound)
     along = sliding_motions(np.concatenate(normals))

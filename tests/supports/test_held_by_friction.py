@@ -348,3 +348,20 @@ def test_feet_that_slide_apart_hold_each_other() -> None:
     )
     assert found.summary["friction_used"] > 1.0 - 1e-4
     assert not found.summary["warnings"]
+
+
+def test_a_block_that_rubs_on_a_block_is_held_on_ranks_that_have_no_contact() -> None:
+    found = solved(
+        pushed(
+            2,
+            1.0,
+            mesh={"builder": "stack", "size": [10.0, 4.0], "upper": [6.0, 3.0], "h": 1.2},
+            loads={
+                "displacements": [{"on": "bottom", "value": [0.0, 0.0]}],
+                "tractions": [{"on": "top", "value": [1.25, -10.0]}],
+            },
+            contact={"on": "upper_bottom", "against": "lower_top"},
+        )
+    )
+    assert found.summary["friction_force"][0] == pytest.approx(-7.5)
+    assert not found.summary["warnings"]
