@@ -9,22 +9,26 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate import Extras, certify
 from contact_locking.contact.contact import Contact
+from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import InputError
+from contact_locking.fem.joint_forms import JointForm
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.given_mesh import NamedFacets
 from contact_locking.mesh.half_section import half_section
 from contact_locking.monitor import Monitor
+from contact_locking.parallel import minimum, on_any_rank
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.elasticity import Elasticity, elasticity_of
+from contact_locking.problem.forms import external_work
 from contact_locking.problem.limits import Limit
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
@@ -78,6 +82,10 @@ class ContactProblem:
         settings: Settings | None = None,
         monitor: Monitor | None = None,
     ) -> None:
+        if not n > 0.0 or (compliance is not None and not compliance >= 0.0):
+            raise InputError(f"n is positive, and compliance not negative: {n}, {compliance}", "n")
+        if L is not None and len(L.arguments()) != 1:
+            raise InputError("must be a linear form, with a test function alone", "L")
         space = space or _space_of(a, L)
         if axisymmetric and not isinstance(a, Elasticity):
             raise InputError("must be an Elasticity for an axisymmetric body", "a")
@@ -97,7 +105,7 @@ class ContactProblem:
         domain = places.domain()
         domain = half_section(domain, "axisymmetric") if axisymmetric else domain
         held = [
-            _support(item, names, f"supports.{number}")
+            _support(item, names, f"supports.{number}", domain.dim)
             for number, (item, names) in enumerate(zip(supports, of_supports, strict=True))
         ]
         placed = [
@@ -182,9 +190,22 @@ class ContactProblem:
     def _solve(self, after: Solution | None, begin: Solution | None) -> SolverReport:
         problem, solver = self._discrete, self._solver
         problem.enter(problem.at_rest() if after is None else after.state.contacts)
+        self._require_finite_loads()
         problem.refresh()
+        for contact in problem.contacts:
+            _require_friction(contact)
         solver.begin()
         return solver.solve(None if begin is None else begin.state.saved)
+
+    def _require_finite_loads(self) -> None:
+        data, dofmap = self._discrete.data, self._discrete.u.function_space.dofmap
+        if data.loads is None:
+            return
+        test = ufl.TestFunction(self._discrete.u.function_space)
+        loads = la.vector(dofmap.index_map, dofmap.index_map_bs)
+        JointForm(external_work(test, data)).assemble_vector(loads)
+        if on_any_rank(self.domain.comm, not np.all(np.isfinite(loads.array))):
+            raise InputError("is not finite somewhere", "L")
 
     def close(self) -> None:
         """Destroy the PETSc objects."""
@@ -215,8 +236,30 @@ def _element_of(space: fem.FunctionSpace, limit_at: str | None, axisymmetric: bo
     return element_of(degree, limit_at, axisymmetric, boxes)
 
 
-def _support(given: Support, on: tuple[str, ...], key: str) -> Support:
+def _require_friction(contact: NodalContact) -> None:
+    """Raise InputError for a coefficient without slip that is negative or no number; collective."""
+    mu = contact.friction.coefficient(np.zeros(len(contact.surface.nodes)))
+    least = minimum(contact.surface.domain.comm, np.nan_to_num(mu, nan=-np.inf))
+    if not least >= 0.0:
+        raise InputError(
+            f"mu must be a number from 0 up everywhere, and is {least:g} somewhere",
+            f"{contact.key}.friction",
+        )
+
+
+def _support(given: Support, on: tuple[str, ...], key: str, dim: int) -> Support:
     """A support on boundary parts, whose values are read before each solve."""
+    if given.along is not None:
+        try:
+            along = np.asarray(given.along, dtype=float)
+        except (TypeError, ValueError):
+            along = np.zeros(0)
+        if along.shape != (dim,) or not 0.0 < np.linalg.norm(along) < math.inf:
+            raise InputError(
+                f"must be None for the outward normal, or {dim} numbers that are not all zero, "
+                f"not {given.along!r}",
+                f"{key}.along",
+            )
     return dataclasses.replace(given, on=on, value=_values(given.value), key=key, timed=True)
 
 

@@ -40,6 +40,9 @@ class InputError(ContactLockingError):
     def __init__(self, message: str, key: str | None = None) -> None:
         super().__init__(message)
         self.key = key
+        if key is not None:
+            # A traceback of a script shows the note; the command line tells the key and its line.
+            self.add_note(f"This is about {key}.")
 
 
 class Misplaced(InputError):

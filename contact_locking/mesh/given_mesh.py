@@ -58,7 +58,10 @@ class NamedFacets:
             return tuple(where)
         if len(where) == 2 and isinstance(where[0], dmesh.MeshTags):
             where = where[0].find(where[1])
-        self._put(key, np.asarray(where, dtype=np.int32), key)
+        facets = np.asarray(where, dtype=np.int32)
+        if not on_any_rank(self._mesh.comm, bool(len(facets))):
+            raise InputError("has no facets", key)
+        self._put(key, facets, key)
         return (key,)
 
     def domain(self) -> Domain:
