@@ -176,6 +176,7 @@ def own() -> Iterator[str]:
     del QUANTITIES["pressure_mean"]
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_a_quantity_of_five_lines_is_everywhere(own: str, tmp_path: Path) -> None:
     parameters = sheared(2, output={"directory": "r", "picture": False, "fields": False})

@@ -12,6 +12,7 @@ import pytest
 from differences import errors
 from differentiated_block import NAMES, Block, block, quantities
 from petsc4py import PETSc
+from slow import slow
 
 import contact_locking as cl
 from contact_locking.sensitivity.parameters import Entry
@@ -27,10 +28,7 @@ CASES: dict[str, dict[str, Any]] = {
     "without friction": {"coefficient": lambda mu: 0.0},
     "three dimensions": {"dim": 3, "cells": 3, "kernel": cl.Local()},
 }
-# These take half a minute each.
-SLOW = ("penalty", "quadratic", "filter", "three dimensions")
-# Differences on two ranks take a minute for each case; the others show that ranks agree.
-ONE_RANK = ("newton", "local")
+QUICK = ("inequality",)
 
 
 Make = Callable[..., Block]
@@ -50,19 +48,7 @@ def make() -> Iterator[Make]:
         one.problem.close()
 
 
-@pytest.mark.parametrize(
-    "case",
-    [
-        pytest.param(
-            name,
-            marks=[
-                *[pytest.mark.slow] * (name in SLOW),
-                *[pytest.mark.serial] * (name in ONE_RANK),
-            ],
-        )
-        for name in CASES
-    ],
-)
+@pytest.mark.parametrize("case", [name if name in QUICK else slow(name) for name in CASES])
 def test_derivatives_are_those_of_central_differences(case: str, make: Make) -> None:
     made = make(**CASES[case])
     solution = made.problem.solve()
