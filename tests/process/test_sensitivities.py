@@ -188,6 +188,8 @@ def test_a_block_that_slides_has_the_derivative_of_coulombs_law() -> None:
     assert found["friction_force.0"]["derivative"] == pytest.approx(expected, rel=1e-5)
 
 
+# Differences take a minute on two ranks.
+@pytest.mark.serial
 def test_forces_of_springs_have_derivatives_with_those_of_conditions_beside_them() -> None:
     of = ["reactions.left.0", "reactions.left.1", "reactions.top.1"]
     to = ["loads.springs.0.stiffness", "loads.springs.1.stiffness", "loads.tractions.0.value.1"]

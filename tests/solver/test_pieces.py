@@ -185,6 +185,8 @@ def test_friction_of_the_last_step_turns_with_a_foundation_that_moves_along() ->
     assert max(tangents) < pressed.summary["iterations"]["tangents"]
 
 
+# It takes a minute on two ranks.
+@pytest.mark.serial
 def test_a_press_fit_that_turns_sticks_before_it_slips() -> None:
     """The torque is 2 pi b^2 mu p with the pressure p of Lamé, for a hub and a ring that are held.
 
