@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from ufl.core.expr import Expr
 
@@ -19,15 +19,18 @@ from contact_locking.certificate import Extras, certify
 from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError
+from contact_locking.fem.joint_forms import JointForm
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.given_mesh import NamedFacets
 from contact_locking.mesh.half_section import half_section
 from contact_locking.monitor import Monitor
+from contact_locking.parallel import on_any_rank
 from contact_locking.problem import own_energy
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.elasticity import Elasticity, elasticity_of
+from contact_locking.problem.forms import external_work
 from contact_locking.problem.limits import Limit
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
@@ -82,7 +85,7 @@ class ContactProblem:
         monitor: Monitor | None = None,
     ) -> None:
         space = space or _space_of(a, L)
-        _check(n, limits)
+        _check(L, limits, n, compliance)
         if axisymmetric and not isinstance(a, Elasticity):
             raise InputError("must be an Elasticity for an axisymmetric body", "a")
         element = _element_of(space, limit_at, axisymmetric)
@@ -101,7 +104,7 @@ class ContactProblem:
         domain = places.domain()
         domain = half_section(domain, "axisymmetric") if axisymmetric else domain
         held = [
-            _support(item, names, f"supports.{number}")
+            _support(item, names, f"supports.{number}", domain.dim)
             for number, (item, names) in enumerate(zip(supports, of_supports, strict=True))
         ]
         placed = [
@@ -192,9 +195,22 @@ class ContactProblem:
     def _solve(self, after: Solution | None, begin: Solution | None) -> SolverReport:
         problem, solver = self._discrete, self._solver
         problem.enter(problem.at_rest() if after is None else after.state.contacts)
+        self._require_finite_loads()
         problem.refresh()
+        for contact in problem.contacts:
+            contact_checks.require_friction(contact)
         solver.begin()
         return solver.solve(None if begin is None else begin.state.saved)
+
+    def _require_finite_loads(self) -> None:
+        data, dofmap = self._discrete.data, self._discrete.u.function_space.dofmap
+        if data.loads is None:
+            return
+        test = ufl.TestFunction(self._discrete.u.function_space)
+        loads = la.vector(dofmap.index_map, dofmap.index_map_bs)
+        JointForm(external_work(test, data)).assemble_vector(loads)
+        if on_any_rank(self.domain.comm, not np.all(np.isfinite(loads.array))):
+            raise InputError("is not finite somewhere", "L")
 
     def close(self) -> None:
         """Destroy the PETSc objects."""
@@ -202,9 +218,15 @@ class ContactProblem:
         self._discrete.close()
 
 
-def _check(n: Any, limits: Sequence[Any]) -> None:
+def _check(L: ufl.Form | None, limits: Sequence[Any], n: Any, compliance: float | None) -> None:
+    if L is not None and len(L.arguments()) != 1:
+        raise InputError("must be a linear form, with a test function alone", "L")
     if not isinstance(n, Real):
         raise InputError(f"must be a number or infinity, not {type(n).__name__}", "n")
+    if not n > 0.0:
+        raise InputError(f"must be > 0, not {n}", "n")
+    if compliance is not None and not compliance >= 0.0:
+        raise InputError(f"must be >= 0, not {compliance}", "compliance")
     for item in limits:
         if not callable(getattr(item, "on", None)):
             wanted = "limits of the strain, such as StrainBall(0.02)"
@@ -234,8 +256,19 @@ def _element_of(space: fem.FunctionSpace, limit_at: str | None, axisymmetric: bo
     return element_of(degree, limit_at, axisymmetric, boxes)
 
 
-def _support(given: Support, on: tuple[str, ...], key: str) -> Support:
+def _support(given: Support, on: tuple[str, ...], key: str, dim: int) -> Support:
     """A support on boundary parts, whose values are read before each solve."""
+    if given.along is not None:
+        try:
+            along = np.asarray(given.along, dtype=float)
+        except (TypeError, ValueError):
+            along = np.zeros(0)
+        if along.shape != (dim,) or not 0.0 < np.linalg.norm(along) < math.inf:
+            raise InputError(
+                f"must be None for the outward normal, or {dim} numbers that are not all zero, "
+                f"not {given.along!r}",
+                f"{key}.along",
+            )
     return dataclasses.replace(given, on=on, value=_values(given.value), key=key, timed=True)
 
 

@@ -41,6 +41,7 @@ class InputError(ContactLockingError):
         super().__init__(message)
         self.key = key
         if key is not None:
+            # A traceback of a script shows the note; the command line tells the key and its line.
             self.add_note(f"This is about {key}.")
 
 
@@ -49,6 +50,10 @@ class Misplaced(InputError):
 
     A foundation that moves may have been in a place that is right before.
     """
+
+
+class NoDerivatives(InputError):
+    """A problem can be solved, and its solution has no derivatives; the message says why."""
 
 
 class NotConverged(ContactLockingError):

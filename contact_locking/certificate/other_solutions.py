@@ -44,6 +44,8 @@ _LEAST = 1e-6
 _FAR = 1e3
 # Normal components of unit motions below this are zero.
 _ROUNDING = 1e-9
+# Work of the loads below this share of that of their sizes is rounding.
+_IDLE = 1e-13
 
 
 def without_friction(state: SolvedState) -> dict[str, Any]:
@@ -70,7 +72,8 @@ class _FreeMotions:
 
     ``_rows`` (k, m) are their normal components, relative to the tools, at the nodes where contact
     acts, ``_room`` (k,) is ``gap - u_nu`` there, and ``_pressure`` (k,) is p, with 0 where the
-    solver knows the contact to be open.  ``_coefficients`` (n, m) are those of the translations and
+    solver knows the contact to be open, and ``_work`` (m,) the work of the loads, 0 where it is
+    rounding.  ``_coefficients`` (n, m) are those of the translations and
     rotations of one part after the other, and then the travels.  The constructor is collective.
     """
 
@@ -93,19 +96,34 @@ class _FreeMotions:
             pressure += comm.allgather(pressed[found.free])
         self._rows, self._pressure = np.concatenate(rows), np.concatenate(pressure)
         self._room = np.maximum(np.concatenate(room), 0.0)
+        self._work = self._of_loads(state, fields)
         self._stress = max(state.mean_stress, float(self._pressure.max(initial=0.0)))
         gaps = float(self._room[np.isfinite(self._room)].max(initial=0.0))
         #: Displacements are compared with the first of these that is not zero.
         lengths = (state.largest_displacement, gaps, state.target.length)
         self._length = next(length for length in lengths if length > 0.0)
 
+    def _of_loads(self, state: SolvedState, fields: FloatArray) -> FloatArray:
+        """The work (m,) of loads and tools along the motions, of 1 at most; collective."""
+        load = state.system.load
+        # An eigenstrain does no work on rigid motions, and its forces may dwarf the loads.
+        net = load + state.system.forms.eigenstrain_forces()[: len(load)]
+        moved = fields[:, : len(load)]
+        work, size = state.comm.allreduce(np.array([moved @ net, np.abs(moved) @ np.abs(load)]))
+        forces = np.array([tool.force for tool in self._tools])
+        work, size = np.append(work, forces), np.append(size, np.abs(forces))
+        work = np.where(np.abs(work) > _IDLE * size, work, 0.0)
+        return np.asarray(work / (np.abs(work).max(initial=0.0) or 1.0))
+
     def play(self, pressed: float) -> str | None:
         """The motion c that leads to another solution, in words, None if there is none.
 
         Contact stays closed where the pressure is above the share ``pressed`` of the stress.
         """
-        closed = self._pressure > pressed * self._stress
-        allowed = sliding_motions(self._rows[closed])
+        closed = self._rows[self._pressure > pressed * self._stress]
+        # A motion that is found moves against no load, however small this is beside the stress.
+        idle = self._work[None] if pressed == 0.0 and self._work.any() else closed[:0]
+        allowed = sliding_motions(np.vstack([closed, idle]))
         motion = self._farthest(allowed)
         if motion is None:
             return None

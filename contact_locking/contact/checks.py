@@ -20,7 +20,7 @@ from contact_locking.errors import InputError, with_key
 from contact_locking.laws.foundation import Round
 from contact_locking.laws.friction import FrictionLaw
 from contact_locking.laws.level_set import LevelSet
-from contact_locking.parallel import agree
+from contact_locking.parallel import agree, minimum
 
 # The vectors of the foundations of this package.
 _VECTORS = ("point", "normal", "centre", "axis")
@@ -42,6 +42,17 @@ def check_values(contact: NodalContact) -> None:
             with_key(f"{contact.key}.friction", lambda: law(points, np.zeros(len(points))))
 
     agree(contact.surface.domain.comm, evaluated)
+
+
+def require_friction(contact: NodalContact) -> None:
+    """Raise InputError for a mu without slip that is negative or no number; collective."""
+    mu = contact.friction.coefficient(np.zeros(len(contact.surface.nodes)))
+    least = minimum(contact.surface.domain.comm, np.nan_to_num(mu, nan=-np.inf))
+    if not least >= 0.0:
+        raise InputError(
+            f"mu must be a number from 0 up everywhere, and is {least:g} somewhere",
+            f"{contact.key}.friction",
+        )
 
 
 def _faults(given: Contact, dim: int) -> Iterator[tuple[str, str]]:

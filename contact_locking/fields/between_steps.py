@@ -14,6 +14,8 @@ from contact_locking.fields.clock import Clock
 _PARTS, _PLACES = 16, 5
 # Data may leave the range of their values at both ends of a step by this share of their size.
 _PEAK = 0.2
+# A mean below this share of the values that it is of is zero with rounding.
+_ROUNDING = 1e-12
 
 
 def unseen_peaks(expression: Expression, key: str, clock: Clock, box: FloatArray) -> list[str]:
@@ -29,7 +31,7 @@ def unseen_peaks(expression: Expression, key: str, clock: Clock, box: FloatArray
     rows = [item.table.points for item in expression.lookups if item.is_over(TIME)]
     knots = np.unique(np.concatenate([np.zeros(0), *rows]))
     ends = [clock.start, *(time for time in clock.planned if time > clock.start)]
-    largest, worst = 0.0, (0.0, 0.0, 0.0, 0.0, 0.0)
+    largest, rounding, worst = 0.0, 0.0, (0.0, 0.0, 0.0, 0.0, 0.0)
     for before, after in itertools.pairwise(ends):
         inside = knots[(knots > before) & (knots < after)]
         times = np.sort(np.append(np.linspace(before, after, _PARTS + 1), inside))
@@ -37,13 +39,14 @@ def unseen_peaks(expression: Expression, key: str, clock: Clock, box: FloatArray
         values = values[np.all(np.isfinite(values), axis=1)]
         if not len(values):
             continue
+        rounding = max(rounding, _ROUNDING * float(np.abs(values).max()))
         values = values.mean(axis=0)
         low, high = sorted((values[0], values[-1]))
         beyond = np.maximum(values - high, low - values)
         largest, most = max(largest, float(np.abs(values).max())), int(np.argmax(beyond))
         worst = max(worst, (beyond[most], times[most], values[most], before, after))
     beyond_most, time, value, before, after = worst
-    if beyond_most <= _PEAK * largest:
+    if beyond_most <= max(_PEAK * largest, rounding):
         return []
     return [
         f"{key}: its mean is {value:.3g} at t = {time:.6g}, which no step sees: the steps go from "

@@ -178,12 +178,12 @@ def about_uncovered_boundary(
     ]
 
 
-def about_the_friction_used(used: float | None) -> list[str]:
+def about_the_friction_used(used: float) -> list[str]:
     """A warning about a body that friction alone holds, and that uses all of its friction.
 
-    ``used`` is the share of the friction bound that acts, None without friction.
+    ``used`` is the share of what friction could hold against a rigid motion of the body.
     """
-    if used is None or used < _ALL_FRICTION:
+    if used < _ALL_FRICTION:
         return []
     return [
         "friction alone holds the body, and all of it is used: with a little more load along the "

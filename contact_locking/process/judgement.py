@@ -8,6 +8,7 @@ import dolfinx
 import numpy as np
 
 from contact_locking.certificate import Certificate
+from contact_locking.certificate.friction_reserve import share_against_sliding
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fields import plausibility
@@ -98,7 +99,7 @@ def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
         [fields.contact.key for fields in state.contacts], held, state.largest_displacement
     )
     if problem.sliding and not any(contact.friction.depends_on_slip for contact in data.contacts):
-        found += plausibility.about_the_friction_used(numbers["friction_used"])
+        found += plausibility.about_the_friction_used(share_against_sliding(state))
     for fields in state.contacts:
         between = fields.entry
         found += plausibility.about_an_entry(

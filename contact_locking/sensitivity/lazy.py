@@ -9,7 +9,7 @@ import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
 
-from contact_locking.errors import InputError
+from contact_locking.errors import InputError, NoDerivatives
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.sensitivity.derivatives import Derivatives
@@ -59,11 +59,11 @@ class LazyDerivatives:
                 "derivatives before"
             )
         if self._problem.data.jumps:
-            raise InputError("there are no derivatives where two bodies touch each other yet")
+            raise NoDerivatives("there are no derivatives where two bodies touch each other yet")
         if not self.report.converged:
             raise InputError("a solve that has not converged has no derivatives")
         if self._settings.linear != "direct":
-            raise InputError(
+            raise NoDerivatives(
                 "derivatives take a factorisation, for which this body is too large by the choice "
                 "of auto; take direct",
                 "solver.linear",

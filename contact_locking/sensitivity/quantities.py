@@ -5,7 +5,7 @@ compliance                 ``(f, u)``
 elastic_energy             ``a(u, u)/2``, that of ``eps(u) - eps_0`` with an eigenstrain
 contact_force.i            ``-int p nu_i`` over all contacts, or contacts.N.contact_force.i
 friction_force.i           ``int sigma_tau_i`` over all contacts, or contacts.N.friction_force.i
-reactions.PART.i           the resultant of the reactions of a boundary part
+reactions.PART.i           the resultant of the reactions and springs of a boundary part
 pressure_max               the pressure at the node where it is largest, and stays so
 contacts.N.tool.travel     the way of a tool that a force pushes
 ========================== ====================================================================
@@ -25,6 +25,7 @@ from contact_locking.certificate.reactions import shares_by_part
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.plain_text import nearest
+from contact_locking.problem.springs import Springs
 from contact_locking.results.quantities import QUANTITIES
 from contact_locking.sensitivity.equations import Equations, Residual
 from contact_locking.sensitivity.linearisation import Gradient
@@ -81,9 +82,10 @@ def quantity_of(name: str, domain: Domain, equations: Equations) -> Quantity:
             if equations.system.contacts.index(tool.contact) == int(found[1]):
                 return _Travel(number).quantity(name)
     if found := re.fullmatch(r"reactions\.(.+)\.(\d)", name):
-        lifts = _lifts(found[1], int(found[2]), domain, equations)
-        if lifts is not None:
-            return _Reaction(lifts).quantity(name)
+        part, axis = found[1], int(found[2])
+        lifts = _lifts(part, axis, domain, equations)
+        if axis < dim and (lifts is not None or _springs(part, equations)):
+            return _Reaction(part, axis, lifts).quantity(name)
     raise InputError(
         f"no quantity '{name}' has a derivative{nearest(name, known())}; there are "
         f"{', '.join(known())}",
@@ -214,25 +216,50 @@ def _lifts(part: str, axis: int, domain: Domain, equations: Equations) -> FloatA
     return found.reshape(-1)
 
 
+def _springs(part: str, equations: Equations) -> list[Springs]:
+    return [item for item in equations.system.data.springs if item.on == part]
+
+
 @dataclass(frozen=True)
 class _Reaction:
-    """The work of all forces with a displacement of held dofs."""
+    """The work of all forces with a displacement of held dofs, and of springs with a unit one."""
 
-    lifts: FloatArray
+    part: str
+    axis: int
+    lifts: FloatArray | None
 
     def quantity(self, name: str) -> Quantity:
         return Quantity(name, self._value, self._gradient)
 
     def _value(self, equations: Equations, residual: Residual) -> float:
-        return _sum(equations, float(self.lifts @ residual.forces[: len(self.lifts)]))
+        system, count = equations.system, len(equations.system.load)
+        pulled = sum(item.forces(system.u)[:count] for item in _springs(self.part, equations))
+        local = float(np.sum(pulled * self._unit(count, system.dim)))
+        if self.lifts is not None:
+            local += float(self.lifts @ residual.forces[:count])
+        return _sum(equations, local)
 
     def _gradient(self, equations: Equations, residual: Residual) -> Gradient:
-        system, count = equations.system, len(self.lifts)
+        system, count = equations.system, len(equations.system.load)
+        found, seen = _nothing(equations), dict[Family, FloatArray]()
         lifted = fem.Function(system.u.function_space)
-        lifted.x.array[:count] = self.lifts
-        lifted.x.scatter_forward()
-        found = _nothing(equations)
-        found[:count] = system.forms.elastic_forces(lifted)[:count]
-        at_rest = _nothing(equations)
-        at_rest[:count] = self.lifts
-        return Gradient(found, {family: family.see(at_rest) for family in equations.families})
+        if _springs(self.part, equations):
+            lifted.x.array[:count] = self._unit(count, system.dim)
+            lifted.x.scatter_forward()
+            found[:count] = sum(
+                item.forces(lifted)[:count] for item in _springs(self.part, equations)
+            )
+        if self.lifts is not None:
+            lifted.x.array[:count] = self.lifts
+            lifted.x.scatter_forward()
+            found[:count] += system.forms.elastic_forces(lifted)[:count]
+            at_rest = _nothing(equations)
+            at_rest[:count] = self.lifts
+            seen = {family: family.see(at_rest) for family in equations.families}
+        return Gradient(found, seen)
+
+    def _unit(self, count: int, dim: int) -> FloatArray:
+        """The owned unit displacement along the axis."""
+        unit = np.zeros((count // dim, dim))
+        unit[:, self.axis] = 1.0
+        return unit.reshape(-1)

@@ -15,7 +15,13 @@ from msh import MeshElements
 from small_meshes import grid, shared
 from sweep.case import Study
 
-from contact_locking.certificate.other_solutions import IF_CONVEX, OTHERS, OWN_ENERGY, UNIQUE
+from contact_locking.certificate.other_solutions import (
+    IF_CONVEX,
+    OTHERS,
+    OWN_ENERGY,
+    TOO_CLOSE,
+    UNIQUE,
+)
 from contact_locking.process.solving import solve, solve_assembled, solve_steps
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
@@ -69,6 +75,19 @@ def test_a_block_that_pressure_holds_has_no_other_solution(gap: float, n: float)
     verdict, why = said(solved(study(loads, between(gap), penalty={"n": n})))
     assert verdict == UNIQUE
     assert ("need not be" in why) == math.isinf(n)
+
+
+@pytest.mark.parametrize("weight", [-1e-11, 0.0])
+def test_a_weight_below_the_accuracy_of_the_stress_leaves_no_proof_of_play(weight: float) -> None:
+    """A hot block beside whose stresses its weight is nothing still comes down onto the ground."""
+    loads = {"displacements": [_LEFT], "body_force": [0.0, weight]}
+    material = {
+        "elasticity": {"young": 1.0, "poisson": 0.3},
+        "eigenstrain": {"expansion": 1e-5, "temperature": "100*x*y"},
+    }
+    verdict, why = said(solved(study(loads, between(), material=material)))
+    assert verdict == (TOO_CLOSE if weight else OTHERS)
+    assert "translation along y" in why
 
 
 def test_gaps_that_are_closed_without_pressure_leave_no_play() -> None:

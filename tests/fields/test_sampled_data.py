@@ -359,6 +359,18 @@ def test_a_peak_of_a_table_over_the_time_is_found_in_its_rows(
     problem.close()
 
 
+def test_a_rotation_whose_mean_is_rounding_has_no_peak() -> None:
+    problem = _block(
+        mesh__size=[3.0, 0.7],
+        loads={
+            "displacements": [{"on": "top", "value": ["-0.01*(y - 0.35)*t", "0.01*(x - 1.5)*t"]}]
+        },
+        steps={"times": [1.0, 1.5, 2.0]},
+    )
+    assert not problem.warnings
+    problem.close()
+
+
 @pytest.mark.parametrize(
     ("contact", "friction", "told"),
     [

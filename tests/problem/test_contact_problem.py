@@ -463,3 +463,44 @@ def test_a_body_that_its_loads_alone_press_may_have_loads_later(comm: MPI.Intrac
     with pytest.raises(cl.InputError, match="do not press the body"):
         problem.solve()
     problem.close()
+
+
+@pytest.mark.parametrize(
+    ("given", "key"),
+    [
+        ({"bcs": lambda left: [cl.Support(left, along="normal")]}, "supports.0.along"),
+        ({"bcs": lambda left: [cl.Support(left, along=(0.0, 0.0))]}, "supports.0.along"),
+        ({"bcs": lambda left: [cl.Support(left, along=(0.0, 0.0, 1.0))]}, "supports.0.along"),
+        ({"bcs": lambda left: [cl.Support(left[:0])]}, "supports.0"),
+        ({"contacts": lambda bottom: [cl.Contact(bottom[:0])]}, "contacts.0"),
+        ({"mu": -0.3}, "contacts.0.friction"),
+        ({"mu": math.nan}, "contacts.0.friction"),
+        ({"mu": lambda x, s: 0.3 - x[:, 0]}, "contacts.0.friction"),
+        ({"load": math.nan}, "L"),
+        ({"bilinear": True}, "L"),
+        ({"n": 0.0}, "n"),
+    ],
+)
+def test_data_of_a_script_that_cannot_be_used_are_refused_with_their_place(
+    given: dict[str, Any], key: str
+) -> None:
+    body = mesh.create_unit_square(MPI.COMM_WORLD, 4, 4)
+    space = fem.functionspace(body, ("Lagrange", 1, (2,)))
+    left = mesh.locate_entities_boundary(body, 1, lambda x: np.isclose(x[0], 0.0))
+    bottom = mesh.locate_entities_boundary(body, 1, lambda x: np.isclose(x[1], 0.0))
+    v = ufl.TestFunction(space)
+    load = ufl.inner(fem.Constant(body, (0.0, given.get("load", -0.01))), v) * ufl.dx
+    if "bilinear" in given:
+        load += ufl.inner(ufl.TrialFunction(space), v) * ufl.dx
+    contacts = [cl.Contact(bottom, friction=cl.Coulomb(given.get("mu", 0.3), cl.Local()))]
+    with pytest.raises(cl.InputError) as caught:
+        cl.ContactProblem(
+            cl.Elasticity(young=1.0, poisson=0.3),
+            load,
+            given["bcs"](left) if "bcs" in given else [cl.Support(left)],
+            contacts=given["contacts"](bottom) if "contacts" in given else contacts,
+            space=space,
+            n=given.get("n", math.inf),
+        ).solve()
+    assert caught.value.key == key
+    assert f"This is about {key}." in caught.value.__notes__

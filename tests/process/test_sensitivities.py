@@ -186,3 +186,29 @@ def test_a_block_that_slides_has_the_derivative_of_coulombs_law() -> None:
     expected = -force - 0.3 * found["contact_force.1"]["derivative"]
     assert friction == pytest.approx(-0.3 * force, rel=1e-6)
     assert found["friction_force.0"]["derivative"] == pytest.approx(expected, rel=1e-5)
+
+
+# Differences take a minute on two ranks.
+@pytest.mark.serial
+def test_forces_of_springs_have_derivatives_with_those_of_conditions_beside_them() -> None:
+    of = ["reactions.left.0", "reactions.left.1", "reactions.top.1"]
+    to = ["loads.springs.0.stiffness", "loads.springs.1.stiffness", "loads.tractions.0.value.1"]
+    found = solve(
+        study(
+            loads={
+                "displacements": [{"on": "left", "value": [0.001, None]}],
+                "springs": [
+                    {"on": "left", "stiffness": 0.5},
+                    {"on": "top", "stiffness": 0.1, "along": [1, 2]},
+                ],
+                "tractions": [{"on": "right", "value": [0.0, -0.004]}],
+            },
+            sensitivities={"of": of, "to": to, "check": True},
+        )
+    )
+    table = found.summary["sensitivities"]
+    for name in of:
+        derivatives = np.array([table[name][key]["derivative"] for key in to])
+        checked = np.array([table[name][key]["checked"] for key in to])
+        assert derivatives == pytest.approx(checked, rel=1e-3, abs=1e-3 * np.abs(checked).max())
+        assert np.abs(checked).max() > 0.0

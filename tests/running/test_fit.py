@@ -16,7 +16,7 @@ import pytest
 
 from contact_locking import load
 from contact_locking.command import cli
-from contact_locking.errors import InputError
+from contact_locking.errors import InputError, NoDerivatives
 from contact_locking.running.fit.curves import read_experiments
 
 pytestmark = pytest.mark.serial
@@ -150,7 +150,7 @@ def test_differences_serve_where_derivatives_are_refused(
     folder: Folder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refused(*_: Any) -> None:
-        raise InputError("no derivatives", "solver.linear")
+        raise NoDerivatives("there are no derivatives")
 
     from contact_locking.process.sensitivities import Sensitivities
 
@@ -159,7 +159,27 @@ def test_differences_serve_where_derivatives_are_refused(
     assert folder.fit() == 0
     value = folder.found["parameters"]["material.elasticity.young"]["value"]
     assert value == pytest.approx(2.0, rel=5e-3)
-    assert "takes one more solve" in folder.found["words"][0]
+    told = folder.found["words"][0]
+    assert told == "there are no derivatives; without them each number takes one more solve"
+
+
+def test_bodies_that_touch_each_other_are_fitted_by_differences(folder: Folder) -> None:
+    """Two like blocks that are pressed together have the force of one block of their height."""
+    folder.write(
+        """
+mesh: {builder: stack, size: [1.0, 0.5], upper: [1.0, 0.5], h: 0.5}
+material: {elasticity: {young: 1.0, poisson: 0.0}}
+loads: {displacements: [{on: top, value: [0, -0.01]}, {on: bottom, value: [0, 0]}]}
+contact: {on: upper_bottom, against: lower_top}
+output: {directory: results, fields: false, picture: false}
+"""
+        + FIT,
+        curve=LINE,
+    )
+    assert folder.fit() == 0
+    value = folder.found["parameters"]["material.elasticity.young"]["value"]
+    assert value == pytest.approx(2.0, rel=5e-3)
+    assert "where two bodies touch each other" in folder.found["words"][0]
 
 
 STEPS = COLUMN.replace("[0, -0.01]", '[0, "-0.03*t"]') + "steps: {to: 1, count: 3}\n"

@@ -183,3 +183,41 @@ def test_friction_of_the_last_step_turns_with_a_foundation_that_moves_along() ->
     assert pressed.converged and all(step.converged for step in moved)
     tangents = [step.summary["iterations"]["tangents"] for step in moved]
     assert max(tangents) < pressed.summary["iterations"]["tangents"]
+
+
+# It takes a minute on two ranks.
+@pytest.mark.serial
+def test_a_press_fit_that_turns_sticks_before_it_slips() -> None:
+    """The torque is 2 pi b^2 mu p with the pressure p of Lamé, for a hub and a ring that are held.
+
+    At the first tangent of the third step the tolerances are reached, and at the next they are
+    not.
+    """
+    study = {
+        "mesh": {
+            "builder": "disc_in_ring",
+            "radius": 10.0,
+            "hole": 4.0,
+            "inner_radius": 10.0,
+            "outer_radius": 15.0,
+            "h": 2.5,
+        },
+        "material": {"elasticity": {"young": 210000.0, "poisson": 0.3}, "plane": "stress"},
+        "loads": {
+            "displacements": [
+                {"on": "outer", "value": [0.0, 0.0]},
+                {"on": "hole", "value": ["-0.01*y*max(t - 1, 0)", "0.01*x*max(t - 1, 0)"]},
+            ]
+        },
+        "contact": {"on": "rim", "against": "inner", "gap": "-0.004*min(t, 1)"},
+        "friction": {"coefficient": 0.12},
+        "steps": {"times": [1.0, 1.05, 1.1, 1.5]},
+    }
+    *stuck, slipped = solving.solve_steps(Parameters.model_validate(study))
+    assert all(step.converged for step in stuck) and slipped.converged
+    # u = A (r - c^2/r) in the ring of outer radius c, and in the hub with the radius a of its hole.
+    ring = 12.5 * 0.91 / (1.3 + 0.7 * 2.25)
+    hub = 8.4 * 0.91 / (1.3 + 0.7 * 0.16)
+    pressure = 210000.0 * 0.004 / (ring + hub)
+    torque = abs(slipped.summary["contact_moment"])
+    assert torque == pytest.approx(2.0 * math.pi * 100.0 * 0.12 * pressure, rel=0.03)

@@ -327,3 +327,41 @@ def test_the_resultant_meets_the_plane_where_the_loads_have_no_moment() -> None:
     points[0, 2] += 0.1
     assert resultant_on_plane(force, twist, points, normals) is None
     assert math.isclose(found.place[2], 0.3)
+
+
+def test_feet_that_slide_apart_hold_each_other() -> None:
+    """Both feet slide outwards with all of their friction, and a push moves none of them away."""
+    pulls = [{"on": "left", "value": [-1.0, 0.0]}, {"on": "right", "value": [1.0, 0.0]}]
+    found = solved(
+        pushed(
+            2,
+            0.0,
+            mesh={
+                "builder": "block",
+                "size": [4.0, 1.0],
+                "h": 0.3,
+                "parts": {"feet": {"on": "bottom", "expression": "x < 1 or x > 3"}},
+            },
+            loads={"tractions": [{"on": "top", "value": [0.0, -0.01]}, *pulls]},
+            contact={"on": "feet"},
+        )
+    )
+    assert found.summary["friction_used"] > 1.0 - 1e-4
+    assert not found.summary["warnings"]
+
+
+def test_a_block_that_rubs_on_a_block_is_held_on_ranks_that_have_no_contact() -> None:
+    found = solved(
+        pushed(
+            2,
+            1.0,
+            mesh={"builder": "stack", "size": [10.0, 4.0], "upper": [6.0, 3.0], "h": 1.2},
+            loads={
+                "displacements": [{"on": "bottom", "value": [0.0, 0.0]}],
+                "tractions": [{"on": "top", "value": [1.25, -10.0]}],
+            },
+            contact={"on": "upper_bottom", "against": "lower_top"},
+        )
+    )
+    assert found.summary["friction_force"][0] == pytest.approx(-7.5)
+    assert not found.summary["warnings"]

@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 from contact_locking import study_file
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.errors import ContactLockingError, InputError, NoDerivatives
 from contact_locking.files import ownership
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import on_root
@@ -109,7 +109,8 @@ class Case:
 class Model:
     """The solves of all experiments at numbers of the file; collective.
 
-    ``derives`` turns False where derivatives are not known, as with iterative linear solvers.
+    ``derives`` turns False where derivatives are not known, as with iterative linear solvers, and
+    ``refusal`` says why.
     ``solves`` counts the solves of this session, ``found`` those that were on disk.
     """
 
@@ -129,7 +130,7 @@ class Model:
             Case(one, changes, rows) for one in experiments for changes, rows in one.cases()
         ]
         self.derives, self.solves, self.found = True, 0, 0
-        self.failure = ""
+        self.failure = self.refusal = ""
         self._domains: dict[str, Domain] = {}
 
     def case_parameters(self, case: Case, numbers: Sequence[float]) -> Parameters:
@@ -177,16 +178,15 @@ class Model:
                 return kept
             try:
                 found = self._solved(derived if self.derives else plain, names)
+            except NoDerivatives as error:
+                self.derives, self.refusal = False, str(error)
             except InputError as error:
-                if error.key == "solver.linear" and self.derives:
-                    # Derivatives alone are refused so: take differences from now on.
-                    self.derives = False
-                    continue
                 key = _ASKED.get(error.key or "", error.key)
                 raise InputError(str(error), key) from error
-            if found is not None:
-                on_root_of(self._comm, self._folder, partial(self._keep, name, found))
-            return found
+            else:
+                if found is not None:
+                    on_root_of(self._comm, self._folder, partial(self._keep, name, found))
+                return found
 
     def _solved(self, parameters: Parameters, names: Sequence[str]) -> Evaluation | None:
         mesh = f"{parameters.mesh.model_dump_json()} {parameters.refined_names}"

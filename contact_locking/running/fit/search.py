@@ -92,7 +92,8 @@ class Search:
         for one in compared:
             self._say(words.about_units(one.name, one.data, one.model))
         used = [item.used for item in self._evaluations[_place(start)] if item.used is not None]
-        self._say(words.before(at_start, start, self._keys, max(used, default=None)))
+        most = max(used, default=None)
+        self._say(words.before(at_start, start, self._keys, most, self._model.refusal))
         has_errors = all(one.sigma is not None for one in compared)
         return estimate(self._variables, self._misfit, has_errors, self._model.derives)
 

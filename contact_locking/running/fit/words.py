@@ -53,14 +53,19 @@ def _uncertain(error: float) -> str:
 
 
 def before(
-    at_start: Residuals, numbers: FloatArray, keys: Sequence[str], used: float | None
+    at_start: Residuals,
+    numbers: FloatArray,
+    keys: Sequence[str],
+    used: float | None,
+    refusal: str,
 ) -> list[str]:
     """What the data cannot tell, by the derivatives at the start, the ``numbers`` (n,).
 
-    ``used`` is the largest share of the strain limit.
+    ``used`` is the largest share of the strain limit.  ``refusal`` says why there are no
+    derivatives.
     """
     if at_start.derivatives is None:
-        return ["derivatives take solver.linear: direct; here each number takes one more solve"]
+        return [f"{refusal}; without them each number takes one more solve"]
     found, by_logarithms = [], at_start.derivatives * numbers
     idle = estimate.idle(at_start, numbers)
     for key, is_idle in zip(keys, idle, strict=True):

@@ -254,7 +254,9 @@ class ActiveSet:
             left.append(self._left(measures))
             if self._leads_away(left):
                 raise NotConverged("the pieces of the laws are too far away")
-            kept_well = not keeps or left[-1].worst <= pieces.kept_gain * left[-2].worst
+            kept_well = not keeps or (
+                not reached_before and left[-1].worst <= pieces.kept_gain * left[-2].worst
+            )
             is_near = left[-1].changed == 0 and left[-1].worst <= pieces.keeps_below
             keeps = is_near and kept_well
         raise NotConverged("the pieces of the laws do not settle")
