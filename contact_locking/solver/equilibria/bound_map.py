@@ -111,7 +111,7 @@ class BoundMap:
         used = np.maximum(bounds, 0.0)
         self.vectors.enter(np.maximum(used, _LEAST * np.max(used, initial=0.0)))
         system.u.x.array[:] = self._start
-        self.multipliers = self._solver.solve()
+        self.multipliers = self._solver.solve(self._task.report.last)
         pairs = zip(system.contacts, self.multipliers.contacts, strict=True)
         pressures = [item.pressure for contact, item in pairs if contact in self.vectors.contacts]
         wanted = zip(self.vectors.contacts, pressures, strict=True)
