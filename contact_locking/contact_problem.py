@@ -29,6 +29,7 @@ from contact_locking.problem.limits import Limit
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Solution
+from contact_locking.solver.equilibria.diagram import Diagram
 from contact_locking.solver.task import Settings, SolverReport
 from contact_locking.supports.conditions import constrain
 from contact_locking.supports.supports import Support
@@ -179,12 +180,24 @@ class ContactProblem:
             found.append(solution)
         return found
 
+    def branch(self, to: float = 2.0, after: Solution | None = None) -> Diagram:
+        """The solutions over the share of friction, from none up to ``to`` times the coefficient.
+
+        It may end before, and says why.  Nothing tells that there are no other solutions.  Raises
+        InputError as :meth:`equilibria`.
+        """
+        self._begin(after)
+        return self._solver.diagram(to)
+
     def _solve(self, after: Solution | None, begin: Solution | None) -> SolverReport:
-        problem, solver = self._discrete, self._solver
+        self._begin(after)
+        return self._solver.solve(None if begin is None else begin.state.saved)
+
+    def _begin(self, after: Solution | None) -> None:
+        problem = self._discrete
         problem.enter(problem.at_rest() if after is None else after.state.contacts)
         problem.refresh()
-        solver.begin()
-        return solver.solve(None if begin is None else begin.state.saved)
+        self._solver.begin()
 
     def close(self) -> None:
         """Destroy the PETSc objects."""

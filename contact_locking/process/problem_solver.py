@@ -17,6 +17,7 @@ from contact_locking.problem.loose_motion import LooseMotion
 from contact_locking.problem.parts import describe_unheld, loose_fields
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.sensitivity.lazy import LazyDerivatives
+from contact_locking.solver.equilibria.diagram import Diagram, diagram
 from contact_locking.solver.equilibria.search import Equilibrium, equilibria
 from contact_locking.solver.linear.factorised import chosen
 from contact_locking.solver.linear.options import UserOptions
@@ -104,6 +105,13 @@ class ProblemSolver:
         """
         task = Task(self.system, self.target, self.settings, self._monitor, report)
         yield from equilibria(task, most)
+
+    def diagram(self, most: float) -> Diagram:
+        """The branch of solutions up to ``most`` times the friction; collective.
+
+        Raises InputError as :func:`diagram`.
+        """
+        return diagram(Task(self.system, self.target, self.settings, self._monitor), most)
 
     def derivatives(self, report: SolverReport) -> LazyDerivatives:
         """The derivatives of the solution of a report, until the next solve."""

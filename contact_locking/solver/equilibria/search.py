@@ -24,7 +24,7 @@ _SHARPER = 0.1
 _MOST_NODES, _MOST_POINTS, _FEWER_POINTS = 1500, 100, 40
 # Without a penalty a branch ends where the bounds are so many times those without friction: they
 # grow without a limit where friction wedges the body in.  With a penalty they have a limit.
-_FARTHEST = 300.0
+FARTHEST = 300.0
 # A branch is followed up to this share of the friction.
 _BEYOND = 2.0
 # Known solutions times these are starts of further searches, and so are shares of the bounds that
@@ -77,7 +77,7 @@ class Equilibria:
         most = _MOST_POINTS if start is None else _FEWER_POINTS
         points = itertools.islice(branch.points(start, direction), most)
         for point in points:
-            if is_strict and branch.reach > _FARTHEST:
+            if is_strict and branch.reach > FARTHEST:
                 self.end = _ENDS.format(share=100.0 * point.share, times=branch.reach)
                 return
             if self.report.tangents > self._most_tangents or point.share > _BEYOND:
@@ -179,13 +179,13 @@ def solve_on_branch(task: Task, most_tangents: float = math.inf) -> int | None:
         equilibria.destroy()
 
 
-def require_map(task: Task) -> None:
-    """Raise InputError where other equilibria cannot be searched; collective."""
+def require_map(task: Task, key: str = "equilibria") -> None:
+    """Raise InputError, for a key, where other equilibria cannot be searched; collective."""
     if not has_map(task):
         raise InputError(
             "needs friction with a coefficient below .inf and a body that more than friction "
             f"holds, and takes at most {_MOST_NODES} nodes with friction",
-            "equilibria",
+            key,
         )
 
 
