@@ -86,7 +86,6 @@ def collect_petsc_objects() -> Iterator[None]:
 def options_of_petsc() -> Iterator[None]:
     """Options left in PETSc's database would change the solvers of the tests that follow."""
     yield
-    gc.collect()
     left = [name for name in PETSc.Options().getAll() if name.startswith("contact_locking")]
     for name in left:
         PETSc.Options().delValue(name)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from mpi4py import MPI
+from slow import slow
 
 from contact_locking import load
 from contact_locking.command import cli
@@ -89,7 +90,8 @@ def test_study_file_converges(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "n"), [*((name, "1e8") for name in COARSE), *((name, ".inf") for name in PENALISED)]
+    ("name", "n"),
+    [*(slow(name, "1e8") for name in COARSE), *((name, ".inf") for name in PENALISED)],
 )
 def test_the_penalty_alone_may_be_changed_up_to_infinity(name: str, n: str, tmp_path: Path) -> None:
     run_file(name, MPI.COMM_WORLD.bcast(tmp_path), f"penalty.n={n}")

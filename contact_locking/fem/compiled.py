@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import zlib
 from collections.abc import Callable, Hashable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
@@ -30,8 +31,8 @@ _TIMEOUT = 60
 def form(integrals: Any) -> fem.Form:
     """The compiled form of a UFL form; collective."""
     (mesh, *_) = integrals.ufl_domains()
-    with _compiling(mesh.ufl_cargo().comm):
-        return fem.form(integrals, jit_options=options())
+    with _compiling(mesh.ufl_cargo().comm, integrals.signature()) as chosen:
+        return fem.form(integrals, jit_options=chosen)
 
 
 def integral(domain: Domain, integrals: Any) -> float:
@@ -45,8 +46,9 @@ def expression(value: Any, points: FloatArray, comm: Any = None) -> fem.Expressi
     ``comm`` are the ranks of an expression of numbers alone, which has no mesh.
     """
     comm = comm or ufl.domain.extract_unique_domain(value).ufl_cargo().comm
-    with _compiling(comm):
-        return fem.Expression(value, points, comm=comm, jit_options=options())
+    kind = f"{type(value).__name__} {value.ufl_shape} {points.shape}"
+    with _compiling(comm, kind) as chosen:
+        return fem.Expression(value, points, comm=comm, jit_options=chosen)
 
 
 def interpolation(value: Any, space: fem.FunctionSpace) -> fem.Expression:
@@ -81,8 +83,11 @@ class Kept:
 
 
 @contextlib.contextmanager
-def _compiling(comm: MPI.Intracomm) -> Iterator[None]:
+def _compiling(comm: MPI.Intracomm, signature: str) -> Iterator[dict[str, Any]]:
     """Let one process compile at a time, into a folder where no form is half there; collective.
+
+    Yields DOLFINx's ``jit_options``.  There are 256 folders, by signature: Python lists the whole
+    folder of a module that it imports, and processes do not wait for each other's forms.
 
     FFCx creates the C file of a form before the compilation, and a second file afterwards for which
     the other processes wait.  A process that ends in between, or a full disk, leaves one file
@@ -92,7 +97,8 @@ def _compiling(comm: MPI.Intracomm) -> Iterator[None]:
     # The first rank compiles.  The others must not wait for its lock with forms of their own while
     # it waits for them.
     comm.barrier()
-    folder = options()["cache_dir"]
+    chosen = options()
+    folder = chosen["cache_dir"] / f"{zlib.crc32(signature.encode()) & 0xFF:02x}"
     with contextlib.ExitStack() as stack:
         file = stack.enter_context(_lock(folder)) if comm.rank == 0 else None
         if file is not None:
@@ -100,7 +106,7 @@ def _compiling(comm: MPI.Intracomm) -> Iterator[None]:
                 _remove_unfinished(folder)
             else:
                 file.write(b"1")
-        yield
+        yield chosen | {"cache_dir": folder}
         if file is not None:
             file.truncate(0)
 

@@ -21,6 +21,8 @@ _LARGE_RATIO = 200.0
 _MULTIPLE = 10.0
 # The share of violation by a penalty that causes a warning, and the share that the advice aims at.
 _NOTABLE, _AIM = 0.1, 0.01
+# So much of the limit may be exceeded between the points where an element keeps it.
+_BETWEEN = 0.05
 # From this share of the friction bound on nothing is left to hold a body.
 _ALL_FRICTION = 1.0 - 1e-4
 # Pressure concentrates at edges, where the compliance of the body is this share of length over
@@ -109,6 +111,19 @@ def about_the_overstrain(overstrain: float, n: float, young: float) -> list[str]
         f"the strain {size}: penalty.n: {better:.1e} leaves about "
         f"{100.0 * _AIM:.0f} %, and .inf nothing; if that hardly helps, no displacement on this "
         "mesh within the limit can follow the prescribed ones, which .inf would report"
+    ]
+
+
+def about_strains_between_points(at_points: float, anywhere: float) -> list[str]:
+    """A warning about strains that exceed the limit where the element does not keep it.
+
+    Both are the largest ``|eps|/M``, at the points where the element keeps the limit and anywhere.
+    """
+    if anywhere - max(at_points, 1.0) <= _BETWEEN:
+        return []
+    return [
+        f"the strain is up to {100.0 * anywhere:.0f} % of its limit between the points of a cell "
+        "where the element keeps the limit; a finer mesh brings this nearer to 100 %"
     ]
 
 

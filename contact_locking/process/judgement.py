@@ -91,9 +91,9 @@ def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
     entering = [maximum(state.comm, depth[free]) for depth, free in depths]
     held = [maximum(state.comm, depth[~free]) for depth, free in depths]
     found = plausibility.about_the_strain(numbers["strain_norm_max"])
-    found += plausibility.about_the_overstrain(
-        body.largest(body.strain_norm, body.locking_limit) - 1.0, target.penalty.n, target.young
-    )
+    used = body.largest(body.strain_norm, body.locking_limit)
+    found += plausibility.about_the_overstrain(used - 1.0, target.penalty.n, target.young)
+    found += plausibility.about_strains_between_points(used, numbers["overstrain_max"] + 1.0)
     found += plausibility.about_held_nodes(
         [fields.contact.key for fields in state.contacts], held, state.largest_displacement
     )

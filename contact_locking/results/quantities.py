@@ -200,8 +200,8 @@ def overstrain_max(body: BodyFields) -> Any:
 
 @quantity("body", "strain limit used", "1", trend="jumps", share_of="the limit")
 def limit_used(body: BodyFields) -> Any:
-    """Largest |ε(u)|/M anywhere, or the largest of all sets of strains."""
-    return body.peaks[1] if body.is_limited else None
+    """Largest |ε(u)|/M at the points where the element keeps it; the largest of all sets."""
+    return body.largest(body.strain_norm, body.locking_limit) if body.is_limited else None
 
 
 @quantity(

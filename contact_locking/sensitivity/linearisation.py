@@ -29,6 +29,7 @@ from contact_locking.solver.interior_point.bound_step import BoundLaw
 from contact_locking.solver.interior_point.family import Family, Reaction, Step
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
+from contact_locking.solver.linear.ksp import factorise
 from contact_locking.solver.task import Task
 
 # The residual of the system of the bounds, relative, and the most iterations for it.
@@ -107,6 +108,8 @@ class Linearisation:
             else:
                 family.hold(0.0)
         self.tangent.refresh()
+        if self.tangent.direct is not None:
+            factorise(self.tangent.direct)
         self._laws = [BoundLaw(bound, 1.0) for bound in equations.bounds]
         self._pressing = [bound.pressing for bound in equations.bounds]
         self._weights = np.concatenate(

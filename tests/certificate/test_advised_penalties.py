@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from problems import block
+from slow import slow
 
 from contact_locking import solve
 
@@ -29,7 +30,7 @@ def advised(summary: dict[str, Any], key: str) -> float:
     return float(found[1])
 
 
-@pytest.mark.parametrize("n", [0.1, 3.0])
+@pytest.mark.parametrize("n", [0.1, slow(3.0)])
 def test_the_advised_n_leaves_a_per_cent_of_overstrain(n: float) -> None:
     hard = {"penalty__epsilon": 1e-6}
     summary, _ = solved(penalty__n=n, **hard)
@@ -39,7 +40,7 @@ def test_the_advised_n_leaves_a_per_cent_of_overstrain(n: float) -> None:
     assert not any("penalty.n" in text for text in better["warnings"])
 
 
-@pytest.mark.parametrize("epsilon", [0.3, 10.0])
+@pytest.mark.parametrize("epsilon", [slow(0.3), 10.0])
 def test_the_advised_epsilon_leaves_a_per_cent_of_penetration(epsilon: float) -> None:
     summary, size = solved(penalty__n=math.inf, penalty__epsilon=epsilon)
     assert summary["penetration_max"] > 0.1 * size

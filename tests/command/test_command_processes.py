@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 from problems import UNDRAWN_BLOCK
+from slow import slow
 
 from contact_locking import __version__
 
@@ -93,7 +94,9 @@ def test_a_reader_that_leaves_early_is_no_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("words", ["", "--quiet -- -snes_monitor", "-- -ksp_view -snes_monitor"])
+@pytest.mark.parametrize(
+    "words", ["", slow("--quiet -- -snes_monitor"), slow("-- -ksp_view -snes_monitor")]
+)
 def test_a_reader_that_leaves_a_run_early_is_no_crash(words: str, tmp_path: Path) -> None:
     newton = ("--set", "solver.method=newton", *words.split())
     result = without_a_reader(tmp_path, "run", "study.yml", *newton)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from pressed_tools import HELD, pressed, told, tool
+from slow import slow
 
 from contact_locking import InputError, Parameters, assemble, save, solve_steps
 
@@ -26,7 +27,7 @@ def cycle(**changes: Any) -> Parameters:
     return pressed(tool(force), **(given | changes))
 
 
-@pytest.mark.parametrize("n", [1e3, math.inf])
+@pytest.mark.parametrize("n", [slow(1e3), math.inf])
 def test_the_work_of_a_force_is_stored_or_dissipated(n: float) -> None:
     found = list(solve_steps(cycle(n=n)))
     assert all(one.converged for one in found), found[-1].summary["reason"]
@@ -94,6 +95,7 @@ def test_a_motion_along_the_force_is_refused() -> None:
         assemble(pressed(led, steps={"to": 1.0, "count": 2}), MPI.COMM_WORLD)
 
 
+@pytest.mark.slow
 def test_a_process_goes_on_from_a_saved_step(tmp_path: Path, comm: MPI.Intracomm) -> None:
     folder = comm.bcast(tmp_path)
     found = []

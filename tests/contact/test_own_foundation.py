@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block
+from slow import slow
 
 from contact_locking import StudySolution, solve
 from contact_locking.arrays import FloatArray
@@ -98,7 +99,14 @@ def one_sided(dim: int) -> tuple[Foundation, dict[str, Any]]:
 
 @pytest.mark.parametrize(
     ("make", "dim"),
-    [(flat, 2), (round_end, 2), (round_end, 3), (long, 3), (one_sided, 2), (one_sided, 3)],
+    [
+        (flat, 2),
+        (round_end, 2),
+        slow(round_end, 3),
+        slow(long, 3),
+        (one_sided, 2),
+        slow(one_sided, 3),
+    ],
 )
 def test_an_own_foundation_gives_what_the_same_shape_of_the_package_gives(
     make: Callable[[int], tuple[Foundation, dict[str, Any]]],

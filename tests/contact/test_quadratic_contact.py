@@ -11,6 +11,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from problems import block
+from slow import slow
 from test_elements import solved
 
 from contact_locking import convergence
@@ -145,8 +146,10 @@ def test_contact_at_nodes_lets_edges_enter_between_nodes(comm: MPI.Intracomm) ->
     assert entered(solved(pressed(2), SIMPSON, comm)) > 1e-5
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("kernel", ["convolution", "helmholtz"])
+@pytest.mark.parametrize(
+    ("dim", "kernel"),
+    [(2, "convolution"), slow(2, "helmholtz"), slow(3, "convolution"), (3, "helmholtz")],
+)
 def test_forces_of_the_table_and_of_the_fields_balance_the_reactions(
     dim: int, kernel: str, comm: MPI.Intracomm
 ) -> None:
@@ -168,7 +171,7 @@ def test_forces_of_the_table_and_of_the_fields_balance_the_reactions(
     assert np.add(resultants["loads"], resultants["reactions"]) == pytest.approx(-total, abs=1e-8)
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [2, slow(3)])
 def test_newton_finds_the_solution_of_the_interior_point_method(
     dim: int, comm: MPI.Intracomm
 ) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from slow import slow
 from tool_files import binary_stl, box
 
 from contact_locking import StudySolution, solve
@@ -84,8 +85,10 @@ def test_a_tool_that_no_ray_along_the_normals_leaves_within_the_body_is_refused(
         pressed({"polyline": tall})
 
 
-@pytest.mark.parametrize("kernel", ["convolution", "helmholtz"])
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(
+    ("kernel", "degree"),
+    [("convolution", 1), slow("helmholtz", 1), slow("convolution", 2), ("helmholtz", 2)],
+)
 def test_r_makes_no_friction_beside_a_square_tool(kernel: str, degree: int) -> None:
     solution = pressed(
         {"polyline": square(1.03, 2.97)},

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block
+from slow import slow
 
 from contact_locking import Parameters, save, solve, solve_steps
 from contact_locking.parallel import maximum
@@ -51,7 +52,7 @@ def all_of(parameters: Parameters) -> list[StudySolution]:
     return solutions
 
 
-@pytest.mark.parametrize(("dim", "n"), [(2, 1e3), (2, math.inf), (3, math.inf)])
+@pytest.mark.parametrize(("dim", "n"), [(2, 1e3), (2, math.inf), slow(3, math.inf)])
 def test_a_tool_that_moves_is_a_body_that_moves_the_other_way(dim: int, n: float) -> None:
     way = in_space(WAY, dim)
     moved = all_of(pressed(dim, n, [0.0] * dim, way))
@@ -88,7 +89,7 @@ def test_in_one_static_solve_friction_sees_that_the_tool_has_moved(n: float) -> 
     assert moved.summary["friction_force"][0] > 1e-3
 
 
-@pytest.mark.parametrize("n", [1e3, math.inf])
+@pytest.mark.parametrize("n", [slow(1e3), math.inf])
 @pytest.mark.parametrize(
     "motion",
     [
@@ -199,6 +200,7 @@ def test_nodes_become_free_when_the_normal_of_a_tool_turns() -> None:
     assert abs(later.summary["friction_force"][0]) > 1e-4
 
 
+@pytest.mark.slow
 def test_a_process_with_a_tool_goes_on_from_a_saved_step(tmp_path: Path) -> None:
     folder = Path(MPI.COMM_WORLD.bcast(tmp_path)) / "step"
     disc = {

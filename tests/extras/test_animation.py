@@ -15,6 +15,7 @@ import pytest
 from mpi4py import MPI
 from PIL import Image
 from problems import block
+from slow import slow
 from solutions import of_kind
 
 from contact_locking.errors import NoRendering
@@ -85,7 +86,7 @@ def test_a_process_leaves_an_animation_with_the_times_of_its_steps(folder: Path)
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("output", [{"animation": False}, {"picture": False}])
+@pytest.mark.parametrize("output", [{"animation": False}, slow({"picture": False})])
 def test_an_animation_that_nobody_wants_is_not_drawn(
     output: dict[str, bool], tmp_path: Path
 ) -> None:

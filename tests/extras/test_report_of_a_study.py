@@ -102,6 +102,7 @@ def test_pictures_of_the_cases_are_inside_the_page(tmp_path: Path) -> None:
     assert "data:image/png" not in page(tmp_path / "study")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:overflow")
 @pytest.mark.parametrize("key", ["penalty.n", "penetration_max"])
 def test_charts_of_extreme_numbers_are_drawn(key: str, tmp_path: Path) -> None:

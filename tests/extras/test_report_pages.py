@@ -10,6 +10,7 @@ from typing import Any
 import browser
 import pytest
 from report_folder import LARGE, TITLE, many_rows, rows, run_folder, study_folder
+from slow import slow
 
 from contact_locking.command import cli
 from contact_locking.extras import report
@@ -47,7 +48,7 @@ def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[browser.Browser]:
         yield opened
 
 
-@pytest.mark.parametrize("name", ["run", "run in 3D", "study", "large study"])
+@pytest.mark.parametrize("name", ["run", slow("run in 3D"), "study", slow("large study")])
 @pytest.mark.parametrize(("width", "scheme"), [(360, "light"), (1600, "dark")])
 def test_a_page_is_whole_at_any_width_and_asks_for_nothing(
     name: str, width: int, scheme: str, pages: dict[str, Path], tab: browser.Browser

@@ -146,6 +146,7 @@ def test_on_a_screen_a_window_is_opened(results: Path) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
+@pytest.mark.slow
 @needs_a_screen
 def test_the_window_shows_view_after_view_and_any_scale(results: Path, tmp_path: Path) -> None:
     snapshots = [str(results / "snapshot.npz")]

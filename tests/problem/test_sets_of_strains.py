@@ -13,6 +13,7 @@ from conic import StrainCone, block_problem
 from limits_of_strain import SEVERAL, material
 from mpi4py import MPI
 from problems import block, column
+from slow import slow
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate import certify
@@ -75,10 +76,10 @@ def random_sets(
     ("seed", "dim", "n"),
     [
         (1, 2, math.inf),
-        pytest.param(2, 2, math.inf, marks=pytest.mark.slow),
+        slow(2, 2, math.inf),
         (3, 2, 1e3),
-        pytest.param(4, 2, 30.0, marks=pytest.mark.slow),
-        (5, 3, math.inf),
+        slow(4, 2, 30.0),
+        slow(5, 3, math.inf),
     ],
 )
 def test_random_sets_of_strains_agree_with_the_conic_solver(seed: int, dim: int, n: float) -> None:
@@ -109,6 +110,7 @@ def test_both_solvers_find_one_solution_of_the_penalised_problem() -> None:
     assert len(used) == 5 and sum(share > 1.0 for share in used.values()) >= 3, used
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_every_set_is_kept_for_every_n_up_to_infinity_within_its_penalty() -> None:
     excesses = []

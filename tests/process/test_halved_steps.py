@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from problems import block
 from sheared_block import all_of, sheared
+from slow import slow
 
 from contact_locking import solve_steps
 from contact_locking.process.problem_solver import ProblemSolver
@@ -50,7 +51,7 @@ def test_a_step_that_does_not_converge_is_halved(monkeypatch: pytest.MonkeyPatch
     assert found[-1].summary["steps"]["solved"] == 4
 
 
-@pytest.mark.parametrize("impossible", [0.9, 0.6])
+@pytest.mark.parametrize("impossible", [0.9, slow(0.6)])
 def test_a_process_that_ends_short_of_an_impossible_time_says_so(
     impossible: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from rings import floor, ring
+from slow import slow
 
 from contact_locking import Parameters, solve, solve_steps
 from contact_locking.process.admissibility_data import AdmissibilityData
@@ -62,7 +63,7 @@ def times_and_reports(
 
 @pytest.mark.parametrize(
     "parameters",
-    [pushed(), ring([0.02, 0.0], floor(motion=[0.0, "0.1*t"]), steps=STEPS)],
+    [pushed(), slow(ring([0.02, 0.0], floor(motion=[0.0, "0.1*t"]), steps=STEPS))],
     ids=["body", "tool"],
 )
 def test_no_time_beyond_one_that_is_out_of_reach_is_tried(
@@ -125,6 +126,7 @@ def test_what_was_asked_before_is_as_impossible_again() -> None:
     assert not more.repeats(there) and not more.is_beyond(there, there)
 
 
+@pytest.mark.slow
 def test_penalised_contact_says_nothing_of_later_times(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its solution may be behind the foundation, and then is not admissible itself."""
     reached: list[float] = []

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from mpi4py import MPI
 from problems import block
+from slow import slow
 
 from contact_locking import save
 from contact_locking.process import checkpoint, solving
@@ -65,6 +66,7 @@ CHANGES: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "method", ["interior_point", pytest.param("newton", marks=pytest.mark.slow)]
 )
@@ -79,7 +81,7 @@ def test_a_restart_after_any_change_finds_what_a_cold_start_finds(
         assert agree(restarted, solving.solve(changed)), name
 
 
-@pytest.mark.parametrize("method", ["interior_point", "newton"])
+@pytest.mark.parametrize("method", ["interior_point", slow("newton")])
 def test_a_restart_in_3d_finds_what_a_cold_start_finds(method: str, folder: Path) -> None:
     save(solving.solve(given(method, 3)), folder)
     changed = given(method, 3, friction__coefficient=0.33)
@@ -88,7 +90,7 @@ def test_a_restart_in_3d_finds_what_a_cold_start_finds(method: str, folder: Path
     assert 0 < tangents(restarted) < tangents(cold)
 
 
-@pytest.mark.parametrize("n", [1e8, float("inf")])
+@pytest.mark.parametrize("n", [slow(1e8), float("inf")])
 def test_the_inequality_is_solved_from_nothing_unless_it_is_solved_already(
     n: float, folder: Path
 ) -> None:
@@ -132,6 +134,7 @@ def test_what_a_solve_reached_that_stopped_early_is_gone_on_from(folder: Path) -
     assert 0 < tangents(restarted) < 0.5 * tangents(cold)
 
 
+@pytest.mark.slow
 def test_a_small_change_is_no_reason_to_keep_the_old_solution(folder: Path) -> None:
     # Where the certificate would still accept it, a solver goes on.
     save(solving.solve(given("auto")), folder)
@@ -165,6 +168,7 @@ def test_settings_of_the_solver_are_no_reason_to_solve_again(folder: Path) -> No
         assert tangents(solving.solve(given("auto", solver=settings), restart=folder)) == 0
 
 
+@pytest.mark.slow
 def test_a_sharper_tolerance_is_reached_from_the_saved_state(folder: Path) -> None:
     coarse, fine = (
         {"method": "newton", "tolerance": 10.0**-k, "friction_tolerance": 10.0**-k} for k in (2, 9)

@@ -102,6 +102,7 @@ def test_bad_restarts_return_2_with_one_message_and_leave_no_trace(
         assert errors.startswith("error: there is no folder") and errors.count("error") == 1
 
 
+@pytest.mark.slow
 def test_results_are_complete_where_the_library_is_missing(
     run: Run,
     comm: MPI.Intracomm,

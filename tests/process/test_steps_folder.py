@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block
+from slow import slow
 
 from contact_locking import InputError, Parameters, save, solve_steps, study_file
 from contact_locking.extras import report
@@ -122,7 +123,7 @@ class Interrupting(Monitor):
             raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize("fields", [True, False])
+@pytest.mark.parametrize("fields", [slow(True), False])
 def test_a_stopped_run_goes_on_from_its_last_complete_step(fields: bool, tmp_path: Path) -> None:
     folder = shared(tmp_path)
     parameters = sheared(output={"picture": False, "fields": fields})
@@ -164,6 +165,7 @@ def test_a_killed_run_goes_on_from_its_last_complete_step(tmp_path: Path) -> Non
     assert {"history-force", "history-area", "history-energy", "history-moment"} <= charts
 
 
+@pytest.mark.slow
 def test_saved_steps_of_other_parameters_are_not_used(tmp_path: Path) -> None:
     folder = shared(tmp_path)
     with pytest.raises(KeyboardInterrupt):
@@ -173,6 +175,7 @@ def test_saved_steps_of_other_parameters_are_not_used(tmp_path: Path) -> None:
     assert other.numbers == [1, 2, 3, 4, 5]
 
 
+@pytest.mark.slow
 def test_a_process_goes_on_from_a_saved_step_with_more_steps(tmp_path: Path) -> None:
     folder = shared(tmp_path)
     *_, last = solve_steps(sheared(steps={"times": [0.2, 0.4, 0.6]}))

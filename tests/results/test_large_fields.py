@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block
+from slow import slow
 
 from contact_locking import solve
 from contact_locking.results import fields
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [2, slow(3)])
 def test_a_large_file_has_the_fields_of_a_small_one(
     dim: int, comm: MPI.Intracomm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -87,6 +87,14 @@ def test_the_locking_stress_is_part_of_the_von_mises_stress() -> None:
     assert found["limit_used"] == pytest.approx(1.0, abs=1e-8)
 
 
+def test_a_strain_beyond_the_limit_between_the_points_that_keep_it_is_told() -> None:
+    cells = {"mesh__cells": "box", "mesh__structured": True}
+    found = summary(block(h=0.25, penalty__n=float("inf"), **cells))
+    assert found["limit_used"] == pytest.approx(1.0, abs=1e-8)
+    assert found["overstrain_max"] > 0.3
+    assert any("132 % of its limit between the points" in text for text in found["warnings"])
+
+
 @pytest.mark.parametrize(
     "material",
     [
@@ -168,6 +176,7 @@ def own() -> Iterator[str]:
     del QUANTITIES["pressure_mean"]
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_a_quantity_of_five_lines_is_everywhere(own: str, tmp_path: Path) -> None:
     parameters = sheared(2, output={"directory": "r", "picture": False, "fields": False})

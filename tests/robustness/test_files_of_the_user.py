@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from report_folder import run_folder, study_folder
+from slow import slow
 from solutions import made_up
 
 from contact_locking import study_file
@@ -65,8 +66,8 @@ def test_a_run_refuses_a_folder_with_a_file_of_the_user_before_it_solves(
     [
         (lambda out: (out / "picture.png").write_bytes(b"mine"), "picture.png"),
         (lambda out: users(out / "fields.bp" / "notes.txt"), "fields.bp/notes.txt"),
-        (lambda out: (out / ownership.LIST).unlink(), "parameters.yaml"),
-        (lambda out: (out / ownership.LIST).write_text("[]"), ownership.LIST),
+        slow(lambda out: (out / ownership.LIST).unlink(), "parameters.yaml"),
+        slow(lambda out: (out / ownership.LIST).write_text("[]"), ownership.LIST),
     ],
 )
 def test_what_is_put_beside_or_in_place_of_results_stays(

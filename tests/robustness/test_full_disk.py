@@ -104,6 +104,7 @@ FILES = TEXTS | {"fields.bp"}
 DRAWN = FILES | {"picture.png", "snapshot.npz"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", ["48k", *(pytest.param(f"{k}k", marks=slow) for k in (4, 64, 96))])
 def test_a_run_whose_results_have_no_room_leaves_none_and_goes_with_room(
     size: str, disk: Disk
@@ -114,6 +115,7 @@ def test_a_run_whose_results_have_no_room_leaves_none_and_goes_with_room(
     assert complete(disk.results) == DRAWN
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", ["256k", pytest.param("128k", marks=slow)])
 def test_a_picture_that_has_no_room_is_told_by_exit_code_1_and_all_else_is_kept(
     size: str, disk: Disk
@@ -130,6 +132,7 @@ def test_a_picture_that_has_no_room_is_told_by_exit_code_1_and_all_else_is_kept(
     assert complete(disk.results) - {snapshot.name} == FILES
 
 
+@pytest.mark.slow
 def test_earlier_results_survive_a_full_disk(disk: Disk) -> None:
     assert disk.solve("10m").returncode == 0
     before = {path: path.read_bytes() for path in disk.kept.rglob("*") if path.is_file()}
@@ -137,6 +140,7 @@ def test_earlier_results_survive_a_full_disk(disk: Disk) -> None:
     assert {path: path.read_bytes() for path in disk.kept.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", ["100k", *(pytest.param(f"{k}k", marks=slow) for k in (70, 116))])
 def test_fields_that_run_out_of_room_while_they_are_written_do_not_end_the_process(
     size: str, disk: Disk
@@ -186,6 +190,7 @@ def test_all_ranks_are_told_that_there_is_no_room(disk: Disk) -> None:
     assert not list(disk.kept.iterdir())
 
 
+@pytest.mark.slow
 def test_a_mesh_that_has_no_room_is_not_taken_for_one(disk: Disk) -> None:
     body = disk.path / "body.msh"
     words = ["mesh", str(disk.file), "--set", "mesh.h=0.05", "-o", str(body)]
@@ -242,6 +247,7 @@ def test_a_study_goes_on_from_wherever_the_disk_was_full(
     assert [json.loads(line)["state"] for line in table] == ["converged"] * 2
 
 
+@pytest.mark.slow
 def test_a_case_that_has_no_room_is_in_the_table_with_the_reason(disk: Disk) -> None:
     study = "study={vary: {penalty.n: [10, 100]}}"
     words = ["study", str(disk.file), "--output", str(disk.out), "--set", "output.picture=false"]
@@ -254,6 +260,7 @@ def test_a_case_that_has_no_room_is_in_the_table_with_the_reason(disk: Disk) -> 
     assert len(list(disk.kept.glob("out/cases/*/fields.bp/data.0"))) == 2
 
 
+@pytest.mark.slow
 def test_a_report_that_has_no_room_leaves_none_and_the_earlier_one(disk: Disk) -> None:
     run_folder(disk.results)
     words = ["report", str(disk.out)]

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 from petsc4py import PETSc
 from problems import SMALL_BLOCK
+from slow import slow
 
 from contact_locking import from_mapping, solve
 from contact_locking.command import cli, commands
@@ -74,6 +75,7 @@ def test_what_a_callback_raises_inside_a_linear_solve_is_no_failure_of_the_solve
     assert caught.value is error
 
 
+@pytest.mark.slow
 def test_whoever_keeps_such_an_error_can_solve_again() -> None:
     """petsc4py would crash after some errors that leave a monitor."""
     kept = []
@@ -132,8 +134,8 @@ def test_an_interrupt_behind_an_error_that_nobody_expects_is_told_as_such(
 
 
 @pytest.mark.skipif(LAUNCHER is None, reason="there is no mpirun")
-@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGINT])
-@pytest.mark.parametrize("rank", [0, 1])
+@pytest.mark.parametrize("end", [signal.SIGTERM, slow(signal.SIGINT)])
+@pytest.mark.parametrize("rank", [slow(0), 1])
 def test_a_signal_to_one_rank_inside_its_linear_solver_ends_all_and_leaves_no_results(
     rank: int, end: signal.Signals, tmp_path: Path
 ) -> None:
@@ -201,7 +203,7 @@ def _interrupted_run(
     return process, line
 
 
-@pytest.mark.parametrize("words", [(), ("--checkpoint",)])
+@pytest.mark.parametrize("words", [slow(()), ("--checkpoint",)])
 def test_ctrl_c_keeps_the_steps_and_says_how_to_go_on(
     words: tuple[str, ...], tmp_path: Path
 ) -> None:

@@ -114,6 +114,7 @@ def _is_solved_or_has_no_solution(parameters: Parameters) -> None:
         assert _is_infeasible(solution), (summary["reason"], parameters)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(parameters=problems())

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from mpi4py import MPI
 from problems import SMALL_BLOCK
+from slow import slow
 from study_folder import Folder, wait_for
 
 from contact_locking.command import cli
@@ -104,7 +105,7 @@ def test_what_a_killed_run_has_left_is_removed_by_the_next(
     assert not list(out.glob(".*"))
 
 
-@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+@pytest.mark.parametrize("end", [signal.SIGTERM, slow(signal.SIGHUP), slow(signal.SIGINT)])
 def test_a_run_that_a_signal_ends_says_so_and_leaves_nothing(
     end: signal.Signals, study: Path, running: subprocess.Popen[str]
 ) -> None:

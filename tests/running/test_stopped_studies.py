@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from slow import slow
 from study_folder import Folder, alive, solved, wait_for
 
 from contact_locking.command import cli
@@ -56,7 +57,7 @@ def test_a_killed_study_takes_its_cases_along_and_the_next_one_goes_on(
     assert folder.started() == ["10", "20", "30"]
 
 
-@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("end", [signal.SIGINT, slow(signal.SIGTERM), slow(signal.SIGHUP)])
 def test_an_interrupted_study_stops_its_cases_and_says_how_to_go_on(
     end: signal.Signals, folder: Folder
 ) -> None:
@@ -95,6 +96,7 @@ def test_a_full_disk_stops_a_study_and_keeps_what_is_finished(
     assert {row["state"] for row in folder.table()} == {"converged"}
 
 
+@pytest.mark.slow
 def test_a_study_that_was_killed_ends_as_one_that_was_not(
     folder: Folder, capsys: pytest.CaptureFixture[str]
 ) -> None:

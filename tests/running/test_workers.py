@@ -84,6 +84,7 @@ def test_ending_a_study_ends_its_processes(tmp_path: Path, monkeypatch: pytest.M
     assert all(running.ended() for running in executor.running)
 
 
+@pytest.mark.slow
 def test_a_process_that_stays_finds_what_a_run_finds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 from differences import errors
 from differentiated_block import NAMES, Block, block, quantities
+from petsc4py import PETSc
+from slow import slow
 
 import contact_locking as cl
 from contact_locking.sensitivity.parameters import Entry
+from contact_locking.solver.linear.options import PREFIX
 
 CASES: dict[str, dict[str, Any]] = {
     "inequality": {},
@@ -25,10 +28,7 @@ CASES: dict[str, dict[str, Any]] = {
     "without friction": {"coefficient": lambda mu: 0.0},
     "three dimensions": {"dim": 3, "cells": 3, "kernel": cl.Local()},
 }
-# These take half a minute each.
-SLOW = ("penalty", "quadratic", "filter", "three dimensions")
-# Differences on two ranks take a minute for each case; the others show that ranks agree.
-ONE_RANK = ("newton", "local")
+QUICK = ("inequality",)
 
 
 Make = Callable[..., Block]
@@ -48,19 +48,7 @@ def make() -> Iterator[Make]:
         one.problem.close()
 
 
-@pytest.mark.parametrize(
-    "case",
-    [
-        pytest.param(
-            name,
-            marks=[
-                *[pytest.mark.slow] * (name in SLOW),
-                *[pytest.mark.serial] * (name in ONE_RANK),
-            ],
-        )
-        for name in CASES
-    ],
-)
+@pytest.mark.parametrize("case", [name if name in QUICK else slow(name) for name in CASES])
 def test_derivatives_are_those_of_central_differences(case: str, make: Make) -> None:
     made = make(**CASES[case])
     solution = made.problem.solve()
@@ -144,6 +132,13 @@ def test_deriving_leaves_the_problem_as_it_was(make: Make) -> None:
     # On several ranks sums are rounded in another order.
     values, wanted = again.displacement.x.array, solution.displacement.x.array
     np.testing.assert_allclose(values, wanted, rtol=0.0, atol=1e-12)
+
+
+def test_a_solution_with_derivatives_lends_its_solver_to_no_other(make: Make) -> None:
+    made = make(cells=4)
+    solution = made.problem.solve()
+    assert solution.derivative("compliance", made.given["E"]) < 0.0
+    assert not [name for name in PETSc.Options().getAll() if name.startswith(PREFIX)]
 
 
 def test_an_elastic_body_has_derivatives(make: Make) -> None:

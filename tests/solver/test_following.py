@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 from problems import block
+from slow import slow
 
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
@@ -142,7 +143,7 @@ def _filter(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("prepare", [_project, _filter], ids=["projected", "filtered"])
-@pytest.mark.parametrize("coefficient", [0.3, 4.0])
+@pytest.mark.parametrize("coefficient", [slow(0.3), 4.0])
 def test_a_step_solved_jointly_agrees_with_its_friction_bound(
     monkeypatch: pytest.MonkeyPatch,
     prepare: Callable[[pytest.MonkeyPatch], None],
@@ -170,6 +171,7 @@ def test_a_step_solved_jointly_agrees_with_its_friction_bound(
     assert max(missed[6:]) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_joint_solve_takes_fewer_iterations_than_responses_to_the_friction_bound(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block, column, with_changes
+from slow import slow
 from solved_by_cg import crushed_steel
 
 from contact_locking.arrays import FloatArray
@@ -20,7 +21,7 @@ from contact_locking.solver.linear.multigrid_tangents import MultigridTangents
 from contact_locking.study_file.parameters import Parameters
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [2, slow(3)])
 @pytest.mark.parametrize("coefficient", [0.0, 0.3, "0.5 - 0.2*s/(s + 0.01)"])
 def test_interior_point_and_newton_find_the_same_solution(
     dim: int, coefficient: float | str

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 from problems import block
+from slow import slow
 from solved_by_cg import agree, solved
 
 from contact_locking.process import solving
@@ -79,6 +80,7 @@ def test_multigrid_alone_may_take_longer_where_n_bounds_the_contrast(
     assert bool(made) == projects
 
 
+@pytest.mark.slow
 def test_multigrid_smooths_more_before_the_projection_takes_over(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -205,7 +207,7 @@ def test_one_sided_limits_of_the_strain_are_projected_as_well(
     agree(direct, projected)
 
 
-@pytest.mark.parametrize(("dim", "divisions"), [(2, 12), (3, 4)])
+@pytest.mark.parametrize(("dim", "divisions"), [(2, 12), slow(3, 4)])
 def test_projection_of_quadratic_elements_bears_any_contrast(
     monkeypatch: pytest.MonkeyPatch, dim: int, divisions: int
 ) -> None:

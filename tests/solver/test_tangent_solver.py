@@ -10,6 +10,7 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 from problems import block
+from slow import slow
 from solved_by_cg import agree, solved
 
 from contact_locking.errors import InputError
@@ -39,7 +40,9 @@ def filterings(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return counts
 
 
-@pytest.mark.parametrize("patience", [0, 40, _NEVER], ids=["at once", "on the way", "never"])
+@pytest.mark.parametrize(
+    "patience", [slow(0), 40, slow(_NEVER)], ids=["at once", "on the way", "never"]
+)
 def test_whenever_the_filter_begins_the_solution_is_that_of_the_direct_solver(
     patience: int, filterings: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -128,6 +131,7 @@ def test_stiff_rows_and_what_is_left_make_up_the_tangent(monkeypatch: pytest.Mon
     assert max(counts) > 0
 
 
+@pytest.mark.slow
 def test_where_cg_of_a_user_breaks_down_the_residual_is_filtered_again_and_cg_goes_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -184,6 +188,7 @@ def test_users_may_factorise_instead() -> None:
     agree(solved(1e4, "iterative", **FACTORISES), solved(1e4, "direct"))
 
 
+@pytest.mark.slow
 def test_users_may_precondition_otherwise() -> None:
     by_gamg = solved(1e2, "iterative", pc_type="gamg", ksp_rtol="1e-10")
     agree(by_gamg, solved(1e2, "direct"))

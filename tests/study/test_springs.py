@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block, with_changes
+from slow import slow
 
 from contact_locking import InputError, solve
 from contact_locking.results.solution import StudySolution
@@ -39,7 +40,7 @@ def solved(parameters: Parameters, comm: MPI.Intracomm) -> StudySolution:
     return found
 
 
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, slow(2)])
 @pytest.mark.parametrize(("dim", "axisymmetric"), [(2, False), (3, False), (2, True)])
 def test_springs_alone_hold_the_body(
     dim: int, axisymmetric: bool, degree: int, comm: MPI.Intracomm

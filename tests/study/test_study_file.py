@@ -123,6 +123,10 @@ def test_overrides_replace_and_add(file: Path) -> None:
         ("penalty={n: -1}", "--set penalty: penalty.n: must be > 0"),
         ("penalty.m=1", "--set penalty.m: unknown key"),
         ("penalti.n=1", "--set penalti.n: penalti: unknown key (did you mean 'penalty'?)"),
+        (
+            "material.regions={soft: {locking: [{limit: 1}]}}",
+            "known here: norm, at_most, at_least, along, matrix",
+        ),
         ("penalty.n=[1", "--set penalty.n: is not valid YAML"),
         ("penalty.n=&a 1\n--- 2", "--set penalty.n: is not valid YAML"),
         ("penalty.n.m=1", "--set penalty.n.m: 'penalty.n' is a value"),

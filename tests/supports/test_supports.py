@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block
+from slow import slow
 from turned_supports import (
     MOVED,
     SIDES,
@@ -47,11 +48,11 @@ def sharp(degree: int, n: float) -> dict[str, Any]:
     [
         (2, 1, math.inf, "given"),
         (2, 1, 1e3, "normal"),
-        pytest.param(2, 1, math.inf, "normal", marks=pytest.mark.serial),
-        pytest.param(2, 1, 1e3, "given", marks=pytest.mark.serial),
+        slow(2, 1, math.inf, "normal"),
+        slow(2, 1, 1e3, "given"),
         pytest.param(2, 2, math.inf, "given", marks=pytest.mark.serial),
-        pytest.param(2, 2, 1e3, "normal", marks=pytest.mark.serial),
-        pytest.param(3, 1, math.inf, "given", marks=pytest.mark.serial),
+        slow(2, 2, 1e3, "normal"),
+        slow(3, 1, math.inf, "given"),
         pytest.param(3, 1, 1e3, "normal", marks=pytest.mark.serial),
     ],
 )

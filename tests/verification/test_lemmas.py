@@ -83,6 +83,7 @@ def cosines(coefficients: FloatArray) -> Wave:
     return lambda x: np.asarray(np.cos(np.multiply.outer(x, waves)) @ coefficients)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_lemma_4_5_ii_the_solution_is_lipschitz_in_h_with_c_0_over_alpha() -> None:
     random = np.random.default_rng(45)
@@ -104,6 +105,7 @@ def test_lemma_4_5_iii_the_norm_of_the_solution_is_bounded_by_that_of_f_h() -> N
     assert bound["holds"] is True and bound["value"] > 0.3 * bound["bound"]
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_lemma_4_6_solutions_converge_where_h_oscillates_and_only_converges_weakly() -> None:
     fine = {"mesh__h": 1.0 / 32, "mesh__structured": True}

@@ -19,6 +19,7 @@ from dolfinx import fem
 from manufactured import rate
 from problems import with_changes
 from scipy.integrate import solve_ivp
+from slow import slow
 from verification_table import Row
 
 from contact_locking.arrays import FloatArray
@@ -132,7 +133,7 @@ def test_v10_the_locking_stress_of_the_exact_solution_pulls_inwards_everywhere()
     assert 0.0 < angle(INNER) < 0.5 * math.pi
 
 
-@pytest.mark.parametrize("n", [pytest.param(1e6, marks=pytest.mark.serial), math.inf])
+@pytest.mark.parametrize("n", [slow(1e6), math.inf])
 def test_v10_the_annulus_converges_to_its_exact_solution(n: float, found: list[Row]) -> None:
     in_v, in_l2 = zip(*(errors(annulus(h, n)) for h in SIZES), strict=True)
     where = f"annulus, n = {n:g}"

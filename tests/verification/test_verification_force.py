@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from slow import slow
 from verification_table import Row
 
 from contact_locking import Parameters, StudySolution
@@ -46,7 +47,7 @@ def pressed_cylinder(
     return solving.solve_assembled(assemble(parameters, MPI.COMM_WORLD, domain))
 
 
-@pytest.mark.parametrize("n", [1e5, math.inf])
+@pytest.mark.parametrize("n", [slow(1e5), math.inf])
 def test_v24_the_force_that_came_out_gives_the_same_state(n: float, found: list[Row]) -> None:
     pushed = pressed_cylinder(0.0, n, force=[0.0, FORCE])
     assert pushed.converged, pushed.summary["reason"]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import pytest
 import sympy as sp
 from manufactured import Errors, Manufactured, X, Y, Z, rate, sampled
+from slow import slow
 from verification_table import Row
 
 from contact_locking.results.solution import StudySolution
@@ -23,7 +24,7 @@ HELMHOLTZ = {"kernel": "helmholtz", "radius": RADIUS}
 WEAKENING = "0.2 + 0.1/(1 + s)"
 # All of it on several ranks once is enough.
 NAMES = [
-    *(pytest.param(name, marks=pytest.mark.serial) for name in ("locking", "contact", "friction")),
+    *(slow(name) for name in ("locking", "contact", "friction")),
     "all together",
 ]
 
@@ -85,6 +86,7 @@ def test_v11_rates_are_optimal_with_each_law_and_with_all(name: str, found: list
     assert_optimal(name, 2, sizes, errors, found)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_v11_an_edge_of_the_locked_zone_costs_no_rate_in_v(found: list[Row]) -> None:
     sizes = [1 / 4, 1 / 8, 1 / 16, 1 / 32]
@@ -102,6 +104,7 @@ def test_v11_an_edge_of_the_locked_zone_costs_no_rate_in_v(found: list[Row]) -> 
     assert in_l2 > 1.5
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_v11_the_error_indicator_is_exact_in_the_limit(found: list[Row]) -> None:
     for name in ("friction", "edge of a locked zone", "all together"):

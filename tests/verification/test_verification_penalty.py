@@ -8,6 +8,7 @@ from collections.abc import Callable
 import pytest
 import sympy as sp
 from manufactured import Errors, Manufactured, X, Y, rate
+from slow import slow
 from verification_table import Row
 
 SIZES = [1 / 8, 1 / 16, 1 / 32, 1 / 64]
@@ -31,10 +32,10 @@ def error(h: float, epsilon: float) -> Errors:
 @pytest.mark.parametrize(
     ("text", "epsilon", "expected"),
     [
-        pytest.param("0", lambda h: 0.0, 1.0, marks=pytest.mark.serial),
+        slow("0", lambda h: 0.0, 1.0),
         ("h/64", lambda h: h / STIFF, 1.0),
-        pytest.param("h^2/64", lambda h: h**2 / STIFF, 1.0, marks=pytest.mark.serial),
-        pytest.param("sqrt(h)/64", lambda h: math.sqrt(h) / STIFF, 0.5, marks=pytest.mark.serial),
+        slow("h^2/64", lambda h: h**2 / STIFF, 1.0),
+        slow("sqrt(h)/64", lambda h: math.sqrt(h) / STIFF, 0.5),
     ],
 )
 def test_v12_error_in_v_is_of_the_order_of_epsilon_plus_h(
@@ -46,6 +47,7 @@ def test_v12_error_in_v_is_of_the_order_of_epsilon_plus_h(
     assert in_v == pytest.approx(expected, abs=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_v12_a_mesh_of_epsilon_squared_is_far_finer_than_needed(found: list[Row]) -> None:
     # The paper takes h = 1/n^2 = eps^2.  For eps = 1/16 that is 1/256, but already from h = 2 eps

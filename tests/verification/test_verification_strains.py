@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from problems import column, with_changes
+from slow import slow
 from verification_table import Row
 
 from contact_locking.laws.elasticity import lame_from_young
@@ -68,13 +69,11 @@ def require_solved(solution: StudySolution) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("limit", "dim", "n", "method"),
     [
-        *((make, 2, 1e3, "newton") for make in (deviator, volume, upright, weighted)),
+        *(slow(make, 2, 1e3, "newton") for make in (deviator, volume, upright, weighted)),
         *((make, 2, math.inf, "auto") for make in (deviator, volume, upright, weighted)),
         (deviator, 2, 1e3, "interior_point"),
         (volume, 2, 1e3, "interior_point"),
-        *((make, 3, math.inf, "auto") for make in (deviator, volume)),
-        *(pytest.param(make, 3, 1e3, "auto", marks=pytest.mark.slow)
-          for make in (deviator, volume)),
+        *(slow(make, 3, n, "auto") for make in (deviator, volume) for n in (1e3, math.inf)),
         (only_tension, 2, math.inf, "auto"),
     ],
 )  # fmt: skip

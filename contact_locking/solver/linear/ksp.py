@@ -113,7 +113,7 @@ def create_ksp(
 ) -> PETSc.KSP:
     """A linear solver, yet without a matrix, that raises where it does not converge; collective.
 
-    Its options stay in PETSc's database until :func:`destroy_ksp`.
+    Its options stay in PETSc's database until :func:`factorise` or :func:`destroy_ksp`.
     """
     ksp = PETSc.KSP().create(comm)
     ksp.setOptionsPrefix(prefix)
@@ -147,6 +147,15 @@ class IterationListener:
         kept, self._kept = self._kept, None
         if kept is not None:
             raise kept
+
+
+def factorise(ksp: PETSc.KSP) -> None:
+    """Factorise for all solves to come, and take the options out of the database; collective.
+
+    A solver that is kept beside others must not lend them its options.
+    """
+    ksp.setUp()
+    ksp.getAttr(_OPTIONS).remove()
 
 
 def destroy_ksp(ksp: PETSc.KSP) -> None:

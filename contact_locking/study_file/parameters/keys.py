@@ -46,8 +46,9 @@ def section_in(annotation: Any) -> tuple[tuple[str, ...], type[BaseModel] | None
 
 def may_be_list(annotation: Any) -> bool:
     """Whether a section of this type may stand in the file once, or in a list."""
-    choices = [section_in(choice)[0] for choice in get_args(annotation)]
-    return () in choices and ("INDEX",) in choices
+    choices = [section_in(choice) for choice in get_args(annotation)]
+    steps = [path for path, model in choices if model is not None]
+    return () in steps and ("INDEX",) in steps
 
 
 def may_be_vector(annotation: Any) -> bool:

@@ -1,0 +1,83 @@
+"""V41: derivatives of forces beside those of closed forms: Hertz's ball and Lame's ring."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from problems import with_changes
+from test_verification_curved import LAME, NU, PRESS
+from test_verification_hertz import DEPTH, POISSON, RADIUS, YOUNG, section
+from verification_table import Row
+
+from contact_locking.process import solving
+
+TEST = "test_verification_derivatives.py"
+E, NU_KEY = "material.elasticity.young", "material.elasticity.poisson"
+
+
+def derivatives(data: dict[str, Any], force: str, keys: list[str]) -> dict[str, dict[str, float]]:
+    """Derivative and elasticity of a force by each key."""
+    asked = {"sensitivities": {"of": [force], "to": keys}, "penalty": {"n": float("inf")}}
+    solution = solving.solve(with_changes(data | asked))
+    assert solution.converged, solution.summary["reason"]
+    return dict(solution.summary["sensitivities"][force])
+
+
+@pytest.mark.serial
+def test_v41_the_force_on_a_ball_changes_as_hertz_says(tmp_path: Path, found: list[Row]) -> None:
+    """``F = 4/3 E/(1 - nu^2) R^1/2 d^3/2``."""
+    file = tmp_path / "half_section.msh"
+    section(file, 8.0, 1.0, 0.005, dim=2)
+    data = {
+        "parameters": {"radius": RADIUS, "depth": DEPTH},
+        "mesh": {"file": str(file), "axisymmetric": True},
+        "material": {"elasticity": {"young": YOUNG, "poisson": POISSON}},
+        "loads": {"displacements": [{"on": "top", "value": [0, 0]}]},
+        "contact": {"on": "bottom", "gap": "x*x/(2*radius) - depth"},
+    }
+    closed = {
+        "parameters.radius": 0.5,
+        "parameters.depth": 1.5,
+        E: 1.0,
+        NU_KEY: 2.0 * POISSON**2 / (1.0 - POISSON**2),
+    }
+    computed = derivatives(data, "contact_force.1", list(closed))
+    for key, expected in closed.items():
+        elasticity = computed[key]["elasticity"]
+        where = f"d ln F/d ln {key.rpartition('.')[2]}"
+        found.append(Row("V41", "indented cylinder", where, elasticity, expected, TEST))
+        assert elasticity == pytest.approx(expected, rel=0.05)
+    # The discrete force is proportional to E as well.
+    assert computed[E]["elasticity"] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_v41_the_pressure_of_a_ring_changes_as_lame_says(found: list[Row]) -> None:
+    data = {
+        "parameters": {"press": PRESS},
+        "mesh": {"builder": "annulus", "h": 0.2, "quarter": True},
+        "material": {"elasticity": {"young": 1.0, "poisson": NU}},
+        "loads": {
+            "displacements": [
+                {"on": "bottom", "value": [None, 0]},
+                {"on": "left", "value": [0, None]},
+            ]
+        },
+        "contact": {
+            "on": "outer",
+            "foundation": {"expression": "2.0 - press - sqrt(x**2 + y**2)"},
+        },
+        "discretisation": {"degree": 2},
+    }
+    # p = press/(2 (1 - nu^2) (5/3 - nu/(1 - nu))), and the component of the force is -2 p.
+    slope = 2.0 * NU / (1.0 - NU**2) + 1.0 / ((1.0 - NU) ** 2 * (5.0 / 3.0 - NU / (1.0 - NU)))
+    closed = {"parameters.press": LAME / PRESS, E: LAME, NU_KEY: LAME * slope}
+    computed = derivatives(data, "contact_force.0", list(closed))
+    for key, expected in closed.items():
+        derivative = -0.5 * computed[key]["derivative"]
+        where = f"dp/d {key.rpartition('.')[2]}"
+        found.append(Row("V41", "ring in a rigid ring", where, derivative, expected, TEST))
+        assert derivative == pytest.approx(expected, rel=0.01)
+    # The discrete force is proportional to E as well.
+    assert computed[E]["elasticity"] == pytest.approx(1.0, abs=1e-6)
