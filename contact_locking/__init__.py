@@ -33,7 +33,14 @@ if TYPE_CHECKING:
     from contact_locking.laws.polyline import Polyline
     from contact_locking.laws.triangulated import TriangulatedSurface
     from contact_locking.problem.elasticity import Elasticity
-    from contact_locking.problem.limits import Deviator, Direction, StrainBall, Volume, Weighted
+    from contact_locking.problem.limits import (
+        Deviator,
+        Direction,
+        LargestPrincipal,
+        StrainBall,
+        Volume,
+        Weighted,
+    )
     from contact_locking.process.adaptivity import solve, solve_adaptively
     from contact_locking.process.solving import check, solve_assembled, solve_steps
     from contact_locking.results.solution import Solution, StudySolution
@@ -64,6 +71,7 @@ __all__ = [
     "HalfSpace",
     "Helmholtz",
     "InputError",
+    "LargestPrincipal",
     "LevelSet",
     "Local",
     "Motion",
@@ -112,6 +120,7 @@ _HOME = {
     "HalfSpace": "laws.foundation",
     "Helmholtz": "contact.coulomb",
     "InputError": "errors",
+    "LargestPrincipal": "problem.limits",
     "LevelSet": "laws.level_set",
     "Local": "contact.coulomb",
     "Motion": "contact.contact",

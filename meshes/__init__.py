@@ -13,6 +13,7 @@ from .block import Block
 from .disc import Disc
 from .disc_in_ring import DiscInRing
 from .geometry import Geometry
+from .grains import Grains
 from .inclusion import Inclusion
 from .l_shape import LShape
 from .punch import Punch
@@ -29,6 +30,7 @@ BUILDERS: dict[str, type[Geometry]] = {
     "inclusion": Inclusion,
     "stack": Stack,
     "disc_in_ring": DiscInRing,
+    "grains": Grains,
 }
 
 __all__ = ["BUILDERS", "Geometry", "build", "empty_model", "write"]

@@ -33,6 +33,7 @@ COARSE = {
     "indentation": ("mesh.h=0.1", "steps.count=3", *PLAIN),
     "two_foundations": ("mesh.h=0.1", *PLAIN),
     "press_fit": ("mesh.h=0.12", *PLAIN),
+    "grains": PLAIN,
     "gripper": ("mesh.h=0.14", "steps.count=4", *PLAIN),
     "sensitivity": ("mesh.h=0.14", "steps.count=2", *PLAIN),
     "fit_indentation": ("mesh.h=10", *PLAIN),

@@ -127,12 +127,10 @@ def locking(state: SolvedState) -> tuple[float, float, float]:
     products = violation = squares = 0.0
     for item in points.sets:
         measured = item.measured(state.problem.u)
-        norm, size = item.reach(measured), item.size
-        locks = np.isfinite(item.limit)
-        # A point without a limit must not turn M |Z| into inf times 0.
-        largest = np.maximum(np.where(locks, item.limit, norm), norm)
-        left = np.abs(item.excess(measured) - size / (2.0 * n))
-        products += state.sum(points.weights * np.abs(size * largest - item.work(measured)))
+        left = np.abs(item.excess(measured) - item.strength / (2.0 * n))
+        products += state.sum(
+            points.weights * np.abs(item.most_work(measured) - item.work(measured))
+        )
         violation += stress * state.sum(points.weights * left)
         violation += state.mean_strain * state.sum(points.weights * item.pulling)
         squares += n * state.sum(points.weights * left**2) if np.isfinite(n) else 0.0

@@ -15,6 +15,7 @@ from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import Lifting, NotApplicable, require_still_foundations
+from contact_locking.certificate.sets_at_points import PrincipalAtPoints, SetAtPoints
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem import compiled
 from contact_locking.laws.convex import squared_norm
@@ -107,7 +108,7 @@ def admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
     for item in state.points.sets:
         b = item.measured(w)
         a = np.zeros_like(b) if start is None else item.measured(start)
-        theta = min(theta, _largest_step(a, b - a, item.limit))
+        theta = min(theta, _longest_step(item, a, b - a))
     theta = minimum(state.comm, theta)
     w.x.array[:] *= theta
     if start is not None:
@@ -121,6 +122,16 @@ def energy_distance(state: SolvedState, w: fem.Function) -> float:
     step = fem.Function(u.function_space)
     step.x.array[:] = w.x.array - u.x.array
     return float(np.sqrt(2.0 * state.system.forms.energy(step)))
+
+
+def _longest_step(item: SetAtPoints, a: FloatArray, b: FloatArray) -> float:
+    """A theta in [0, 1] with ``a + theta b`` in the set at all points, as a is; the largest.
+
+    Of principal strains, which are subadditive, it is the largest if a is zero.
+    """
+    if isinstance(item, PrincipalAtPoints):
+        a, b = item.reach(a), item.reach(b)
+    return _largest_step(a, b, item.limit)
 
 
 def _largest_step(a: FloatArray, b: FloatArray, limit: FloatArray) -> float:

@@ -12,10 +12,11 @@ from mpi4py import MPI
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.certificate.reactions import are_held
+from contact_locking.certificate.sets_at_points import PrincipalAtPoints, SetAtPoints
 from contact_locking.fem import compiled
 from contact_locking.parallel import maximum
 from contact_locking.problem.discrete_problem import DiscreteProblem
-from contact_locking.problem.strain_sets import StrainSet
+from contact_locking.problem.strain_sets import PrincipalSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.derived import ContactFields, penalised
@@ -157,7 +158,7 @@ class StrainPoints:
         self._strained = fem.Function(state.problem.u.function_space)
         self._strain = element.strain(self._strained)
         pairs = zip(state.problem.data.sets, state.body.locking_parts, strict=True)
-        self.sets = [SetAtPoints(self, item, part) for item, part in pairs]
+        self.sets = [self._set(item, part) for item, part in pairs]
         self.strain = self.sets[0].measured(state.problem.u)
         # The limit of the ball without the rounding of 1/(1/M).
         self.sets[0].limit = self.limit
@@ -171,60 +172,18 @@ class StrainPoints:
         dofs = function.function_space.dofmap.list[: self._owned].reshape(-1)
         return function.x.array.reshape(-1, *function.ufl_shape)[dofs]
 
-    def expression_of(self, law: StrainSet) -> tuple[fem.Function, fem.Expression]:
-        """A function for ``L eps`` of a set at the points, and the expression."""
-        measured = law.measured(self._strain)
-        function = fem.Function(self._space if measured.ufl_shape else self._scalar)
-        return function, compiled.interpolation(measured, function.function_space)
+    def _set(self, law: StrainSet, multiplier: fem.Function) -> SetAtPoints:
+        """A set with its multiplier; collective."""
+        expr = law.measured(self._strain)
+        function = fem.Function(self._space if expr.ufl_shape else self._scalar)
+        expression = compiled.interpolation(expr, function.function_space)
 
-    def strain_of(self, w: fem.Function) -> None:
-        """Let the expressions of the sets be those of a displacement w."""
-        self._strained.x.array[:] = w.x.array
+        def measured(w: fem.Function) -> FloatArray:
+            self._strained.x.array[:] = w.x.array
+            function.interpolate(expression)
+            return self.of(function)
 
-
-class SetAtPoints:
-    """One set of strains at the points of the strains, with its multiplier y.
-
-    ``limit`` (k,) is M, and ``size`` (k,) is ``|y|``.  ``pulling`` (k,) is the negative part of the
-    multiplier of a half space, which has none in a solution.
-    """
-
-    def __init__(self, points: StrainPoints, law: StrainSet, multiplier: fem.Function) -> None:
-        self._points = points
-        self._measured, self._expression = points.expression_of(law)
         with np.errstate(divide="ignore"):
-            self.limit = np.reciprocal(points.of(law.inverse_limit))
-        self._multiplier = points.of(multiplier)
-        is_scalar = self._multiplier.ndim == 1
-        self.size = self.reach(self._multiplier) if not is_scalar else np.abs(self._multiplier)
-        self.pulling = np.maximum(-self._multiplier if is_scalar else 0.0 * self.size, 0.0)
-
-    @property
-    def largest(self) -> FloatArray:
-        """M (k,) with 0 in place of an infinite M, where there is no multiplier."""
-        return np.where(np.isfinite(self.limit), self.limit, 0.0)
-
-    @property
-    def support(self) -> FloatArray:
-        """``M |y|`` (k,): the largest work of y at a strain of the set."""
-        return self.largest * self.size
-
-    def measured(self, w: fem.Function) -> FloatArray:
-        """``L eps(w)``: (k, d, d), or (k,) for a half space."""
-        self._points.strain_of(w)
-        self._measured.interpolate(self._expression)
-        return self._points.of(self._measured)
-
-    def reach(self, measured: FloatArray) -> FloatArray:
-        """``|L eps|``, or ``L eps`` for a half space: (k,) of what is measured."""
-        return np.linalg.norm(measured, axis=(1, 2)) if measured.ndim > 1 else measured
-
-    def excess(self, measured: FloatArray) -> FloatArray:
-        """``[|L eps| - M]^+``, or ``[L eps - M]^+`` for a half space: (k,) of what is measured."""
-        return np.maximum(self.reach(measured) - self.limit, 0.0)
-
-    def work(self, measured: FloatArray) -> FloatArray:
-        """``y : L eps`` (k,) of what is measured."""
-        if measured.ndim == 1:
-            return self._multiplier * measured
-        return np.einsum("kij,kij->k", self._multiplier, measured)
+            limit = np.reciprocal(self.of(law.inverse_limit))
+        made = PrincipalAtPoints if isinstance(law, PrincipalSet) else SetAtPoints
+        return made(measured, limit, self.of(multiplier))

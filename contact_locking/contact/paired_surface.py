@@ -12,6 +12,7 @@ from contact_locking.contact.contact import Contact
 from contact_locking.contact.pairing import Pairing, Side, pair
 from contact_locking.contact.surface import PRESCRIBED, ContactSurface
 from contact_locking.errors import InputError, Misplaced
+from contact_locking.fem.facet_nodes import facet_nodes
 from contact_locking.fem.jump import JumpValues
 from contact_locking.fem.spaces import Element
 from contact_locking.laws.kinematics import WeightedMeasure
@@ -27,6 +28,7 @@ _COARSER = 3.0
 class PairedSurface(ContactSurface):
     """Gamma_C of a body that faces another side, ``against``, by jumps at its nodes.
 
+    If ``against`` has the names of ``on``, the bodies that have these parts touch each other.
     The weights are those of the part that side 2 covers, and ``distance`` (k,) is the gap between
     the sides, the extent of the body where a node faces nothing.  All ranks find the whole pairing.
     Raises InputError for sides that have nodes in common, for sides that do not face each other or
@@ -39,26 +41,24 @@ class PairedSurface(ContactSurface):
         key, names = given.key, tuple(given.against or ())
         unknown = {
             "axisymmetric bodies": domain.axisymmetric,
-            "quadratic elements": element.degree != 1,
             f"{domain.kind.plural}; take simplices": element.boxes,
         }
         for what in (name for name, holds in unknown.items() if holds):
             raise InputError(f"bodies that touch each other are not there for {what}", key)
         super().__init__(domain, space, given.on, f"{key}.on", element, space)
         other = domain.facets(names, f"{key}.against")
-        one, mine = _side(domain, space, self.facets)
-        two, theirs = _side(domain, space, other)
-        _require_apart(domain, one, two, mine, theirs, given)
+        among = set(given.on) == set(names)
+        one, mine = _side(domain, space, self.facets, among)
+        two, theirs = _side(domain, space, other, among)
+        at_tip = np.isin(mine, theirs) & (not among)
+        if not among:
+            _require_apart(domain, one, two, mine, theirs, given)
         found = pair(one, two)
-        at_tip = np.isin(mine, theirs)
         _require_facing(domain, one, found, given)
         index_map = space.dofmap.index_map
         here = np.searchsorted(mine, index_map.local_to_global(self.blocks))
         faces = (found.faces & ~at_tip)[here]
-        count = index_map.size_global
-        own = csr_matrix(
-            (np.ones(len(here)), mine[here], np.arange(len(here) + 1)), shape=(len(here), count)
-        )
+        own = self.limited.by_blocks
         shares = found.shares[here].tocsr()
         facing = csr_matrix((shares.data, theirs[shares.indices], shares.indptr), shape=own.shape)
         rows = diags(faces.astype(float)) @ (own - facing)
@@ -74,6 +74,10 @@ class PairedSurface(ContactSurface):
         self.weights = weights
         self._coarser = float(np.median(one.sizes()) / np.median(two.sizes()))
         self._key, self._blocks = key, np.union1d(mine, theirs)
+
+    def limited_gap(self, gap: FloatArray) -> FloatArray:
+        """That of the given part of the gap: :attr:`distance` has limited values."""
+        return super().limited_gap(gap - self.distance) + self.distance
 
     @property
     def jump(self) -> JumpValues:
@@ -107,34 +111,32 @@ class PairedSurface(ContactSurface):
         ]
 
 
-def _side(domain: Domain, space: fem.FunctionSpace, facets: IndexArray) -> tuple[Side, IntArray]:
+def _side(
+    domain: Domain, space: fem.FunctionSpace, facets: IndexArray, among: bool
+) -> tuple[Side, IntArray]:
     """The side with the given local facets, and the global blocks (k,) of its points; collective.
 
-    All ranks have the same side.
+    All ranks have the same side.  It knows its bodies if ``among`` these there is contact.
     """
     comm, dim = domain.comm, domain.dim
     mesh, index_map = domain.mesh, space.dofmap.index_map
     owned = mesh.topology.index_map(dim).size_local
     facets = facets[domain.owners(facets) < owned]
     cells = domain.owners(facets)
-    mesh.topology.create_connectivity(dim, dim - 1)
-    facets_of = mesh.topology.connectivity(dim, dim - 1).array.reshape(-1, dim + 1)
-    place = np.argmax(facets_of[cells] == facets[:, None], axis=1)
-    layout = space.dofmap.dof_layout
-    corners = np.array([layout.entity_closure_dofs(dim - 1, i) for i in range(dim + 1)])
-    nodes = space.dofmap.list[cells[:, None], corners[place]]
+    nodes = facet_nodes(domain, space, facets, cells)
     x = space.tabulate_dof_coordinates()[:, :dim]
     inside = mesh.geometry.x[_compat.cell_nodes(mesh)[cells]][:, :, :dim].mean(axis=1)
-    outward = _outward(x[nodes], inside)
-    numbers = index_map.local_to_global(nodes.reshape(-1)).reshape(-1, dim)
+    outward = _outward(x[nodes[:, :dim]], inside)
+    numbers = index_map.local_to_global(nodes.reshape(-1)).reshape(nodes.shape)
     every = np.concatenate(comm.allgather(numbers))
     points = np.concatenate(comm.allgather(x[nodes]))
     blocks, first, inverse = np.unique(every, return_index=True, return_inverse=True)
     return (
         Side(
             points.reshape(-1, dim)[first],
-            inverse.reshape(-1, dim),
+            inverse.reshape(-1, nodes.shape[1]),
             np.concatenate(comm.allgather(outward)),
+            np.concatenate(comm.allgather(domain.parts[cells])) if among else None,
         ),
         blocks,
     )

@@ -4,13 +4,16 @@ From a point x of side 1 the ray along the outward normal n of its facet meets s
 the height ``h(x) = (chi(x) - x) . n``, which is negative where the sides overlap.  The jump of a
 field u at the node i of side 1 is
 
-    [u]_i = u1_i - sum_k m_ik u2_k,   m_ik = int psi_i (phi2_k o chi) / int phi_i,
+    [u]_i = c1_i - sum_k m_ik u2_k,   m_ik = int psi_i (phi2_k o chi) / int b_i,
 
-with the hat functions phi of both sides and the dual basis psi of side 1,
-``int psi_i phi_j = delta_ij int phi_j`` (Wohlmuth, doi:10.1137/S0036142999350929).  All integrals
-are over the part of side 1 that side 2 covers, and the dual basis is that of this part (Popp et
-al., doi:10.1016/j.cma.2010.11.004).  The facets of side 2 are projected into the plane of each
-facet of side 1 and cut there, so that every integral is exact.
+with the coefficients c1 of u on side 1 in Bernstein's basis b, the nodal functions phi2 of side 2,
+and the dual basis psi of side 1, ``int psi_i b_j = delta_ij int b_j`` (Wohlmuth,
+doi:10.1137/S0036142999350929).  For affine functions b and phi are hat functions and c1 the values
+at the nodes; for quadratic ones c1 are the control values (:class:`~contact_locking.fem.trace.
+Trace`).  The b_i have the sum 1, and so have the psi_i: a constant pressure on side 1 is one on
+side 2.  All integrals are over the part of side 1 that side 2 covers, and the dual basis is that
+of this part (Popp et al., doi:10.1016/j.cma.2010.11.004).  The facets of side 2 are projected into
+the plane of each facet of side 1 and cut there, so that every integral is exact.
 
 The facets are chords of curved sides, and so the distance between two meshes of one circle is not
 zero.  The gap is therefore that between the curved sides which the averaged normals at the nodes
@@ -54,18 +57,26 @@ _SMOOTH = 0.966
 class Side:
     """One side of an interface: its facets, whose ``outward`` unit normals point to the other.
 
-    ``points`` (k, d) are its nodes, ``facets`` (m, d) the corners of its facets as numbers of
-    points, and ``outward`` is (m, d).
+    ``points`` (k, d) are its nodes, ``facets`` (m, n) the nodes of its facets as numbers of points,
+    and ``outward`` is (m, d).  The corners of a facet are first; behind them are the midpoints of
+    its edges for quadratic functions, in the order of DOLFINx.  ``bodies`` (m,) are the numbers of
+    the bodies of the facets where several bodies touch each other.
     """
 
     points: FloatArray
     facets: IntArray
     outward: FloatArray
+    bodies: IntArray | None = None
 
     @property
     def corners(self) -> FloatArray:
         """The corners (m, d, d) of the facets."""
-        return self.points[self.facets]
+        return self.points[self.facets[:, : self.points.shape[1]]]
+
+    @property
+    def is_quadratic(self) -> bool:
+        """Whether the midpoints of edges are nodes, too."""
+        return self.facets.shape[1] > self.points.shape[1]
 
     def sizes(self) -> FloatArray:
         """The lengths (m,) or areas of the facets."""
@@ -80,7 +91,7 @@ class Pairing:
     """How side 2 faces the k nodes of side 1.
 
     ``shares`` (k, k2) are the m_ik, whose rows have the sum 1.  ``gap`` (k,) is
-    ``int psi_i h / int phi_i``, and ``weights`` (k,) are ``int phi_i``.  ``faces`` (k,) marks the
+    ``int psi_i h / int b_i``, and ``weights`` (k,) are ``int b_i``.  ``faces`` (k,) marks the
     nodes that face side 2; the others have zeros.  ``twice`` is a point (d,) whose ray meets side 2
     several times, None without such a point.
     """
@@ -93,11 +104,20 @@ class Pairing:
 
 
 def pair(one: Side, other: Side) -> Pairing:
-    """The pairing of side 1, ``one``, with side 2."""
+    """The pairing of side 1, ``one``, with side 2.
+
+    If both have the same facets, of several bodies, each facet is paired with the nearest other
+    body if this has the larger number: of two bodies one is side 1.
+    """
     from scipy.sparse import csr_matrix
 
     frames, first = _tangents(one), one.corners[:, :1]
     facet, facing = _candidates(one, other)
+    if one.bodies is not None and other.bodies is not None:
+        first_body, second = one.bodies[facet], other.bodies[facing]
+        kept = _of_the_nearest(one, other, facet, facing, first_body != second)
+        kept &= first_body < second
+        facet, facing = facet[kept], facing[kept]
     away = other.corners[facing] - first[facet]
     flat = np.einsum("pcd,ptd->pct", away, frames[facet])
     heights = np.einsum("pcd,pd->pc", away, one.outward[facet])
@@ -106,19 +126,19 @@ def pair(one: Side, other: Side) -> Pairing:
     facet, facing, flat, heights = facet[meet], facing[meet], flat[meet], heights[meet]
     number, pieces = _overlaps(own[facet], flat)
     places, weights = _quadrature(pieces)
-    of_one = _shares(own[facet[number]], places)
-    of_other = _shares(flat[number], places)
+    at_one, at_other = _shares(own[facet[number]], places), _shares(flat[number], places)
+    of_one = _bernstein(at_one) if one.is_quadratic else at_one
+    of_other = _nodal(at_other) if other.is_quadratic else at_other
 
     # Sums over the pieces of each pair, then over the pairs of each facet.
     mixed = _summed(number, len(facet), np.einsum("qn,qni,qnk->qik", weights, of_one, of_other))
-    height = np.einsum("pik,pk->pi", mixed, heights)
     bulge = _bulge(one)[facet[number]], _bulge(other)[facing[number]]
-    bulges = sum(
+    away = np.einsum("qnk,qk->qn", at_other, heights[number]) - sum(
         np.einsum("qij,qni,qnj->qn", part, at, at)
-        for part, at in zip(bulge, (of_one, of_other), strict=True)
+        for part, at in zip(bulge, (at_one, at_other), strict=True)
     )
-    farther = np.einsum("qn,qni,qn->qi", weights, of_one, bulges)
-    height -= _summed(number, len(facet), farther[:, :, None])[:, :, 0]
+    height = np.einsum("qn,qni,qn->qi", weights, of_one, away)
+    height = _summed(number, len(facet), height[:, :, None])[:, :, 0]
     mass = np.einsum("qn,qni,qnj->qij", weights, of_one, of_one)
     mass = _summed(facet[number], len(one.facets), mass)
     integral = mass.sum(axis=2)
@@ -130,19 +150,18 @@ def pair(one: Side, other: Side) -> Pairing:
     mixed, height = dual[facet] @ mixed, np.einsum("pij,pj->pi", dual[facet], height)
 
     count = len(one.points)
-    corners = one.facets[facet]
+    nodes = one.facets[facet]
     every: FloatArray = np.bincount(
         one.facets[is_covered].reshape(-1), integral[is_covered].reshape(-1), count
     ).astype(float)
     faces = every > 0.0
     total = np.where(faces, every, 1.0)
-    dim = corners.shape[1]
-    rows = np.repeat(corners, dim, axis=1).reshape(-1)
-    columns = np.tile(other.facets[facing], (1, dim)).reshape(-1)
+    rows = np.repeat(nodes, other.facets.shape[1], axis=1).reshape(-1)
+    columns = np.tile(other.facets[facing], (1, nodes.shape[1])).reshape(-1)
     entries = mixed.reshape(-1) / total[rows]
     shares = csr_matrix((entries, (rows, columns)), shape=(count, len(other.points)))
     shares.eliminate_zeros()
-    gap = np.bincount(corners.reshape(-1), height.reshape(-1), count) / total
+    gap = np.bincount(nodes.reshape(-1), height.reshape(-1), count) / total
     several = np.flatnonzero(covered > (1.0 + _TWICE) * sizes)
     twice = one.corners[several[0]].mean(axis=0) if len(several) else None
     return Pairing(shares, gap, every, faces, twice)
@@ -167,12 +186,13 @@ def _bulge(side: Side) -> FloatArray:
     dim, areas = side.points.shape[1], side.sizes()
     normals = np.zeros_like(side.points)
     number = np.zeros(len(side.points))
-    for corner in side.facets.T:
+    corners = side.facets[:, :dim]
+    for corner in corners.T:
         np.add.at(normals, corner, areas[:, None] * side.outward)
         np.add.at(number, corner, 1.0)
     sizes = np.linalg.norm(normals, axis=1)
-    normals = (normals / np.where(sizes > 0.0, sizes, 1.0)[:, None])[side.facets]
-    found = np.zeros((len(side.facets), dim, dim))
+    normals = (normals / np.where(sizes > 0.0, sizes, 1.0)[:, None])[corners]
+    found = np.zeros((len(corners), dim, dim))
     for i in range(dim):
         for j in range(i + 1, dim):
             along = side.corners[:, j] - side.corners[:, i]
@@ -181,7 +201,7 @@ def _bulge(side: Side) -> FloatArray:
             off = np.sum(normals[:, [i, j]] * side.outward[:, None], axis=2)
             slopes[off < _SMOOTH] = 0.0
             if dim == 2:
-                slopes = np.where(number[side.facets] == 1.0, -slopes[:, ::-1], slopes)
+                slopes = np.where(number[corners] == 1.0, -slopes[:, ::-1], slopes)
             found[:, i, j] = 0.5 * length[:, 0] * (slopes[:, 1] - slopes[:, 0])
     return found
 
@@ -204,6 +224,20 @@ def _candidates(one: Side, other: Side) -> tuple[IntArray, IntArray]:
     near = aside <= (around[0][facet] + around[1][facing]) ** 2
     kept = near & (np.sum(outward * other.outward[facing], axis=1) < _FACING)
     return facet[kept], facing[kept]
+
+
+def _of_the_nearest(
+    one: Side, other: Side, facet: IntArray, facing: IntArray, may: BoolArray
+) -> BoolArray:
+    """(p,) the pairs that ``may`` be and have the body that is nearest to the facet of side 1."""
+    assert other.bodies is not None
+    away = other.corners.mean(axis=1)[facing] - one.corners.mean(axis=1)[facet]
+    distance = np.where(may, np.linalg.norm(away, axis=1), np.inf)
+    # The last entry for a facet is the nearest one.
+    order = np.argsort(-distance, kind="stable")
+    nearest = np.full(len(one.facets), -1)
+    nearest[facet[order]] = other.bodies[facing[order]]
+    return np.asarray(may & (other.bodies[facing] == nearest[facet]))
 
 
 def _balls(side: Side) -> tuple[FloatArray, FloatArray]:
@@ -283,12 +317,12 @@ def _cut(
 
 
 def _quadrature(simplices: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points (q, n, d - 1) and weights (q, n) that are exact for degree 3."""
+    """Points (q, n, d - 1) and weights (q, n) that are exact for degree 4."""
     edges = simplices[:, 1:] - simplices[:, :1]
     if simplices.shape[2] == 1:
-        share = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
-        points = simplices[:, :1] + share[None, :, None] * edges
-        return points, np.repeat(0.5 * np.abs(edges[:, 0]), 2, axis=1)
+        places, lengths = np.polynomial.legendre.leggauss(3)
+        points = simplices[:, :1] + 0.5 * (1.0 + places)[None, :, None] * edges
+        return points, 0.5 * np.abs(edges[:, 0]) * lengths
     area = 0.5 * np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0])
     shares, weights = [], []
     for outer, weight in _TRIANGLE:
@@ -305,10 +339,26 @@ def _shares(simplices: FloatArray, points: FloatArray) -> FloatArray:
     return np.concatenate([1.0 - rest.sum(axis=2, keepdims=True), rest], axis=2)
 
 
-def _dual_basis(mass: FloatArray) -> FloatArray:
-    """The coefficients (m, d, d) of the dual functions in hat functions with these masses.
+def _edges(shares: FloatArray) -> FloatArray:
+    """The products (q, n, e) of the coordinates (q, n, d) of the ends of each edge."""
+    ends = [(0, 1)] if shares.shape[2] == 2 else [(1, 2), (0, 2), (0, 1)]
+    return np.stack([shares[..., i] * shares[..., j] for i, j in ends], axis=2)
 
-    A small covered part leaves hat functions of very different sizes, which are scaled first.
+
+def _bernstein(shares: FloatArray) -> FloatArray:
+    """Bernstein's quadratic functions (q, n, d + e) at barycentric coordinates (q, n, d)."""
+    return np.concatenate([shares**2, 2.0 * _edges(shares)], axis=2)
+
+
+def _nodal(shares: FloatArray) -> FloatArray:
+    """The quadratic functions (q, n, d + e) of the nodes at barycentric coordinates (q, n, d)."""
+    return np.concatenate([shares * (2.0 * shares - 1.0), 4.0 * _edges(shares)], axis=2)
+
+
+def _dual_basis(mass: FloatArray) -> FloatArray:
+    """The coefficients (m, n, n) of the dual functions in functions with these masses.
+
+    A small covered part leaves functions of very different sizes, which are scaled first.
     """
     scale = 1.0 / np.sqrt(np.einsum("mii->mi", mass))
     scaled = np.linalg.inv(mass * scale[:, :, None] * scale[:, None])

@@ -117,6 +117,8 @@ class JointForm:
             stiffness = item.stiffness(None)
             matrix.axpy(1.0, stiffness, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
             stiffness.destroy()
+        if kind is not None:
+            matrix.convert(kind)
         matrix.setLGMap(*numbering)
         return matrix
 
@@ -165,6 +167,7 @@ class JointForm:
         matrix.assemble()
         for item in self._jumps:
             stiffness = item.stiffness(conditions)
+            stiffness.convert(matrix.getType())
             matrix.axpy(1.0, stiffness, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
             stiffness.destroy()
 

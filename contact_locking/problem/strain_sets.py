@@ -8,6 +8,9 @@ stress is ``L^T y``.  So the work of the multiplier at a strain in the set is ``
 The maps have the norm 1, so that the penalty of a set does not depend on how the set is written:
 it is n times the squared distance of the strain to the set, in the norm ``|L eps|``.  That is the
 Frobenius norm for the ball, for half spaces and in three dimensions for the deviator.
+
+``eps_I <= M`` for the largest principal strain in the plane is no norm.  L is the identity, the
+multiplier is a tensor without negative eigenvalues, and ``tr y`` takes the place of ``|y|``.
 """
 
 from __future__ import annotations
@@ -27,6 +30,9 @@ from contact_locking.laws.locking import (
     locking_stress,
     one_sided_energy,
     one_sided_stress,
+    principal_energy,
+    principal_strains,
+    principal_stress,
 )
 
 StrainMap = Callable[[Expr], Expr]
@@ -134,3 +140,29 @@ class HalfSpaceSet(StrainSet):
 
     def multipliers(self, element: Element, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
         return element.strain_space(mesh)
+
+
+@dataclass(frozen=True)
+class PrincipalSet(StrainSet):
+    """``eps_I <= M`` for the largest eigenvalue of (2, 2) strains: the cone ``M I - eps >= 0``."""
+
+    name: str
+    inverse_limit: fem.Function
+
+    def measured(self, eps: Expr) -> Expr:
+        return eps
+
+    def stress(self, y: Expr) -> Expr:
+        return y
+
+    def multiplier(self, eps: Expr, n: Expr) -> Expr:
+        return principal_stress(eps, self.inverse_limit, n)
+
+    def energy(self, eps: Expr, n: Expr) -> Expr:
+        return principal_energy(eps, self.inverse_limit, n)
+
+    def utilisation(self, eps: Expr) -> Expr:
+        return ufl.max_value(self.inverse_limit * principal_strains(eps)[0], 0.0)
+
+    def multipliers(self, element: Element, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
+        return element.tensor_space(mesh)

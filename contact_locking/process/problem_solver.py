@@ -159,14 +159,6 @@ def _loose_motion(problem: DiscreteProblem) -> LooseMotion | None:
 
 def _linear(problem: DiscreteProblem, linear: str) -> str:
     """The linear solver, with the choice for this body made; collective."""
-    if problem.data.jumps:
-        # Multigrid and its filter know nothing of entries between two bodies.
-        if linear == "iterative":
-            raise InputError(
-                "iterative is not there for two bodies that touch each other; take direct",
-                "solver.linear",
-            )
-        return "direct"
     domain, size = problem.domain, problem.constraints.space.dofmap.index_map.size_global
     compact = domain.compact_size(size * domain.dim, problem.element.degree)
     return chosen(linear, domain.dim, compact)

@@ -168,11 +168,19 @@ def sensitivities(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
     return [*rows, ("derivatives", summary["share_at_change"]["in_words"], "", "")]
 
 
+def _may_adapt(summary: Mapping[str, Any]) -> bool:
+    """Whether meshes are adapted: not in steps, of bodies that touch each other, or of boxes."""
+    touch = any("against" in contact for contact in summary.get("contacts") or ())
+    element = summary.get("discretisation") or {}
+    # Linear elements with limits at Gauss points are those of boxes.
+    are_boxes = element.get("degree") == 1 and element.get("limit_at") == "gauss"
+    return not (summary.get("steps") or touch or are_boxes)
+
+
 def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:
     if (mesh := _relative(summary, "mesh")) is not None:
         words = f"the error of the mesh is about {_roughly(mesh)}, by an estimate"
-        # Meshes are not adapted in steps.
-        adapt = "" if summary.get("steps") else ", or the section adapt"
+        adapt = ", or the section adapt" if _may_adapt(summary) else ""
         yield Weakness(mesh, words, f"a finer mesh{adapt}")
     measured, bound = _relative(summary, "penalty_measured"), _relative(summary, "penalty")
     if measured:

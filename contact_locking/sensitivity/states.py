@@ -18,7 +18,7 @@ from contact_locking.parallel import maximum
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
-from contact_locking.solver.interior_point.locking_cones import LockingCones, StrainHalfLines
+from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
 from contact_locking.solver.interior_point.lorentz import norm
 
 # A point is near a change where both are below this share of the largest, or of the limit.
@@ -68,6 +68,5 @@ def _at_rest(family: Family, comm: MPI.Intracomm) -> tuple[str, BoolArray]:
         room = family.limit - family.seen
         size = maximum(comm, np.concatenate([np.abs(family.seen), np.zeros(1)]))
         return "contact", np.asarray(room <= _NEAR * size)
-    assert isinstance(family, LockingCones | StrainHalfLines)
-    seen = family.seen if family.seen.ndim == 1 else norm(family.seen)
-    return "strain", np.asarray(family.limit - seen <= _NEAR * family.limit)
+    assert isinstance(family, LimitsOfStrain)
+    return "strain", np.asarray(family.limit - family.reach <= _NEAR * family.limit)

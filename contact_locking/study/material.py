@@ -21,6 +21,7 @@ from contact_locking.problem.elasticity import Elasticity, require_symmetric
 from contact_locking.problem.limits import (
     Deviator,
     Direction,
+    LargestPrincipal,
     Limit,
     StrainBall,
     Volume,
@@ -172,9 +173,9 @@ class MaterialOfStudy:
         return _IsotropicPart(cells, key, pieces, given.young is not None)
 
     def _limits(self) -> list[Limit]:
-        """All limits: deviators, and volumes, of several regions are one set."""
+        """All limits: those of one norm, of several regions, are one set."""
         limits: list[Limit] = [StrainBall(self._bounds(list(self._balls()), "the locking limit"))]
-        shape, upper, lower = [], [], []
+        shape, upper, lower, principal = [], [], [], []
         along: list[Limit] = []
         for limit, cells, key in self._other_limits():
             name = key.partition(".")[2]
@@ -185,6 +186,8 @@ class MaterialOfStudy:
             match limit.norm:
                 case "deviator":
                     shape.append(most)
+                case "largest_principal":
+                    principal.append(most)
                 case "volume":
                     upper.append(most)
                     lower += few
@@ -204,6 +207,8 @@ class MaterialOfStudy:
                     along.append(Weighted(matrix, self._bounds([most], "the limit"), name, key))
         if shape:
             limits.append(Deviator(self._bounds(shape, "the limit")))
+        if principal:
+            limits.append(LargestPrincipal(self._bounds(principal, "the limit")))
         if upper or lower:
             limits.append(Volume(self._bounds(upper, "the limit"), self._lower(lower)))
         return [*limits, *along]

@@ -88,7 +88,7 @@ def test_the_locking_stress_is_part_of_the_von_mises_stress() -> None:
 
 
 def test_a_strain_beyond_the_limit_between_the_points_that_keep_it_is_told() -> None:
-    cells = {"mesh__cells": "box", "mesh__structured": True}
+    cells: dict[str, Any] = {"mesh__cells": "box", "mesh__structured": True}
     found = summary(block(h=0.25, penalty__n=float("inf"), **cells))
     assert found["limit_used"] == pytest.approx(1.0, abs=1e-8)
     assert found["overstrain_max"] > 0.3

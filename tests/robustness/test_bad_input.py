@@ -232,7 +232,7 @@ def _mesh_file(path: Path, dim: int, *, names: bool = True, order: int = 1) -> N
     ("dim", "options", "expected"),
     [
         (1, {}, "1D"),
-        (2, {"order": 2}, "first-order"),
+        (2, {"order": 3}, "first or second order"),
     ],
 )
 def test_meshes_that_will_not_do_are_refused(

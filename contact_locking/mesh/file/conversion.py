@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -32,6 +34,8 @@ _FACETS: dict[str, tuple[str, tuple[tuple[int, ...], ...]]] = {
         ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
     ),
 }
+# Elements of Abaqus in the plane; meshio knows those of plane stress alone.
+_TYPES = re.compile(rb"(TYPE\s*=\s*)(?:CP[ES]|CPEG|C?G?AX)([34])[A-Z]*\b", re.IGNORECASE)
 # The names of all cells with that many dimensions begin so, of any order.
 _CELLS = {3: ("tetra", "hexahedron", "wedge", "pyramid", "polyhedron"), 2: ("triangle", "quad")}
 
@@ -92,10 +96,18 @@ def _read(source: Path) -> Any:
     # meshio prints why a file cannot be read, and then leaves the process.
     told = io.StringIO()
     try:
-        with contextlib.redirect_stdout(told), contextlib.redirect_stderr(told):
-            return meshio.read(source)
+        with (
+            tempfile.TemporaryDirectory(prefix="contact-locking-") as folder,
+            contextlib.redirect_stdout(told),
+            contextlib.redirect_stderr(told),
+        ):
+            readable = source
+            if source.suffix == ".inp":
+                readable = Path(folder, source.name)
+                readable.write_bytes(_TYPES.sub(rb"\1CPS\2", source.read_bytes()))
+            return meshio.read(readable)
     except (Exception, SystemExit) as error:
-        why = " ".join(told.getvalue().split()) or error
+        why = " ".join(told.getvalue().split()) or str(error) or type(error).__name__
         raise InputError(f"{source} cannot be read by meshio: {why}") from None
 
 

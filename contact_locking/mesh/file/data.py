@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,13 +45,18 @@ class MeshElements:
 
 @dataclass(frozen=True)
 class MeshData:
-    """Points (m, dim), the numbers (m,) of the nodes in the file, cells and facets."""
+    """Points (m, dim), the numbers (m,) of the nodes in the file, cells and facets.
+
+    ``straightened`` is by what share the measure of the body has changed where nodes on edges, of
+    cells of second order, were left out; None for a mesh of first order.
+    """
 
     dim: int
     points: FloatArray
     numbers: IntArray
     cells: MeshElements
     facets: MeshElements
+    straightened: float | None = None
 
     @property
     def kind(self) -> CellKind:
@@ -70,6 +76,7 @@ class MeshData:
             dim=self.dim,
             points=self.points,
             numbers=self.numbers,
+            straightened=np.nan if self.straightened is None else self.straightened,
             names=np.frombuffer(names, dtype=np.uint8),
             **arrays,
         )
@@ -88,4 +95,12 @@ class MeshData:
                 )
                 for k, named in zip(("cells", "facets"), names, strict=True)
             )
-            return MeshData(int(file["dim"]), file["points"], file["numbers"], cells, facets)
+            share = float(file["straightened"])
+            return MeshData(
+                int(file["dim"]),
+                file["points"],
+                file["numbers"],
+                cells,
+                facets,
+                None if math.isnan(share) else share,
+            )

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 import resource
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +17,9 @@ from contact_locking.errors import InputError
 from contact_locking.mesh.cell_kind import KINDS, TRIANGLE, CellKind
 from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.places import ONE_KIND
+from contact_locking.mesh.file.topology import signed_measures
 from contact_locking.meshes import empty_model
 
-# The kinds of elements by their numbers in Gmsh.
-_OF_GMSH = {kind.gmsh: kind for kind in KINDS.values()}
 _FLAT = 1e-12  # of the largest coordinate
 # The name of all cells where none has a group.
 _WHOLE = "body"
@@ -27,8 +28,9 @@ _WHOLE = "body"
 def extract(model: Any, origin: str) -> MeshData:
     """The points, the cells and the facets of a model.
 
-    Raises InputError, where ``origin`` names the mesh, unless the cells are of one kind and first
-    order, and those of a body in 2D in a plane z = constant.  Cells without any group are one.
+    Of cells of second order the corners are taken.  Raises InputError, where ``origin`` names the
+    mesh, unless the cells are of one kind, and those of a body in 2D in a plane z = constant.
+    Cells without any group are one.
     """
     dim = max((d for d, _ in model.getEntities()), default=0)
     if dim < 2:
@@ -39,7 +41,7 @@ def extract(model: Any, origin: str) -> MeshData:
     order = np.argsort(numbers)
     numbers = numbers[order].astype(np.int64)
     points = coordinates.reshape(-1, 3)[order]
-    kind = _kind(model, dim, origin)
+    kind, number = _kind(model, dim, origin)
     cells, facets = (_elements(model, k, numbers, origin) for k in (kind, kind.facet))
     if dim == 2:
         height = points[0, 2]
@@ -55,7 +57,30 @@ def extract(model: Any, origin: str) -> MeshData:
     if not cells.names:
         ones = np.ones_like(cells.groups)
         cells = MeshElements(cells.nodes, cells.numbers, ones, {_WHOLE: (1,)})
-    return MeshData(dim, np.ascontiguousarray(points[:, :dim]), numbers, cells, facets)
+    mesh = MeshData(dim, np.ascontiguousarray(points[:, :dim]), numbers, cells, facets)
+    return mesh if number == kind.gmsh else _straight(mesh, _measure(model, number))
+
+
+def _measure(model: Any, number: int) -> float:
+    """The measure of all elements of a kind with this number, curved as they are."""
+    places, weights = model.mesh.getIntegrationPoints(number, "Gauss4")
+    _, determinants, _ = model.mesh.getJacobians(number, places)
+    return float(np.sum(np.abs(determinants.reshape(-1, len(weights)) @ weights)))
+
+
+def _straight(mesh: MeshData, measure: float) -> MeshData:
+    """The mesh without nodes that are no corners; ``measure`` is that of the curved cells."""
+    corners = [elements.nodes.reshape(-1) for elements in (mesh.cells, mesh.facets)]
+    kept = np.unique(np.concatenate(corners))
+    cells, facets = (
+        replace(elements, nodes=np.searchsorted(kept, elements.nodes))
+        for elements in (mesh.cells, mesh.facets)
+    )
+    pieces = mesh.kind.split(mesh.cells.nodes)
+    straight = np.abs(signed_measures(mesh.points, pieces)).sum() / math.factorial(mesh.dim)
+    return MeshData(
+        mesh.dim, mesh.points[kept], mesh.numbers[kept], cells, facets, straight / measure - 1.0
+    )
 
 
 def triangles(model: Any, origin: str) -> FloatArray:
@@ -76,16 +101,23 @@ def triangles(model: Any, origin: str) -> FloatArray:
     return np.concatenate(found)
 
 
-def _kind(model: Any, dim: int, origin: str) -> CellKind:
-    """The kind of all cells; raises InputError for cells of several kinds."""
+def _kind(model: Any, dim: int, origin: str) -> tuple[CellKind, int]:
+    """The kind of all cells and their number in Gmsh; raises InputError for several kinds."""
     found = [int(kind) for kind in model.mesh.getElementTypes(dim)]
     if len(found) > 1:
         names = [model.mesh.getElementProperties(kind)[0].lower() for kind in found]
         raise InputError(f"{origin} has cells of several kinds ({', '.join(names)}); {ONE_KIND}")
-    if found[0] not in _OF_GMSH:
-        _, (tags, *_), _ = model.mesh.getElements(dim)
-        raise InputError(f"{origin}: {_unsupported(model, None, found[0], tags[0])}")
-    return _OF_GMSH[found[0]]
+    for kind in KINDS.values():
+        if _has_corners_of(model, kind, found[0]):
+            return kind, found[0]
+    _, (tags, *_), _ = model.mesh.getElements(dim)
+    raise InputError(f"{origin}: {_unsupported(model, None, found[0], tags[0])}")
+
+
+def _has_corners_of(model: Any, kind: CellKind, number: int) -> bool:
+    """Whether elements of this number in Gmsh are of the kind, of first or second order."""
+    _, dim, order, _, _, corners = model.mesh.getElementProperties(number)
+    return bool(dim == kind.dim and corners == kind.corners and order <= 2)
 
 
 def _elements(model: Any, kind: CellKind, node_numbers: IntArray, origin: str) -> MeshElements:
@@ -103,11 +135,12 @@ def _elements(model: Any, kind: CellKind, node_numbers: IntArray, origin: str) -
 
     def add(entity: int, group: int) -> None:
         for number, tags, corners in zip(*model.mesh.getElements(dim, entity), strict=True):
-            if number != kind.gmsh:
+            if not _has_corners_of(model, kind, number):
                 raise InputError(f"{origin}: {_unsupported(model, kind, number, tags[0])}")
             numbers.append(tags.astype(np.int64))
             rows = np.searchsorted(node_numbers, corners.astype(np.int64))
-            nodes.append(rows.reshape(-1, kind.corners)[:, order])
+            # The corners come first.
+            nodes.append(rows.reshape(len(tags), -1)[:, order])
             groups.append(np.full(len(tags), group, dtype=np.int64))
 
     for _, tag in model.getPhysicalGroups(dim):
@@ -136,22 +169,16 @@ def _unsupported(model: Any, wanted: CellKind | None, kind: int, number: int) ->
 
     ``wanted`` is the kind that fits the others, None for any.
     """
-    shape, dim, order, _, _, corners = model.mesh.getElementProperties(kind)
+    shape, dim, _, _, _, corners = model.mesh.getElementProperties(kind)
     known = [wanted] if wanted else [one for one in KINDS.values() if one.dim == dim]
     plurals = " and ".join(one.plural for one in known)
     text = (
-        f"only first-order {plurals} are supported here, element {number} is a {shape} in Gmsh's "
-        "words"
+        f"only {plurals} of first or second order are supported here, element {number} is a "
+        f"{shape} in Gmsh's words"
     )
-    if order == 1 or corners not in [one.corners for one in known]:
-        return text if order > 1 else f"{text}; {ONE_KIND}"
-    # A quadratic displacement has no affine strain there, so that a limit at points says nothing
-    # about the rest of the cell.
-    return (
-        f"{text}, whose sides may be curved, so that the locking limit would hold at points only; "
-        "call gmsh.model.mesh.setOrder(1) before the mesh is saved, and for quadratic "
-        "displacements take discretisation.degree: 2, which needs no nodes on the edges"
-    )
+    if corners in [one.corners for one in known]:
+        return f"{text}; call gmsh.model.mesh.setOrder(1) before the mesh is saved"
+    return f"{text}; {ONE_KIND}"
 
 
 def _name(model: Any, dim: int, tag: int, origin: str) -> str:

@@ -29,6 +29,8 @@ from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.interior_point.judge import Judge
 from contact_locking.solver.interior_point.locking_cones import LockingCones
 from contact_locking.solver.interior_point.measures import Measures
+from contact_locking.solver.interior_point.principal_cones import PrincipalCones
+from contact_locking.solver.interior_point.principal_projection import PrincipalProjection
 from contact_locking.solver.interior_point.projections import (
     FrictionProjection,
     HalfLineProjection,
@@ -122,6 +124,8 @@ class ActiveSet:
             return FrictionProjection(family, stiffness, stiffest)
         if isinstance(family, LockingCones):
             return LockingProjection(family, stiffness, stiffest)
+        if isinstance(family, PrincipalCones):
+            return PrincipalProjection(family, stiffness, stiffest)
         assert isinstance(family, HalfLines)
         floor = self._pieces.floor * self._springs * isinstance(family, ContactCones)
         return HalfLineProjection(family, stiffness, stiffest, floor)

@@ -10,6 +10,7 @@ from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.locking_cones import LockingCones
 from contact_locking.solver.interior_point.lorentz import aligned
+from contact_locking.solver.interior_point.principal_cones import PrincipalCones
 
 
 def centred(family: Family, cones: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
@@ -21,6 +22,6 @@ def centred(family: Family, cones: tuple[FloatArray, FloatArray]) -> tuple[Float
     if isinstance(family, FrictionCones):
         slips, bounds = (values[0] / (maximum(family.comm, values[0]) or 1.0) for values in cones)
         return aligned(cones, slips >= bounds)
-    if isinstance(family, LockingCones):
+    if isinstance(family, LockingCones | PrincipalCones):
         return aligned(cones, np.ones(len(family.weights), dtype=bool))
     return cones

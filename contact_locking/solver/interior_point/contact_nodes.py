@@ -37,7 +37,10 @@ class ContactNodes:
         #: The numbers of the tools that press here: one or none.
         self.tools = tuple(i for i, _ in own)
         self._directions = [(i, tool.direction) for i, tool in own]
-        self._matrix = self._limited_values(system)
+        space = system.u.function_space
+        self._rows = surface.limited.by_blocks[self._active]
+        self._own_blocks = space.dofmap.index_map.local_range
+        self._matrix = displacement_map(self._rows, space)
         self._displacement, self._values = self._matrix.createVecs()
 
     @property
@@ -92,8 +95,14 @@ class ContactNodes:
             forces[number] -= direction @ (traction @ self.weights)
 
     def stiffer_than(self, stiffness: float, springs: FloatArray) -> IndexArray:
-        """The nodes, as blocks, that springs (k,) per area hold more stiffly than a material."""
-        return self._blocks[springs > self.material_springs(stiffness)]
+        """The owned blocks that springs (k,) per area hold more stiffly than a material.
+
+        A spring between two bodies holds nodes of both; collective.
+        """
+        stiff = self._rows[springs > self.material_springs(stiffness)]
+        blocks = np.concatenate(self.comm.allgather(np.unique(stiff.indices)))
+        low, high = self._own_blocks
+        return np.unique(blocks[(blocks >= low) & (blocks < high)]) - low
 
     def material_springs(self, material: float) -> FloatArray:
         """The springs (k,) per area that are as stiff as a material with this stiffness."""
@@ -167,8 +176,3 @@ class ContactNodes:
         for number, direction in self._directions:
             values = values - displacement[owned + number] * direction[:, None]
         return values
-
-    def _limited_values(self, system: PenalisedSystem) -> PETSc.Mat:
-        """The map from displacements to limited values, node by node; collective."""
-        rows = self.contact.surface.limited.by_blocks[self._active]
-        return displacement_map(rows, system.u.function_space)

@@ -10,9 +10,9 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.parallel import minimum
-from contact_locking.problem.rounding import ROUNDING
 from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.half_lines import HalfLines
+from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
 from contact_locking.solver.interior_point.lorentz import LorentzCones, Scaling, dot, inverse, norm
 from contact_locking.solver.interior_point.measures import relative_rms
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
@@ -22,34 +22,24 @@ from contact_locking.solver.multipliers import Multipliers
 _MOST_STEPS = 40
 
 
-class LockingCones(LorentzCones):
+class LockingCones(LimitsOfStrain, LorentzCones):
     """``x = (M + q, L eps)`` in the cone with cost ``n q^2`` at every point; ``z = (z_0, -y)``.
 
     ``L`` is the linear map of the ``law`` of ``strains``, ``limit`` is M (k,).
     ``q = z_0/(2n)`` holds throughout; ``compliance = 1/(2n)`` is 0 for n = inf.  ``L eps`` and the
-    multipliers y are Mandel vectors (m, k) at the points of ``strains``, the family number
-    ``number`` of the sets of strains.
+    multipliers y are Mandel vectors (m, k).
     """
 
-    stops_rigid_motions = False
-    scale = 1.0
-
     def __init__(self, strains: StrainOperator, compliance: float, number: int) -> None:
-        self._strains, self._number = strains, number
-        self.comm, self.weights = strains.comm, strains.weights
-        self.limit, self.compliance = strains.limit, compliance
+        super().__init__(strains, compliance, number)
         self.x, self.z = np.zeros((2, 1 + strains.rows, len(self.limit)))
-
-    # The displacement and the forces.
-
-    def see(self, displacement: FloatArray) -> FloatArray:
-        return self._strains.strains(displacement)
-
-    def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
-        self._strains.add_forces(reactions, forces)
 
     def reactions_of(self, z: FloatArray) -> FloatArray:
         return -z[1:]
+
+    @property
+    def reach(self) -> FloatArray:
+        return norm(self.seen)
 
     # The iterate.
 
@@ -151,7 +141,7 @@ class LockingCones(LorentzCones):
 
     def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
         is_stiff = self._is_stiff_along(factor, material)
-        rows = self._strains.along(is_stiff, self.w[:, is_stiff])
+        rows = self._strains.along(np.flatnonzero(is_stiff), self.w[:, is_stiff])
         return rows, self.b[is_stiff] / self.weights[is_stiff]
 
     def soften_along(self, factor: float, material: float) -> None:
@@ -172,18 +162,8 @@ class LockingCones(LorentzCones):
 
     # The start, and whether anything is admissible.
 
-    def is_kept(self, margin: float, displacement: float) -> bool:
-        size = np.linalg.norm(self.seen, axis=0)
-        return bool(np.all(size <= self.limit * (1.0 + margin + ROUNDING)))
-
     def strain_limit(self) -> FloatArray:
         return np.array([self.weights @ self.limit, self.weights.sum()])
-
-    def beyond(self) -> FloatArray:
-        return np.array([np.count_nonzero(norm(self.seen) > self.limit), len(self.limit)])
-
-    def body_work(self) -> float:
-        return self.power(self.reactions, self.seen)
 
     def largest_multiplier(self) -> float:
         return float(self.z[0].max(initial=0.0))
@@ -192,38 +172,23 @@ class LockingCones(LorentzCones):
         """``int M |y|``."""
         return float(self.weights @ (self.limit * np.linalg.norm(reactions, axis=0)))
 
-    def describe_excess(self) -> str:
-        ratio = np.linalg.norm(self.seen, axis=0) / self.limit
-        what = "the strain" if self._number == 0 else f"the strain of {self._strains.law.name}"
-        return self._strains.describe_excess(ratio, what)
 
-
-class StrainHalfLines(HalfLines):
+class StrainHalfLines(LimitsOfStrain, HalfLines):
     """``x = M + q - N : eps >= 0`` with cost ``n q^2``, and its multiplier ``z = y >= 0``.
 
-    ``q = z/(2n)``, so that the compliance is ``1/(2n)``, 0 for n = inf.  ``limit`` is M (k,) at the
-    points of ``strains``, the family number ``number`` of the sets of strains.
+    ``q = z/(2n)``, so that the compliance is ``1/(2n)``, 0 for n = inf.
     """
 
-    stops_rigid_motions = False
-    scale = 1.0
-
     def __init__(self, strains: StrainOperator, compliance: float, number: int) -> None:
-        self._strains, self._number, self.compliance = strains, number, compliance
-        self.comm, self.weights = strains.comm, strains.weights
+        super().__init__(strains, compliance, number)
         self.x, self.z = np.zeros((2, len(strains.limit)))
 
-    @property
-    def limit(self) -> FloatArray:
-        return self._strains.limit
-
-    # The displacement and the forces.
-
     def see(self, displacement: FloatArray) -> FloatArray:
-        return self._strains.strains(displacement)[0]
+        return super().see(displacement)[0]
 
-    def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
-        self._strains.add_forces(reactions, forces)
+    @property
+    def reach(self) -> FloatArray:
+        return self.seen
 
     # The iterate.
 
@@ -260,7 +225,9 @@ class StrainHalfLines(HalfLines):
 
     def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
         is_stiff = self.stiffness > factor * material
-        rows = self._strains.along(is_stiff, np.ones((1, np.count_nonzero(is_stiff))))
+        rows = self._strains.along(
+            np.flatnonzero(is_stiff), np.ones((1, np.count_nonzero(is_stiff)))
+        )
         return rows, self.stiffness[is_stiff] / self.weights[is_stiff]
 
     def soften_along(self, factor: float, material: float) -> None:
@@ -270,18 +237,3 @@ class StrainHalfLines(HalfLines):
     def _relative_stiffness(self, material: float) -> FloatArray:
         """How much stiffer points are than the material, and than the softest; collective."""
         return np.asarray(self.stiffness / max(material, minimum(self.comm, self.stiffness)))
-
-    # The start, and whether anything is admissible.
-
-    def is_kept(self, margin: float, displacement: float) -> bool:
-        return bool(np.all(self.seen <= self.limit * (1.0 + margin + ROUNDING)))
-
-    def beyond(self) -> FloatArray:
-        return np.array([np.count_nonzero(self.seen > self.limit), len(self.limit)])
-
-    def body_work(self) -> float:
-        return self.power(self.reactions, self.seen)
-
-    def describe_excess(self) -> str:
-        ratio = np.maximum(self.seen, 0.0) / self.limit
-        return self._strains.describe_excess(ratio, f"the strain of {self._strains.law.name}")

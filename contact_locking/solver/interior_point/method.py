@@ -35,7 +35,7 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import Infeasible, NotConverged, raise_callback_error
-from contact_locking.problem.strain_sets import NormSet
+from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet, PrincipalSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.active_set import ActiveSet
 from contact_locking.solver.interior_point.bound_step import BoundLaw, MovingBound
@@ -49,6 +49,7 @@ from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.interior_point.judge import Judge
 from contact_locking.solver.interior_point.locking_cones import LockingCones, StrainHalfLines
 from contact_locking.solver.interior_point.measures import Measures
+from contact_locking.solver.interior_point.principal_cones import PrincipalCones
 from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.interior_point.start import ElasticStart, rests
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
@@ -58,6 +59,12 @@ from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 from contact_locking.solver.task import Target, Task
+
+_CONES: dict[type[StrainSet], type[LockingCones | StrainHalfLines | PrincipalCones]] = {
+    NormSet: LockingCones,
+    HalfSpaceSet: StrainHalfLines,
+    PrincipalSet: PrincipalCones,
+}
 
 
 @dataclass(frozen=True)
@@ -93,10 +100,8 @@ def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> 
     strains = [StrainOperator(space, data, item, system.kept) for item in data.sets]
     families: list[Family] = []
     for number, operator in enumerate(strains):
-        if isinstance(operator.law, NormSet):
-            families.append(LockingCones(operator, penalty.compliance, number))
-        else:
-            families.append(StrainHalfLines(operator, penalty.compliance, number))
+        made = next(cones for law, cones in _CONES.items() if isinstance(operator.law, law))
+        families.append(made(operator, penalty.compliance, number))
     bounds, touching = [], []
     resting = [tool.contact for tool in system.tools if not tool.pushes]
     for number, contact in enumerate(system.contacts):

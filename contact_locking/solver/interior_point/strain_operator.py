@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import ufl
 from dolfinx import fem, la
@@ -9,7 +11,7 @@ from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import Kept
 from contact_locking.laws.elasticity import mandel_factor, mandel_vector
@@ -58,6 +60,7 @@ class StrainOperator:
         by_cell.destroy()
         self.scalars = element.strain_space(mesh)
         self.tensors = element.tensor_space(mesh)
+        self._element = element
         weights: FloatArray = kept(
             "locking weights",
             lambda: fem.assemble_vector(compiled.form(ufl.TestFunction(self.scalars) * dx)).array,
@@ -76,17 +79,16 @@ class StrainOperator:
         self._integrals.array_w[:] = multipliers.reshape(-1)
         self._matrix.multTransposeAdd(self._integrals, forces, forces)
 
-    def along(self, points: BoolArray, directions: FloatArray) -> PETSc.Mat:
-        """The matrix of ``v -> weights directions . L eps(v)`` at marked points (k,); collective.
+    def along(self, points: IntArray, directions: FloatArray) -> PETSc.Mat:
+        """The matrix of ``v -> weights directions . L eps(v)`` at points (p,); collective.
 
-        ``directions`` (m, p) are Mandel vectors at the p marked points of this rank.
+        ``directions`` (m, p) are Mandel vectors at the points, which have numbers of this rank.
         """
-        marked = np.flatnonzero(points)
-        columns = len(points) * np.arange(self.rows)[None, :] + marked[:, None]
+        columns = len(self.limit) * np.arange(self.rows)[None, :] + points[:, None]
         columns += self._matrix.getOwnershipRange()[0]
-        starts = self.rows * np.arange(len(marked) + 1)
+        starts = self.rows * np.arange(len(points) + 1)
         combination = PETSc.Mat().createAIJ(
-            ((len(marked), None), (self._matrix.getLocalSize()[0], None)),
+            ((len(points), None), (self._matrix.getLocalSize()[0], None)),
             csr=(
                 starts.astype(PETSc.IntType),
                 columns.reshape(-1).astype(PETSc.IntType),
@@ -103,6 +105,16 @@ class StrainOperator:
         tensors = function.x.array.reshape(-1, *function.ufl_shape)
         for row, (i, j) in zip(mandel, self._pairs, strict=True):
             tensors[self.dofs, i, j] = tensors[self.dofs, j, i] = row / mandel_factor(i, j)
+        function.x.scatter_forward()
+
+    @cached_property
+    def matrices(self) -> fem.FunctionSpace:
+        """The space of Mandel matrices (m, m); collective."""
+        return self._element.strain_space(self.space.mesh, (self.rows, self.rows))
+
+    def set_matrices(self, function: fem.Function, matrices: FloatArray) -> None:
+        """Give a function of :attr:`matrices` values (k, m, m); collective."""
+        function.x.array.reshape(-1, *function.ufl_shape)[self.dofs] = matrices
         function.x.scatter_forward()
 
     def set_scalars(self, function: fem.Function, values: FloatArray) -> None:

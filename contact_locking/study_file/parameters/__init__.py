@@ -319,8 +319,6 @@ class Parameters(Section):
             "adapt": self.adapt is not None,
             "sensitivities": self.sensitivities is not None,
             "mesh.axisymmetric": self.mesh.axisymmetric,
-            "discretisation.degree: 2": self.discretisation.degree == 2,
-            "solver.linear: iterative": self.solver.linear == "iterative",
         }
         for place in places[:1]:
             for key, is_wanted in missing.items():
@@ -328,7 +326,7 @@ class Parameters(Section):
                     yield Fault(
                         (*place, "against"),
                         f"does not go with {key} yet: contact between two bodies is there for "
-                        "linear elements in the plane and in space, and direct solvers",
+                        "bodies in the plane and in space",
                     )
 
     def _contact_sections(self) -> list[tuple[Place, ContactSection]]:

@@ -95,7 +95,7 @@ class ContactSection(Section):
     against: Names | None = entry(
         None,
         "name(s) of the parts of another body, or of the other side of a cut, that on touches; "
-        "null: a foundation",
+        "those of on: bodies touch each other; null: a foundation",
         optional=True,
     )
     gap: TimedScalar = entry(
@@ -120,8 +120,12 @@ class ContactSection(Section):
         if self.foundation is not None:
             message = "a contact is with a foundation or with another body; leave out one of both"
             yield Fault(("against",), message)
-        if both := [name for name in self.against if name in self.on]:
-            yield Fault(("against",), f"'{both[0]}' is in on as well; a part cannot touch itself")
+        both = [name for name in self.against if name in self.on]
+        if both and set(self.on) != set(self.against):
+            yield Fault(
+                ("against",),
+                f"'{both[0]}' is in on as well; bodies that touch each other share all names",
+            )
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The faults of the foundation in ``dim`` dimensions."""

@@ -1,0 +1,56 @@
+"""What families of limits of the strain share."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import numpy as np
+from petsc4py import PETSc
+
+from contact_locking.arrays import FloatArray
+from contact_locking.problem.rounding import ROUNDING
+from contact_locking.solver.interior_point.family import Family
+from contact_locking.solver.interior_point.strain_operator import StrainOperator
+
+
+class LimitsOfStrain(Family):
+    """Cones at the points of ``strains``, the family number ``number`` of the sets of strains.
+
+    ``compliance = 1/(2n)`` is 0 for n = inf.
+    """
+
+    stops_rigid_motions = False
+    scale = 1.0
+
+    def __init__(self, strains: StrainOperator, compliance: float, number: int) -> None:
+        self._strains, self._number, self.compliance = strains, number, compliance
+        self.comm, self.weights = strains.comm, strains.weights
+
+    @property
+    def limit(self) -> FloatArray:
+        """M (k,)."""
+        return self._strains.limit
+
+    @property
+    @abstractmethod
+    def reach(self) -> FloatArray:
+        """What is M at most (k,), of what was seen."""
+
+    def see(self, displacement: FloatArray) -> FloatArray:
+        return self._strains.strains(displacement)
+
+    def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
+        self._strains.add_forces(reactions, forces)
+
+    def is_kept(self, margin: float, displacement: float) -> bool:
+        return bool(np.all(self.reach <= self.limit * (1.0 + margin + ROUNDING)))
+
+    def beyond(self) -> FloatArray:
+        return np.array([np.count_nonzero(self.reach > self.limit), len(self.limit)])
+
+    def body_work(self) -> float:
+        return self.power(self.reactions, self.seen)
+
+    def describe_excess(self) -> str:
+        what = "the strain" if self._number == 0 else f"the strain of {self._strains.law.name}"
+        return self._strains.describe_excess(np.maximum(self.reach, 0.0) / self.limit, what)
