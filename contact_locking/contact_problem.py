@@ -35,6 +35,7 @@ from contact_locking.problem.limits import Limit
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Solution
+from contact_locking.solver.equilibria.diagram import Diagram
 from contact_locking.solver.task import Settings, SolverReport
 from contact_locking.supports.conditions import constrain
 from contact_locking.supports.supports import Support
@@ -192,15 +193,27 @@ class ContactProblem:
             found.append(solution)
         return found
 
+    def branch(self, to: float = 2.0, after: Solution | None = None) -> Diagram:
+        """The solutions over the share of friction, from none up to ``to`` times the coefficient.
+
+        It may end before, and says why.  Nothing tells that there are no other solutions.  Raises
+        InputError as :meth:`equilibria`.
+        """
+        self._begin(after)
+        return self._solver.diagram(to)
+
     def _solve(self, after: Solution | None, begin: Solution | None) -> SolverReport:
-        problem, solver = self._discrete, self._solver
+        self._begin(after)
+        return self._solver.solve(None if begin is None else begin.state.saved)
+
+    def _begin(self, after: Solution | None) -> None:
+        problem = self._discrete
         problem.enter(problem.at_rest() if after is None else after.state.contacts)
         self._require_finite_loads()
         problem.refresh()
         for contact in problem.contacts:
             contact_checks.require_friction(contact)
-        solver.begin()
-        return solver.solve(None if begin is None else begin.state.saved)
+        self._solver.begin()
 
     def _require_finite_loads(self) -> None:
         data, dofmap = self._discrete.data, self._discrete.u.function_space.dofmap
@@ -223,7 +236,7 @@ def _check(L: ufl.Form | None, limits: Sequence[Any], n: Any, compliance: float 
         raise InputError("must be a linear form, with a test function alone", "L")
     if not isinstance(n, Real):
         raise InputError(f"must be a number or infinity, not {type(n).__name__}", "n")
-    if not n > 0.0:
+    if not float(n) > 0.0:
         raise InputError(f"must be > 0, not {n}", "n")
     if compliance is not None and not compliance >= 0.0:
         raise InputError(f"must be >= 0, not {compliance}", "compliance")

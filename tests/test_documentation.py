@@ -125,8 +125,10 @@ def test_the_summary_and_its_reference_have_the_same_keys() -> None:
     }
     adapted = solve(from_mapping(given | {"adapt": {"max_meshes": 1}}))
     (step,) = solve_steps(from_mapping(given | {"steps": {"times": [1.0]}}))
-    (one,) = find_equilibria(from_mapping(given | {"equilibria": {"find": 1}}))
-    several = {key: one.summary[key] for key in ("index", "equilibria")}
+    (one,) = find_equilibria(
+        from_mapping(given | {"equilibria": {"find": 1}, "branches": {"to": 0.1}})
+    )
+    several = {key: one.summary[key] for key in ("index", "equilibria", "branches")}
     found = adapted.summary | {"steps": step.summary["steps"], "x": float("inf")} | several
     summary = json.loads(summary_text(found))
     del summary["x"]

@@ -171,6 +171,17 @@ def describe_slide(
     return None
 
 
+def describe_unheld(
+    domain: Domain, space: fem.FunctionSpace, data: forms.ProblemData, constraints: Constraints
+) -> str | None:
+    """The first of the motions of :func:`describe_slide`, with its proof, or None; collective."""
+    for group in _groups(domain, data):
+        found = _Motions(domain, space, data, constraints, group)
+        if found.of_body and (told := found.describe_unheld()) is not None:
+            return told
+    return None
+
+
 def describe_loose(
     domain: Domain, space: fem.FunctionSpace, data: forms.ProblemData, constraints: Constraints
 ) -> str | None:

@@ -128,7 +128,8 @@ class Steps(Iterator[StudySolution]):
         self._timeline = Timeline(given)
         self._planned = self._timeline.left
         self._halved: tuple[str, ...] = ()
-        self._out_of_reach = OutOfReach()
+        self._out_of_reach, self._is_unbalanced = OutOfReach(), False
+        self._follows_branch = True
         self._probes: tuple[ProbeSample, ...] = ()
         self._saved = saved
         self._solutions = self._solve()
@@ -165,7 +166,11 @@ class Steps(Iterator[StudySolution]):
                     self.problem.advance(at)
                     self._solver.begin()
                     data = AdmissibilityData.of(self._solver.system, at)
-                    if self._out_of_reach.excludes(data) and timeline.fail():
+                    # The proofs of balance are asked for where a solve has failed before.
+                    excluded = self._out_of_reach.excludes(data) or (
+                        self._is_unbalanced and self._solver.is_unbalanced()
+                    )
+                    if excluded and timeline.fail():
                         continue
                     report = self._solve_at(at, last)
                 except InputError as error:
@@ -178,6 +183,10 @@ class Steps(Iterator[StudySolution]):
                     self._end(solution, f"{error.key}: {text}")
                     raise InputError(text, error.key) from error
                 self._out_of_reach.add(data, report, at == timeline.planned)
+                self._is_unbalanced |= report.is_unbalanced
+                # The branch is followed once at most on the way to a planned time.
+                reached = at == timeline.planned
+                self._follows_branch = report.converged and (reached or self._follows_branch)
                 if not report.converged and self._halve(
                     f"the step to t = {at:.6g} did not converge ({report.reason})"
                 ):
@@ -237,7 +246,8 @@ class Steps(Iterator[StudySolution]):
     def _solve_at(self, at: float, last: State | None) -> SolverReport:
         """Solve at the present time; collective."""
         self._monitor.step(len(self.history) + 1, self._timeline.left, at, self._seconds_left())
-        return self._solver.solve(None if last is None else last.saved)
+        saved = None if last is None else last.saved
+        return self._solver.solve(saved, self._follows_branch)
 
     def _halve(self, failure: str) -> bool:
         """Halve the step after a failure, if it may be halved, and say so."""

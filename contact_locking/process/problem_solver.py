@@ -14,9 +14,10 @@ from contact_locking.fem.compiled import integral
 from contact_locking.monitor import Monitor
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.loose_motion import LooseMotion
-from contact_locking.problem.parts import loose_fields
+from contact_locking.problem.parts import describe_unheld, loose_fields
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.sensitivity.lazy import LazyDerivatives
+from contact_locking.solver.equilibria.diagram import Diagram, diagram
 from contact_locking.solver.equilibria.search import Equilibrium, equilibria
 from contact_locking.solver.linear.factorised import chosen
 from contact_locking.solver.linear.options import UserOptions
@@ -73,11 +74,29 @@ class ProblemSolver:
         self.system.assemble_loads()
         self.system.clear()
 
-    def solve(self, saved: SavedState | None = None) -> SolverReport:
-        """Solve at present, from a saved state if that helps; collective."""
+    def solve(self, saved: SavedState | None = None, follows_branch: bool = True) -> SolverReport:
+        """Solve at present, from a saved state if that helps; collective.
+
+        ``follows_branch`` is that of :class:`Task`.
+        """
         self.close()
-        task = Task(self.system, self.target, self.settings, self._monitor)
+        task = Task(
+            self.system,
+            self.target,
+            self.settings,
+            self._monitor,
+            is_unbalanced=self.is_unbalanced,
+            follows_branch=follows_branch,
+        )
         return solve_system(self._method, task, saved)
+
+    def is_unbalanced(self) -> bool:
+        """Whether a proof shows that no forces balance the present loads; collective."""
+        problem = self.problem
+        if not problem.free:
+            return False
+        space, constraints = problem.u.function_space, problem.constraints
+        return describe_unheld(problem.domain, space, problem.data, constraints) is not None
 
     def equilibria(self, report: SolverReport, most: int) -> Iterator[Equilibrium]:
         """The solution of a report, and up to ``most - 1`` others; collective.
@@ -86,6 +105,13 @@ class ProblemSolver:
         """
         task = Task(self.system, self.target, self.settings, self._monitor, report)
         yield from equilibria(task, most)
+
+    def diagram(self, most: float) -> Diagram:
+        """The branch of solutions up to ``most`` times the friction; collective.
+
+        Raises InputError as :func:`diagram`.
+        """
+        return diagram(Task(self.system, self.target, self.settings, self._monitor), most)
 
     def derivatives(self, report: SolverReport) -> LazyDerivatives:
         """The derivatives of the solution of a report, until the next solve."""

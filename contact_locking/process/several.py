@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from contact_locking.results.solution import StudySolution
+from contact_locking.solver.equilibria.diagram import Diagram, DiagramPoint
 
 _COLUMNS = ("index", "contact_force", "friction_force", "elastic_energy", "compliance")
 
@@ -32,6 +34,31 @@ def entry(found: Sequence[StudySolution]) -> dict[str, Any]:
     ]
     total = sum(int(solution.summary["index"]) for solution in found)
     return {"found": len(found), "solutions": rows, "missing": _missing(total)}
+
+
+def branches_entry(over: str, found: Diagram) -> dict[str, Any]:
+    """The key ``branches`` of summary.json: the columns of branches.csv, and what they say.
+
+    ``leaves_at`` is the share of the first fold: solutions that follow a share which grows from 0
+    leave the branch there.
+    """
+    names = [item.name for item in dataclasses.fields(DiagramPoint)]
+    points = {name: [getattr(point, name) for point in found.points] for name in names}
+    leaves = found.folds[0] if found.folds else None
+    return {
+        "over": over,
+        "end": found.end,
+        "folds": found.folds,
+        "leaves_at": leaves,
+        "points": points,
+    }
+
+
+def branches_text(entry: Mapping[str, Any]) -> str:
+    """branches.csv: a row for each point in the order of the branch, numbers with all digits."""
+    columns = entry["points"]
+    rows = [columns, *zip(*columns.values(), strict=True)]
+    return "".join(",".join(map(str, row)) + "\n" for row in rows)
 
 
 def _missing(total: int) -> str:

@@ -183,17 +183,21 @@ def _static(
         solution.summary |= sensitivities.of(solver.derivatives(report).made, state.contacts)
         sensitivities.close()
     solution.summary["restart"] = None if restart is None else told(restart, report)
+    if (branches := problem.parameters.branches) is not None:
+        monitor.message("following the branch of solutions")
+        found = solver.diagram(branches.to)
+        solution.summary["branches"] = several.branches_entry(branches.over, found)
     if most is None or not solution.converged:
         yield solution
     else:
-        for number, found in enumerate(solver.equilibria(report, most)):
+        for number, other in enumerate(solver.equilibria(report, most)):
             if number > 0:
                 monitor.message(f"another solution: {number + 1} so far")
-                state = solver.state(found.report)
+                state = solver.state(other.report)
                 judged = certify(state, extras_of(problem.parameters))
                 solution = of_study(problem, solution_of(state, judged))
                 solution.summary["restart"] = None
-            solution.summary["index"] = found.index
+            solution.summary["index"] = other.index
             yield solution
     solver.close()
     problem.close()

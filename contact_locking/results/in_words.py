@@ -82,6 +82,7 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("weakest number", _weakest(summary)),
         ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"])),
         ("solutions found", _several(summary.get("equilibria"))),
+        ("branch over friction", _branch(summary.get("branches"))),
         ("size", f"{', '.join(sizes)}; elements of degree {element['degree']}{body}"),
         ("iterations", ", ".join(counts)),
         ("time", f"{summary['wall_seconds']:.1f} s"),
@@ -121,6 +122,14 @@ def value_in_words(quantity: Quantity, value: Any, place: Sequence[float] | None
 
 def _several(found: Mapping[str, Any] | None) -> str | None:
     return None if found is None else f"{found['found']}; {found['missing']}"
+
+
+def _branch(found: Mapping[str, Any] | None) -> str | None:
+    if found is None:
+        return None
+    shares = ", ".join(f"{share:.4g}" for share in found["folds"])
+    folds = f"turns at the shares {shares}" if shares else "does not turn"
+    return f"{len(found['points']['share'])} points; {folds}; it ends: {found['end']}"
 
 
 def equilibria(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:

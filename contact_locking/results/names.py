@@ -10,6 +10,8 @@ HISTORY = "history.csv"
 CONTACT, FACETS = "contact.csv", "contact_facets.csv"
 #: The fields at the points of the probes.
 PROBES = "probes.csv"
+#: The points of a branch of solutions.
+BRANCHES = "branches.csv"
 #: The picture of a run, and the arrays that the picture shows.
 PICTURE, SNAPSHOT = "picture.png", "snapshot.npz"
 #: The animation of a process.
@@ -23,7 +25,7 @@ CHECKPOINT = "checkpoint"
 #: All of a run in the order in which they are put in place: a folder with a summary has the others.
 FILES_OF_RUN = (
     *(PARAMETERS, CONTACT, FACETS, HISTORY, MESHES, FIELDS, XDMF_DATA, XDMF),
-    *(PROBES, SNAPSHOT, PICTURE, ANIMATION, FIT, FIT_PICTURE, CHECKPOINT, SUMMARY),
+    *(PROBES, BRANCHES, SNAPSHOT, PICTURE, ANIMATION, FIT, FIT_PICTURE, CHECKPOINT, SUMMARY),
 )
 #: The table of a study, in CSV and in JSON lines.
 TABLE_CSV, TABLE_LINES = "table.csv", "table.jsonl"

@@ -22,6 +22,7 @@ from contact_locking.results import adapted_meshes, contact_table, fields, probe
 from contact_locking.results.freed_memory import return_freed_memory
 from contact_locking.results.names import (
     ANIMATION,
+    BRANCHES,
     CONTACT,
     FACETS,
     FIELDS,
@@ -225,6 +226,8 @@ def _write_texts(solution: StudySolution, folder: Path) -> None:
     (folder / SUMMARY).write_text(summary_text(solution.summary), encoding="utf-8")
     if solution.history.rows:
         (folder / HISTORY).write_text(solution.history.text(), encoding="utf-8")
+    if branches := solution.summary.get("branches"):
+        (folder / BRANCHES).write_text(several.branches_text(branches), encoding="utf-8")
     if solution.probes:
         (folder / PROBES).write_text(probe_table.text(solution.probes), encoding="utf-8")
     points, facets = solution.contact_points, solution.contact_facets

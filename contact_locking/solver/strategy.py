@@ -116,6 +116,9 @@ _INTERMEDIATE_TOLERANCE = 1e-2
 _POLISH = 4
 # Newton's steps from where the interior point method stopped early.
 _RESCUE = 30
+# The branch over the share of friction may take so many times the tangents of the solve that fails,
+# or so many where that fails at once.
+_TIMES, _AT_LEAST = 12, 1000
 # From a saved state Newton either arrives within so many steps and updates of the bound, or takes
 # more tangents than the interior point method needs from nothing.  Where it is that near, the
 # relative residual at the start is below the last of these numbers.
@@ -217,9 +220,15 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
     def nothing_is_admissible() -> bool:
         return is_impossible(task)
 
+    def is_unbalanced() -> bool:
+        report.is_unbalanced = report.is_unbalanced or task.is_unbalanced()
+        return report.is_unbalanced
+
     def goes_on() -> bool:
+        if report.is_infeasible or is_unbalanced():
+            return False
         # Penalised problems have solutions where nothing is admissible.
-        return not (report.is_infeasible or (penalty.is_strict and nothing_is_admissible()))
+        return not (penalty.is_strict and nothing_is_admissible())
 
     with contextlib.closing(_approaches(task, bool(nested), goes_on)) as solvers:
         for solver in solvers:
@@ -240,9 +249,12 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
                 polish(task, _POLISH, direct)
             return task.succeed()
     task.add_stage(penalty, report.tangents)
+    if is_unbalanced():
+        return report
     if polish(task, _RESCUE, near=False):
         return task.succeed()
-    if goes_on() and (folds := solve_on_branch(task)) is not None:
+    follows, most = task.follows_branch and goes_on(), max(_AT_LEAST, _TIMES * report.tangents)
+    if follows and (folds := solve_on_branch(task, most)) is not None:
         report.warnings += [_PAST_FOLDS.format(folds=folds)] if folds else []
         return task.succeed()
     if not nothing_is_admissible():

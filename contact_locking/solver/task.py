@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -67,7 +68,8 @@ class Target:
 class SolverReport:
     """How a solve went.  Counters add up over all stages; ``reason`` is in words.
 
-    ``is_infeasible`` says that nothing is admissible on this mesh.  ``contraction`` is the factor
+    ``is_infeasible`` says that nothing is admissible on this mesh, and ``is_unbalanced`` that no
+    forces balance the loads.  ``contraction`` is the factor
     by which the friction fixed point shrank its update, None where there was too little to observe;
     ``suggestion`` names the way out of a failure.  ``admissible_factor`` brackets the largest
     multiple of the prescribed displacements that can be followed, if they cannot be.
@@ -79,6 +81,7 @@ class SolverReport:
 
     converged: bool = False
     is_infeasible: bool = False
+    is_unbalanced: bool = False
     reason: str = ""
     suggestion: str = ""
     tangents: int = 0
@@ -121,6 +124,9 @@ class Task:
     """The system that holds the displacement, the target to solve it for, and how to do that.
 
     ``report`` counts what the strategies do, and tells how the solve went in the end.
+    ``is_unbalanced`` says whether a proof shows that no forces of contact and friction balance the
+    loads; it is collective.  ``follows_branch`` lets a solve that fails follow the branch of
+    solutions over the share of friction.
     """
 
     system: PenalisedSystem
@@ -128,6 +134,8 @@ class Task:
     settings: Settings = field(default_factory=Settings)
     monitor: Monitor = field(default_factory=Monitor)
     report: SolverReport = field(default_factory=SolverReport)
+    is_unbalanced: Callable[[], bool] = lambda: False
+    follows_branch: bool = True
 
     def with_settings(self, **changes: Any) -> Task:
         """The same task with other settings."""

@@ -133,13 +133,13 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, float]]] = {
 
 
 def test_grains_touch_and_do_not_overlap_in_any_unit_of_length() -> None:
-    unit = make("grains", count=12, width=6.0)
+    unit: Any = make("grains", count=12, width=6.0)
     discs = np.array(unit.discs)
     pairs = [(i, j) for i in range(12) for j in range(i)]
     gaps = [np.hypot(*(discs[i] - discs[j])[:2]) - discs[i, 2] - discs[j, 2] for i, j in pairs]
     assert min(gaps) > -1e-8 and sum(gap < 1e-8 for gap in gaps) >= 12
     assert np.all(discs[:, 0] - discs[:, 2] > -1e-8) and np.all(discs[:, 1] - discs[:, 2] > -1e-8)
-    scaled = make("grains", count=12, width=6.0e-3, radius=1.0e-3, h=1e-4)
+    scaled: Any = make("grains", count=12, width=6.0e-3, radius=1.0e-3, h=1e-4)
     assert np.array(scaled.discs) == pytest.approx(1e-3 * discs, rel=1e-6)
     with build(make("grains", count=3, width=6.0, h=0.2)) as model:
         points, cells, _ = read(model, 2)

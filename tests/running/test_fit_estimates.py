@@ -95,14 +95,14 @@ def test_a_product_is_known_where_its_factors_are_not() -> None:
     assert np.all(np.isinf(found.errors))
     assert words.undetermined(found, ["a", "b"]) == ["a^0.71 b^-0.71: the data do not depend on it"]
     start = np.array([1.0, 2.0])
-    (told,) = words.before(misfit(start), start, ["a", "b"], None)
+    (told,) = words.before(misfit(start), start, ["a", "b"], None, "")
     assert told == "a^0.71 b^-0.71: the data do not determine it at the start"
 
 
 def test_a_limit_above_all_strains_is_told_before_the_search() -> None:
     at_start = Residuals(T, np.array([T, 1e-9 * T]).T)
     keys = ["material.elasticity.young", "material.locking_limit"]
-    (told,) = words.before(at_start, np.array([1.0, 1.0]), keys, 0.31)
+    (told,) = words.before(at_start, np.array([1.0, 1.0]), keys, 0.31, "")
     assert told.startswith("material.locking_limit: nothing locks at the start, where the strain")
     assert "31 % of the limit" in told
 

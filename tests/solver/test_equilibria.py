@@ -16,6 +16,7 @@ from sweep.case import Study, clamp, study
 from contact_locking import find_equilibria, study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
+from contact_locking.extras import report
 from contact_locking.process import solving
 from contact_locking.process.of_study import solver_of
 from contact_locking.process.problem_solver import ProblemSolver
@@ -23,6 +24,7 @@ from contact_locking.results import in_words
 from contact_locking.running import writing
 from contact_locking.solver.equilibria.bound_map import BoundMap
 from contact_locking.solver.equilibria.branch import Branch
+from contact_locking.solver.equilibria.diagram import diagram
 from contact_locking.solver.equilibria.newton import Deflation, MapNewton
 from contact_locking.solver.equilibria.search import Equilibria, has_map, solve_on_branch
 from contact_locking.solver.strategy import solve
@@ -184,6 +186,70 @@ def test_where_equilibrium_is_lost_the_branch_says_how_much_friction_has_one() -
     assert solve_on_branch(task) is None
     assert "ends near 97.3 % of friction.coefficient" in task.report.reason
     solver.close()
+
+
+@pytest.mark.slow
+@pytest.mark.serial
+def test_branches_locate_the_folds_of_friction_that_falls(tmp_path: Path) -> None:
+    """The solutions at the whole coefficient have both indices, so there are three at least."""
+    output = {"fields": False, "picture": False}
+    data = _weakening(branches={"to": 1.05}, output=output)
+    solution = solving.solve(Parameters.model_validate(data), MPI.COMM_SELF)
+    found = solution.summary["branches"]
+    assert found["folds"][:2] == pytest.approx([0.7425, 0.6680], abs=1e-3)
+    assert found["leaves_at"] == found["folds"][0]
+    points = found["points"]
+    first = points["fold"].index(1)
+    second = points["fold"].index(1, first + 1)
+    assert set(points["index"][:first]) == {1}
+    assert set(points["index"][first + 1 : second]) == {-1}
+    assert points["index"][second + 1] == 1
+    writing.write(solution, tmp_path)
+    lines = (tmp_path / "branches.csv").read_text(encoding="utf-8").splitlines()
+    assert lines[0] == "share,pressure,bound,index,fold"
+    assert len(lines) == len(points["share"]) + 1
+    page = report.write(tmp_path).read_text(encoding="utf-8")
+    assert "Solutions over friction" in page
+    assert (tmp_path / "report" / "branches.svg").exists()
+    assert (
+        "turns at the shares 0.742" in dict(in_words.rows(solution.summary))["branch over friction"]
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.serial
+def test_the_branch_of_a_block_that_wedges_has_bounds_that_grow() -> None:
+    path = Path(__file__).parents[2] / "demos" / "studies" / "lost_equilibrium.yml"
+    parameters = study_file.load(path, ["friction.coefficient=0.3", "study=null"]).parameters
+    solver = solver_of(assemble(parameters, MPI.COMM_SELF))
+    solver.begin()
+    found = solver.diagram(1.2)
+    # The closed form of docs/studies.md, section 5, is fitted to solves below the fold.
+    assert found.folds[0] * 0.3 == pytest.approx(0.292, abs=5e-4)
+    assert "grows" in found.end
+    assert max(point.share for point in found.points) == found.folds[0]
+    solver.close()
+
+
+def test_branches_need_friction_and_one_problem() -> None:
+    data = _weakening(branches={"to": 0.1})
+    with pytest.raises(InputError, match="needs friction"):
+        solving.solve(Parameters.model_validate(data | {"friction": {"coefficient": 0.0}}))
+    with pytest.raises(ValueError, match="does not go with steps"):
+        Parameters.model_validate(data | {"steps": {"times": [1.0]}})
+    with pytest.raises(ValueError, match="to"):
+        Parameters.model_validate(data | {"branches": {"to": 0.0}})
+
+
+def test_a_short_branch_is_that_of_the_share(task: Task) -> None:
+    """Its points keep ``G = t Phi(G)``, and a larger share has a larger bound here."""
+    found = diagram(task, 0.1)
+    assert found.end == "the largest share was reached"
+    assert found.folds == []
+    assert [point.index for point in found.points] == [1] * len(found.points)
+    bounds = [point.bound for point in found.points]
+    assert bounds == sorted(bounds)
+    assert bounds[0] == 0.0
 
 
 def test_a_study_finds_several_certified_solutions(tmp_path: Path) -> None:

@@ -75,7 +75,7 @@ def test_a_pull_that_exceeds_the_friction_is_refused_in_any_unit(unit: float) ->
     assert "friction cannot hold the body" in found.summary["reason"]
 
 
-# On two ranks the search for a branch of solutions takes minutes before it ends.
+# It takes minutes on two ranks.
 @pytest.mark.parametrize(
     ("friction", "what"),
     [pytest.param(0.5, "friction", marks=pytest.mark.serial), (0.0, "contact")],

@@ -12,6 +12,7 @@ from contact_locking.results.in_words import weakest
 from contact_locking.results.quantities import QUANTITIES, Quantity, look_up
 from contact_locking.results.read import RunResults
 
+from .branch_charts import branch_charts
 from .charts import Chart
 from .derivative_charts import derivative_charts, rows_of_derivatives
 from .fit_charts import fit_chart, readable_fit
@@ -75,6 +76,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     contact_names, contact_quantities = _by_contact(summary)
     parts, numbers = certificate(summary), _quantities(summary)
     holds = [entry["holds"] for part in parts for entry in part.judged.values()]
+    branches = branch_charts(summary)
     derived, fit = derivative_charts(summary), readable_fit(run.fit)
     fit_charts = [] if fit is None else [fit_chart(fit)]
     html = render(
@@ -94,6 +96,8 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         steps=summary.get("steps"),
         derivatives=rows_of_derivatives(summary),
         derivative_charts=derived,
+        branch=summary.get("branches"),
+        branch_charts=branches,
         trust=look_up(summary, "share_at_change.in_words"),
         fit=fit,
         fit_charts=fit_charts,
@@ -116,7 +120,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         stage_columns=list(dict.fromkeys(name for stage in stages for name in stage)),
     )
     drawn = [chart for _, group in charts for chart in group]
-    return html, [*drawn, *adapt, *steps, *derived, *fit_charts]
+    return html, [*drawn, *adapt, *steps, *branches, *derived, *fit_charts]
 
 
 def _verdict(summary: Mapping[str, Any]) -> dict[str, Any]:

@@ -39,6 +39,7 @@ class BoundVectors:
         self._own = slice(first, first + sizes[self._comm.rank])
         self.size = sum(sizes)
         self.weights = self.gather([item.surface.weights for item in self.contacts])
+        self.ones: FloatArray = np.ones(self.size)
 
     def gather(self, values: list[FloatArray]) -> FloatArray:
         """The vector of values at the owned nodes of each contact; collective."""
@@ -111,11 +112,19 @@ class BoundMap:
         used = np.maximum(bounds, 0.0)
         self.vectors.enter(np.maximum(used, _LEAST * np.max(used, initial=0.0)))
         system.u.x.array[:] = self._start
-        self.multipliers = self._solver.solve()
-        pairs = zip(system.contacts, self.multipliers.contacts, strict=True)
-        pressures = [item.pressure for contact, item in pairs if contact in self.vectors.contacts]
-        wanted = zip(self.vectors.contacts, pressures, strict=True)
+        # Along a branch the solution before is near.
+        self.multipliers = self._solver.solve(self._task.report.last)
+        wanted = zip(self.vectors.contacts, self._pressures(), strict=True)
         return self.vectors.gather([item.friction_bound(system.u, p) for item, p in wanted])
+
+    def pressures(self) -> FloatArray:
+        """The contact pressures (m,) at the last value."""
+        return self.vectors.gather(self._pressures())
+
+    def _pressures(self) -> list[FloatArray]:
+        assert self.multipliers is not None
+        pairs = zip(self._task.system.contacts, self.multipliers.contacts, strict=True)
+        return [item.pressure for contact, item in pairs if contact in self.vectors.contacts]
 
     def derivative(self) -> FloatArray:
         """``Phi'(G)`` (m, m) at the last value, by a back-substitution for each node."""

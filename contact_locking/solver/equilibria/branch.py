@@ -23,13 +23,18 @@ _ACCURACY, _MOST, _FEW = 1e-4, 8, 4
 # The first step, in shares of friction, the longest and the shortest.
 _FIRST, _LONGEST, _SHORTEST = 0.1, 0.25, 1e-5
 _LONGER, _SHORTER = 1.5, 0.5
+# So often is the step to a fold halved.
+_BISECTIONS = 8
 # Corrections may lead aside by this share of a step that is not bold.
 _ASIDE = 0.6
 
 
 @dataclass(frozen=True)
 class BranchPoint:
-    """Bounds ``G = t Phi(G)`` and their share t; ``sign`` is that of ``det(I - t Phi'(G))``."""
+    """Bounds ``G = t Phi(G)`` and their share t; ``sign`` is that of ``det(I - t Phi'(G))``.
+
+    It is 0 at a fold.
+    """
 
     bounds: FloatArray
     share: float
@@ -45,10 +50,12 @@ class Branch:
     """The points of the branch of a map, step by step; each takes some values of the map.
 
     ``reach`` is the size of the bounds, relative to those of the pressure without friction.  A
-    ``bold`` step may lead to another branch, which is faster where any solution will do.
+    ``bold`` step may lead to another branch, which is faster where any solution will do.  With
+    ``locates_folds`` the places where the share turns are points, too.
     """
 
-    def __init__(self, problem: BoundMap, bold: bool = False) -> None:
+    def __init__(self, problem: BoundMap, bold: bool = False, locates_folds: bool = False) -> None:
+        self._locates_folds = locates_folds
         self._problem, self._vectors = problem, problem.vectors
         self._aside = math.inf if bold else _ASIDE
         self._size, self._side, self.reach = 1.0, 1.0, 0.0
@@ -83,6 +90,8 @@ class Branch:
                 if length < _SHORTEST:
                     return
                 found = self._correct(at, length, tangent)
+            if self._locates_folds and found[1][-1] * tangent[-1] < 0.0:
+                yield self._fold(at, length, tangent)
             at, tangent, sign, count = found
             self.reach = self._vectors.norm(at[:size]) / self._size
             if at[-1] < 0.0:
@@ -90,6 +99,20 @@ class Branch:
             if count <= _FEW:
                 length = min(_LONGER * length, _LONGEST * max(1.0, 0.5 * self.reach))
             yield BranchPoint(at[:-1], float(at[-1]), sign)
+
+    def _fold(self, before: FloatArray, length: float, tangent: FloatArray) -> BranchPoint:
+        """The last point before the share turns, within a step that leads beyond it."""
+        low, high, place = 0.0, length, before
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            found = self._correct(before, middle, tangent)
+            if found is None:
+                break
+            if found[1][-1] * tangent[-1] > 0.0:
+                low, place = middle, found[0]
+            else:
+                high = middle
+        return BranchPoint(place[:-1], float(place[-1]), 0.0)
 
     def _correct(
         self, before: FloatArray, length: float, tangent: FloatArray

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -21,11 +22,9 @@ _SHARPER = 0.1
 # The most nodes with friction that the dense derivative is made for, and the most points of the
 # branch from no friction and of one from a solution.
 _MOST_NODES, _MOST_POINTS, _FEWER_POINTS = 1500, 100, 40
-# A branch from no friction may take so many tangents, some times those of a solve that fails.
-_MOST_TANGENTS = 2000
 # Without a penalty a branch ends where the bounds are so many times those without friction: they
 # grow without a limit where friction wedges the body in.  With a penalty they have a limit.
-_FARTHEST = 300.0
+FARTHEST = 300.0
 # A branch is followed up to this share of the friction.
 _BEYOND = 2.0
 # Known solutions times these are starts of further searches, and so are shares of the bounds that
@@ -54,11 +53,12 @@ def has_map(task: Task) -> bool:
 class Equilibria:
     """The fixed points of the map of the friction bounds of a task, found one after the other.
 
-    ``report`` counts what they take.  The constructor is collective, as all methods are.
+    ``report`` counts what they take.  A branch ends beyond ``most_tangents``.  The constructor is
+    collective, as all methods are.
     """
 
-    def __init__(self, task: Task) -> None:
-        self._task, self.report = task, SolverReport()
+    def __init__(self, task: Task, most_tangents: float = math.inf) -> None:
+        self._task, self.report, self._most_tangents = task, SolverReport(), most_tangents
         #: How the branch ends that has no more solutions, in words.
         self.end = ""
         aside = task.aside(self.report).with_settings(tolerance=_SHARPER * task.settings.tolerance)
@@ -77,11 +77,10 @@ class Equilibria:
         most = _MOST_POINTS if start is None else _FEWER_POINTS
         points = itertools.islice(branch.points(start, direction), most)
         for point in points:
-            if is_strict and branch.reach > _FARTHEST:
+            if is_strict and branch.reach > FARTHEST:
                 self.end = _ENDS.format(share=100.0 * point.share, times=branch.reach)
                 return
-            takes_long = start is None and self.report.tangents > _MOST_TANGENTS
-            if takes_long or point.share > _BEYOND:
+            if self.report.tangents > self._most_tangents or point.share > _BEYOND:
                 return
             if before is not None:
                 folds += point.sign != before.sign
@@ -154,16 +153,16 @@ class Equilibria:
         self.map.destroy()
 
 
-def solve_on_branch(task: Task) -> int | None:
+def solve_on_branch(task: Task, most_tangents: float = math.inf) -> int | None:
     """Solve by the branch of solutions over the share of friction; collective.
 
-    Returns how many folds lie before the solution, None where none was found; the system is then
-    left as it was.
+    Returns how many folds lie before the solution, None where none was found with about so many
+    tangents; the system is then left as it was.
     """
     if not has_map(task):
         return None
     task.monitor.message("following the solutions from less friction")
-    equilibria = Equilibria(task)
+    equilibria = Equilibria(task, most_tangents)
     try:
         with task.system.preserved(only_on_failure=True):
             for bold in (True, False):
@@ -180,13 +179,13 @@ def solve_on_branch(task: Task) -> int | None:
         equilibria.destroy()
 
 
-def require_map(task: Task) -> None:
-    """Raise InputError where other equilibria cannot be searched; collective."""
+def require_map(task: Task, key: str = "equilibria") -> None:
+    """Raise InputError, for a key, where other equilibria cannot be searched; collective."""
     if not has_map(task):
         raise InputError(
             "needs friction with a coefficient below .inf and a body that more than friction "
             f"holds, and takes at most {_MOST_NODES} nodes with friction",
-            "equilibria",
+            key,
         )
 
 

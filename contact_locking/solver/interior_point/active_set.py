@@ -90,7 +90,7 @@ class ActiveSet:
     """Newton's method on the pieces for the families and the friction bounds of a system.
 
     It uses the tangent of the interior point method, with blocks of its own.  Linear solves have to
-    be direct.
+    be direct.  Bounds that do not move are those of the contacts.
     """
 
     def __init__(
@@ -98,6 +98,7 @@ class ActiveSet:
         task: Task,
         tangent: Tangent,
         bounds: Sequence[MovingBound],
+        bound_moves: bool,
         judge: Judge,
         tuning: Tuning,
     ) -> None:
@@ -112,7 +113,8 @@ class ActiveSet:
         )
         target = task.target
         self._springs = float(task.system.held_by_contact) * target.ellipticity / target.length
-        self._moving = list(bounds)
+        self._moving = list(bounds) if bound_moves else []
+        self._standing = [] if bound_moves else list(bounds)
         self._laws = {family: self._law(family) for family in tangent.families}
 
     def _law(self, family: Family) -> Projection:
@@ -186,6 +188,9 @@ class ActiveSet:
             family.takes_part = True
             family.look(self._tangent.present())
             law.recall((np.zeros_like(family.x), np.zeros_like(family.z)) if pair is None else pair)
+            for bound in self._standing:
+                if bound.friction is family:
+                    family.z[0] = bound.friction.nodes.of_all(bound.contact.bounds)
             law.linearise()
             law.evaluate()
         system.constraints.apply(system.u)

@@ -293,7 +293,7 @@ class InteriorPoint:
         """
         task, target, tuning = self._task, self._task.target, self._tuning
         tangent, bounds = self._tangent, self._families.bounds
-        pieces = self._pieces_of_laws()
+        pieces = self._pieces_of_laws(last is not None)
         if pieces is not None and last is not None and pieces.knows(last):
             self.from_last = self._take(pieces, pieces.from_last(last))
             if self.from_last:
@@ -331,18 +331,24 @@ class InteriorPoint:
         )
         return False
 
-    def _pieces_of_laws(self) -> ActiveSet | None:
+    def _pieces_of_laws(self, goes_on: bool) -> ActiveSet | None:
         """The method that is tried before; None where it is no use.
 
         It needs direct solves, and bounds that follow the pressure alone: where they follow the
-        slip as well, it takes more tangents.  A solve that is tried again need not try it again.
+        slip as well, it takes more tangents.  Bounds that do not move must be positive, and it must
+        go on from a solution.  A solve that is tried again need not try it again.
         """
         bounds = self._families.bounds
-        follows = self.bound_moves and all(bound.follows_pressure for bound in bounds)
+        if self.bound_moves:
+            suits = all(bound.follows_pressure for bound in bounds)
+        else:
+            suits = goes_on and not any([bound.is_zero() for bound in bounds])
         is_first = self.approach == self._tuning.approaches[0]
-        if self._tangent.direct is None or not (follows and is_first):
+        if self._tangent.direct is None or not (suits and is_first):
             return None
-        return ActiveSet(self._task, self._tangent, bounds, self._judge, self._tuning)
+        return ActiveSet(
+            self._task, self._tangent, bounds, self.bound_moves, self._judge, self._tuning
+        )
 
     def _take(self, pieces: ActiveSet, found: Iterate | None) -> bool:
         """Take the solution of that method, if it has found one."""

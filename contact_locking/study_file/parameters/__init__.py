@@ -5,6 +5,7 @@ The checks need no mesh, MPI or DOLFINx, so that a file is checked before anythi
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Self
@@ -30,6 +31,7 @@ from .material import Elasticity, MaterialParameters, Region, StrainLimit
 from .mesh import MeshParameters
 from .numerics import (
     AdaptParameters,
+    BranchesParameters,
     CertificateParameters,
     DiscretisationParameters,
     EquilibriaParameters,
@@ -116,6 +118,12 @@ class Parameters(Section):
     )
     equilibria: EquilibriaParameters | None = entry(
         None, "other solutions of the same problem, which friction may have", optional=True
+    )
+    branches: BranchesParameters | None = entry(
+        None,
+        "a bifurcation diagram: solutions over the friction coefficient, with folds, in "
+        "branches.csv and the report",
+        optional=True,
     )
     sensitivities: SensitivityParameters | None = entry(
         None, "derivatives of the results by numbers of the file", optional=True
@@ -263,10 +271,10 @@ class Parameters(Section):
                 "does not go with steps, whose friction remembers the slip on one mesh; leave out "
                 "one of the two sections",
             )
-        for name in ("steps", "adapt") if self.equilibria is not None else ():
-            if getattr(self, name) is not None:
+        for section, name in itertools.product(("equilibria", "branches"), ("steps", "adapt")):
+            if getattr(self, section) is not None and getattr(self, name) is not None:
                 yield Fault(
-                    ("equilibria",),
+                    (section,),
                     f"does not go with {name}: other solutions are those of one problem on one "
                     "mesh; leave out one of the two sections",
                 )

@@ -129,6 +129,15 @@ class EquilibriaParameters(Section):
     )
 
 
+class BranchesParameters(Section):
+    """The branch of solutions over the friction coefficient, from none of it on."""
+
+    over: Literal["friction.coefficient"] = entry(
+        "friction.coefficient", "the number of the file that the branch multiplies by a share"
+    )
+    to: Positive = entry(2.0, "the largest share", "1")
+
+
 class OutputParameters(Section):
     """The files with the results."""
 
