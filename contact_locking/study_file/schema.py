@@ -26,7 +26,7 @@ from contact_locking.study_file.parameters.mesh import builder_types
 from contact_locking.study_file.parameters.study import MAX_CASES
 from contact_locking.study_file.parameters.wording import show
 
-_NARROWEST_DESCRIPTION = 30
+_NARROWEST_DESCRIPTION = 27
 
 
 class Row(NamedTuple):
