@@ -324,7 +324,8 @@ def _uniqueness(entry: Mapping[str, Any]) -> str:
     if verdict == "unique on this mesh":
         return f"proved: no other solution on this mesh, as {entry['why']}"
     if verdict == "not known":
-        return f"not known: {entry['why']}"
+        # summary.json has all reasons.
+        return f"not known: {entry['why'].partition(';')[0]}"
     return _UNIQUENESS.get(verdict, verdict)
 
 
