@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import ufl
 from dolfinx import fem, graph
 from dolfinx import mesh as dmesh
 from dolfinx.cpp.mesh import cell_entity_type, cell_num_vertices
@@ -27,6 +28,15 @@ def interpolation_points(space: Any) -> FloatArray:
     """The points (k, d) of the reference cell at which ``space`` interpolates."""
     points = space.element.interpolation_points
     return points() if callable(points) else points
+
+
+def of_mesh(value: Any, mesh: dmesh.Mesh) -> Any:
+    """A UFL expression that has data on the mesh.
+
+    DOLFINx 0.11 interpolates no expression of numbers alone.
+    """
+    has_mesh = ufl.domain.extract_unique_domain(value) is not None
+    return value if has_mesh else fem.Constant(mesh, 1.0) * value
 
 
 def cell_nodes(mesh: dmesh.Mesh) -> IndexArray:

@@ -53,7 +53,8 @@ def expression(value: Any, points: FloatArray, comm: Any = None) -> fem.Expressi
 
 def interpolation(value: Any, space: fem.FunctionSpace) -> fem.Expression:
     """The compiled UFL expression that DOLFINx interpolates into ``space``; collective."""
-    return expression(value, _compat.interpolation_points(space), space.mesh.comm)
+    points = _compat.interpolation_points(space)
+    return expression(_compat.of_mesh(value, space.mesh), points, space.mesh.comm)
 
 
 def options() -> dict[str, Any]:
