@@ -92,6 +92,12 @@ def options_of_petsc() -> Iterator[None]:
     assert not left
 
 
+def pytest_collection_finish() -> None:
+    """What is there before the first test stays: no collection between tests looks at it again."""
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config: pytest.Config) -> None:
     # Before any test is collected, and with it the settings that hold then.
