@@ -43,7 +43,8 @@ def _stiffness() -> FloatArray:
 def _sliding_triangle(push: float) -> dict[str, Any]:
     """What is said of a triangle whose corner is pressed on the floor and pushed along it."""
     element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
-    body = mesh.create_mesh(MPI.COMM_SELF, np.array([[0, 1, 2]]), CORNERS, element)
+    cells = np.array([[0, 1, 2]])
+    body = mesh.create_mesh(comm=MPI.COMM_SELF, cells=cells, x=CORNERS, e=element)
     space = fem.functionspace(body, ("Lagrange", 1, (2,)))
     on_floor = mesh.locate_entities(body, 0, lambda x: np.isclose(x[1], 0.0))
     for dimensions in ((0, 1), (1, 2)):

@@ -78,7 +78,7 @@ def two_discs(radii: tuple[float, float], h: float, fine: float) -> tuple[dmesh.
         points = np.concatenate([upper.points, lower.points * [1.0, -1.0]])
         cells = np.concatenate([upper.cells.nodes, lower.cells.nodes + len(upper.points)])
     element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
-    mesh = dmesh.create_mesh(comm, cells, points, element)
+    mesh = dmesh.create_mesh(comm=comm, cells=cells, x=points, e=element)
     of_cells = dmesh.compute_midpoints
 
     def on(marker: Any) -> Any:
