@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from block_problems import half_space
 from mpi4py import MPI
 
 from contact_locking import Parameters, load
@@ -134,6 +135,12 @@ def test_an_elastic_body_with_friction_takes_few_tangents_to_the_same_solution()
     assert found.domain.comm.allreduce(float(np.sum((u - v) ** 2))) <= 1e-12 * (
         found.domain.comm.allreduce(float(np.sum(v**2)))
     )
+
+
+def test_the_stiffness_of_sticking_leaves_no_rounding_in_the_forces() -> None:
+    """A tilted foundation, whose tangents are rounded."""
+    solution = solving.solve(Parameters.model_validate(half_space(2)))
+    assert solution.summary["certificate"]["criteria"]["equilibrium"]["value"] <= 1e-12
 
 
 def test_a_body_that_contact_holds_takes_few_tangents() -> None:

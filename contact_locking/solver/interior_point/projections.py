@@ -245,7 +245,8 @@ class FrictionProjection(Projection):
         return Step(primal, dual)
 
     def advance(self, step: Step) -> None:
-        self.y = self.y - step.dual[self._rows]
+        # The stiffness of sticking enlarges the rounding along the normal.
+        self.y = self.family.nodes.tangential(self.y - step.dual[self._rows])
         self.family.z[0] += step.dual[0]
         self.settle()
 
