@@ -9,10 +9,10 @@ from contact_locking.parallel import maximum
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.sensitivity.equations import Equations
 
-# At the last iterate the equations hold to the tolerance of the solver, but for points near a change
-# of their state, which were moved inside their cones.  Data that have changed since the solve leave
-# more than this share of forces and points.  The smooth laws that stand for penalties leave more of
-# the forces, too, near a kink of a law.
+# At the last iterate the equations hold to the tolerance of the solver, but for points near a
+# change of their state, which were moved inside their cones.  Data that have changed since the
+# solve leave more than this share of forces and points.  The smooth laws that stand for penalties
+# leave more of the forces, too, near a kink of a law.
 _POINTS, _FORCES = 1e-4, 1e-3
 
 
