@@ -10,9 +10,7 @@ from contact_locking.results.solution import StudySolution
 from contact_locking.solver.equilibria.diagram import Diagram, DiagramPoint
 
 _COLUMNS = ("index", "contact_force", "friction_force", "elastic_energy", "compliance")
-
-
-#: The pattern of the names of all of them.
+#: The folders of all further solutions, as a pattern.
 FOLDERS = "equilibrium_*"
 
 

@@ -174,14 +174,20 @@ def test_a_solution_beyond_folds_is_found(file: Path) -> None:
     assert any("turns" in text for text in solution.summary["warnings"])
 
 
-@pytest.mark.slow
-@pytest.mark.serial
-def test_where_equilibrium_is_lost_the_branch_says_how_much_friction_has_one() -> None:
-    """The contact force of docs/studies.md, section 5, grows without a limit at 0.292."""
+def _wedged() -> ProblemSolver:
+    """The block of demos/studies/lost_equilibrium.yml with more friction than it can bear."""
     path = Path(__file__).parents[2] / "demos" / "studies" / "lost_equilibrium.yml"
     parameters = study_file.load(path, ["friction.coefficient=0.3", "study=null"]).parameters
     solver = solver_of(assemble(parameters, MPI.COMM_SELF))
     solver.begin()
+    return solver
+
+
+@pytest.mark.slow
+@pytest.mark.serial
+def test_where_equilibrium_is_lost_the_branch_says_how_much_friction_has_one() -> None:
+    """The contact force of docs/studies.md, section 5, grows without a limit at 0.292."""
+    solver = _wedged()
     task = Task(solver.system, solver.target, solver.settings)
     assert solve_on_branch(task) is None
     assert "ends near 97.3 % of friction.coefficient" in task.report.reason
@@ -219,10 +225,7 @@ def test_branches_locate_the_folds_of_friction_that_falls(tmp_path: Path) -> Non
 @pytest.mark.slow
 @pytest.mark.serial
 def test_the_branch_of_a_block_that_wedges_has_bounds_that_grow() -> None:
-    path = Path(__file__).parents[2] / "demos" / "studies" / "lost_equilibrium.yml"
-    parameters = study_file.load(path, ["friction.coefficient=0.3", "study=null"]).parameters
-    solver = solver_of(assemble(parameters, MPI.COMM_SELF))
-    solver.begin()
+    solver = _wedged()
     found = solver.diagram(1.2)
     # The closed form of docs/studies.md, section 5, is fitted to solves below the fold.
     assert found.folds[0] * 0.3 == pytest.approx(0.292, abs=5e-4)
