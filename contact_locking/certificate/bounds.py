@@ -59,7 +59,8 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
 
     Of the ball the proofs use ``Z : eps(u) = M |Z| + |Z|^2/2n``, and ``Z : eps(w) <= M |Z|`` where
     w is admissible.  With its multiplier y in the place of Z the same holds for every other set of
-    strains, and W and L are sums over all sets.
+    strains, and W and L are sums over all sets.  With limits of the elastic strain ``eps - eps_0``
+    takes the place of eps, that of w too; w is an admissible field, also if it is zero.
 
     Each entry holds ``value``, ``bound`` and ``holds``.  If no bound is proved, ``bound`` and
     ``holds`` are None, and ``reason`` says why.  Collective; takes one linear solve, two with
