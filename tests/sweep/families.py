@@ -9,6 +9,7 @@ import numpy as np
 from . import (
     between,
     bodies,
+    cells,
     frictions,
     held,
     materials,
@@ -38,6 +39,7 @@ MODULES = (
     between,
     thin,
     bodies,
+    cells,
 )
 
 
