@@ -30,6 +30,7 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
+from contact_locking.contact.no_slip import NoSlip
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.solver.interior_point.contact_cones import ContactCones
@@ -63,6 +64,11 @@ class MovingBound:
         """Whether the bound follows the pressure, and nothing else."""
         bound = self.contact.friction
         return bound.is_coulomb and not (bound.depends_on_slip or bound.stands)
+
+    def hold(self, stress: float) -> None:
+        """Let a bound without slip hold tractions up to ``stress`` everywhere; collective."""
+        if isinstance(self.contact.friction, NoSlip):
+            self.contact.bounds = self.contact.acting(self.contact.friction.on_all(stress))
 
     def start(self, moves: bool, least: float) -> None:
         """Give the cones a bound: where it ``moves`` that of the pressure, else what it is now.

@@ -124,10 +124,11 @@ class InteriorPoint:
 
     At most 2 of some 20 tangents are saved by the displacement of the next smaller n or mu.
     ``bound_moves`` lets the friction bounds follow the pressure; otherwise they stay as they are.
+    ``nothing_slips`` lets contacts without slip hold every traction, also where nothing presses.
     """
 
     def __init__(self, task: Task, bound_moves: bool = True, tuning: Tuning | None = None) -> None:
-        self._task, self.bound_moves = task, bound_moves
+        self._task, self.bound_moves, self.nothing_slips = task, bound_moves, False
         self._tuning = tuning = tuning or Tuning()
         self.approach = tuning.approaches[0]
         self._families = families_of(task.system, task.target, tuning.least_bound)
@@ -303,6 +304,9 @@ class InteriorPoint:
         elastic = ElasticStart(task, tangent, tuning)
         task.report.tangents += 1
         is_admissible = elastic.solve()
+        if self.nothing_slips:
+            for bound in bounds:
+                bound.hold(target.young * min(tuning.holding * elastic.strain, 1.0))
         # A bound that stands still holds what it holds without any pressure, too.
         self.is_elastic = is_admissible and (
             self.bound_moves or all(bound.is_zero() for bound in bounds)
