@@ -85,7 +85,8 @@ class Derivatives:
 
     def share_at_change(self) -> dict[str, float]:
         """The share of each kind of points that are near a change of their state."""
-        return share_at_change(self._linear.equations.every, self._frozen.system.comm)
+        equations, comm = self._linear.equations, self._frozen.system.comm
+        return share_at_change(equations.every, equations.target.young, comm)
 
     def forward(
         self, names: Sequence[str], parameters: Sequence[Parameter]
