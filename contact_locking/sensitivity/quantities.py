@@ -84,9 +84,7 @@ def scale_of(name: str, domain: Domain, system: PenalisedSystem) -> float:
     return {"energy": energy, "force": force, "stress": force / face, "length": length}[unit]
 
 
-def _maker(
-    name: str, domain: Domain, system: PenalisedSystem
-) -> Callable[[Equations], Quantity]:
+def _maker(name: str, domain: Domain, system: PenalisedSystem) -> Callable[[Equations], Quantity]:
     """What makes the quantity for some equations of the system; collective."""
     parts, dim = name.split("."), domain.dim
 
@@ -273,9 +271,7 @@ class _Reaction:
         if _springs(self.part, system):
             lifted.x.array[:count] = self._unit(count, system.dim)
             lifted.x.scatter_forward()
-            found[:count] = sum(
-                item.forces(lifted)[:count] for item in _springs(self.part, system)
-            )
+            found[:count] = sum(item.forces(lifted)[:count] for item in _springs(self.part, system))
         if self.lifts is not None:
             lifted.x.array[:count] = self.lifts
             lifted.x.scatter_forward()

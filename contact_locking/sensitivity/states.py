@@ -47,9 +47,7 @@ def share_at_change(
     }
 
 
-def _judged(
-    family: Family, stiffness: float, comm: MPI.Intracomm
-) -> tuple[str, BoolArray]:
+def _judged(family: Family, stiffness: float, comm: MPI.Intracomm) -> tuple[str, BoolArray]:
     """The kind of a family, and its points near a change; collective."""
     if isinstance(family, FrictionCones):
         if not family.takes_part:
