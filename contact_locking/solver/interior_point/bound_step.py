@@ -88,7 +88,11 @@ class MovingBound:
 
     def wanted(self) -> FloatArray:
         """``mu |R p|`` at all nodes of the contact; collective."""
-        new = self.contact.friction_bound(self.u, self.pressing.nodes.at_all(self.pressing.z))
+        return self.under(self.pressing.z)
+
+    def under(self, pressure: FloatArray) -> FloatArray:
+        """``mu |R p|`` at all nodes of the contact for a pressure (k,) at those of the cones."""
+        new = self.contact.friction_bound(self.u, self.pressing.nodes.at_all(pressure))
         least = self.least * maximum(self.pressing.comm, new)
         return self.contact.acting(np.maximum(new, least))
 
