@@ -13,7 +13,7 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
 from contact_locking.solver.equilibria.bound_map import BoundMap
-from contact_locking.solver.equilibria.branch import Branch
+from contact_locking.solver.equilibria.branch import Branch, BranchPoint
 from contact_locking.solver.equilibria.newton import Deflation, MapNewton
 from contact_locking.solver.task import SolverReport, Task
 
@@ -85,10 +85,20 @@ class Equilibria:
             if before is not None:
                 folds += point.sign != before.sign
                 if (point.share - 1.0) * (before.share - 1.0) < 0.0:
-                    found = self._newton.solve(before.between(point, 1.0))
+                    found = self._within(before, point)
                     if found is not None:
                         yield found, folds
             before = point
+
+    def _within(self, before: BranchPoint, point: BranchPoint) -> FloatArray | None:
+        """A solution near the place where the branch passes the whole share.
+
+        Between two points whose nodes stick, slip or touch otherwise, Newton's method may go to and
+        fro, where it arrives from one of them.
+        """
+        starts = (before.between(point, 1.0), point.bounds, before.bounds)
+        tries = (self._newton.solve(start) for start in starts)
+        return next((found for found in tries if found is not None), None)
 
     def others(self, first: FloatArray) -> Iterator[FloatArray]:
         """Solutions beside a known one: those on branches, then those that deflation finds.
