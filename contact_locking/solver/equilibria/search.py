@@ -15,6 +15,7 @@ from contact_locking.errors import InputError
 from contact_locking.solver.equilibria.bound_map import BoundMap
 from contact_locking.solver.equilibria.branch import Branch, BranchPoint
 from contact_locking.solver.equilibria.newton import Deflation, MapNewton
+from contact_locking.solver.equilibria.paths import OverFriction
 from contact_locking.solver.task import SolverReport, Task
 
 # Tresca's problems need to be solved this much more sharply than the bounds.
@@ -73,7 +74,10 @@ class Equilibria:
         ``start`` and ``direction`` are those of :meth:`Branch.points`, ``bold`` of :class:`Branch`.
         """
         folds, before = 0, None
-        branch, is_strict = Branch(self.map, bold), self._task.target.penalty.is_strict
+        branch, is_strict = (
+            Branch(OverFriction(self.map), bold),
+            self._task.target.penalty.is_strict,
+        )
         most = _MOST_POINTS if start is None else _FEWER_POINTS
         points = itertools.islice(branch.points(start, direction), most)
         for point in points:
