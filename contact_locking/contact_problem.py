@@ -35,7 +35,7 @@ from contact_locking.problem.limits import Limit
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Solution
-from contact_locking.solver.equilibria.diagram import Diagram
+from contact_locking.solver.equilibria.diagram import NO_START, Diagram
 from contact_locking.solver.task import Settings, SolverReport
 from contact_locking.supports.conditions import constrain
 from contact_locking.supports.supports import Support
@@ -199,14 +199,28 @@ class ContactProblem:
             found.append(solution)
         return found
 
-    def branch(self, to: float = 2.0, after: Solution | None = None) -> Diagram:
+    def branch(
+        self, to: float = 2.0, after: Solution | None = None, over: fem.Constant | None = None
+    ) -> Diagram:
         """The solutions over the share of friction, from none up to ``to`` times the coefficient.
 
-        It may end before, and says why.  Nothing tells that there are no other solutions.  Raises
-        InputError as :meth:`equilibria`.
+        With ``over``, a constant in L or of a support, they are those over a share of this
+        constant, from its present value up or down to ``to`` times of it.  The branch may end
+        before, and says why.  Nothing tells that there are no other solutions.  Raises InputError
+        as :meth:`equilibria`.
         """
-        self._begin(after)
-        return self._solver.diagram(to)
+        if over is None:
+            self._begin(after)
+            return self._solver.diagram(to)
+        if not self._solve(after, after).converged:
+            return NO_START
+        whole = over.value.copy()
+
+        def load(share: float) -> None:
+            over.value = share * whole
+            self._discrete.place()
+
+        return self._solver.diagram(to, load)
 
     def _solve(self, after: Solution | None, begin: Solution | None) -> SolverReport:
         self._begin(after)

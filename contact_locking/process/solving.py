@@ -186,10 +186,10 @@ def _static(
             solution.summary |= sensitivities.of(solver.derivatives(report).made, state.contacts)
         sensitivities.close()
     solution.summary["restart"] = None if restart is None else told(restart, report)
-    if (branches := problem.parameters.branches) is not None:
+    if problem.parameters.branches is not None:
         monitor.message("following the branch of solutions")
-        found = solver.diagram(branches.to)
-        solution.summary["branches"] = several.branches_entry(branches.over, found)
+        found = several.branch_of_study(problem, solver, solution.converged)
+        solution.summary["branches"] = found
     if most is None or not solution.converged:
         yield solution
     else:

@@ -157,6 +157,10 @@ class InteriorPoint:
             finally:
                 self._task.report.friction_change = self._judge.friction_change
 
+    def take_loads(self) -> None:
+        """Take the present loads of the system for the next solve."""
+        self._tangent.take_loads()
+
     def multipliers(self) -> Multipliers:
         """The measures of the present iterate; collective."""
         system = self._task.system
