@@ -86,7 +86,7 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
 
 
 def _rounding(state: SolvedState) -> _Bounds:
-    """What rounding in the displacement makes of each value, by strains and by the penalty."""
+    """The rounding of each value, from that of the displacement, by strains and by the penalty."""
     alpha, epsilon = state.problem.material.ellipticity, state.target.penalty.epsilon
     strain = ROUNDING * state.largest_displacement / state.target.length
     if state.contacts and epsilon > 0.0:

@@ -26,8 +26,8 @@ The bounds hold for the discrete problem on every mesh, for every n up to infini
 size of the step.
 
 The forces of an eigenstrain eps_0 act at the nodes as loads do.  The balance above counts their
-work, and ``a(u, u)/2``.  What a history tells is the elastic energy ``A(eps - eps_0)^2/2`` and the
-work of all else and of the change ``e`` of eps_0: with the same D_k,
+work, and ``a(u, u)/2``.  A history has the elastic energy ``A(eps - eps_0)^2/2`` and the work of
+all else and of the change ``e`` of eps_0: with the same D_k,
 
     N_k + A e : e/2 - A e : eps(d),   E_k - A eps_0 : eps(u_k) + A eps_0 : eps_0/2,
 

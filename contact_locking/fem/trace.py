@@ -137,10 +137,7 @@ class PointValues:
         """Take the present values of displacements; collective."""
 
     def at_nodes(self, values: FloatArray) -> FloatArray:
-        """What moves (k, d) at the nodes with local values of a displacement; collective.
-
-        It is the displacement, or the jump.
-        """
+        """The displacement or the jump (k, d) at the nodes, for local values; collective."""
         dim = self.space.dofmap.index_map_bs
         return np.asarray(values.reshape(-1, dim)[self.blocks[self._nodes]])
 

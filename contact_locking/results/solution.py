@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Differentiable(Protocol):
-    """What knows the derivatives of a solution, as long as its problem is not solved again."""
+    """The derivatives of a solution, as long as its problem is not solved again."""
 
     def derivative(self, quantity: str, of: Any) -> Any:
         """As :meth:`Solution.derivative`."""

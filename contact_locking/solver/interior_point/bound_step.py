@@ -197,7 +197,7 @@ class BoundStep:
         return not on_any_rank(self._tangent.comm, is_cut)
 
     def _reactions(self, steps: Sequence[FloatArray]) -> list[Reaction]:
-        """What the steps of the bounds do to friction where nothing moves."""
+        """The change of friction by the steps of the bounds where nothing moves."""
         parts = zip(self._laws, steps, strict=True)
         return [Reaction(law.friction, law.friction.response(part)) for law, part in parts]
 
@@ -317,7 +317,7 @@ class BoundLaw:
         return bool(np.any(step < least))
 
     def moved_by(self, displacement: FloatArray) -> FloatArray:
-        """What a response of the displacement (owned values) does to the law; collective."""
+        """The change of the law by a response of the displacement (owned values); collective."""
         pressure_step = self._contact.response(self._contact.see(displacement))
         return self.moved(pressure_step, self.friction.see(displacement))
 

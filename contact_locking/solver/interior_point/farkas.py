@@ -21,7 +21,7 @@ from contact_locking.solver.task import Target
 _STIFFER = 1e6
 # Cells without a limit are taken to strain no more than this: small strains are the model's.
 _SMALL_STRAIN = 1.0
-# What rounding may add to either side, relative to it.
+# The rounding that either side may have, relative to it.
 _ROUNDING = 1e-6
 # The linear solve of an iterative solver leaves this share of the imbalance, if rounding lets it.
 _ACCURACY = 1e-10
@@ -84,7 +84,7 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     ]
     power, resistance = _power(iterate, reactions), _resistance(iterate, reactions)
     resistance += _work_beyond(system, rho, _SMALL_STRAIN)
-    # What the linear solve has left may work along any displacement that is admissible.
+    # The residual of the linear solve may work along any displacement that is admissible.
     farthest = system.largest_displacement() + _SMALL_STRAIN * target.length
     resistance += tangent.left_unbalanced() * farthest
     # An infinite resistance is that of a foundation that would have to pull.

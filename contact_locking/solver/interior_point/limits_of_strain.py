@@ -1,4 +1,4 @@
-"""What families of limits of the strain share."""
+"""The common part of families of limits of the strain."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class LimitsOfStrain(Family):
     @property
     @abstractmethod
     def reach(self) -> FloatArray:
-        """What is M at most (k,), of what was seen."""
+        """The part (k,) of what was seen that M limits."""
 
     def see(self, displacement: FloatArray) -> FloatArray:
         return self._strains.strains(displacement)

@@ -147,7 +147,7 @@ class InteriorPoint:
 
         ``last`` is the solution of the step before, if there is one.
         """
-        # What is no number is found where steps and residuals are judged.
+        # A NaN is found where steps and residuals are judged.
         with np.errstate(all="ignore"):
             try:
                 found = self._iterate_to_the_end(last)
@@ -157,7 +157,7 @@ class InteriorPoint:
                 self._task.report.friction_change = self._judge.friction_change
 
     def multipliers(self) -> Multipliers:
-        """Those of the present iterate; collective."""
+        """The measures of the present iterate; collective."""
         system = self._task.system
         contacts = (
             ContactForces.none(len(contact.surface.nodes), system.dim)

@@ -1,4 +1,4 @@
-"""What a set of strains measures, and forces of its multipliers: one matrix and its transpose."""
+"""The matrix of the measured strains of a set, and its transpose for forces of multipliers."""
 
 from __future__ import annotations
 
