@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 from ufl.core.expr import Expr
 
@@ -19,7 +19,6 @@ from contact_locking.certificate import Extras, certify
 from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError
-from contact_locking.fem.joint_forms import JointForm
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.domain import Domain
@@ -30,7 +29,6 @@ from contact_locking.parallel import on_any_rank
 from contact_locking.problem import own_energy
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.elasticity import Elasticity, elasticity_of
-from contact_locking.problem.forms import external_work
 from contact_locking.problem.limits import Limit
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
@@ -229,21 +227,15 @@ class ContactProblem:
     def _begin(self, after: Solution | None) -> None:
         problem = self._discrete
         problem.enter(problem.at_rest() if after is None else after.state.contacts)
-        self._require_finite_loads()
+        system = self._solver.system
+        system.assemble_loads()
+        # The linear programmes of rigid motions, which `refresh` solves, do not take NaN.
+        if on_any_rank(self.domain.comm, not np.all(np.isfinite(system.load))):
+            raise InputError("is not finite somewhere", "L")
         problem.refresh()
         for contact in problem.contacts:
             contact_checks.require_friction(contact)
-        self._solver.begin()
-
-    def _require_finite_loads(self) -> None:
-        data, dofmap = self._discrete.data, self._discrete.u.function_space.dofmap
-        if data.loads is None:
-            return
-        test = ufl.TestFunction(self._discrete.u.function_space)
-        loads = la.vector(dofmap.index_map, dofmap.index_map_bs)
-        JointForm(external_work(test, data)).assemble_vector(loads)
-        if on_any_rank(self.domain.comm, not np.all(np.isfinite(loads.array))):
-            raise InputError("is not finite somewhere", "L")
+        system.clear()
 
     def close(self) -> None:
         """Destroy the PETSc objects."""

@@ -50,7 +50,7 @@ class ProblemSolver:
             loose=_loose_motion(problem),
         )
         domain = problem.domain
-        self._length = domain.extent()
+        self._length = domain.extent
         # The face of a body of revolution is a surface in space.
         self._face = self._length ** (domain.kinematics.tensor_size(domain.dim) - 1)
         one = fem.Constant(domain.mesh, 1.0)

@@ -232,7 +232,7 @@ def _check_derivatives(
 
     for key in given.to:
         monitor.message(f"solving twice around {key}, to check its derivatives")
-        differences = central_differences(parameters, key, solution.domain.extent(), values)
+        differences = central_differences(parameters, key, solution.domain.extent, values)
         for number, name in enumerate(given.of):
             rate = None if differences is None else differences[number]
             found[name][key]["checked"] = rate

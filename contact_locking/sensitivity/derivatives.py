@@ -62,7 +62,7 @@ class Derivatives:
     def __init__(self, frozen: Frozen, task: Task) -> None:
         self._frozen, self._adjoints = frozen, dict[str, tuple[Quantity, Adjoint]]()
         self.domain = domain = frozen.problem.domain
-        self._scale = domain.extent()
+        self._scale = domain.extent
         with frozen.system.preserved():
             equations = frozen.equations()
             try:

@@ -211,7 +211,7 @@ def forces_grow(study: Study, problem: StudyProblem) -> bool:
     """
     largest: list[float] = []
     for share in _PENALTIES:
-        n, length = share * problem.material.young, problem.domain.extent()
+        n, length = share * problem.material.young, problem.domain.extent
         changed = copy.deepcopy(study)
         changed["penalty"] = {"n": n, "epsilon": length / n}
         changed["friction"]["regularisation"] = length / share

@@ -57,7 +57,7 @@ from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Approach, Tuning
 from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
-from contact_locking.solver.multipliers import ContactForces, Multipliers
+from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
 from contact_locking.solver.task import Target, Task
 
 _CONES: dict[type[StrainSet], type[LockingCones | StrainHalfLines | PrincipalCones]] = {
@@ -168,7 +168,9 @@ class InteriorPoint:
             ContactForces.none(len(contact.surface.nodes), system.dim)
             for contact in system.contacts
         )
-        found = Multipliers.none(system.data, system.u.function_space.mesh, tuple(contacts))
+        mesh = system.u.function_space.mesh
+        spaces = system.kept("multipliers", lambda: multiplier_spaces(system.data, mesh))
+        found = Multipliers.none(system.data, spaces, tuple(contacts))
         if not self.is_elastic:
             for family in self._iterate.families:
                 family.write(found, self._task.target.young)
