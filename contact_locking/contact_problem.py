@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 from ufl.core.expr import Expr
 
@@ -19,7 +19,6 @@ from contact_locking.certificate import Extras, certify
 from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError
-from contact_locking.fem.joint_forms import JointForm
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.domain import Domain
@@ -30,12 +29,11 @@ from contact_locking.parallel import on_any_rank
 from contact_locking.problem import own_energy
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.elasticity import Elasticity, elasticity_of
-from contact_locking.problem.forms import external_work
 from contact_locking.problem.limits import Limit
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Solution
-from contact_locking.solver.equilibria.diagram import Diagram
+from contact_locking.solver.equilibria.diagram import NO_START, Diagram
 from contact_locking.solver.task import Settings, SolverReport
 from contact_locking.supports.conditions import constrain
 from contact_locking.supports.supports import Support
@@ -199,14 +197,28 @@ class ContactProblem:
             found.append(solution)
         return found
 
-    def branch(self, to: float = 2.0, after: Solution | None = None) -> Diagram:
+    def branch(
+        self, to: float = 2.0, after: Solution | None = None, over: fem.Constant | None = None
+    ) -> Diagram:
         """The solutions over the share of friction, from none up to ``to`` times the coefficient.
 
-        It may end before, and says why.  Nothing tells that there are no other solutions.  Raises
-        InputError as :meth:`equilibria`.
+        With ``over``, a constant in L or of a support, they are those over a share of this
+        constant, from its present value up or down to ``to`` times of it.  The branch may end
+        before, and says why.  Nothing tells that there are no other solutions.  Raises InputError
+        as :meth:`equilibria`.
         """
-        self._begin(after)
-        return self._solver.diagram(to)
+        if over is None:
+            self._begin(after)
+            return self._solver.diagram(to)
+        if not self._solve(after, after).converged:
+            return NO_START
+        whole = over.value.copy()
+
+        def load(share: float) -> None:
+            over.value = share * whole
+            self._discrete.place()
+
+        return self._solver.diagram(to, load)
 
     def _solve(self, after: Solution | None, begin: Solution | None) -> SolverReport:
         self._begin(after)
@@ -215,21 +227,15 @@ class ContactProblem:
     def _begin(self, after: Solution | None) -> None:
         problem = self._discrete
         problem.enter(problem.at_rest() if after is None else after.state.contacts)
-        self._require_finite_loads()
+        system = self._solver.system
+        system.assemble_loads()
+        # The linear programmes of rigid motions, which `refresh` solves, do not take NaN.
+        if on_any_rank(self.domain.comm, not np.all(np.isfinite(system.load))):
+            raise InputError("is not finite somewhere", "L")
         problem.refresh()
         for contact in problem.contacts:
             contact_checks.require_friction(contact)
-        self._solver.begin()
-
-    def _require_finite_loads(self) -> None:
-        data, dofmap = self._discrete.data, self._discrete.u.function_space.dofmap
-        if data.loads is None:
-            return
-        test = ufl.TestFunction(self._discrete.u.function_space)
-        loads = la.vector(dofmap.index_map, dofmap.index_map_bs)
-        JointForm(external_work(test, data)).assemble_vector(loads)
-        if on_any_rank(self.domain.comm, not np.all(np.isfinite(loads.array))):
-            raise InputError("is not finite somewhere", "L")
+        system.clear()
 
     def close(self) -> None:
         """Destroy the PETSc objects."""

@@ -52,8 +52,8 @@ class SolvedState:
 
         Without multipliers the stresses are those of the penalty laws.  Collective.
         """
-        u, data, domain = problem.u, problem.data, problem.domain
-        found = report.multipliers or penalised(domain, u, data)
+        u, data = problem.u, problem.data
+        found = report.multipliers or penalised(system)
         body = BodyFields(problem, system, found)
         pairs = zip(data.contacts, found.contacts, strict=True)
         contacts = tuple(ContactFields(contact, u, forces) for contact, forces in pairs)

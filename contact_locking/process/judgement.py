@@ -189,6 +189,7 @@ def _judged(
         "residual": certificate.residual,
         "bounds": certificate.bounds,
         "certificate": certificate.summary(),
+        "warnings": [*summary["warnings"], *certificate.warnings],
     }
     if not report.converged and load is not None and load["infeasible"]:
         most = f"{100.0 * load['load_factor'][1]:.3g}"

@@ -132,7 +132,7 @@ def _mean_place(
     contacts: Contacts, weight: Callable[[ContactFields], FloatArray], total: float
 ) -> FloatArray:
     """``int w x / int w`` (d,) of weights (k,) at the nodes with the integral ``total``."""
-    dim, size = contacts.domain.dim, np.abs(contacts.domain.bounding_box()).max()
+    dim, size = contacts.domain.dim, np.abs(contacts.domain.bounding_box).max()
     mean = contacts.integral(lambda f: weight(f)[:, None] * f.surface.points, dim) / total
     return np.where(np.abs(mean) <= _ROUNDING * size, 0.0, mean)
 

@@ -90,7 +90,7 @@ class StudyProblem(DiscreteProblem):
         told += parameters.idle_friction()
         for key, text in parameters.timed():
             expression = parse(text, (*AXES, TIME), tables=tables)
-            told += unseen_peaks(expression, key, clock, domain.bounding_box())
+            told += unseen_peaks(expression, key, clock, domain.bounding_box)
         # Two contacts may have one section of friction.
         self.warnings = list(dict.fromkeys([*told, *self.warnings]))
 

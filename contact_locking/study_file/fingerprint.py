@@ -36,6 +36,15 @@ def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_dige
     return _short(_normalised(data, parameters, digest))
 
 
+def fit_fingerprint(parameters: Parameters) -> str:
+    """16 hexadecimal digits of the parameters that define a fit, its data too.  Raises OSError."""
+    assert parameters.fit is not None
+    data = parameters.fit.model_dump()
+    for curve in data["data"]:
+        curve["file"] = file_digest(curve["file"])
+    return _short({"study": fingerprint(parameters), "fit": data})
+
+
 def problem_fingerprint(parameters: Parameters) -> str:
     """16 hexadecimal digits of the parameters that define the solution.  Raises OSError.
 

@@ -320,4 +320,4 @@ def test_shares_of_the_parts_add_up(folder: Path, comm: MPI.Intracomm) -> None:
     assert list(comm.allreduce(areas)) == [2] * 5
     for number, name in enumerate(domain.part_names):
         assert f"part {number + 1} of the body (body, from ({2 * number}, 0)" in name
-    assert math.isclose(domain.bounding_box()[1, 0], 9.0)
+    assert math.isclose(domain.bounding_box[1, 0], 9.0)
