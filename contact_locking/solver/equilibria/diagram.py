@@ -77,6 +77,8 @@ def diagram(task: Task, most: float) -> Diagram:
             else:
                 if len(points) == _MOST_POINTS:
                     end = f"after {_MOST_POINTS} points"
+            if not points:
+                end = "no node presses without friction, so that no share of it does anything"
     finally:
         equilibria.destroy()
     return Diagram(tuple(points), end)
