@@ -127,20 +127,22 @@ class Domain:
         self.mesh.topology.create_connectivity(fdim, self.dim)
         return maximum(self.comm, self.mesh.h(fdim, facets) if len(facets) else 0.0)
 
+    @cached_property
     def bounding_box(self) -> FloatArray:
-        """The least and greatest coordinates (2, d); collective."""
+        """The least and greatest coordinates (2, d); the first use is collective."""
         x = self.mesh.geometry.x[:, : self.dim]
         low = self.comm.allgather(x.min(axis=0, initial=np.inf))
         high = self.comm.allgather(x.max(axis=0, initial=-np.inf))
         return np.array([np.min(low, axis=0), np.max(high, axis=0)])
 
+    @cached_property
     def extent(self) -> float:
-        """``sqrt(12 lambda)``, lambda the largest second moment of the body per volume; collective.
+        """``sqrt(12 lambda)``, lambda the largest second moment of the body per volume.
 
         The extent of a slender body is its length.  A rotation of the body changes the bounding box
-        and does not change the extent.
+        and does not change the extent.  The first use is collective.
         """
-        dim, middle = self.dim, self.bounding_box().mean(axis=0)
+        dim, middle = self.dim, self.bounding_box.mean(axis=0)
         owned = self.mesh.topology.index_map(dim).size_local
         simplices = self.kind.split(_compat.cell_nodes(self.mesh)[:owned])
         x = self.mesh.geometry.x[simplices, :dim] - middle

@@ -288,7 +288,7 @@ class Motions:
     def _words(self, motion: FloatArray) -> str:
         """A motion (f,) of the part in words; collective."""
         name, own = self._of_part(motion)
-        words = describe_motion(own, self._domain.bounding_box())
+        words = describe_motion(own, self._domain.bounding_box)
         return words if len(self.parts) == 1 else f"{words} of {name}"
 
     def _of_part(self, motion: FloatArray) -> tuple[str, FloatArray]:
@@ -316,7 +316,7 @@ class Motions:
 
     def _where(self, resultant: Resultant) -> str:
         """Where a resultant meets the plane of the foundation, in words; collective."""
-        size = float(np.linalg.norm(np.ptp(self._domain.bounding_box(), axis=0)))
+        size = float(np.linalg.norm(np.ptp(self._domain.bounding_box, axis=0)))
         return f"meets the plane of the foundation at {point(resultant.place, size)}"
 
     def require_tools_held(self) -> None:

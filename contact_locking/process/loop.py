@@ -234,7 +234,7 @@ class Steps(Iterator[StudySolution]):
                 "take all steps of a process, as friction remembers each: start without --restart",
                 "sensitivities",
             )
-        return Sensitivities(self.problem)
+        return Sensitivities(self.problem, self._solver)
 
     def _remember(self, state: State, time: float) -> None:
         """End a step; collective."""

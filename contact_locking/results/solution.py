@@ -63,6 +63,7 @@ class Solution:
     state: State  # all that the next solve may take from this one
     summary: dict[str, Any]
     differentiable: Differentiable | None = None
+    limits_of: str = "total"  # whether strain_norm is |eps(u)|, or "elastic" |eps(u) - eps_0|
 
     def derivative(self, quantity: str, of: Any) -> Any:
         """``dJ/dp``, J being a quantity of the summary such as "contact_force.1" or "compliance".

@@ -86,6 +86,19 @@ def with_number(parameters: Parameters, key: str, value: float) -> Parameters:
         ) from error
 
 
+def with_load_share(parameters: Parameters) -> Parameters:
+    """The study whose time t is the share of the loads that ``branches`` multiplies."""
+    given = resolved(parameters)
+    assert given.branches is not None
+    data = plain(given)
+    for section in ("branches", "sensitivities", "fit", "study", "equilibria"):
+        data.pop(section, None)
+    data["steps"] = {"times": sorted({1.0, given.branches.to})}
+    for key, value in given.shared_loads():
+        assign(data, key, f"({value})*t")
+    return Parameters.model_validate(data)
+
+
 def with_values(parameters: Parameters, values: Mapping[str, Any]) -> Parameters:
     """One solve with other values at dotted keys: without derivatives, a fit and a study.
 

@@ -70,12 +70,14 @@ class Outcome:
         return self.kind in GOOD
 
 
-def outcome_of(family: str, seed: int, checks: bool = False, linear: str = "auto") -> Outcome:
+def outcome_of(
+    family: str, seed: int, checks: bool = False, linear: str = "auto", n: float | None = None
+) -> Outcome:
     """Make, solve and judge the problem of a seed; no exception leaves.
 
     One in ten has its derivatives judged as well.
     """
-    case = case_of(family, seed, linear)
+    case = case_of(family, seed, linear, n)
     outcome = outcome_of_case(case, checks, family, seed)
     is_drawn = seed % _DERIVED == _DERIVED - 1 and not case.row and case.verge is None
     if outcome.kind == SOLVED and is_drawn:
@@ -209,7 +211,7 @@ def forces_grow(study: Study, problem: StudyProblem) -> bool:
     """
     largest: list[float] = []
     for share in _PENALTIES:
-        n, length = share * problem.material.young, problem.domain.extent()
+        n, length = share * problem.material.young, problem.domain.extent
         changed = copy.deepcopy(study)
         changed["penalty"] = {"n": n, "epsilon": length / n}
         changed["friction"]["regularisation"] = length / share

@@ -21,6 +21,8 @@ _OTHER_UNITS = 1e3
 # Residuals change their sign so much less often than noise, in standard deviations, if the model
 # lacks something.  It tells where they are this share of the largest of the data.
 _TOO_FEW_RUNS, _NOISE = -2.6, 1e-3
+# Misfits that differ by this share are of the same end.
+_SAME = 0.01
 # Residuals that noise would make so rarely are no noise.
 _BY_CHANCE = 1e-3
 
@@ -100,6 +102,21 @@ def about_units(column: str, data: FloatArray, model: FloatArray) -> list[str]:
             "the start; are the units the same?"
         ]
     return []
+
+
+def about_starts(starts: Sequence[Mapping[str, Any]], misfit: float) -> list[str]:
+    """Whether several searches end where the best of them does."""
+    ends = [row["misfit"] for row in starts]
+    here = sum(end is not None and end <= (1.0 + _SAME) * misfit for end in ends)
+    nowhere = sum(end is None for end in ends)
+    if here == len(ends):
+        return []
+    told = [f"{here} of {len(ends)} searches ended at the least misfit"]
+    if elsewhere := len(ends) - here - nowhere:
+        told.append(f"{elsewhere} at other numbers with larger ones")
+    if nowhere:
+        told.append(f"{nowhere} without a solution")
+    return [", ".join(told)]
 
 
 def about_residuals(

@@ -290,6 +290,10 @@ class Family(ABC):
         """
         return 0.0
 
+    def origin_work(self, reactions: FloatArray) -> float:
+        """``int reactions . o`` of the origin o that what :meth:`look` sees begins at."""
+        return 0.0
+
     def springs(self, stiffness: float, largest: float) -> float | FloatArray:
         """Springs of this stiffness at most, whose forces may change the present reactions.
 

@@ -196,11 +196,15 @@ class Tangent:
         self._step, self._answer, self._whole, self._moved = self._vectors[3:]
         self._right = RightHandSide(system, self.matrix.createVecRight())
         self._border = Border(len(system.tools), self.matrix.createVecRight)
-        self._load.array_w[:] = system.load
+        self.take_loads()
         contrast, listen = task.target.largest_contrast, task.monitor.linear
         self._linear = tangent_solver(
             self.matrix, system.dim, degree, task.settings, contrast, listen, system.coarser_spaces
         )
+
+    def take_loads(self) -> None:
+        """Take the present loads of the system."""
+        self._load.array_w[:] = self.system.load
 
     def visit(self) -> None:
         """Evaluate the elastic forces and the energy of the system's displacement; collective."""
