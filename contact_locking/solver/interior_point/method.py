@@ -126,9 +126,9 @@ class InteriorPoint:
     ``bound_moves`` lets the friction bounds follow the pressure; otherwise they stay as they are.
     """
 
-    def __init__(self, task: Task, bound_moves: bool = True, tuning: Tuning | None = None) -> None:
+    def __init__(self, task: Task, bound_moves: bool = True) -> None:
         self._task, self.bound_moves = task, bound_moves
-        self._tuning = tuning = tuning or Tuning()
+        self._tuning = tuning = Tuning()
         self.approach = tuning.approaches[0]
         self._families = families_of(task.system, task.target, tuning.least_bound)
         self._tangent = Tangent(task, self._families.every, tuning)
