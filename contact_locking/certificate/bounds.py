@@ -58,7 +58,8 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
 
     Of the ball the proofs use ``Z : eps(u) = M |Z| + |Z|^2/2n``, and ``Z : eps(w) <= M |Z|`` where
     w is admissible.  With its multiplier y in the place of Z the same holds for every other set of
-    strains, and W and L are sums over all sets.
+    strains, and W and L are sums over all sets.  With limits of the elastic strain ``eps - eps_0``
+    takes the place of eps, that of w too; w is an admissible field, also if it is zero.
 
     Each entry holds ``value``, ``bound`` and ``holds``.  If no bound is proved, ``bound`` and
     ``holds`` are None, and ``reason`` says why.  Collective; takes one linear solve, two with
@@ -85,7 +86,7 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
 
 
 def _rounding(state: SolvedState) -> _Bounds:
-    """What rounding in the displacement makes of each value, by strains and by the penalty."""
+    """The rounding of each value, from that of the displacement, by strains and by the penalty."""
     alpha, epsilon = state.problem.material.ellipticity, state.target.penalty.epsilon
     strain = ROUNDING * state.largest_displacement / state.target.length
     if state.contacts and epsilon > 0.0:

@@ -158,8 +158,8 @@ class Domain:
     def compact_size(self, unknowns: int, degree: int) -> int:
         """The unknowns of a cube that takes as long to factorise as this body; collective.
 
-        A factorisation depends on the separators of the mesh.  Those of a plate of t layers of
-        nodes with N nodes in all have sqrt(t N) nodes, those of a cube N^(2/3).  The cells for each
+        A factorisation depends on the separators of the mesh.  In a plate of t layers of nodes
+        with N nodes in all they have sqrt(t N) nodes, and in a cube N^(2/3).  The cells for each
         facet of the boundary give about t.  A body in 2D counts as it is.
         """
         if self.dim == 2:
