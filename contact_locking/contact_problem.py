@@ -33,6 +33,7 @@ from contact_locking.problem.limits import Limit
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Solution
+from contact_locking.script_names import in_script, script_names
 from contact_locking.solver.equilibria.diagram import NO_START, Diagram
 from contact_locking.solver.task import Settings, SolverReport
 from contact_locking.supports.conditions import constrain
@@ -66,6 +67,7 @@ class ContactProblem:
     that cannot be used.
     """
 
+    @script_names()
     def __init__(
         self,
         a: ufl.Form | Elasticity,
@@ -149,6 +151,7 @@ class ContactProblem:
     def domain(self) -> Domain:
         return self._discrete.domain
 
+    @script_names()
     def solve(
         self,
         after: Solution | None = None,
@@ -172,8 +175,9 @@ class ContactProblem:
         derivatives = solver.derivatives(report) if after is None else None
         solution = solution_of(state, judged, derivatives)
         solution.summary["warnings"] += solver.unused_options()
-        return solution
+        return _in_script(solution)
 
+    @script_names()
     def equilibria(
         self, find: int = 5, after: Solution | None = None, extras: Extras | None = None
     ) -> list[Solution]:
@@ -189,14 +193,15 @@ class ContactProblem:
         found: list[Solution] = []
         if not report.converged:
             state = solver.state(report)
-            return [solution_of(state, certify(state, extras or Extras()))]
+            return [_in_script(solution_of(state, certify(state, extras or Extras())))]
         for item in solver.equilibria(report, find):
             state = solver.state(item.report)
             solution = solution_of(state, certify(state, extras or Extras()))
             solution.summary["index"] = item.index
-            found.append(solution)
+            found.append(_in_script(solution))
         return found
 
+    @script_names()
     def branch(
         self, to: float = 2.0, after: Solution | None = None, over: fem.Constant | None = None
     ) -> Diagram:
@@ -241,6 +246,11 @@ class ContactProblem:
         """Destroy the PETSc objects."""
         self._solver.close()
         self._discrete.close()
+
+
+def _in_script(solution: Solution) -> Solution:
+    solution.summary.update(in_script(solution.summary))
+    return solution
 
 
 def _check(L: ufl.Form | None, limits: Sequence[Any], n: Any, compliance: float | None) -> None:

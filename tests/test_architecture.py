@@ -22,7 +22,7 @@ PACKAGE = Path(contact_locking.__file__).parent
 # A module imports only from its own package and from those above it in this list.
 LAYERS = (
     ("errors", "arrays", "_version", "plain_text", "monitor"),
-    ("_compat", "parallel", "files"),
+    ("_compat", "parallel", "files", "script_names"),
     ("laws", "expressions", "meshes"),
     ("mesh",),
     ("study_file", "fem"),

@@ -77,8 +77,14 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     space = u.function_space
     v = ufl.TestFunction(space)
     load, elastic = state.system.forms.loads(), state.system.forms.elastic_forces(u)
-    stress = ufl.inner(state.body.locking_stress, data.strain(v)) * data.locking_dx
-    internal = elastic + nodal_forces(stress)
+
+    def compile_stress() -> tuple[fem.Function, fem.Form]:
+        stress = fem.Function(state.body.locking_stress.function_space)
+        return stress, compiled.form(ufl.inner(stress, data.strain(v)) * data.locking_dx)
+
+    stress, of_stress = state.system.kept("locking stress", compile_stress)
+    stress.x.array[:] = state.body.locking_stress.x.array
+    internal = elastic + assembled(of_stress)
     own = np.zeros_like(load)
     if data.own_energy is not None:
         own = -nodal_forces(forms.own_forces(u, v, data))
@@ -154,8 +160,13 @@ def _centre(state: SolvedState, x: FloatArray) -> FloatArray:
 
 
 def nodal_forces(form: Expr) -> FloatArray:
-    """The assembled linear form at local dofs, ghosts included; collective."""
-    vector = fem.assemble_vector(compiled.form(form))
+    """The linear form at local dofs, ghosts included; collective."""
+    return assembled(compiled.form(form))
+
+
+def assembled(form: fem.Form) -> FloatArray:
+    """The compiled linear form at local dofs, ghosts included; collective."""
+    vector = fem.assemble_vector(form)
     vector.scatter_reverse(la.InsertMode.add)
     vector.scatter_forward()
     return vector.array

@@ -18,7 +18,7 @@ from contact_locking.certificate.elliptic import (
     require_still_foundations,
 )
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.fem.compiled import integral
+from contact_locking.fem import compiled
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.rounding import ROUNDING
 
@@ -102,16 +102,21 @@ def _open(value: float, reason: str) -> dict[str, Any]:
 
 def _measured(state: SolvedState) -> dict[str, float]:
     """``|u|_V``, ``int M |Z|``, and the penalties unless n = inf or eps = 0; collective."""
-    domain, data, u = state.problem.domain, state.problem.data, state.problem.u
+    data, u = state.problem.data, state.problem.u
     values = {"displacement_norm": norm(state, u)}
     penalty = state.target.penalty
     if np.isfinite(penalty.n):
-        excess = sum(item.energy(data.strain(u), 1.0) for item in data.sets)
-        values["locking_penalty"] = 2.0 * penalty.n * integral(domain, excess * data.locking_dx)
+
+        def compile_excess() -> fem.Form:
+            excess = sum(item.energy(data.strain(u), 1.0) for item in data.sets)
+            return compiled.form(excess * data.locking_dx)
+
+        excess = fem.assemble_scalar(state.system.kept("excess", compile_excess))
+        values["locking_penalty"] = 2.0 * penalty.n * float(state.comm.allreduce(excess))
     if state.contacts and penalty.epsilon > 0.0:
         entered = [np.maximum(fields.u_normal - fields.gap, 0.0) for fields in state.contacts]
         pairs = zip(state.contacts, entered, strict=True)
-        square = sum(float(fields.surface.integral(excess**2)) for fields, excess in pairs)
+        square = sum(float(fields.surface.integral(depth**2)) for fields, depth in pairs)
         values["contact_penalty"] = square / penalty.epsilon
     values["locking_work"] = _locking_work(state)
     return values

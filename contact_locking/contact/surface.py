@@ -57,7 +57,7 @@ class ContactSurface:
         domain: Domain,
         space: fem.FunctionSpace,
         names: tuple[str, ...],
-        key: str = "contact.on",
+        key: str = "on",
         element: Element = P1,
         limited: fem.FunctionSpace | None = None,
     ) -> None:

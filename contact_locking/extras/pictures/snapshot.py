@@ -63,12 +63,12 @@ class ContactMap:
         """The maps of the contacts with foundations."""
         return [part for part in self.parts() if not any(part.bodies)]
 
-    def titled(self, title: str, before_names: str = ": ") -> str:
+    def titled(self, title: str) -> str:
         """A title that ends with the names of the contacts."""
         names = ", ".join(name for name in self.names if name)
         shown = names if len(names) <= _LONGEST_NAMES else f"{names[: _LONGEST_NAMES - 1]}\u2026"
         # Matplotlib would begin a formula at a dollar sign.
-        return title + before_names + shown.replace("$", r"\$") if shown else title
+        return f"{title}: " + shown.replace("$", r"\$") if shown else title
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,6 @@ TOOL_OPACITY = 0.45
 
 # The cells that the number of a summary counts.
 LOCKED_LABEL = r"cells at the limit, $|\varepsilon| \geq M$"
-LOCKED_TITLE = r"Cells at the strain limit, $|\varepsilon| \geq M$"
 # On the line around the locked zone this share of the cells around a vertex is locked: linear
 # elements leave many cells of a zone a little below the limit.
 RIM_SHARE = 0.25

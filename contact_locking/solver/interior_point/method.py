@@ -127,9 +127,9 @@ class InteriorPoint:
     ``nothing_slips`` lets contacts without slip hold every traction, also where nothing presses.
     """
 
-    def __init__(self, task: Task, bound_moves: bool = True, tuning: Tuning | None = None) -> None:
+    def __init__(self, task: Task, bound_moves: bool = True) -> None:
         self._task, self.bound_moves, self.nothing_slips = task, bound_moves, False
-        self._tuning = tuning = tuning or Tuning()
+        self._tuning = tuning = Tuning()
         self.approach = tuning.approaches[0]
         self._families = families_of(task.system, task.target, tuning.least_bound)
         self._tangent = Tangent(task, self._families.every, tuning)
