@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from boxes import distorted
 from dolfinx import fem
 from mpi4py import MPI
 from problems import with_changes
@@ -44,12 +45,24 @@ def largest(solution: StudySolution, values: Any) -> float:
 def test_constant_stresses_cross_unmatched_and_tilted_interfaces(
     dim: int, swapped: bool, slope: float, degree: int
 ) -> None:
+    require_constant_stress(dim, swapped, slope, degree)
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_constant_stresses_cross_interfaces_of_quadrilaterals(swapped: bool) -> None:
+    require_constant_stress(2, swapped, 0.2, 1, "box")
+
+
+def require_constant_stress(
+    dim: int, swapped: bool, slope: float, degree: int, cells: str = "simplex"
+) -> None:
     sides = ["lower_top", "upper_bottom"] if swapped else ["upper_bottom", "lower_top"]
     problem = assemble(
         stack(
             dim,
             0.25 if dim == 2 else 0.4,
             mesh__slope=slope,
+            mesh__cells=cells,
             contact={"on": sides[0], "against": sides[1]},
             friction__coefficient=1.0,
             discretisation__degree=degree,
@@ -109,6 +122,41 @@ def test_a_tilted_interface_with_friction_carries_a_uniform_pressure(
     stress = solution.elastic_stress.x.array.reshape(-1, dim, dim)
     # Strains of quadratic elements multiply the rounding of displacements by more.
     assert largest(solution, stress - exact) <= 0.01 * share * (1.0 if degree == 1 else 10.0)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("slope", [0.0, 0.2])
+def test_cylinders_carry_a_uniform_pressure_along_their_axis(degree: int, slope: float) -> None:
+    """Also where they meet on a cone; the lower face widens as it wants to."""
+    widening = POISSON / YOUNG * 0.01
+    solution = solved(
+        stack(
+            2,
+            0.25,
+            mesh__axisymmetric=True,
+            mesh__slope=slope,
+            loads__displacements=[{"on": "bottom", "value": [f"{widening}*x", 0.0]}],
+            friction__coefficient=1.0,
+            discretisation={"degree": 1} if degree == 1 else {"degree": 2, "limit_at": "gauss"},
+            solver__tolerance=1e-8,
+        )
+    )
+    exact = np.diag([0.0, -0.01, 0.0])
+    stress = solution.elastic_stress.x.array.reshape(-1, 3, 3)
+    assert largest(solution, stress - exact) <= 1e-8
+    # On the disc of radius 1.
+    (contact,) = solution.summary["contacts"]
+    force = contact["contact_force"][1] + contact["friction_force"][1]
+    assert force == pytest.approx(0.01 * math.pi, rel=1e-7)
+
+
+def test_bodies_of_hexahedra_are_refused(tmp_path: Path) -> None:
+    path = shared(MPI.COMM_WORLD, tmp_path, *distorted(3, 2))
+    held = [{"on": "left", "value": [0.0, 0.0, 0.0]}]
+    load = [{"on": "right", "value": [-0.01, 0.0, 0.0]}]
+    given = {"loads__displacements": held, "loads__tractions": load}
+    with pytest.raises(InputError, match="are not there for hexahedra; take simplices"):
+        solve(from_file(path, {"on": "top", "against": "bottom"}, **given))
 
 
 def test_action_is_reaction_and_every_body_is_in_equilibrium() -> None:
