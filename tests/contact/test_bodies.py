@@ -266,16 +266,35 @@ def test_a_side_that_is_much_coarser_is_warned_of() -> None:
     assert "let the finer side be on" in warning
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"adapt": {}},
-        {"sensitivities": {"to": ["friction.coefficient"]}},
-    ],
-)
-def test_what_is_missing_is_refused(change: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=r"does not go with .* yet"):
-        stack(**change)
+def test_derivatives_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"does not go with sensitivities yet"):
+        stack(sensitivities={"to": ["friction.coefficient"]})
+
+
+def test_meshes_of_both_bodies_are_refined_where_they_touch() -> None:
+    """At the corners of a punch that is narrower than the block below, on both sides."""
+    given: dict[str, Any] = {
+        "mesh__upper": [0.6, 0.6],
+        "loads__tractions": [{"on": "top", "value": [0.001, -0.01]}],
+        "friction__coefficient": 0.5,
+    }
+    solution = solved(stack(2, 0.25, **given, adapt={"tolerance": 0.06}))
+    meshes = solution.summary["adapt"]["meshes"]
+    errors = [one["estimate"] for one in meshes]
+    assert len(meshes) > 3 and errors[-1] <= 0.06 < errors[0]
+    # Of a uniform mesh with as many unknowns the error is larger.
+    uniform = solved(stack(2, 0.05, **given))
+    assert uniform.summary["dofs"] > solution.summary["dofs"]
+    assert uniform.summary["certificate"]["errors"]["mesh"]["relative"] > 0.06
+    domain = solution.domain
+    owned = domain.mesh.topology.index_map(2).size_local
+    x = domain.mesh.geometry.x[domain.mesh.geometry.dofmap[:owned]][:, :, :2]
+    sizes = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).max(axis=1)
+    at_corner = np.linalg.norm(x - [0.8, 1.0], axis=2).min(axis=1) < 1e-9
+    is_upper = x[:, :, 1].mean(axis=1) > 1.0
+    for inside in (is_upper, ~is_upper):
+        least = np.where(at_corner & inside, sizes, 1.0).min(initial=1.0)
+        assert domain.comm.allreduce(least, op=MPI.MIN) < 0.05
 
 
 def from_file(path: Path, contact: dict[str, Any], **changes: Any) -> Parameters:

@@ -316,7 +316,6 @@ class Parameters(Section):
         """What there is not yet where two bodies touch each other."""
         places = [place for place, section in self._contact_sections() if section.against]
         missing = {
-            "adapt": self.adapt is not None,
             "sensitivities": self.sensitivities is not None,
         }
         for place in places[:1]:
