@@ -52,8 +52,9 @@ def test_constant_stresses_cross_unmatched_and_tilted_interfaces(
 
 
 @pytest.mark.parametrize("swapped", [False, True])
-def test_constant_stresses_cross_interfaces_of_quadrilaterals(swapped: bool) -> None:
-    require_constant_stress(2, swapped, 0.2, 1, "box")
+@pytest.mark.parametrize("degree", [1, 2])
+def test_constant_stresses_cross_interfaces_of_quadrilaterals(swapped: bool, degree: int) -> None:
+    require_constant_stress(2, swapped, 0.2, degree, "box")
 
 
 def require_constant_stress(

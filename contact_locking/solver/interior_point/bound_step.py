@@ -88,7 +88,11 @@ class MovingBound:
 
     def wanted(self) -> FloatArray:
         """``mu |R p|`` at all nodes of the contact; collective."""
-        new = self.contact.friction_bound(self.u, self.pressing.nodes.at_all(self.pressing.z))
+        return self.under(self.pressing.z)
+
+    def under(self, pressure: FloatArray) -> FloatArray:
+        """``mu |R p|`` at all nodes of the contact for a pressure (k,) at those of the cones."""
+        new = self.contact.friction_bound(self.u, self.pressing.nodes.at_all(pressure))
         least = self.least * maximum(self.pressing.comm, new)
         return self.contact.acting(np.maximum(new, least))
 
@@ -203,7 +207,7 @@ class BoundStep:
         return not on_any_rank(self._tangent.comm, is_cut)
 
     def _reactions(self, steps: Sequence[FloatArray]) -> list[Reaction]:
-        """What the steps of the bounds do to friction where nothing moves."""
+        """The change of friction by the steps of the bounds where nothing moves."""
         parts = zip(self._laws, steps, strict=True)
         return [Reaction(law.friction, law.friction.response(part)) for law, part in parts]
 
@@ -323,7 +327,7 @@ class BoundLaw:
         return bool(np.any(step < least))
 
     def moved_by(self, displacement: FloatArray) -> FloatArray:
-        """What a response of the displacement (owned values) does to the law; collective."""
+        """The change of the law by a response of the displacement (owned values); collective."""
         pressure_step = self._contact.response(self._contact.see(displacement))
         return self.moved(pressure_step, self.friction.see(displacement))
 

@@ -57,7 +57,7 @@ from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Approach, Tuning
 from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
-from contact_locking.solver.multipliers import ContactForces, Multipliers
+from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
 from contact_locking.solver.task import Target, Task
 
 _CONES: dict[type[StrainSet], type[LockingCones | StrainHalfLines | PrincipalCones]] = {
@@ -148,7 +148,7 @@ class InteriorPoint:
 
         ``last`` is the solution of the step before, if there is one.
         """
-        # What is no number is found where steps and residuals are judged.
+        # A NaN is found where steps and residuals are judged.
         with np.errstate(all="ignore"):
             try:
                 found = self._iterate_to_the_end(last)
@@ -157,14 +157,20 @@ class InteriorPoint:
             finally:
                 self._task.report.friction_change = self._judge.friction_change
 
+    def take_loads(self) -> None:
+        """Take the present loads of the system for the next solve."""
+        self._tangent.take_loads()
+
     def multipliers(self) -> Multipliers:
-        """Those of the present iterate; collective."""
+        """The measures of the present iterate; collective."""
         system = self._task.system
         contacts = (
             ContactForces.none(len(contact.surface.nodes), system.dim)
             for contact in system.contacts
         )
-        found = Multipliers.none(system.data, system.u.function_space.mesh, tuple(contacts))
+        mesh = system.u.function_space.mesh
+        spaces = system.kept("multipliers", lambda: multiplier_spaces(system.data, mesh))
+        found = Multipliers.none(system.data, spaces, tuple(contacts))
         if not self.is_elastic:
             for family in self._iterate.families:
                 family.write(found, self._task.target.young)
