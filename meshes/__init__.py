@@ -14,6 +14,7 @@ from .disc import Disc
 from .disc_in_ring import DiscInRing
 from .geometry import Geometry
 from .grains import Grains
+from .grip import Grip
 from .inclusion import Inclusion
 from .l_shape import LShape
 from .punch import Punch
@@ -31,6 +32,7 @@ BUILDERS: dict[str, type[Geometry]] = {
     "stack": Stack,
     "disc_in_ring": DiscInRing,
     "grains": Grains,
+    "grip": Grip,
 }
 
 __all__ = ["BUILDERS", "Geometry", "build", "empty_model", "write"]

@@ -34,8 +34,8 @@ class Grains(Geometry):
         """Check the numbers and the sizes."""
         if not 1 <= self.count <= 1000:
             raise ValueError(f"count: must be 1 to 1000, not {self.count}")
-        if not 0.0 <= self.spread < 1.0:
-            raise ValueError(f"spread: must be at least 0 and less than 1, not {self.spread:g}")
+        if self.spread >= 1.0:
+            raise ValueError(f"spread: must be less than 1, not {self.spread:g}")
         if self.width < 2.0 * self.radius * (1.0 + self.spread):
             raise ValueError(f"width: {self.width:g} is less than the largest disc")
 

@@ -34,6 +34,7 @@ COARSE = {
     "two_foundations": ("mesh.h=0.1", *PLAIN),
     "press_fit": ("mesh.h=0.12", *PLAIN),
     "grains": PLAIN,
+    "soft_fingers": ("mesh.h=0.25", "mesh.h_contact=0.2", "steps.count=2", *PLAIN),
     "gripper": ("mesh.h=0.14", "steps.count=4", *PLAIN),
     "sensitivity": ("mesh.h=0.14", "steps.count=2", *PLAIN),
     "fit_indentation": ("mesh.h=10", *PLAIN),

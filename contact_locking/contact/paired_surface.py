@@ -32,19 +32,19 @@ class PairedSurface(ContactSurface):
     The weights are those of the part that side 2 covers, and ``distance`` (k,) is the gap between
     the sides, the extent of the body where a node faces nothing.  All ranks find the whole pairing.
     Raises InputError for sides that have nodes in common, for sides that do not face each other or
-    overlap too deep, and for elements that are not affine.  The constructor is collective.
+    overlap too deep, and for hexahedra.  The constructor is collective.
     """
 
     def __init__(
         self, domain: Domain, space: fem.FunctionSpace, given: Contact, element: Element
     ) -> None:
         key, names = given.key, tuple(given.against or ())
-        unknown = {
-            "axisymmetric bodies": domain.axisymmetric,
-            f"{domain.kind.plural}; take simplices": element.boxes,
-        }
-        for what in (name for name, holds in unknown.items() if holds):
-            raise InputError(f"bodies that touch each other are not there for {what}", key)
+        if not domain.kind.facet.is_simplex:
+            raise InputError(
+                f"bodies that touch each other are not there for {domain.kind.plural}; take "
+                "simplices",
+                key,
+            )
         super().__init__(domain, space, given.on, f"{key}.on", element, space)
         other = domain.facets(names, f"{key}.against")
         among = set(given.on) == set(names)
@@ -137,6 +137,7 @@ def _side(
             inverse.reshape(-1, nodes.shape[1]),
             np.concatenate(comm.allgather(outward)),
             np.concatenate(comm.allgather(domain.parts[cells])) if among else None,
+            domain.axisymmetric,
         ),
         blocks,
     )

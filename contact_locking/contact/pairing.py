@@ -60,13 +60,15 @@ class Side:
     ``points`` (k, d) are its nodes, ``facets`` (m, n) the nodes of its facets as numbers of points,
     and ``outward`` is (m, d).  The corners of a facet are first; behind them are the midpoints of
     its edges for quadratic functions, in the order of DOLFINx.  ``bodies`` (m,) are the numbers of
-    the bodies of the facets where several bodies touch each other.
+    the bodies of the facets where several bodies touch each other.  If the side ``revolves``, about
+    x = 0, integrals have the factor 2 pi x.
     """
 
     points: FloatArray
     facets: IntArray
     outward: FloatArray
     bodies: IntArray | None = None
+    revolves: bool = False
 
     @property
     def corners(self) -> FloatArray:
@@ -127,6 +129,10 @@ def pair(one: Side, other: Side) -> Pairing:
     number, pieces = _overlaps(own[facet], flat)
     places, weights = _quadrature(pieces)
     at_one, at_other = _shares(own[facet[number]], places), _shares(flat[number], places)
+    covered = _summed(facet[number], len(one.facets), weights[:, :, None]).sum(axis=(1, 2))
+    if one.revolves:
+        radii = np.einsum("qni,qi->qn", at_one, one.corners[facet[number], :, 0])
+        weights = 2.0 * math.pi * radii * weights
     of_one = _bernstein(at_one) if one.is_quadratic else at_one
     of_other = _nodal(at_other) if other.is_quadratic else at_other
 
@@ -143,7 +149,6 @@ def pair(one: Side, other: Side) -> Pairing:
     mass = _summed(facet[number], len(one.facets), mass)
     integral = mass.sum(axis=2)
     sizes = one.sizes()
-    covered = integral.sum(axis=1)
     is_covered = covered > _COVERED * sizes
     dual = np.zeros_like(mass)
     dual[is_covered] = _dual_basis(mass[is_covered])

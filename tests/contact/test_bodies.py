@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import math
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from boxes import distorted
 from dolfinx import fem
 from mpi4py import MPI
 from problems import with_changes
@@ -15,7 +19,7 @@ from small_meshes import Groups, grid, shared, side_by_side
 from two_bodies import POISSON, YOUNG, fit, lame_pressure, stack
 
 import contact_locking as cl
-from contact_locking import StudySolution, assemble, save, solve
+from contact_locking import StudySolution, assemble, save, solve, study_file
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
 from contact_locking.problem.body_forms import BodyForms
@@ -44,12 +48,25 @@ def largest(solution: StudySolution, values: Any) -> float:
 def test_constant_stresses_cross_unmatched_and_tilted_interfaces(
     dim: int, swapped: bool, slope: float, degree: int
 ) -> None:
+    require_constant_stress(dim, swapped, slope, degree)
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_constant_stresses_cross_interfaces_of_quadrilaterals(swapped: bool, degree: int) -> None:
+    require_constant_stress(2, swapped, 0.2, degree, "box")
+
+
+def require_constant_stress(
+    dim: int, swapped: bool, slope: float, degree: int, cells: str = "simplex"
+) -> None:
     sides = ["lower_top", "upper_bottom"] if swapped else ["upper_bottom", "lower_top"]
     problem = assemble(
         stack(
             dim,
             0.25 if dim == 2 else 0.4,
             mesh__slope=slope,
+            mesh__cells=cells,
             contact={"on": sides[0], "against": sides[1]},
             friction__coefficient=1.0,
             discretisation__degree=degree,
@@ -109,6 +126,41 @@ def test_a_tilted_interface_with_friction_carries_a_uniform_pressure(
     stress = solution.elastic_stress.x.array.reshape(-1, dim, dim)
     # Strains of quadratic elements multiply the rounding of displacements by more.
     assert largest(solution, stress - exact) <= 0.01 * share * (1.0 if degree == 1 else 10.0)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("slope", [0.0, 0.2])
+def test_cylinders_carry_a_uniform_pressure_along_their_axis(degree: int, slope: float) -> None:
+    """Also where they meet on a cone; the lower face widens as it wants to."""
+    widening = POISSON / YOUNG * 0.01
+    solution = solved(
+        stack(
+            2,
+            0.25,
+            mesh__axisymmetric=True,
+            mesh__slope=slope,
+            loads__displacements=[{"on": "bottom", "value": [f"{widening}*x", 0.0]}],
+            friction__coefficient=1.0,
+            discretisation={"degree": 1} if degree == 1 else {"degree": 2, "limit_at": "gauss"},
+            solver__tolerance=1e-8,
+        )
+    )
+    exact = np.diag([0.0, -0.01, 0.0])
+    stress = solution.elastic_stress.x.array.reshape(-1, 3, 3)
+    assert largest(solution, stress - exact) <= 1e-8
+    # On the disc of radius 1.
+    (contact,) = solution.summary["contacts"]
+    force = contact["contact_force"][1] + contact["friction_force"][1]
+    assert force == pytest.approx(0.01 * math.pi, rel=1e-7)
+
+
+def test_bodies_of_hexahedra_are_refused(tmp_path: Path) -> None:
+    path = shared(MPI.COMM_WORLD, tmp_path, *distorted(3, 2))
+    held = [{"on": "left", "value": [0.0, 0.0, 0.0]}]
+    load = [{"on": "right", "value": [-0.01, 0.0, 0.0]}]
+    given = {"loads__displacements": held, "loads__tractions": load}
+    with pytest.raises(InputError, match="are not there for hexahedra; take simplices"):
+        solve(from_file(path, {"on": "top", "against": "bottom"}, **given))
 
 
 def test_action_is_reaction_and_every_body_is_in_equilibrium() -> None:
@@ -218,16 +270,35 @@ def test_a_side_that_is_much_coarser_is_warned_of() -> None:
     assert "let the finer side be on" in warning
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"adapt": {}},
-        {"sensitivities": {"to": ["friction.coefficient"]}},
-    ],
-)
-def test_what_is_missing_is_refused(change: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=r"does not go with .* yet"):
-        stack(**change)
+def test_derivatives_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"does not go with sensitivities yet"):
+        stack(sensitivities={"to": ["friction.coefficient"]})
+
+
+def test_meshes_of_both_bodies_are_refined_where_they_touch() -> None:
+    """At the corners of a punch that is narrower than the block below, on both sides."""
+    given: dict[str, Any] = {
+        "mesh__upper": [0.6, 0.6],
+        "loads__tractions": [{"on": "top", "value": [0.001, -0.01]}],
+        "friction__coefficient": 0.5,
+    }
+    solution = solved(stack(2, 0.25, **given, adapt={"tolerance": 0.06}))
+    meshes = solution.summary["adapt"]["meshes"]
+    errors = [one["estimate"] for one in meshes]
+    assert len(meshes) > 3 and errors[-1] <= 0.06 < errors[0]
+    # Of a uniform mesh with as many unknowns the error is larger.
+    uniform = solved(stack(2, 0.045, **given))
+    assert uniform.summary["dofs"] > solution.summary["dofs"]
+    assert uniform.summary["certificate"]["errors"]["mesh"]["relative"] > 0.06
+    domain = solution.domain
+    owned = domain.mesh.topology.index_map(2).size_local
+    x = domain.mesh.geometry.x[domain.mesh.geometry.dofmap[:owned]][:, :, :2]
+    sizes = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).max(axis=1)
+    at_corner = np.linalg.norm(x - [0.8, 1.0], axis=2).min(axis=1) < 0.1
+    is_upper = x[:, :, 1].mean(axis=1) > 1.0
+    for inside in (is_upper, ~is_upper):
+        least = np.where(at_corner & inside, sizes, 1.0).min(initial=1.0)
+        assert domain.comm.allreduce(least, op=MPI.MIN) < 0.05
 
 
 def from_file(path: Path, contact: dict[str, Any], **changes: Any) -> Parameters:
@@ -311,6 +382,41 @@ def test_a_saved_step_goes_on_as_without_a_break(dim: int, tmp_path: Path) -> No
     rest = solve(stack(dim, h, **given, steps={"to": 2.0, "count": 4}), restart=folder)
     for key in ("friction_force", "slip_max", "elastic_energy"):
         assert rest.summary[key] == pytest.approx(whole.summary[key], rel=1e-5, abs=1e-9)
+
+
+@pytest.mark.parametrize("n", [100.0, 1e4, math.inf])
+def test_stacked_blocks_take_as_many_tangents_as_one_on_a_foundation(n: float) -> None:
+    """With friction and a limit of the strain, but for three."""
+    given: dict[str, Any] = {
+        "friction__coefficient": 0.3,
+        "material__locking_limit": 0.006,
+        "penalty__n": n,
+        "loads__tractions": [{"on": "top", "value": ["0", "-0.02*(1 + x)"]}],
+    }
+    stiff = {"lower": {"elasticity": {"young": 200.0, "poisson": POISSON}, "locking_limit": 1.0}}
+    both = solved(stack(2, 0.2, **given, material__regions=stiff))
+    one = solved(stack(2, 0.2, **given, contact={"on": "upper_bottom"}))
+    counts = [solution.summary["iterations"]["tangents"] for solution in (both, one)]
+    assert counts[0] <= counts[1] + 3
+
+
+@pytest.mark.slow
+@pytest.mark.serial
+def test_two_bodies_are_the_same_on_one_two_and_four_ranks(tmp_path: Path) -> None:
+    file = tmp_path / "stack.yml"
+    given = stack(2, 0.2, friction__coefficient=0.3, material__locking_limit=0.006)
+    file.write_text(study_file.dump(given))
+    run = [sys.executable, "-m", "contact_locking", "run", str(file), "--quiet"]
+    found = []
+    for ranks in (1, 2, 4):
+        output = tmp_path / str(ranks)
+        launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+        subprocess.run([*launcher, *run, "--output", str(output)], check=True, timeout=600)
+        found.append(json.loads((output / "summary.json").read_text()))
+    assert [summary["ranks"] for summary in found] == [1, 2, 4]
+    for key in ("compliance", "elastic_energy", "pressure_max", "slip_max"):
+        values = [summary[key] for summary in found]
+        assert values[1:] == pytest.approx([values[0]] * 2, rel=1e-7)
 
 
 def test_two_blocks_without_slip_are_one_block() -> None:

@@ -123,6 +123,13 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, float]]] = {
         {},
         {"disc": PI, "ring": 3 * PI, "rim": 2 * PI, "inner": 2 * PI, "outer": 4 * PI},
     ),
+    "a disc between two fingers": (
+        "grip",
+        {"width": 0.4, "length": 2.0},
+        {"ball": PI, "left": 1.2, "right": 1.2, "rim": 2 * PI}
+        | {"left_pad": 3, "left_root": 0.4, "left_back": 3.4}
+        | {"right_pad": 3, "right_root": 0.4, "right_back": 3.4},
+    ),
     "quarter of a ring in a ring": (
         "disc_in_ring",
         {"radius": 1.01, "hole": 0.5, "quarter": True},
@@ -166,7 +173,7 @@ def test_groups_cover_body_and_boundary_exactly_once(case: str) -> None:
 
     # Facets inscribed in a curve of radius r leave out a share of up to 3/8 (h / r)^2, the ball's.
     radius = given.get("radius", {"annulus": 1, "inclusion": 0.25}.get(name, 1))
-    curved = name in ("disc", "ball", "annulus", "inclusion", "disc_in_ring")
+    curved = name in ("disc", "ball", "annulus", "inclusion", "disc_in_ring", "grip")
     for group, simplices in (cells | facets).items():
         ratio = 4 * geometry.finest / radius if group == "contact" else geometry.h / radius
         tolerance = 0.4 * ratio**2 if curved else 1e-10

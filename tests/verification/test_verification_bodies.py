@@ -1,4 +1,4 @@
-"""V38, V39, V40: press-fitted rings, two discs, and a block on a stiff block."""
+"""V38, V39, V40, V50: press-fitted rings, two discs, a block on a stiff block, and two balls."""
 
 from __future__ import annotations
 
@@ -107,3 +107,47 @@ def test_v40_a_block_on_a_stiff_block_is_one_on_a_rigid_foundation(found: list[R
     # As 1/E of the stiff block.
     assert differences[1] == pytest.approx(0.01 * differences[0], rel=0.05)
     assert max(tangents) <= rigid.summary["iterations"]["tangents"] + 3
+
+
+def test_v50_two_balls_press_as_hertz_says(found: list[Row]) -> None:
+    """Balls of different stiffness and radius, as half sections about their axis."""
+    radii, youngs, poisson, shift = (1.0, 2.0), (1.0, 3.0), 0.3, 0.01
+    mesh, facets = two_discs(radii, 0.2, 0.01)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    young = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    young.interpolate(lambda x: np.where(x[1] > 0.0, *youngs))
+    problem = cl.ContactProblem(
+        cl.Elasticity(young=young, poisson=poisson),
+        None,
+        [
+            cl.Support(facets["bottom"], (0.0, 1.0), 0.0),
+            cl.Support(facets["top"], (0.0, 1.0), -shift),
+        ],
+        [],
+        [cl.Contact(facets["upper"], against=facets["lower"])],
+        space=space,
+        axisymmetric=True,
+    )
+    solution = problem.solve()
+    assert solution.converged, solution.summary["reason"]
+    force = solution.summary["contact_force"][1]
+    stiffness = 1.0 / sum((1.0 - poisson**2) / modulus for modulus in youngs)
+    radius = 1.0 / sum(1.0 / r for r in radii)
+    half = (0.75 * force * radius / stiffness) ** (1.0 / 3.0)
+    peak = 1.5 * force / (math.pi * half**2)
+    found_half = math.sqrt(solution.summary["contact_area"] / math.pi)
+    points = solution.contact_points
+    told = "two elastic balls"
+    found.append(Row("V50", told, "radius of the contact", found_half, half, TEST))
+    assert found_half == pytest.approx(half, abs=0.01)
+    if points is not None:
+        exact = peak * np.sqrt(np.maximum(1.0 - (points.x[:, 0] / half) ** 2, 0.0))
+        inside = (points.x[:, 0] > 0.1 * half) & (points.x[:, 0] < 0.9 * half)
+        error = np.abs(points.pressure - exact)[inside].max() / peak
+        found.append(Row("V50", told, "error of the pressure over its peak", error, None, TEST))
+        assert error <= 0.03
+    # The approach of half balls, whose flat faces move, less the compression of their rests.
+    approach = half**2 / radius
+    found.append(Row("V50", told, "approach of the flat faces", shift, approach, TEST))
+    assert approach == pytest.approx(shift, rel=0.1)
+    problem.close()

@@ -331,18 +331,12 @@ class Parameters(Section):
         """The keys that do not work yet where two bodies touch each other."""
         places = [place for place, section in self._contact_sections() if section.against]
         missing = {
-            "adapt": self.adapt is not None,
             "sensitivities": self.sensitivities is not None,
-            "mesh.axisymmetric": self.mesh.axisymmetric,
         }
         for place in places[:1]:
             for key, is_wanted in missing.items():
                 if is_wanted:
-                    yield Fault(
-                        (*place, "against"),
-                        f"does not go with {key} yet: contact between two bodies is there for "
-                        "bodies in the plane and in space",
-                    )
+                    yield Fault((*place, "against"), f"does not go with {key} yet")
 
     def _contact_sections(self) -> list[tuple[Place, ContactSection]]:
         """The sections of contact with their places in the file."""
