@@ -46,7 +46,7 @@ _ROUNDS, _ENOUGH, _BEYOND = 10, 0.985, 1.5
 _LEAST = 1e-4
 # The zeta of bars before the first round is that of the cells in a layer of this share of a facet.
 _THICKNESS = 0.3
-# The share of this zeta with which bars carry nothing.
+# The share of the least zeta with which bars carry nothing.
 _NOTHING = 1e-10
 
 
@@ -130,8 +130,8 @@ class Gap:
     """``values`` (n,) are the gaps of the cells of this rank.
 
     ``zeta`` (n, 3, 4) is that of the quarters of each part.  ``apart`` (n, 3, 4, 3) are the squares
-    of ``eps(w) - (A + zeta)^-1 s``, integrated over each quarter, along the eigenvectors of A; ``elastic`` (n, 3, 4, 3) are the eigenvalues of A, and
-    ``stiffened`` (n, 3, 4, 3) those of A + zeta.
+    of ``eps(w) - (A + zeta)^-1 s``, integrated over each quarter, along the eigenvectors of A.
+    ``elastic`` (n, 3, 4, 3) are the eigenvalues of A, and ``stiffened`` those of A + zeta.
     """
 
     values: FloatArray
@@ -139,6 +139,36 @@ class Gap:
     apart: FloatArray
     elastic: FloatArray
     stiffened: FloatArray
+
+
+@dataclass(frozen=True)
+class Stiffening:
+    """zeta in the quarters of the ``cells`` (n, 3, 4) and in the halves of the ``bars`` (m, 2).
+
+    After the first round they are at least ``least`` (n, 1, 1) and ``least_of_bars`` (m, 1), so
+    that what does not lock may begin to do so.
+    """
+
+    cells: FloatArray
+    bars: FloatArray
+    least: FloatArray
+    least_of_bars: FloatArray
+
+    def moved(self, cells: FloatArray, bars: FloatArray, power: float = 1.0) -> Stiffening:
+        """Zeta after a step to the given values; their logarithms change by ``power`` times that.
+
+        For the power 1 the given values are taken.
+        """
+
+        def step(old: FloatArray, new: FloatArray, least: FloatArray) -> FloatArray:
+            old, new = np.maximum(old, least), np.maximum(new, least)
+            # Where nothing locks, both are zero.
+            change = np.divide(new, old, out=np.ones_like(new), where=old > 0.0)
+            return np.asarray(old * change**power)
+
+        of_cells = step(self.cells, cells, self.least)
+        of_bars = step(self.bars, bars, self.least_of_bars)
+        return Stiffening(of_cells, of_bars, self.least, self.least_of_bars)
 
 
 @dataclass(frozen=True)
@@ -187,41 +217,49 @@ class Body:
         moments = system.moments(reference.reshape(size, *element.moments.shape[1:]))
         strains = self.strains(w, element)
         along = bars.along(strains)
-        least = _LEAST * self.elasticity.eigenvalues[:, 0]
-        zeta = np.broadcast_to(self._zeta[:, None, None], (size, 3, len(element.quarters)))
-        least_bar = (least[bars.cells] * bars.lengths)[:, None]
-        first_bar = np.maximum(_THICKNESS * bars.lengths * self._zeta[bars.cells], least_bar[:, 0])
-        # The first round has no bars but by rounding: a body without locked zones needs none.
-        of_bars = np.repeat(_NOTHING * first_bar[:, None], 2, axis=1)
-        best, least_value = None, np.inf
+        stiffening = self._first_stiffening(bars)
+        best, least = None, np.inf
         for step in range(_ROUNDS):
-            compliance = self.elasticity.compliance(zeta)
-            found = system.solve(compliance, strains, lifted, moments, of_bars)
+            compliance = self.elasticity.compliance(stiffening.cells)
+            found = system.solve(compliance, strains, lifted, moments, stiffening.bars)
             if found.jump > LARGEST_JUMP:
-                if best is None:
-                    raise NotApplicable(
-                        f"rounding leaves jumps of {found.jump:.1e} in the tractions"
-                    )
                 break
             stress = np.asarray(lifted + found.stress)
             gap = self.gap(stress, w, element)
             value = state.sum(gap.values) + state.sum(bars.gap(found.forces, along))
-            is_last = not self._locks or (step > 1 and value > _ENOUGH * least_value)
-            if value < least_value:
-                best, least_value = Balanced(stress, bars, found.forces), value
+            # The bars of the second round are a guess.
+            is_last = not self._locks or (step > 1 and value > _ENOUGH * least)
+            if value < least:
+                best, least = Balanced(stress, bars, found.forces), value
             if is_last:
                 break
-            # Steps beyond the best zeta need fewer rounds.
-            power = 1.0 if step < 3 else _BEYOND
-            zeta = np.maximum(zeta, least[:, None, None])
-            zeta = zeta * (np.maximum(gap.zeta, least[:, None, None]) / zeta) ** power
-            zeta[~np.isfinite(self.limit)] = 0.0
-            wanted_bars = np.maximum(bars.best_stiffening(found.forces), least_bar)
-            of_bars *= (wanted_bars / of_bars) ** power
             if step == 0:
-                of_bars = np.repeat(first_bar[:, None], 2, axis=1)
-        assert best is not None
+                stiffening = stiffening.moved(gap.zeta, self._guess(bars))
+            else:
+                # Steps beyond the best zeta need fewer rounds.
+                power = 1.0 if step < 3 else _BEYOND
+                wanted_bars = bars.best_stiffening(found.forces)
+                stiffening = stiffening.moved(gap.zeta, wanted_bars, power)
+        if best is None:
+            raise NotApplicable(f"rounding leaves jumps of {found.jump:.1e} in the tractions")
         return best
+
+    def _first_stiffening(self, bars: Bars) -> Stiffening:
+        """That of Z in the cells, and bars that carry no more than rounding.
+
+        A body without locked zones needs no bars.
+        """
+        size, parts, quarters = len(self.limit), 3, len(self.element.quarters)
+        cells = np.broadcast_to(self._zeta[:, None, None], (size, parts, quarters))
+        least = np.where(np.isfinite(self.limit), _LEAST * self.elasticity.eigenvalues[:, 0], 0.0)
+        of_bars = (least[bars.cells] * bars.lengths)[:, None]
+        first = np.broadcast_to(_NOTHING * of_bars, (len(of_bars), 2))
+        return Stiffening(cells, first, least[:, None, None], of_bars)
+
+    def _guess(self, bars: Bars) -> FloatArray:
+        """The zeta (m, 2) of bars that stand for a layer of the cells."""
+        layer = _THICKNESS * bars.lengths * self._zeta[bars.cells]
+        return np.repeat(layer[:, None], 2, axis=1)
 
     def strains(self, u: fem.Function, element: MacroElement) -> FloatArray:
         """The strain (n, 3, m, 3) of a displacement at the points of the parts."""

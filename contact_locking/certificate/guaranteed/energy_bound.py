@@ -33,6 +33,7 @@ from contact_locking.certificate.guaranteed.boundary_conditions import (
 from contact_locking.certificate.guaranteed.contact_tractions import (
     ContactTractions,
     contact_tractions,
+    with_contacts,
 )
 from contact_locking.certificate.guaranteed.data_oscillation import BalancedLoads, balanced_loads
 from contact_locking.certificate.guaranteed.floating import balance, floating_parts, springs
@@ -158,10 +159,7 @@ def _bound(state: SolvedState, lifting: Lifting) -> FrozenBound:
     require_exact_gaps(state, triangles, contacts)
     parts = floating_parts(problem, triangles)
     balance(parts, triangles, element, loads.body, loads.moments, contacts)
-    moments = loads.moments.copy()
-    for contact in contacts:
-        np.add.at(moments, (contact.cells, contact.sides), contact.moments(element.degree))
-    moments *= triangles.signs[:, :, None, None] ** np.arange(element.degree + 1)[:, None]
+    moments = with_contacts(loads.moments, contacts, triangles)
     stiffness = problem.material.stiffness
     boundary = Boundary(held, moments, springs(parts, triangles, element, contacts, stiffness))
     body = Body(state, triangles, element)

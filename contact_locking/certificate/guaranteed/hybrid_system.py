@@ -110,7 +110,7 @@ class HybridSystem:
         moments: FloatArray,
         stiffening: FloatArray,
     ) -> Found:
-        """The stress that minimises ``int C s : s/2 - eps : s`` with the forces of bars; collective.
+        """The stress with the least ``int C s : s/2 - eps : s``, and forces of bars; collective.
 
         ``compliance`` (n, 3, 4, 3, 3) is C in the quarters of each part, as a Mandel matrix, and
         ``strains`` (n, 3, m, 3) is eps.  ``lifted`` (n, 3, m, 3) is the part of s that has the
@@ -214,11 +214,12 @@ class HybridSystem:
         add = PETSc.InsertMode.ADD_VALUES
         matrix.setValuesBlockedRCV(self._cell_blocks, self._cell_blocks, values, addv=add)
         matrix.setValuesBlockedRCV(self._bar_blocks, self._bar_blocks, of_bars, addv=add)
-        # A vertex has one unknown of a block.
-        first = matrix.getOwnershipRange()[1] - len(self._vertices) * size
-        alone = (first + np.arange(len(self._vertices) * size)).reshape(-1, size)[:, 1:]
-        for row in alone.reshape(-1):
-            matrix.setValue(row, row, 1.0, addv=add)
+        # A vertex has one unknown, the first of its block.
+        ends = (matrix.getOwnershipRange()[1] // size - np.arange(len(self._vertices)) - 1)[:, None]
+        others = np.diag([0.0] + [1.0] * (size - 1))
+        others = np.broadcast_to(others, (len(ends), size, size)).copy()
+        places = ends.astype(PETSc.IntType)
+        matrix.setValuesBlockedRCV(places, places, others, addv=add)
         matrix.assemble()
         matrix.setOption(PETSc.Mat.Option.SPD, True)
         return matrix
