@@ -82,7 +82,7 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("weakest number", _weakest(summary)),
         ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"])),
         ("solutions found", _several(summary.get("equilibria"))),
-        ("branch over friction", _branch(summary.get("branches"))),
+        ("branch of solutions", _branch(summary.get("branches"))),
         ("size", f"{', '.join(sizes)}; elements of degree {element['degree']}{body}"),
         ("iterations", ", ".join(counts)),
         ("time", f"{summary['wall_seconds']:.1f} s"),
@@ -129,7 +129,8 @@ def _branch(found: Mapping[str, Any] | None) -> str | None:
         return None
     shares = ", ".join(f"{share:.4g}" for share in found["folds"])
     folds = f"turns at the shares {shares}" if shares else "does not turn"
-    return f"{len(found['points']['share'])} points; {folds}; it ends: {found['end']}"
+    count = len(found["points"]["share"])
+    return f"over {found['over']}: {count} points; {folds}; it ends: {found['end']}"
 
 
 def equilibria(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
@@ -161,7 +162,8 @@ def sensitivities(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
         by_size = sorted(entries.items(), key=lambda item: -abs(item[1]["elasticity"] or 0.0))
         for key, entry in by_size:
             elasticity = entry["elasticity"]
-            share = "" if elasticity is None else f"{elasticity:+.3g} % for 1 %"
+            none = str(entry.get("reason", ""))
+            share = none if elasticity is None else f"{elasticity:+.3g} % for 1 %"
             checked = entry.get("checked")
             told = "" if checked is None else f"by solves {checked:.4g}"
             rows.append((f"d {quantity}/d {key}", f"{entry['derivative']:.4g}", share, told))

@@ -80,6 +80,8 @@ def _excluded(state: SolvedState) -> float:
     """The least factor on u_D that a stress excludes, infinite if no stress excludes any."""
     problem = state.problem
     require_still_foundations(state)
+    if problem.data.origin is not None:
+        raise NotApplicable("no proof covers limits of the elastic strain")
     if state.dim != 2:
         raise NotApplicable("there are no equilibrated stresses in three dimensions here")
     if problem.domain.axisymmetric:
