@@ -96,7 +96,7 @@ def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
     """Judge a solved state; collective.
 
     Takes one solve with the inner product of V and, for a finite n, one elastic solve; the
-    guaranteed bound takes another solve, with about six times the unknowns.
+    guaranteed bound takes one to ten solves more, with about six times the unknowns.
     """
     balance = equilibrium(state)
     mesh, indicator = _mesh_error(state)

@@ -27,6 +27,8 @@ from contact_locking.study_file.parameters import Parameters
 
 #: A displacement that vanishes on all sides but the bottom, where its normal component vanishes.
 BUBBLE = X * (1 - X) * (1 - Y)
+#: Limits at the corners hold in whole cells.
+QUADRATIC = {"degree": 2, "limit_at": "vertices"}
 WAVES = (BUBBLE * sp.sin(3 * X + Y) / 5, BUBBLE * Y * sp.exp(X) / 5)
 
 
@@ -75,6 +77,34 @@ def test_the_bound_of_a_random_problem_is_not_below_the_distance_to_a_finer_mesh
     found = compared(random_block(seed), 4)
     assert found is not None and found.bound["applicable"]
     assert found.effectivity > 1.0
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("seed", [1001, 1006])
+def test_the_bound_of_a_random_problem_of_degree_2_is_not_below_the_distance_to_a_finer_mesh(
+    seed: int,
+) -> None:
+    # Without friction both meshes have the same friction bound.
+    data = random_block(seed).model_dump(by_alias=True)
+    data["discretisation"] = QUADRATIC
+    data["friction"]["coefficient"] = 0.0
+    found = compared(Parameters.model_validate(data), 4, P2)
+    assert found is not None and found.bound["applicable"]
+    assert 1.0 < found.effectivity < 3.0
+
+
+@pytest.mark.serial
+def test_the_bound_of_the_block_of_degree_2_is_at_most_12_per_cent_where_it_locks() -> None:
+    found = bound(
+        block(
+            2,
+            1.0 / 32.0,
+            penalty__n=math.inf,
+            discretisation=QUADRATIC,
+            certificate__error_bound=True,
+        )
+    )
+    assert found["relative"] < 0.12
 
 
 @pytest.mark.serial

@@ -3,18 +3,36 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import basix
 import numpy as np
 import pytest
 from basix import CellType, ElementFamily
+from bounded_block import benchmark
+from dolfinx import fem
+from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.guaranteed.data_oscillation import korn_constants
+from contact_locking.certificate.guaranteed.body import Body
+from contact_locking.certificate.guaranteed.boundary_conditions import held_components
+from contact_locking.certificate.guaranteed.contact_tractions import (
+    contact_tractions,
+    with_contacts,
+)
+from contact_locking.certificate.guaranteed.data_oscillation import balanced_loads, korn_constants
+from contact_locking.certificate.guaranteed.facet_polynomials import product_integral
+from contact_locking.certificate.guaranteed.hybrid_system import Boundary
 from contact_locking.certificate.guaranteed.macro_element import macro_element
+from contact_locking.certificate.guaranteed.triangles import Triangles
+from contact_locking.parallel import maximum
+from contact_locking.process.of_study import solver_of
+from contact_locking.study.assembly import assemble
 
 #: The points of high degrees that keep the polynomials apart.
 GLL = basix.LagrangeVariant.gll_warped
+#: Limits at the corners hold in whole cells.
+QUADRATIC = {"degree": 2, "limit_at": "vertices"}
 
 
 @pytest.mark.serial
@@ -68,3 +86,44 @@ def test_korns_constant_of_a_triangle_is_not_below_that_of_polynomials() -> None
     bounds = korn_constants(np.linalg.norm(edges, axis=2))
     for corners, upper in zip(triangles, bounds, strict=True):
         assert 0.5 * upper < korn_constant(corners, 6) < upper
+
+
+@pytest.mark.parametrize("changes", [{}, {"discretisation": QUADRATIC}])
+def test_stress_and_bars_do_the_work_of_loads_and_contact_along_every_displacement(
+    changes: dict[str, Any],
+) -> None:
+    # The top is loaded, the right side is clamped; rollers hold the left side along y alone.
+    support = [{"on": "right", "value": [0.0, 0.0]}, {"on": "left", "value": [None, 0.0]}]
+    pull = [{"on": "top", "value": [-0.03, -0.05]}]
+    loads = {"displacements": support, "tractions": pull, "body_force": [0.01, -0.02]}
+    changes = {"material__locking_limit": 0.02, "loads": loads} | changes
+    solver = solver_of(assemble(benchmark(4, **changes), MPI.COMM_WORLD))
+    state = solver.state(solver.solve())
+    problem = state.problem
+    triangles = Triangles(problem.domain)
+    element = macro_element(problem.element.degree)
+    balanced = balanced_loads(problem.data, triangles, element)
+    contacts = [contact_tractions(fields, triangles) for fields in state.contacts]
+    moments = with_contacts(balanced.moments, contacts, triangles)
+    body = Body(state, triangles, element)
+    boundary = Boundary(held_components(state, triangles), moments)
+    found = body.balanced(boundary, balanced, problem.u)
+    bars = found.bars
+    assert maximum(state.comm, np.abs(found.forces)) > 1e-3
+
+    v = fem.Function(problem.u.function_space)
+    v.interpolate(lambda x: np.stack([np.sin(3.0 * x[0] + x[1]), np.cos(x[0] - 2.0 * x[1])]))
+    v.x.array[problem.constraints.dofs] = 0.0
+    strains = body.strains(v, element)
+    inner = np.sum(found.stress * (element.mass @ strains), axis=(1, 2, 3))
+    work = state.sum(inner * triangles.areas / 3.0)
+    work += state.sum(bars.work(found.forces, bars.along(strains)))
+    for contact in contacts:
+        normal, tangent = contact.split(v.x.array.reshape(-1, 2))
+        pushed = product_integral(contact.along, tangent) - product_integral(
+            contact.pressure, normal
+        )
+        work -= state.sum(contact.lengths * pushed)
+    owned = 2 * v.function_space.dofmap.index_map.size_local
+    outer = state.sum(state.system.forms.loads()[:owned] * v.x.array[:owned])
+    assert work == pytest.approx(outer, rel=1e-8, abs=1e-10)

@@ -98,8 +98,11 @@ class Bars:
         """
         most = np.maximum(self._limit[:, None] ** 2 / _PIECES, self._squares_of_ends(along))
         size = np.sum(np.sqrt(self._squares(forces) * most), axis=1)
-        work = np.einsum("ma,ma->m", forces, self._work(along))
-        return np.asarray(self.lengths * size - work)
+        return np.asarray(self.lengths * size - self.work(forces, along))
+
+    def work(self, forces: FloatArray, along: FloatArray) -> FloatArray:
+        """``int T d_s w_t`` (m,) over the facets."""
+        return np.einsum("ma,ma->m", forces, self._work(along))
 
     @cached_property
     def constraints(self) -> FloatArray:
@@ -173,7 +176,7 @@ class Bars:
         self._rises[:, :2] += legendre(k, np.array([0.0, 1.0])).T * [-1.0, 1.0]
 
     def _work(self, along: FloatArray) -> FloatArray:
-        """``int f_a d_s w_t`` (m, k + 2) over the facets, for the shapes f_a of the force."""
+        """``int f_a d_s w_t`` (m, k + 2), for the shapes f_a of the force."""
         return np.asarray(self.lengths[:, None] * (along @ self._mixed.T))
 
     def _squares(self, forces: FloatArray) -> FloatArray:

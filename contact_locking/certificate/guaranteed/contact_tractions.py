@@ -129,6 +129,20 @@ def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTra
     )
 
 
+def with_contacts(
+    moments: FloatArray, contacts: list[ContactTractions], triangles: Triangles
+) -> FloatArray:
+    """Moments (n, 3, k + 1, 2) of loads and contacts along the directions that all ranks share.
+
+    ``moments`` are those of the loads, along the facets of the cells.
+    """
+    degree = moments.shape[2] - 1
+    found = moments.copy()
+    for contact in contacts:
+        np.add.at(found, (contact.cells, contact.sides), contact.moments(degree))
+    return np.asarray(found * triangles.signs[:, :, None, None] ** np.arange(degree + 1)[:, None])
+
+
 def _continued(values: FloatArray, fixed: BoolArray) -> FloatArray:
     """Give the fixed control points (m, r + 1) at one end of a facet the value of the other end.
 

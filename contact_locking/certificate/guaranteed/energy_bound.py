@@ -11,6 +11,8 @@ w and every symmetric stress s with ``div s + f0 = 0``, ``s nu = g`` on Gamma_N,
     eta^2 = int |s - (A + zeta) eps(w)|^2/2 in the norm of (A + zeta)^-1
             + int zeta (M^2 - |eps(w)|^2)/2 + int -s_nu (gap - w_nu) + G |w_tau| + s_tau . w_tau.
 
+Where M is finite, forces along the boundary (:mod:`.bars`) may carry loads beside s.
+
 The proof is in docs/certificate.md.
 """
 
@@ -33,6 +35,7 @@ from contact_locking.certificate.guaranteed.boundary_conditions import (
 from contact_locking.certificate.guaranteed.contact_tractions import (
     ContactTractions,
     contact_tractions,
+    with_contacts,
 )
 from contact_locking.certificate.guaranteed.data_oscillation import BalancedLoads, balanced_loads
 from contact_locking.certificate.guaranteed.floating import balance, floating_parts, springs
@@ -128,9 +131,9 @@ def guaranteed_error(
 
     ``relative`` is the bound over the energy norm of u_h.  ``applicable`` says whether the bound is
     proved, and ``reason`` says of which problem; without a bound, both numbers are None and
-    ``reason`` says why, and the second value is None.  Takes one
-    linear solve with about six times the unknowns of the displacement, and for a finite penalty the
-    lift of ``penalty_error``.
+    ``reason`` says why, and the second value is None.  Takes up to
+    ten linear solves with about six times the unknowns of the displacement, one where nothing
+    limits the strain, and for a finite penalty the lift of ``penalty_error``.
     """
     try:
         found = _bound(state, lifting)
@@ -158,10 +161,7 @@ def _bound(state: SolvedState, lifting: Lifting) -> FrozenBound:
     require_exact_gaps(state, triangles, contacts)
     parts = floating_parts(problem, triangles)
     balance(parts, triangles, element, loads.body, loads.moments, contacts)
-    moments = loads.moments.copy()
-    for contact in contacts:
-        np.add.at(moments, (contact.cells, contact.sides), contact.moments(element.degree))
-    moments *= triangles.signs[:, :, None, None] ** np.arange(element.degree + 1)[:, None]
+    moments = with_contacts(loads.moments, contacts, triangles)
     stiffness = problem.material.stiffness
     boundary = Boundary(held, moments, springs(parts, triangles, element, contacts, stiffness))
     body = Body(state, triangles, element)

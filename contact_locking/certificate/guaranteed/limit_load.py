@@ -27,6 +27,7 @@ from contact_locking.certificate.guaranteed.boundary_conditions import (
 from contact_locking.certificate.guaranteed.contact_tractions import (
     ContactTractions,
     contact_tractions,
+    with_contacts,
 )
 from contact_locking.certificate.guaranteed.facet_polynomials import product_integral
 from contact_locking.certificate.guaranteed.floating import balance, floating_parts, springs
@@ -96,10 +97,7 @@ def _excluded(state: SolvedState) -> float:
     nothing = np.zeros((*triangles.facets.shape, 2, 2))
     body = np.zeros((*triangles.facets.shape, 1, 2))
     balance(parts, triangles, element, body, nothing, contacts)
-    moments = nothing.copy()
-    for contact in contacts:
-        np.add.at(moments, (contact.cells, contact.sides), contact.moments(1))
-    moments *= triangles.signs[:, :, None, None] ** np.arange(2)[:, None]
+    moments = with_contacts(nothing, contacts, triangles)
     blocks = springs(parts, triangles, element, contacts, problem.material.stiffness)
     material = Body(state, triangles, element)
     strains = material.strains(problem.u, element)
