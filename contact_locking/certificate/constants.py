@@ -123,7 +123,7 @@ def trace_constant(state: SolvedState) -> float:
         ufl.inner(contact.limited(w), contact.limited(v)) * contact.surface.ds
         for contact in data.contacts
     )
-    return trace_norm(state, inner_product(space, data), traces)
+    return trace_norm(state, inner_product(state), traces)
 
 
 def _trace(state: SolvedState, wanted: bool) -> tuple[float | None, str | None]:

@@ -82,7 +82,7 @@ def is_solved(state: SolvedState) -> bool:
 
 @dataclass(frozen=True)
 class Extras:
-    """What a certificate has on demand.
+    """The parts of a certificate that are made on demand.
 
     These are constants of the theory, a guaranteed error bound, and the critical friction.
     """

@@ -72,6 +72,17 @@ def parser() -> argparse.ArgumentParser:
         )
         return command
 
+    def add_plan(command: _Parser, cases: str) -> None:
+        command.add_argument(
+            "--jobs", metavar="J", type=_positive, default=1, help=f"{cases} at a time"
+        )
+        command.add_argument(
+            "--ranks", metavar="K", type=_positive, default=1, help="MPI ranks of each"
+        )
+        command.add_argument(
+            "--executor", choices=("local", "slurm"), default="local", help=f"where {cases} run"
+        )
+
     one = add("new", "Write a study file to begin with: a demo with every key explained.")
     one.add_argument(
         "--like", metavar="DEMO", default="block", help="block, hertz, ball_3d or another demo"
@@ -92,14 +103,12 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--progress", type=Path, help=argparse.SUPPRESS)  # for a study to look at
     one = add_for_file("study", "Solve every case of a study; repeat the command to continue it.")
     one.add_argument("-o", "--output", metavar="DIR", help="folder of the results")
-    one.add_argument("--jobs", metavar="J", type=_positive, default=1, help="cases at a time")
-    one.add_argument("--ranks", metavar="K", type=_positive, default=1, help="MPI ranks of each")
-    one.add_argument(
-        "--executor", choices=("local", "slurm"), default="local", help="where the cases run"
-    )
+    add_plan(one, "cases")
     one = add_for_file("fit", "Fit numbers of a study file to curves; repeat it to continue.")
     one.add_argument("-o", "--output", metavar="DIR", help="folder of the results")
     one.add_argument("--quiet", action="store_true", help="print warnings and errors only")
+    one.add_argument("--progress", type=Path, help=argparse.SUPPRESS)
+    add_plan(one, "searches of fit.starts")
     one = add("report", "Write an HTML page and charts of a finished run or study.")
     one.add_argument("directory", metavar="DIR", type=Path, help="folder of the results")
     one.add_argument("--pdf", action="store_true", help="also print the page, by Chromium")

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from contact_locking.monitor import Monitor
+    from contact_locking.running.fit.starts import Begun
     from contact_locking.study_file import StudyFile
     from contact_locking.study_file.parameters import Parameters
 
@@ -61,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
     parameters, restart = study.parameters, arguments.restart
     directory = parameters.output.directory
     speaks = comm.rank == 0 and not arguments.quiet
-    #: What an interrupt leaves of the run, in words.
+    #: The remains of an interrupted run, in words.
     arguments.left = lambda: _left_of_run(arguments, parameters)
     if restart is not None and not arguments.checkpoint:
         _keep_checkpoint(restart, Path(directory))
@@ -117,6 +118,9 @@ def study(arguments: argparse.Namespace) -> int:
 def fit(arguments: argparse.Namespace) -> int:
     """Fit numbers of the file to its measured curves, and print what was found."""
     file = _load(arguments.file, _overrides(arguments))
+    # Before this process has MPI, as it starts those of the searches.
+    begun = _search(arguments, file)
+    parameters = file.parameters if begun is None else begun.parameters
     comm = world_with_dolfinx(arguments)
     from contact_locking.results import output_folder
     from contact_locking.running.fit import session, words
@@ -132,7 +136,7 @@ def fit(arguments: argparse.Namespace) -> int:
         _monitor(arguments, comm, speaks) as monitor,
         petsc_complaints(),
     ):
-        found, solution = session.fit(file.parameters, directory, comm, monitor)
+        found, solution = session.fit(parameters, directory, comm, monitor, begun)
     for text in [*found["words"], *found["undetermined"]]:
         terminal.complain(f"warning: {text}")
     if speaks:
@@ -142,6 +146,24 @@ def fit(arguments: argparse.Namespace) -> int:
         return CONVERGED
     terminal.complain(f"error: not converged: {found['reason']}")
     return NOT_CONVERGED
+
+
+def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
+    """The best of several searches that a fit asks for, None for one search."""
+    from contact_locking.running import studies
+
+    plan = studies.Plan(arguments.jobs, arguments.ranks, arguments.executor)
+    given = file.parameters.fit
+    if given is None or given.starts == 1:
+        if plan != studies.Plan():
+            raise InputError("--jobs, --ranks and --executor are for several searches: fit.starts")
+        return None
+    if terminal.world() is not None:
+        raise InputError("start several searches without mpirun: --ranks K runs each on K ranks")
+    from contact_locking.running.fit import starts
+
+    with _explained(file):
+        return starts.search(file.parameters, plan, terminal.console())
 
 
 def report(arguments: argparse.Namespace) -> int:

@@ -234,11 +234,11 @@ class Steps(Iterator[StudySolution]):
                 "take all steps of a process, as friction remembers each: start without --restart",
                 "sensitivities",
             )
-        return Sensitivities(self.problem)
+        return Sensitivities(self.problem, self._solver)
 
     def _remember(self, state: State, time: float) -> None:
         """End a step; collective."""
-        # What penalties let exceed a limit or a gap is not admissible.
+        # A displacement that exceeds a limit or a gap by a penalty is not admissible.
         if self.problem.penalty.is_strict:
             self._out_of_reach.reach(AdmissibilityData.of(self._solver.system, time))
         self.problem.enter(state.contacts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 from dolfinx import fem
 
@@ -16,7 +16,8 @@ from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.loose_motion import LooseMotion
 from contact_locking.problem.parts import describe_unheld, loose_fields
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.sensitivity.lazy import LazyDerivatives
+from contact_locking.sensitivity.lazy import LazyDerivatives, require_derivatives
+from contact_locking.sensitivity.quantities import require_quantities
 from contact_locking.solver.equilibria.diagram import Diagram, diagram
 from contact_locking.solver.equilibria.search import Equilibrium, equilibria
 from contact_locking.solver.linear.factorised import chosen
@@ -49,7 +50,7 @@ class ProblemSolver:
             loose=_loose_motion(problem),
         )
         domain = problem.domain
-        self._length = domain.extent()
+        self._length = domain.extent
         # The face of a body of revolution is a surface in space.
         self._face = self._length ** (domain.kinematics.tensor_size(domain.dim) - 1)
         one = fem.Constant(domain.mesh, 1.0)
@@ -126,14 +127,23 @@ class ProblemSolver:
         if self._derivatives is not None and self._derivatives.report is report:
             return self._derivatives
         self.close()
-        settings = self.settings
-        if _linear(self.problem, "auto") == "direct" and settings.linear != "direct":
-            # The options are those of an iterative solver.
-            settings = dataclasses.replace(settings, linear="direct", petsc=UserOptions({}))
         self._derivatives = LazyDerivatives(
-            self.problem, self.system, lambda: self.target, settings, report
+            self.problem, self.system, lambda: self.target, self._deriving, report
         )
         return self._derivatives
+
+    @property
+    def _deriving(self) -> Settings:
+        """The settings for derivatives, which take a factorisation where the body is small."""
+        if _linear(self.problem, "auto") == "direct" and self.settings.linear != "direct":
+            # The options are those of an iterative solver.
+            return dataclasses.replace(self.settings, linear="direct", petsc=UserOptions({}))
+        return self.settings
+
+    def require_derivatives(self, names: Sequence[str]) -> None:
+        """Raise InputError, before a solve, for quantities or a problem without derivatives."""
+        require_derivatives(self.problem, self._deriving)
+        require_quantities(names, self.problem.domain, self.system)
 
     def close(self) -> None:
         """Destroy the PETSc objects of derivatives; collective."""

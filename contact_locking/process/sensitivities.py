@@ -33,7 +33,7 @@ class StudyNumber:
     def __init__(self, problem: StudyProblem, name: str) -> None:
         self._base, self.name = problem, name
         self.value = number_at(problem.parameters, name)
-        step = width(self, problem.domain.extent())
+        step = width(self, problem.domain.extent)
         self._sides = [_Side(problem, name, self.value + sign * step) for sign in (1.0, -1.0)]
 
     def advance(self, time: float) -> None:
@@ -93,11 +93,16 @@ class _Side:
 
 
 class Sensitivities:
-    """The derivatives of a study, step by step; collective."""
+    """The derivatives of a study, step by step; collective.
 
-    def __init__(self, problem: StudyProblem) -> None:
+    Made before the first solve by ``solver``.  Raises InputError for quantities and numbers without
+    a derivative, and for a problem without derivatives.
+    """
+
+    def __init__(self, problem: StudyProblem, solver: ProblemSolver) -> None:
         given = problem.parameters.sensitivities
         assert given is not None
+        solver.require_derivatives(given.of)
         self._given = given
         self._numbers = [StudyNumber(problem, name) for name in given.to]
 
@@ -124,14 +129,18 @@ def entry(table: Table, derivatives: Derivatives) -> dict[str, Any]:
     """The entries of summary.json about derivatives; collective."""
     found: dict[str, Any] = {
         quantity: {
-            name: {
-                "derivative": float(table.derivatives[row, column]),
-                "elasticity": _number(table.elasticities[row, column]),
-            }
-            for column, name in enumerate(table.parameters)
+            name: {"derivative": float(derivative), "elasticity": float(elasticity)}
+            for name, derivative, elasticity in zip(table.parameters, *rows, strict=True)
         }
-        for row, quantity in enumerate(table.quantities)
+        for quantity, *rows in zip(
+            table.quantities, table.derivatives, table.elasticities, strict=True
+        )
     }
+    for quantity, is_nothing in zip(table.quantities, table.are_nothing, strict=True):
+        if is_nothing:
+            reason = f"{quantity} is zero, which has no per cent"
+            for one in found[quantity].values():
+                one |= {"elasticity": None, "reason": reason}
     shares = derivatives.share_at_change()
     return {"sensitivities": found, "share_at_change": {**shares, "in_words": in_words(shares)}}
 
@@ -155,10 +164,6 @@ def in_words(shares: dict[str, float]) -> str:
         f"many points are near a change of their state ({told}): there derivatives differ from one "
         "side to the other; sensitivities.check compares with solves"
     )
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 # The width of a central difference of solves, relative to the number.

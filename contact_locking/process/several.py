@@ -1,4 +1,4 @@
-"""What a summary says of several solutions of one problem."""
+"""The words of a summary about several solutions of one problem."""
 
 from __future__ import annotations
 

@@ -170,6 +170,9 @@ def _static(
     """The solution of a problem without steps, and others, ``most`` in all; collective."""
     saved = None if restart is None else checkpoint.read(restart, problem)
     solver = solver_of(problem, monitor, petsc_options)
+    # What has no derivative is refused before the solve.
+    is_derived = problem.parameters.sensitivities is not None
+    sensitivities = Sensitivities(problem, solver) if is_derived else None
     report = saved and solved_already(saved, problem, solver)
     report = report or solver.solve(None if saved is None else saved.state)
     monitor.message("computing fields and the certificate")
@@ -177,10 +180,10 @@ def _static(
     certificate = certify(state, extras_of(problem.parameters))
     solution = of_study(problem, solution_of(state, certificate, solver.derivatives(report)))
     solution.summary["warnings"] += solver.unused_options()
-    if problem.parameters.sensitivities is not None and solution.converged:
-        monitor.message("computing derivatives")
-        sensitivities = Sensitivities(problem)
-        solution.summary |= sensitivities.of(solver.derivatives(report).made, state.contacts)
+    if sensitivities is not None:
+        if solution.converged:
+            monitor.message("computing derivatives")
+            solution.summary |= sensitivities.of(solver.derivatives(report).made, state.contacts)
         sensitivities.close()
     solution.summary["restart"] = None if restart is None else told(restart, report)
     if problem.parameters.branches is not None:
@@ -229,7 +232,7 @@ def _check_derivatives(
 
     for key in given.to:
         monitor.message(f"solving twice around {key}, to check its derivatives")
-        differences = central_differences(parameters, key, solution.domain.extent(), values)
+        differences = central_differences(parameters, key, solution.domain.extent, values)
         for number, name in enumerate(given.of):
             rate = None if differences is None else differences[number]
             found[name][key]["checked"] = rate

@@ -162,7 +162,8 @@ def sensitivities(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
         by_size = sorted(entries.items(), key=lambda item: -abs(item[1]["elasticity"] or 0.0))
         for key, entry in by_size:
             elasticity = entry["elasticity"]
-            share = "" if elasticity is None else f"{elasticity:+.3g} % for 1 %"
+            none = str(entry.get("reason", ""))
+            share = none if elasticity is None else f"{elasticity:+.3g} % for 1 %"
             checked = entry.get("checked")
             told = "" if checked is None else f"by solves {checked:.4g}"
             rows.append((f"d {quantity}/d {key}", f"{entry['derivative']:.4g}", share, told))

@@ -8,36 +8,47 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.sensitivity.centring import nearer_the_path
 from contact_locking.sensitivity.equations import Equations, Residual
 from contact_locking.sensitivity.linearisation import Adjoint, Change, Gradient, Linearisation
 from contact_locking.sensitivity.parameters import Frozen, Parameter, width
-from contact_locking.sensitivity.quantities import Quantity, quantity_of
+from contact_locking.sensitivity.quantities import Quantity, quantity_of, scale_of
 from contact_locking.sensitivity.solved import require_solved
 from contact_locking.sensitivity.states import share_at_change
 from contact_locking.solver.task import Task
 
+# A quantity below this share of its scale is nothing: gaps leave as much, and rounding less.
+_NOTHING = 1e-8
 # So many steps to the central path; two are usual.
 _MOST_STEPS = 5
 
 
 @dataclass(frozen=True)
 class Table:
-    """Derivatives (m, n) of m quantities by n parameters, and the quantities and their values."""
+    """Derivatives (m, n) of m quantities by n parameters, and the quantities and their values.
+
+    ``scales`` (m,) are what quantities of their units have, by energy and displacement.
+    """
 
     quantities: tuple[str, ...]
     parameters: tuple[str, ...]
     values: FloatArray
+    scales: FloatArray
     at: FloatArray
     derivatives: FloatArray
 
     @property
+    def are_nothing(self) -> BoolArray:
+        """Which quantities (m,) are zero, or as good as that."""
+        return np.asarray(np.abs(self.values) <= _NOTHING * self.scales)
+
+    @property
     def elasticities(self) -> FloatArray:
-        """``d ln J/d ln p`` (m, n), not a number where J is zero."""
-        with np.errstate(all="ignore"):
-            return np.asarray(self.derivatives * self.at / self.values[:, None])
+        """``d ln J/d ln p`` (m, n), not a number where J is nothing."""
+        values = np.where(self.are_nothing, np.nan, self.values)
+        return np.asarray(self.derivatives * self.at / values[:, None])
 
 
 class Derivatives:
@@ -51,7 +62,7 @@ class Derivatives:
     def __init__(self, frozen: Frozen, task: Task) -> None:
         self._frozen, self._adjoints = frozen, dict[str, tuple[Quantity, Adjoint]]()
         self.domain = domain = frozen.problem.domain
-        self._scale = domain.extent()
+        self._scale = domain.extent
         with frozen.system.preserved():
             equations = frozen.equations()
             try:
@@ -85,7 +96,8 @@ class Derivatives:
 
     def share_at_change(self) -> dict[str, float]:
         """The share of each kind of points that are near a change of their state."""
-        return share_at_change(self._linear.equations.every, self._frozen.system.comm)
+        equations, comm = self._linear.equations, self._frozen.system.comm
+        return share_at_change(equations.every, equations.target.young, comm)
 
     def forward(
         self, names: Sequence[str], parameters: Sequence[Parameter]
@@ -123,10 +135,13 @@ class Derivatives:
         self, quantities: Sequence[Quantity], parameters: Sequence[Parameter], found: FloatArray
     ) -> Table:
         values = evaluated(self._linear.equations, quantities).values
+        system = self._frozen.system
+        scales = [scale_of(quantity.name, self.domain, system) for quantity in quantities]
         return Table(
             tuple(quantity.name for quantity in quantities),
             tuple(parameter.name for parameter in parameters),
             values,
+            np.array(scales),
             np.array([parameter.value for parameter in parameters]),
             found,
         )
@@ -150,7 +165,7 @@ class Derivatives:
         return [quantity_of(name, self.domain, self._linear.equations) for name in names]
 
     def rate(self, parameter: Parameter, quantities: Sequence[Quantity]) -> Residual:
-        """How a parameter changes what the equations leave, and the quantities themselves."""
+        """The change of the residual, and of the quantities themselves, by a parameter."""
         step, value = width(parameter, self._scale), parameter.value
         with parameter.equations_at(value + step, self._frozen) as after:
             above = evaluated(after, quantities)
@@ -169,7 +184,7 @@ class Derivatives:
 
 
 def evaluated(equations: Equations, quantities: Sequence[Quantity]) -> Residual:
-    """What the equations leave, with the values of quantities; collective."""
+    """The residual of the equations, with the values of quantities; collective."""
     residual = equations.residual()
     values = [quantity.value(equations, residual) for quantity in quantities]
     return dataclasses.replace(residual, values=np.array(values))

@@ -19,6 +19,18 @@ from contact_locking.sensitivity.solved import require_settled
 from contact_locking.solver.task import Settings, SolverReport, Target, Task
 
 
+def require_derivatives(problem: DiscreteProblem, settings: Settings) -> None:
+    """Raise NoDerivatives for a problem whose solutions have none."""
+    if problem.data.jumps:
+        raise NoDerivatives("there are no derivatives where two bodies touch each other yet")
+    if settings.linear != "direct":
+        raise NoDerivatives(
+            "derivatives take a factorisation, for which this body is too large by the choice of "
+            "auto; take direct",
+            "solver.linear",
+        )
+
+
 class LazyDerivatives:
     """The derivatives of the solution of a report, until :meth:`close`; collective."""
 
@@ -58,16 +70,9 @@ class LazyDerivatives:
                 "the problem has been solved again, or closed, since this solution: ask for its "
                 "derivatives before"
             )
-        if self._problem.data.jumps:
-            raise NoDerivatives("there are no derivatives where two bodies touch each other yet")
+        require_derivatives(self._problem, self._settings)
         if not self.report.converged:
             raise InputError("a solve that has not converged has no derivatives")
-        if self._settings.linear != "direct":
-            raise NoDerivatives(
-                "derivatives take a factorisation, for which this body is too large by the choice "
-                "of auto; take direct",
-                "solver.linear",
-            )
         if self._made is None:
             # Data that have changed since are told from the equations, which they change.
             refresh(self._problem, self._system)

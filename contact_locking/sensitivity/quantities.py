@@ -14,8 +14,10 @@ contacts.N.tool.travel     the way of a tool that a force pushes
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 from dolfinx import fem
@@ -26,6 +28,7 @@ from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.plain_text import nearest
 from contact_locking.problem.springs import Springs
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.quantities import QUANTITIES
 from contact_locking.sensitivity.equations import Equations, Residual
 from contact_locking.sensitivity.linearisation import Gradient
@@ -43,6 +46,10 @@ def known() -> list[str]:
     return [*scalars, *forces, *each, "contacts.0.tool.travel", "reactions.PART.0"]
 
 
+Value: TypeAlias = Callable[[Equations, Residual], float]
+Slope: TypeAlias = Callable[[Equations, Residual], Gradient]
+
+
 @dataclass(frozen=True)
 class Quantity:
     """A number of an iterate: its ``value`` for the present data, and its ``gradient``.
@@ -52,40 +59,68 @@ class Quantity:
     """
 
     name: str
-    value: Callable[[Equations, Residual], float]
-    gradient: Callable[[Equations, Residual], Gradient]
+    value: Value
+    gradient: Slope
 
 
 def quantity_of(name: str, domain: Domain, equations: Equations) -> Quantity:
     """The quantity with a name; collective.  Raises InputError for one without a derivative."""
+    return _maker(name, domain, equations.system)(equations)
+
+
+def require_quantities(names: Sequence[str], domain: Domain, system: PenalisedSystem) -> None:
+    """Raise InputError for a name without a derivative, also before a solve; collective."""
+    for name in names:
+        _maker(name, domain, system)
+
+
+def scale_of(name: str, domain: Domain, system: PenalisedSystem) -> float:
+    """The size of a quantity of this unit, by the energy and the displacement; collective."""
+    length, energy = system.largest_displacement(), abs(system.elastic_energy())
+    force = energy / length if length > 0.0 else 0.0
+    key = next((part for part in reversed(name.split(".")) if part in QUANTITIES), "")
+    unit = QUANTITIES[key].unit if key else "length" if name.endswith(".travel") else "force"
+    face = domain.extent() ** (domain.dim - 1)
+    return {"energy": energy, "force": force, "stress": force / face, "length": length}[unit]
+
+
+def _maker(name: str, domain: Domain, system: PenalisedSystem) -> Callable[[Equations], Quantity]:
+    """What makes the quantity for some equations of the system; collective."""
     parts, dim = name.split("."), domain.dim
+
+    def known_as(value: Value, gradient: Slope) -> Callable[[Equations], Quantity]:
+        return lambda equations: Quantity(name, value, gradient)
+
     registered = QUANTITIES.get(parts[-1])
     if registered is not None and registered.trend == "jumps":
         raise InputError(
             f"{name} is a count of points, which jumps: it has no derivative", "sensitivities.of"
         )
     if name == "compliance":
-        return Quantity(name, _compliance, _of_load)
+        return known_as(_compliance, _of_load)
     if name == "elastic_energy":
-        return Quantity(name, _energy, _of_energy)
-    if name == "pressure_max":
-        return _largest_pressure(name, equations)
+        return known_as(_energy, _of_energy)
+    if name == "pressure_max" and system.contacts:
+        return partial(_largest_pressure, name)
     if found := re.fullmatch(r"(?:contacts\.(\d+)\.)?(contact|friction)_force\.(\d)", name):
         contact, kind, axis = found[1], found[2], int(found[3])
-        count = len(equations.system.contacts)
+        count = len(system.contacts)
         if axis < dim and (contact is None or int(contact) < count):
             chosen = range(count) if contact is None else (int(contact),)
             cones = ContactCones if kind == "contact" else FrictionCones
-            return _Resultant(tuple(chosen), cones, axis).quantity(name)
+            resultant = _Resultant(tuple(chosen), cones, axis)
+            return known_as(resultant.value, resultant.gradient)
     if found := re.fullmatch(r"contacts\.(\d+)\.tool\.travel", name):
-        for number, tool in enumerate(equations.system.tools):
-            if equations.system.contacts.index(tool.contact) == int(found[1]):
-                return _Travel(number).quantity(name)
+        for number, tool in enumerate(system.tools):
+            if system.contacts.index(tool.contact) == int(found[1]):
+                travel = _Travel(number)
+                return known_as(travel.value, travel.gradient)
     if found := re.fullmatch(r"reactions\.(.+)\.(\d)", name):
         part, axis = found[1], int(found[2])
-        lifts = _lifts(part, axis, domain, equations)
-        if axis < dim and (lifts is not None or _springs(part, equations)):
-            return _Reaction(part, axis, lifts).quantity(name)
+        lifts = _lifts(part, axis, domain, system)
+        if axis < dim and (lifts is not None or _springs(part, system)):
+            reaction = _Reaction(part, axis, lifts)
+            return known_as(reaction.value, reaction.gradient)
     raise InputError(
         f"no quantity '{name}' has a derivative{nearest(name, known())}; there are "
         f"{', '.join(known())}",
@@ -132,9 +167,6 @@ class _Resultant:
     cones: type[ContactCones] | type[FrictionCones]
     axis: int
 
-    def quantity(self, name: str) -> Quantity:
-        return Quantity(name, self._value, self._gradient)
-
     def _directions(self, equations: Equations) -> dict[Family, FloatArray]:
         found: dict[Family, FloatArray] = {}
         for family in equations.families:
@@ -149,12 +181,12 @@ class _Resultant:
                     found[family] = normal[self.axis] * normal - unit[:, None]
         return found
 
-    def _value(self, equations: Equations, residual: Residual) -> float:
+    def value(self, equations: Equations, residual: Residual) -> float:
         directions = self._directions(equations)
         local = sum(family.power(family.reactions, d) for family, d in directions.items())
         return _sum(equations, float(local))
 
-    def _gradient(self, equations: Equations, residual: Residual) -> Gradient:
+    def gradient(self, equations: Equations, residual: Residual) -> Gradient:
         return Gradient(_nothing(equations), self._directions(equations))
 
 
@@ -189,22 +221,18 @@ class _Travel:
 
     number: int
 
-    def quantity(self, name: str) -> Quantity:
-        return Quantity(name, self._value, self._gradient)
-
-    def _value(self, equations: Equations, residual: Residual) -> float:
+    def value(self, equations: Equations, residual: Residual) -> float:
         return float(equations.system.tools[self.number].travel)
 
-    def _gradient(self, equations: Equations, residual: Residual) -> Gradient:
+    def gradient(self, equations: Equations, residual: Residual) -> Gradient:
         found = _nothing(equations)
         found[len(equations.system.load) + self.number] = 1.0
         return Gradient(found, {})
 
 
-def _lifts(part: str, axis: int, domain: Domain, equations: Equations) -> FloatArray | None:
+def _lifts(part: str, axis: int, domain: Domain, system: PenalisedSystem) -> FloatArray | None:
     """The owned displacement whose work with reactions is the resultant of a part; collective."""
-    constraints, dim = equations.system.constraints, domain.dim
-    count = len(equations.system.load)
+    constraints, dim, count = system.constraints, domain.dim, len(system.load)
     found = np.zeros((count // dim, dim))
     for direction in range(dim):
         unit = np.zeros((count // dim, dim))
@@ -216,8 +244,8 @@ def _lifts(part: str, axis: int, domain: Domain, equations: Equations) -> FloatA
     return found.reshape(-1)
 
 
-def _springs(part: str, equations: Equations) -> list[Springs]:
-    return [item for item in equations.system.data.springs if item.on == part]
+def _springs(part: str, system: PenalisedSystem) -> list[Springs]:
+    return [item for item in system.data.springs if item.on == part]
 
 
 @dataclass(frozen=True)
@@ -228,27 +256,22 @@ class _Reaction:
     axis: int
     lifts: FloatArray | None
 
-    def quantity(self, name: str) -> Quantity:
-        return Quantity(name, self._value, self._gradient)
-
-    def _value(self, equations: Equations, residual: Residual) -> float:
+    def value(self, equations: Equations, residual: Residual) -> float:
         system, count = equations.system, len(equations.system.load)
-        pulled = sum(item.forces(system.u)[:count] for item in _springs(self.part, equations))
+        pulled = sum(item.forces(system.u)[:count] for item in _springs(self.part, system))
         local = float(np.sum(pulled * self._unit(count, system.dim)))
         if self.lifts is not None:
             local += float(self.lifts @ residual.forces[:count])
         return _sum(equations, local)
 
-    def _gradient(self, equations: Equations, residual: Residual) -> Gradient:
+    def gradient(self, equations: Equations, residual: Residual) -> Gradient:
         system, count = equations.system, len(equations.system.load)
         found, seen = _nothing(equations), dict[Family, FloatArray]()
         lifted = fem.Function(system.u.function_space)
-        if _springs(self.part, equations):
+        if _springs(self.part, system):
             lifted.x.array[:count] = self._unit(count, system.dim)
             lifted.x.scatter_forward()
-            found[:count] = sum(
-                item.forces(lifted)[:count] for item in _springs(self.part, equations)
-            )
+            found[:count] = sum(item.forces(lifted)[:count] for item in _springs(self.part, system))
         if self.lifts is not None:
             lifted.x.array[:count] = self.lifts
             lifted.x.scatter_forward()

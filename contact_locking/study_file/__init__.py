@@ -1,7 +1,13 @@
 """The study file: read, overridden from the command line, checked, explained and written again."""
 
 from .dump import dump
-from .fingerprint import file_digest, fingerprint, mesh_identity, problem_fingerprint
+from .fingerprint import (
+    file_digest,
+    fingerprint,
+    fit_fingerprint,
+    mesh_identity,
+    problem_fingerprint,
+)
 from .load import StudyFile, from_mapping, load
 from .schema import schema, schema_text
 from .starter import names as demo_names
@@ -13,6 +19,7 @@ __all__ = [
     "dump",
     "file_digest",
     "fingerprint",
+    "fit_fingerprint",
     "from_mapping",
     "load",
     "mesh_identity",

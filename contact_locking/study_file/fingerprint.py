@@ -36,6 +36,15 @@ def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_dige
     return _short(_normalised(data, parameters, digest))
 
 
+def fit_fingerprint(parameters: Parameters) -> str:
+    """16 hexadecimal digits of the parameters that define a fit, its data too.  Raises OSError."""
+    assert parameters.fit is not None
+    data = parameters.fit.model_dump()
+    for curve in data["data"]:
+        curve["file"] = file_digest(curve["file"])
+    return _short({"study": fingerprint(parameters), "fit": data})
+
+
 def problem_fingerprint(parameters: Parameters) -> str:
     """16 hexadecimal digits of the parameters that define the solution.  Raises OSError.
 
@@ -88,7 +97,8 @@ def mesh_identity(
     if parameters.mesh.file is not None:
         path, others = parameters.mesh.file, parameters.mesh.model_dump()
         del others["file"]
-        files = [path, str(data_file(Path(path)))] if is_xdmf(path) else [path]
+        given = [path] if (facets := others.pop("facets", None)) is None else [path, facets]
+        files = given + [str(data_file(Path(one))) for one in given if is_xdmf(one)]
         return {"content": " ".join(map(digest, files)), **json.loads(json.dumps(others))}
     return dict(json.loads(json.dumps(parameters.mesh.model_dump())))
 

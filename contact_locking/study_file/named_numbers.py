@@ -13,7 +13,7 @@ from contact_locking.study_file.parameters import Parameters, expressions
 from .dump import plain
 from .source import assign
 
-# What these sections say is no number that the equations depend on smoothly.
+# These sections have no number that the equations depend on smoothly.
 _NOT_SMOOTH = {
     "mesh": "changes the mesh, on which the equations do not depend smoothly",
     "discretisation": "changes the elements",

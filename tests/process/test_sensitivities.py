@@ -10,8 +10,10 @@ import pytest
 from problems import block, column
 
 import contact_locking as cl
+from contact_locking.monitor import Monitor
 from contact_locking.process.sensitivities import value_of
 from contact_locking.process.solving import solve
+from contact_locking.results import in_words
 from contact_locking.study_file.dump import plain
 from contact_locking.study_file.named_numbers import number_at, resolved, with_number
 
@@ -155,6 +157,78 @@ def test_the_column_has_its_closed_derivatives() -> None:
     assert found["derivative"] == pytest.approx(-compliance, rel=1e-6)
     force = entry["contact_force.1"]["material.elasticity.young"]
     assert force["derivative"] == pytest.approx(0.0, abs=1e-6)
+
+
+class Told(Monitor):
+    """Keeps the messages of a solve."""
+
+    def __init__(self) -> None:
+        self.messages: list[str] = []
+
+    def message(self, text: str) -> None:
+        self.messages.append(text)
+
+
+@pytest.mark.parametrize(
+    ("of", "to", "reason"),
+    [
+        ("complience", "contact.gap", r"no quantity 'complience'.*compliance"),
+        ("locked_fraction", "contact.gap", "count of points"),
+        ("reactions.botom.1", "contact.gap", "no quantity"),
+        ("compliance", "mesh.h", "changes the mesh"),
+    ],
+)
+@pytest.mark.parametrize("changes", [{}, {"steps": {"to": 1, "count": 2}}])
+def test_what_has_no_derivative_is_refused_before_the_solve(
+    of: str, to: str, reason: str, changes: dict[str, Any]
+) -> None:
+    told = Told()
+    asked = with_changes_of(study(**changes), {"of": [of], "to": [to]})
+    with pytest.raises(cl.InputError, match=reason):
+        solve(asked, monitor=told)
+    assert not [text for text in told.messages if "certificate" in text]
+
+
+def test_a_result_that_is_zero_has_no_elasticity_but_a_reason() -> None:
+    """A column between plates: no load works, and no force acts to the side."""
+    asked = {
+        "of": ["compliance", "contact_force.0", "contact_force.1"],
+        "to": ["material.elasticity.young"],
+    }
+    pressed = study(
+        loads={"displacements": [{"on": "top", "value": [0.0, -0.01]}]},
+        friction__coefficient=0.0,
+        parameters=None,
+    )
+    summary = solve(with_changes_of(pressed, asked)).summary
+    found = {
+        name: entry["material.elasticity.young"] for name, entry in summary["sensitivities"].items()
+    }
+    for name in ("compliance", "contact_force.0"):
+        assert found[name]["elasticity"] is None
+        assert found[name]["reason"] == f"{name} is zero, which has no per cent"
+        assert math.isfinite(found[name]["derivative"])
+    assert found["contact_force.1"]["elasticity"] == pytest.approx(1.0, abs=1e-6)
+    assert "reason" not in found["contact_force.1"]
+    rows = in_words.sensitivities(summary)
+    assert any("which has no per cent" in row[2] for row in rows)
+
+
+def test_friction_of_a_body_that_nothing_touches_has_no_derivative() -> None:
+    """Its bound is that of the pressure at the open nodes, and not a root of the product."""
+    apart = study(
+        contact__gap=1.0,
+        loads={
+            "displacements": [{"on": "left", "value": [0.0, 0.0]}],
+            "tractions": [{"on": "right", "value": [0.01, -0.02]}],
+        },
+    )
+    asked = {"of": ["friction_force.0", "compliance"], "to": ["loads.tractions.0.value.1"]}
+    summary = solve(with_changes_of(apart, asked)).summary
+    assert summary["limit_used"] == pytest.approx(1.0, abs=1e-6)
+    found = summary["sensitivities"]["friction_force.0"]["loads.tractions.0.value.1"]
+    assert abs(found["derivative"]) < 1e-9 * summary["compliance"]
+    assert found["elasticity"] is None
 
 
 def test_a_check_stands_beside_the_derivative() -> None:

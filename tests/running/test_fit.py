@@ -17,6 +17,7 @@ import pytest
 from contact_locking import load
 from contact_locking.command import cli
 from contact_locking.errors import InputError, NoDerivatives
+from contact_locking.running.fit import session
 from contact_locking.running.fit.curves import read_experiments
 
 pytestmark = pytest.mark.serial
@@ -180,6 +181,43 @@ output: {directory: results, fields: false, picture: false}
     value = folder.found["parameters"]["material.elasticity.young"]["value"]
     assert value == pytest.approx(2.0, rel=5e-3)
     assert "where two bodies touch each other" in folder.found["words"][0]
+
+
+def test_several_searches_are_cases_of_a_study(
+    folder: Folder, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A table of the searches, and the fit from the best of them; the command goes on from both."""
+    several = FIT.replace("data: curve.csv", "data: curve.csv\n  starts: 2")
+    folder.write(COLUMN + several, curve=LINE)
+    assert folder.fit("--jobs", "2") == 0
+    found = folder.found
+    assert [row["state"] for row in found["starts"]] == ["converged", "converged"]
+    first, second = (row["start"]["material.elasticity.young"] for row in found["starts"])
+    assert first == 2.5 and 0.1 <= second <= 100.0
+    values = [row["value"]["material.elasticity.young"] for row in found["starts"]]
+    assert values == pytest.approx([2.0, 2.0], rel=5e-3)
+    table = (folder.path / "results/starts/table.csv").read_text().splitlines()
+    assert len(table) == 3 and "parameters.material.elasticity.young.value" in table[0]
+    # The evaluations of the best search are found in its folder.
+    assert not folder.evaluations
+    capfd.readouterr()
+    assert folder.fit("--jobs", "2") == 0
+    assert "2 finished before" in capfd.readouterr().out
+    assert folder.found["starts"] == found["starts"]
+
+
+def test_executors_are_for_several_searches(
+    folder: Folder, capfd: pytest.CaptureFixture[str]
+) -> None:
+    folder.write(COLUMN + FIT, curve=LINE)
+    assert folder.fit("--jobs", "2") == 2
+    assert "are for several searches: fit.starts" in capfd.readouterr().err
+
+
+def test_several_searches_in_python_are_refused(folder: Folder) -> None:
+    folder.write(COLUMN + FIT.replace("data: c", "starts: 2\n  data: c"), curve=LINE)
+    with pytest.raises(InputError, match="take the command contact-locking fit"):
+        session.fit(load(folder.path / "study.yml").parameters, folder.path / "results")
 
 
 STEPS = COLUMN.replace("[0, -0.01]", '[0, "-0.03*t"]') + "steps: {to: 1, count: 3}\n"

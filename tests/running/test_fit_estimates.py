@@ -11,6 +11,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.running.fit import words
 from contact_locking.running.fit.estimate import Residuals, Variable, estimate
+from contact_locking.running.fit.starts import starts_of
 
 pytestmark = pytest.mark.serial
 
@@ -117,9 +118,37 @@ def test_the_search_does_not_leave_what_matters() -> None:
         slopes = np.array([T + over**2, -2.0 * young * over], dtype=float).T
         return Residuals(young * (T + over**2) - data, slopes)
 
+    trials: set[tuple[float, ...]] = set()
+
+    def counted(numbers: FloatArray) -> Residuals:
+        trials.add(tuple(numbers))
+        return misfit(numbers)
+
     variables = [variable("E", 10.0), variable("m", 2.5)]
-    found = estimate(variables, misfit, has_errors=False, derives=True)
+    found = estimate(variables, counted, has_errors=False, derives=True)
     np.testing.assert_allclose(found.numbers, (1.0, 1.0), rtol=1e-4)
+    # The modulus takes the steps that lead the limit to where it does not matter.
+    assert any(m > T.max() for _, m in trials) and len(trials) <= 18
+
+
+def test_searches_begin_all_over_the_bounds() -> None:
+    one = Variable("E", 2.0, 0.1, 100.0, is_log=True)
+    other = Variable("m", 0.3, 0.0, 1.0, is_log=False)
+    starts = starts_of([one, other, variable("f", -1.0, least=-np.inf)], 11)
+    assert starts.shape == (11, 3)
+    np.testing.assert_array_equal(starts[0], (2.0, 0.3, -1.0))
+    decades = np.sort(np.log(starts[1:, 0] / 0.1) / np.log(1000.0))
+    np.testing.assert_array_equal(np.floor(10.0 * decades), np.arange(10))
+    np.testing.assert_array_equal(np.floor(10.0 * np.sort(starts[1:, 1])), np.arange(10))
+    assert np.all((starts[:, 2] >= -2.0) & (starts[:, 2] <= 0.0))
+
+
+def test_searches_that_end_elsewhere_are_told() -> None:
+    rows = [{"misfit": misfit} for misfit in (1.0, 1.001, 3.0, None)]
+    assert words.about_starts(rows[:2], 1.0) == []
+    (told,) = words.about_starts(rows, 1.0)
+    assert told.startswith("2 of 4 searches ended at the least misfit, 1 at other numbers")
+    assert told.endswith("1 without a solution")
 
 
 def test_a_number_ends_at_its_bound() -> None:

@@ -21,7 +21,7 @@ from contact_locking.process.solving import solve_steps
 from contact_locking.running.fit.curves import read_experiments
 from contact_locking.running.fit.model import Model
 from contact_locking.running.fit.search import Search
-from contact_locking.running.fit.session import variables_of
+from contact_locking.running.fit.starts import variables_of
 
 # Each fit takes half a minute and more.
 pytestmark = [pytest.mark.serial, pytest.mark.slow]
@@ -88,7 +88,7 @@ def search(clean: FloatArray, seed: int, keys: list[str], folder: Path, **change
         "parameters": {key: {"start": START[key], "bounds": [0.01, 10]} for key in keys},
     }
     parameters = from_mapping(PAD | changes | {"fit": given})
-    model = Model(parameters, read_experiments(parameters), folder, MPI.COMM_WORLD)
+    model = Model(parameters, read_experiments(parameters), (folder,), MPI.COMM_WORLD)
     return Search(model, variables_of(parameters), Monitor())
 
 

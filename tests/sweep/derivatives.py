@@ -119,7 +119,7 @@ def _floors(solution: StudySolution, names: list[str]) -> list[float]:
     """What is no derivative: forces that symmetry or a distance makes zero, and their pressures."""
     energy = value_of("elastic_energy", solution)
     force = energy / (float(solution.summary["displacement_max"]) or 1.0)
-    pressure = force / solution.domain.extent() ** (solution.domain.dim - 1)
+    pressure = force / solution.domain.extent ** (solution.domain.dim - 1)
     kinds = {"compliance": energy, "elastic_energy": energy, "pressure_max": pressure}
     return [NOTHING * kinds.get(name, force) for name in names]
 

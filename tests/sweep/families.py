@@ -11,6 +11,7 @@ import numpy as np
 from . import (
     between,
     bodies,
+    cells,
     frictions,
     held,
     materials,
@@ -40,6 +41,7 @@ MODULES = (
     between,
     thin,
     bodies,
+    cells,
 )
 
 

@@ -7,13 +7,16 @@ a log scale, so that the first step changes the numbers by 30 % at most.
 
 A strain limit above all strains, or a friction bound above all tractions, is a number that nothing
 depends on any more: from there the search would not come back.  So a number that matters at the
-start has to matter at each step; a step to where it does not is taken shorter.
+start has to matter at each step.  Where a step leads to where it does not, the other numbers take
+the step, this one half of it or less, and the search begins anew if the misfit is smaller there.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -22,12 +25,14 @@ from scipy.stats import t as student
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import NotConverged
 
-# The search ends where a step changes the misfit by this share, which is a hundredth of a standard
+# The search ends where a step changes the misfit by this share, which is a tenth of a standard
 # error of the numbers, or the numbers by this.
-_FTOL, _XTOL = 1e-4, 1e-6
+_FTOL, _XTOL = 1e-3, 1e-6
 _MOST_EVALUATIONS = 60
 # The change of the numbers that is 1 to the search, and so the longest first step.
 _UNIT = 0.3
+# The shares of a step that a number takes whose step leads to where it does not matter.
+_SHARES = (0.5, 0.25, 0.125)
 # A number has no influence if its derivatives are this share of the largest: a strain that is below
 # its limit has a multiplier on the central path.
 NO_INFLUENCE = 1e-5
@@ -117,6 +122,72 @@ class Estimate:
     reason: str
 
 
+class _Lost(Exception):
+    """A step has come to numbers (n,) where some, ``which`` (n,), have no influence any more."""
+
+    def __init__(self, numbers: FloatArray, which: BoolArray) -> None:
+        super().__init__()
+        self.numbers, self.which = numbers, which
+
+
+class _Trials:
+    """What the search has seen: the residuals at numbers, and where numbers ceased to matter."""
+
+    def __init__(self, keys: Sequence[str], misfit: Misfit, derives: bool) -> None:
+        self._keys, self._misfit, self._derives = keys, misfit, derives
+        self.known: dict[bytes, Residuals] = {}
+        self.lost: set[str] = set()
+        self._mattering: BoolArray = np.zeros(len(keys), dtype=bool)
+        self._best: tuple[float, FloatArray] | None = None
+        self._begins_anew = True
+
+    def residuals(self, numbers: FloatArray) -> FloatArray:
+        """The residuals (m,), not finite where there are none.  Raises NotConverged and _Lost."""
+        found = self._misfit(numbers)
+        if found is None:
+            if self._best is None or not self._derives:
+                raise NotConverged(
+                    "a solve did not converge at the start of the fit, or beside it: give another "
+                    "start"
+                )
+        else:
+            gone = idle(found, numbers)
+            if self._best is None:
+                self._mattering = ~gone
+            gone &= self._mattering
+            if not np.any(gone):
+                return self._take(found, numbers)
+            self.lost.update(key for key, is_gone in zip(self._keys, gone, strict=True) if is_gone)
+            if self._begins_anew:
+                raise _Lost(numbers, gone)
+        # The search takes a shorter step where nothing is finite.
+        return np.full_like(next(iter(self.known.values())).values, np.nan)
+
+    def _take(self, found: Residuals, numbers: FloatArray) -> FloatArray:
+        self.known[numbers.tobytes()] = found
+        size = float(found.values @ found.values)
+        if self._best is None or size < self._best[0]:
+            self._best = size, numbers
+        return found.values
+
+    def beside(self, lost: _Lost) -> FloatArray:
+        """Numbers (n,) near a step whose lost numbers matter, with less misfit than all others.
+
+        The best numbers so far if there are none: from then on steps are taken shorter.
+        """
+        assert self._best is not None
+        size, best = self._best
+        for share in _SHARES:
+            numbers = np.where(lost.which, best + share * (lost.numbers - best), lost.numbers)
+            self._begins_anew = False
+            found = self.residuals(numbers)
+            self._begins_anew = True
+            if np.all(np.isfinite(found)) and float(found @ found) < size:
+                return numbers
+        self._begins_anew = False
+        return best
+
+
 def estimate(
     variables: Sequence[Variable], misfit: Misfit, has_errors: bool, derives: bool
 ) -> Estimate:
@@ -126,58 +197,16 @@ def estimate(
     come with derivatives.  Raises NotConverged if there is no solution at the start, or for
     a difference.
     """
-    known: dict[bytes, Residuals] = {}
-    lost: set[str] = set()
-    mattering = np.zeros(len(variables), dtype=bool)
-
-    def numbers_of(x: FloatArray) -> FloatArray:
-        return np.array([v.number(value) for v, value in zip(variables, x, strict=True)])
-
-    def residuals(x: FloatArray) -> FloatArray:
-        numbers = numbers_of(x)
-        found = misfit(numbers)
-        if found is not None:
-            gone = idle(found, numbers)
-            if not known:
-                mattering[:] = ~gone
-            if not np.any(gone & mattering):
-                known[x.tobytes()] = found
-                return found.values
-            lost.update(
-                v.key for v, is_gone in zip(variables, gone & mattering, strict=True) if is_gone
-            )
-        elif not known or not derives:
-            raise NotConverged(
-                "a solve did not converge at the start of the fit, or beside it: give another start"
-            )
-        # The search takes a shorter step where nothing is finite.
-        return np.full_like(next(iter(known.values())).values, np.nan)
-
-    def jacobian(x: FloatArray) -> FloatArray:
-        found = known[x.tobytes()].derivatives
-        assert found is not None
-        return found * rates(numbers_of(x))
-
-    def rates(numbers: FloatArray) -> FloatArray:
-        return np.array([v.rate(value) for v, value in zip(variables, numbers, strict=True)])
-
-    bounds = (
-        [v.searched(v.least) for v in variables],
-        [v.searched(v.largest) for v in variables],
-    )
-    start = np.array([v.searched(v.start) for v in variables])
-    found = least_squares(
-        residuals,
-        start,
-        jac=jacobian if derives else "2-point",
-        bounds=bounds,
-        ftol=_FTOL,
-        xtol=_XTOL,
-        gtol=1e-12,
-        max_nfev=_MOST_EVALUATIONS,
-        diff_step=None if derives else _WIDTH,
-    )
-    numbers = numbers_of(found.x)
+    trials = _Trials([variable.key for variable in variables], misfit, derives)
+    while True:
+        try:
+            found = _least_squares(variables, trials, derives)
+            break
+        except _Lost as lost:
+            starts = map(float, trials.beside(lost))
+            pairs = zip(variables, starts, strict=True)
+            variables = [dataclasses.replace(variable, start=at) for variable, at in pairs]
+    numbers, rates = _numbers(variables, found.x), _rates(variables, found.x)
     slopes = np.asarray(found.jac)
     freedom = len(found.fun) - len(variables)
     total = float(found.fun @ found.fun)
@@ -194,16 +223,49 @@ def estimate(
     )
     return Estimate(
         numbers,
-        np.abs(errors * rates(numbers)),
+        np.abs(errors * rates),
         intervals,
         correlation,
-        combinations(slopes / rates(numbers) * numbers, scale),
+        combinations(slopes / rates * numbers, scale),
         tuple(v.key for v, side in zip(variables, found.active_mask, strict=True) if side),
-        tuple(sorted(lost)),
+        tuple(sorted(trials.lost)),
         total,
         scatter,
         bool(found.status > 0),
         str(found.message),
+    )
+
+
+def _numbers(variables: Sequence[Variable], x: FloatArray) -> FloatArray:
+    return np.array([v.number(value) for v, value in zip(variables, x, strict=True)])
+
+
+def _rates(variables: Sequence[Variable], x: FloatArray) -> FloatArray:
+    numbers = _numbers(variables, x)
+    return np.array([v.rate(value) for v, value in zip(variables, numbers, strict=True)])
+
+
+def _least_squares(variables: Sequence[Variable], trials: _Trials, derives: bool) -> Any:
+    """SciPy's result of the search from the starts.  Raises as the trials."""
+
+    def jacobian(x: FloatArray) -> FloatArray:
+        found = trials.known[_numbers(variables, x).tobytes()].derivatives
+        assert found is not None
+        return found * _rates(variables, x)
+
+    return least_squares(
+        lambda x: trials.residuals(_numbers(variables, x)),
+        [v.searched(v.start) for v in variables],
+        jac=jacobian if derives else "2-point",
+        bounds=(
+            [v.searched(v.least) for v in variables],
+            [v.searched(v.largest) for v in variables],
+        ),
+        ftol=_FTOL,
+        xtol=_XTOL,
+        gtol=1e-12,
+        max_nfev=_MOST_EVALUATIONS,
+        diff_step=None if derives else _WIDTH,
     )
 
 

@@ -109,6 +109,8 @@ class Case:
 class Model:
     """The solves of all experiments at numbers of the file; collective.
 
+    Evaluations are kept in the first of ``folders``, and found in all of them.
+
     ``derives`` turns False where derivatives are not known, as with iterative linear solvers, and
     ``refusal`` says why.
     ``solves`` counts the solves of this session, ``found`` those that were on disk.
@@ -118,11 +120,11 @@ class Model:
         self,
         parameters: Parameters,
         experiments: Sequence[Experiment],
-        folder: Path,
+        folders: Sequence[Path],
         comm: MPI.Intracomm,
     ) -> None:
         assert parameters.fit is not None
-        self.parameters, self._comm, self._folder = parameters, comm, folder
+        self.parameters, self._comm, self._folders = parameters, comm, folders
         self.experiments = experiments
         self.quantities = tuple(parameters.fit.quantities.items())
         self.keys = tuple(parameters.fit.parameters)
@@ -185,7 +187,7 @@ class Model:
                 raise InputError(str(error), key) from error
             else:
                 if found is not None:
-                    on_root_of(self._comm, self._folder, partial(self._keep, name, found))
+                    on_root_of(self._comm, self._folders[0], partial(self._keep, name, found))
                 return found
 
     def _solved(self, parameters: Parameters, names: Sequence[str]) -> Evaluation | None:
@@ -219,7 +221,8 @@ class Model:
         return self._comm.bcast(found, root=0)
 
     def _kept(self, name: str) -> Evaluation | None:
-        data = read_mapping(self._folder / EVALUATIONS / name)
+        every = (read_mapping(folder / EVALUATIONS / name) for folder in self._folders)
+        data = next((one for one in every if one is not None), None)
         try:
             found = None if data is None else Evaluation.of_mapping(data)
         except (KeyError, TypeError, ValueError):
@@ -228,6 +231,6 @@ class Model:
         return found if is_whole else None
 
     def _keep(self, name: str, found: Evaluation) -> None:
-        folder = self._folder / EVALUATIONS
+        folder = self._folders[0] / EVALUATIONS
         folder.mkdir(exist_ok=True)
         ownership.write_text(folder / name, json.dumps(found.as_mapping()) + "\n")

@@ -35,7 +35,7 @@ class Compared:
 
     @property
     def data(self) -> FloatArray:
-        """What was measured (k,)."""
+        """The measured values (k,)."""
         return self.experiment.data[self.column]
 
     @property
@@ -149,9 +149,9 @@ class Search:
                     found.append(Compared(one, column, quantity, values[:, place], own))
         return found
 
-    def content(self, found: Estimate) -> dict[str, Any]:
-        """The content of fit.json."""
-        keys, told = self._keys, list(self._said)
+    def content(self, found: Estimate, starts: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
+        """The content of fit.json; ``starts`` has a row for each of several searches."""
+        keys, told = self._keys, [*self._said, *words.about_starts(starts, found.misfit)]
         compared = self.compared(found.numbers)
         free = 1.0 - len(keys) / sum(len(one.data) for one in compared)
         for one in compared:
@@ -184,6 +184,7 @@ class Search:
             "converged": found.converged,
             "reason": found.reason,
             "words": told,
+            "starts": list(starts),
             "curves": [one.as_mapping() for one in compared],
         }
 

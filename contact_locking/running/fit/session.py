@@ -8,6 +8,8 @@ from typing import Any
 
 from mpi4py import MPI
 
+from contact_locking import study_file
+from contact_locking._version import __version__
 from contact_locking.errors import InputError
 from contact_locking.files import atomic, ownership
 from contact_locking.monitor import Monitor
@@ -20,13 +22,13 @@ from contact_locking.results.solution import StudySolution
 from contact_locking.results.summary import summary_text
 from contact_locking.running import writing
 from contact_locking.running.process import run_steps
-from contact_locking.study_file.named_numbers import number_at, with_values
 from contact_locking.study_file.parameters import Parameters
 
 from .curves import read_experiments
-from .estimate import Estimate, Variable
+from .estimate import Estimate
 from .model import Model
 from .search import Search
+from .starts import Begun, variables_of
 
 
 def fit(
@@ -34,56 +36,36 @@ def fit(
     directory: str | Path,
     comm: MPI.Intracomm = MPI.COMM_WORLD,
     monitor: Monitor | None = None,
+    begun: Begun | None = None,
 ) -> tuple[dict[str, Any], StudySolution]:
     """Fit numbers of a study file to its curves: the content of fit.json, and the last solution.
 
     ``directory`` gets the run at the numbers that were found, fit.json and fit.png; the runs of
     further experiments are in folders below it with the names of their files.  Evaluations stay in
-    ``directory``/evaluations, where a fit that was ended finds them.  Collective.  Raises
-    InputError for data or keys that cannot be used, and NotConverged without a solution at the
-    start.
+    ``directory``/evaluations, where a fit that was ended finds them.  ``begun`` is the best of
+    several searches, whose evaluations are found again.  Collective.  Raises InputError for data
+    or keys that cannot be used, and NotConverged without a solution at the start.
     """
     monitor, target = monitor or Monitor(), Path(directory)
+    if parameters.fit is not None and parameters.fit.starts > 1:
+        raise InputError("several searches take the command contact-locking fit", "fit.starts")
     experiments = on_root(comm, partial(read_experiments, parameters))
     variables = variables_of(parameters)
-    model = Model(parameters, experiments, target, comm)
+    others = () if begun is None else (begun.folder,)
+    model = Model(parameters, experiments, (target, *others), comm)
     search = Search(model, variables, monitor)
     for one in experiments:
         for name in one.unused:
             monitor.message(f"warning: {one.path}: the column {name[:60]!r} is not used")
     found = search.run()
     solution = _final_runs(model, found, target, comm, monitor)
-    content = search.content(found)
+    fingerprint = on_root(comm, partial(study_file.fit_fingerprint, parameters))
+    content = search.content(found, [] if begun is None else begun.rows)
+    content |= {"version": __version__, "fingerprint": fingerprint}
     problem = on_root_of(comm, target, partial(_write, target, content))
     if problem:
         monitor.message(f"warning: {problem}")
     return content, solution
-
-
-def variables_of(parameters: Parameters) -> list[Variable]:
-    """The numbers that are searched.  Raises InputError for keys that are no numbers."""
-    assert parameters.fit is not None
-    found = []
-    for key, given in parameters.fit.parameters.items():
-        place = f"fit.parameters.{key}"
-        if given.start is not None:
-            try:
-                with_start = with_values(parameters, {key: given.start})
-            except (ValueError, KeyError) as error:
-                raise InputError(f"{key} does not take {given.start:g}: {error}", place) from error
-            start = number_at(with_start, key, place)
-        else:
-            start = number_at(parameters, key, place)
-        least, largest = given.limits
-        is_log = given.scale == "log"
-        if not least <= start <= largest or (is_log and not start > 0.0):
-            raise InputError(
-                f"{key} starts at {start:g}, the value of the file, which its bounds exclude; give "
-                "a start",
-                place,
-            )
-        found.append(Variable(key, start, least, largest, is_log))
-    return found
 
 
 def _final_runs(

@@ -1,4 +1,4 @@
-"""What a fit has found, and what it has not, in words."""
+"""The result of a fit, and the doubts about it, in words."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ _OTHER_UNITS = 1e3
 # Residuals change their sign so much less often than noise, in standard deviations, if the model
 # lacks something.  It tells where they are this share of the largest of the data.
 _TOO_FEW_RUNS, _NOISE = -2.6, 1e-3
+# Misfits that differ by this share are of the same end.
+_SAME = 0.01
 # Residuals that noise would make so rarely are no noise.
 _BY_CHANCE = 1e-3
 
@@ -59,7 +61,7 @@ def before(
     used: float | None,
     refusal: str,
 ) -> list[str]:
-    """What the data cannot tell, by the derivatives at the start, the ``numbers`` (n,).
+    """The numbers that the data cannot tell, by the derivatives at the start, the ``numbers`` (n,).
 
     ``used`` is the largest share of the strain limit.  ``refusal`` says why there are no
     derivatives.
@@ -102,6 +104,21 @@ def about_units(column: str, data: FloatArray, model: FloatArray) -> list[str]:
     return []
 
 
+def about_starts(starts: Sequence[Mapping[str, Any]], misfit: float) -> list[str]:
+    """Whether several searches end where the best of them does."""
+    ends = [row["misfit"] for row in starts]
+    here = sum(end is not None and end <= (1.0 + _SAME) * misfit for end in ends)
+    nowhere = sum(end is None for end in ends)
+    if here == len(ends):
+        return []
+    told = [f"{here} of {len(ends)} searches ended at the least misfit"]
+    if elsewhere := len(ends) - here - nowhere:
+        told.append(f"{elsewhere} at other numbers with larger ones")
+    if nowhere:
+        told.append(f"{nowhere} without a solution")
+    return [", ".join(told)]
+
+
 def about_residuals(
     column: str, residuals: FloatArray, data: FloatArray, sigma: FloatArray | None, free: float
 ) -> list[str]:
@@ -130,7 +147,7 @@ def about_residuals(
 def runs_of(residuals: FloatArray) -> tuple[float, int, float]:
     """The runs of one sign: by how many standard deviations noise has more, how many, and how many.
 
-    The third is what noise has.  The test of Wald and Wolfowitz.
+    The third is the number that noise has.  The test of Wald and Wolfowitz.
     """
     signs = np.sign(residuals)
     signs = signs[signs != 0.0]
@@ -141,7 +158,7 @@ def runs_of(residuals: FloatArray) -> tuple[float, int, float]:
         return 0.0, runs, float(runs)
     expected = 1.0 + 2.0 * above * below / count
     variance = (expected - 1.0) * (expected - 2.0) / (count - 1.0)
-    # All of one sign have no variance; half a run is what a count can be wrong by.
+    # All of one sign have no variance; a count can be wrong by half a run.
     spread = max(np.sqrt(max(variance, 0.0)), 0.5)
     if above == 0.0 or below == 0.0:
         expected, spread = 1.0 + count / 2.0, np.sqrt(count) / 2.0

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .executor import Plan
-    from .runner import Study, run, summary_rows
+    from .runner import Study, finish, run, summary_rows
 
-__all__ = ["Plan", "Study", "run", "summary_rows"]
+__all__ = ["Plan", "Study", "finish", "run", "summary_rows"]
 
-_HOME = {"Plan": "executor", "Study": "runner", "run": "runner", "summary_rows": "runner"}
+_HOME = {"Plan": "executor"} | dict.fromkeys(("Study", "finish", "run", "summary_rows"), "runner")
 
 
 def __getattr__(name: str) -> Any:

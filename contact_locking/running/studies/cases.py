@@ -20,7 +20,7 @@ from contact_locking.errors import InputError
 from contact_locking.files import ownership
 from contact_locking.files.atomic import remove_abandoned
 from contact_locking.results.in_words import weakest
-from contact_locking.results.names import FILES_OF_RUN, PARAMETERS, SUMMARY
+from contact_locking.results.names import FILES_OF_RUN, FIT, PARAMETERS, SUMMARY
 from contact_locking.results.read import read_mapping
 from contact_locking.study_file import StudyFile
 from contact_locking.study_file.parameters import Parameters
@@ -33,7 +33,8 @@ class Case:
 
     ``values`` are the values of the keys that vary, and ``label`` tells them in one line from those
     of the other cases.  ``name`` is the fingerprint of ``parameters``, and their results go to
-    ``folder``.  Rows that differ only in their title share a name.
+    ``folder``.  Rows that differ only in their title share a name.  The ``command`` solves it and
+    leaves the file ``record``.
     """
 
     values: dict[str, Any]
@@ -41,6 +42,12 @@ class Case:
     name: str
     folder: Path
     parameters: Parameters
+    command: Literal["run", "fit"] = "run"
+
+    @property
+    def record(self) -> Path:
+        """The file of the results that is moved into its place last."""
+        return self.folder / (SUMMARY if self.command == "run" else FIT)
 
 
 def cases_of(study: StudyFile) -> list[Case]:
@@ -127,7 +134,7 @@ class Outcome:
 
 def outcome(case: Case) -> Outcome:
     """The outcome of a case as its folder has it."""
-    summary = read_mapping(case.folder / SUMMARY)
+    summary = read_mapping(case.record)
     if summary is not None and _matches(summary, case):
         converged = summary.get("converged") is True
         state: State = "converged" if converged else "not converged"
@@ -140,7 +147,7 @@ def outcome(case: Case) -> Outcome:
 
 def other_version(case: Case) -> str | None:
     """The version of the results in the folder of a case if it is another version; else None."""
-    summary = read_mapping(case.folder / SUMMARY)
+    summary = read_mapping(case.record)
     if summary is None or summary.get("version") == __version__:
         return None
     return str(summary.get("version", "unknown"))
@@ -159,7 +166,7 @@ def begin(case: Case) -> None:
     case.folder.mkdir(parents=True, exist_ok=True)
     remove_abandoned(case.folder)
     # A damaged summary is one of a case that is not finished.
-    ownership.claim(case.folder, (*_BESIDE_RESULTS, SUMMARY))
+    ownership.claim(case.folder, (*_BESIDE_RESULTS, case.record.name))
     for name in _BESIDE_RESULTS:
         (case.folder / name).unlink(missing_ok=True)
     ownership.write_text(case.folder / PARAMETERS, study_file.dump(case.parameters))

@@ -59,7 +59,7 @@ def environment(jobs: int, ranks: int) -> dict[str, str]:
 def words(case: Case) -> list[str]:
     """The arguments that solve a case in its folder, once `outcome.begin` has prepared it."""
     progress = str(case.folder / PROGRESS)
-    return ["run", str(case.folder / PARAMETERS), "--progress", progress]
+    return [case.command, str(case.folder / PARAMETERS), "--progress", progress]
 
 
 def command(case: Case, program: Sequence[str], ranks: int) -> list[str]:

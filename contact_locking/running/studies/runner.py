@@ -19,6 +19,7 @@ from contact_locking.plain_text import duration
 from contact_locking.results.names import PARAMETERS, TABLE_CSV, TABLE_LINES, not_writable
 from contact_locking.running.studies.signals import stoppable
 from contact_locking.study_file import StudyFile
+from contact_locking.study_file.parameters import Parameters
 
 from . import table
 from .cases import (
@@ -85,16 +86,24 @@ class Study:
 
 
 def run(file: StudyFile, plan: Plan, console: Console) -> Study:
-    """Solve the unfinished cases, and write the table of all cases.
+    """Solve the unfinished cases of a study file, as :func:`finish`.
 
-    Raises InputError for a file without a study, for a folder that cannot be written to or that
-    another study or run is using, and if mpirun is missing; ContactLockingError if the disk is
-    full.
+    Raises InputError for a file without a study.
+    """
+    study = Study.of(file)
+    finish(study, file.parameters, plan, console)
+    return study
+
+
+def finish(study: Study, parameters: Parameters, plan: Plan, console: Console) -> None:
+    """Solve the unfinished cases, and write the table of all cases beside ``parameters``.
+
+    Raises InputError for a folder that cannot be written to or that another study or run is using,
+    and if mpirun is missing; ContactLockingError if the disk is full.
     """
     launcher(plan.ranks)
     if plan.executor == "slurm":
         require_slurm()
-    study = Study.of(file)
     directory = study.directory
     with explained(not_writable(directory), directory, KEY, _GO_ON):
         make_folders(directory / "cases")
@@ -107,14 +116,13 @@ def run(file: StudyFile, plan: Plan, console: Console) -> Study:
                     view.line(f"warning: the file system of {directory} has no locks", "yellow")
                 _require_own(study, todo)
                 _announce(study, todo, plan, view)
-                _prepare(study, file)
+                _prepare(study, parameters)
                 try:
                     _solve(study, todo, plan, view)
                 except KeyboardInterrupt:
                     of = f"{study.finished} of {len(study.cases)}"
                     view.line(f"{of} cases are finished; the same command does the others")
                     raise
-    return study
 
 
 def _require_own(study: Study, todo: Sequence[Case]) -> None:
@@ -144,13 +152,13 @@ def _announce(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> Non
         )
 
 
-def _prepare(study: Study, file: StudyFile) -> None:
+def _prepare(study: Study, parameters: Parameters) -> None:
     """Write the index of the cases, the parameters and a first table."""
     for folder in (study.directory, study.directory / "cases"):
         remove_abandoned(folder)
     lines = [f"{case.name}  {case.label}\n" for case in study.cases]
     ownership.write_text(study.directory / "cases" / INDEX, "".join(lines))
-    ownership.write_text(study.directory / PARAMETERS, study_file.dump(file.parameters))
+    ownership.write_text(study.directory / PARAMETERS, study_file.dump(parameters))
     study.write_table()
 
 

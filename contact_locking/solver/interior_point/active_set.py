@@ -39,7 +39,7 @@ from contact_locking.solver.interior_point.projections import (
 )
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.last_iterate import LastIterate
+from contact_locking.solver.last_iterate import LastIterate, Pair
 from contact_locking.solver.task import Task
 
 
@@ -71,12 +71,12 @@ class Pieces:
     steps: int = 15
     #: The products of the points and multipliers that solutions are differentiated by, over the
     #: density of the elastic energy.
-    product: float = 1e-10
+    product: float = 1e-12
 
 
 @dataclass(frozen=True)
 class _Left:
-    """What a step left: the worst measure, and how many points are on another piece."""
+    """The state after a step: the worst measure, and how many points are on another piece."""
 
     worst: float
     changed: int
@@ -207,8 +207,18 @@ class ActiveSet:
         target, system = self._task.target, self._task.system
         strain = self._judge.mean_strain(self._task.settings.tolerance)
         product = self._pieces.product * target.ellipticity * strain**2
-        cones = tuple(law.inside(product) for law in self._laws.values())
-        return LastIterate(system.u.x.array.copy(), system.tools.travels, cones)
+        cones: dict[Family, Pair | None] = {
+            family: law.inside(product) for family, law in self._laws.items()
+        }
+        for item in (*self._moving, *self._standing):
+            # The bound follows the pressure inside of its cones.  Without one there is no friction.
+            pressing, rubbing = cones[item.pressing], self._laws[item.friction]
+            assert pressing is not None and isinstance(rubbing, FrictionProjection)
+            bound = item.under(pressing[1])
+            is_zero = item.contact.norm(bound) == 0.0
+            under = item.friction.nodes.of_all(bound)
+            cones[item.friction] = None if is_zero else rubbing.inside_under(under, product)
+        return LastIterate(system.u.x.array.copy(), system.tools.travels, tuple(cones.values()))
 
     # The iteration.
 

@@ -27,6 +27,8 @@ from contact_locking.solver.last_iterate import Pair
 _TINY = float(np.finfo(float).tiny)
 # Nodes whose friction was at least this share of its bound go on to slide in the next step.
 _SLIDES_ON = 1.0 - 1e-4
+# The halvings of an interval of logarithms, to its rounding.
+_BISECTIONS = 60
 
 
 class Projection(ABC):
@@ -116,6 +118,18 @@ def _root(values: FloatArray, square: float) -> FloatArray:
     # The maximum keeps the division of the branch that is not taken finite.
     lower = 0.5 * square / np.maximum(root - values, _TINY)
     return np.where(values > 0.0, 0.5 * (root + values), lower)
+
+
+def _below_bound(size: FloatArray, product: FloatArray) -> FloatArray:
+    """The u in ``(0, 1]`` with ``(1 - u) (1 + product/(u (2 - u))) = size``."""
+    # A sliding node has next to none: its logarithm is bisected.
+    least, most = np.full_like(size, np.log(_TINY)), np.zeros_like(size)
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (least + most)
+        u = np.exp(middle)
+        is_small = (1.0 - u) * (1.0 + product / (u * (2.0 - u))) > size
+        least, most = np.where(is_small, middle, least), np.where(is_small, most, middle)
+    return np.asarray(np.exp(0.5 * (least + most)))
 
 
 class HalfLineProjection(Projection):
@@ -249,6 +263,21 @@ class FrictionProjection(Projection):
         self.y = self.family.nodes.tangential(self.y - step.dual[self._rows])
         self.family.z[0] += step.dual[0]
         self.settle()
+
+    def inside_under(self, bound: FloatArray, product: float) -> Pair:
+        """The pair under a bound (k,) > 0: friction and slip move at the same ``v = y + c s``."""
+        family, product = self.family, product * self.family.scale
+        if family.regularisation > 0.0:
+            family.z[0] = bound
+            family.settle(product)
+            return family.x, family.z
+        v = self._shifted()
+        size = norm(v)
+        below = _below_bound(size / bound, self.c * product / bound**2)
+        y = bound * (1.0 - below) / np.maximum(size, _TINY) * v
+        # The first entry of (G, -y)^-1 is G/(G^2 - y^2).
+        first = product / (bound * below * (2.0 - below))
+        return np.vstack([first, (v - y) / self.c]), np.vstack([bound, -y])
 
     def settle(self) -> None:
         """Keep the friction within its bound, and give the family points in its cones."""

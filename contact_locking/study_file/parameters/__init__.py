@@ -328,7 +328,7 @@ class Parameters(Section):
             yield from self._name_faults()
 
     def _faults_of_bodies(self) -> Iterator[Fault]:
-        """What there is not yet where two bodies touch each other."""
+        """The keys that do not work yet where two bodies touch each other."""
         places = [place for place, section in self._contact_sections() if section.against]
         missing = {
             "adapt": self.adapt is not None,

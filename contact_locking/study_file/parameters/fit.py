@@ -9,13 +9,13 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from .base import Fault, Section, entry
-from .values import Number, NumberOrInfinite, Text
+from .values import Integer, Number, NumberOrInfinite, Text
 
 _MOST = 100
 
 
 class Curve(Section):
-    """The rows of a CSV file, and what is different in its experiment."""
+    """The rows of a CSV file, and the keys that differ in its experiment."""
 
     file: Text = entry(..., "a CSV file with a row of column names, relative to the study file")
     set: dict[str, Any] = entry(
@@ -83,6 +83,9 @@ class FitParameters(Section):
     )
     parameters: dict[str, FittedNumber] = entry(
         ..., "the numbers to fit, by their dotted keys, each with {start, bounds, scale}"
+    )
+    starts: Annotated[Integer, Field(ge=1, le=1000)] = entry(
+        1, "how many searches, each from other numbers; the first is from those of the file"
     )
 
     def _faults(self) -> Iterator[Fault]:
