@@ -62,7 +62,8 @@ class Element:
 
     def facts(self) -> dict[str, Any]:
         """The keys of the study file that choose the element."""
-        body = {"axisymmetric": True} if self.kinematics.axisymmetric else {}
+        body: dict[str, Any] = {"axisymmetric": True} if self.kinematics.axisymmetric else {}
+        body |= {"cells": "box"} if self.boxes else {}
         return {"degree": self.degree, "limit_at": self.limit_at, **body}
 
     def strain(self, u: Expr) -> Expr:

@@ -251,14 +251,12 @@ def _control_space(vectors: fem.FunctionSpace) -> fem.FunctionSpace:
     for ends in topology[1]:
         add(1, np.vstack([corners[ends].mean(axis=0), corners[ends]]), 0.5, 0.25, 0.25)
     # Inside of boxes are the last nodes, one in each entity of simplices none.
-    inner = iter(nodes[len(topology[0]) + len(topology[1]) :])
+    count = len(topology[0]) + len(topology[1])
+    inner = iter(np.split(nodes[count:], max(len(nodes) - count, 1)))
     for entity in range(2, dim + 1):
         for _ in topology[entity]:
-            place = next(inner, None)
-            if place is None:
-                add(entity, np.empty((0, dim)))
-            else:
-                add(entity, place[None], 1.0)
+            place = next(inner, nodes[:0])
+            add(entity, place, *[1.0] * len(place))
     element = basix.ufl.custom_element(
         cell,
         [],

@@ -36,6 +36,8 @@ from contact_locking.supports.rigid_motions import (
     unheld_motion,
 )
 
+# A push that is less than this share of all work and all motion is rounding.
+_DIGITS = 1e-12
 # A push that exceeds what friction holds by less than this share does not prove a slide.
 _ROUNDING = 1e-6
 # The same of a friction bound that a solver reached and did not settle.
@@ -217,7 +219,8 @@ class Motions:
         push, held = float(self.work @ motion), float(rub(motion) @ motion)
         # No words for a motion of size zero, which nothing drives, or of the numbers of a solve
         # that broke down.
-        if not push > held * (1.0 + _REACHED):
+        rounding = _DIGITS * float(np.linalg.norm(self.work) * np.linalg.norm(motion))
+        if not push > held * (1.0 + _REACHED) + rounding:
             return None
         # A slide of length 1, or a turn by the angle 1.
         moved, turn = spin(self._of_part(motion)[1])

@@ -174,9 +174,7 @@ def _may_adapt(summary: Mapping[str, Any]) -> bool:
     """Whether meshes are adapted: not in steps, of bodies that touch each other, or of boxes."""
     touch = any("against" in contact for contact in summary.get("contacts") or ())
     element = summary.get("discretisation") or {}
-    # Linear elements with limits at Gauss points are those of boxes.
-    are_boxes = element.get("degree") == 1 and element.get("limit_at") == "gauss"
-    return not (summary.get("steps") or touch or are_boxes)
+    return not (summary.get("steps") or touch or element.get("cells") == "box")
 
 
 def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:

@@ -121,14 +121,14 @@ def run_steps(
     Raises the errors of `solving.solve` and `writing.write`; where data cannot be used at a later
     time, the steps before are written first.  Collective.
     """
-    target, monitor = Path(directory), monitor or Monitor()
+    target, listener = Path(directory), monitor or Monitor()
     found: list[Path] = []
     keeps = checkpoint.unavailable() is None
     if keeps:
         name = on_root(comm, lambda: study_file.fingerprint(parameters))
         found = on_root_of(comm, target, lambda: saved_steps.unfinished(target, name))
     if found and restart is None:
-        monitor.message(f"going on from step {int(found[-1].name)} of an earlier run")
+        listener.message(f"going on from step {int(found[-1].name)} of an earlier run")
         restart = target
     warnings: list[str] = []
 
@@ -137,10 +137,10 @@ def run_steps(
         if not is_first:
             on_root(comm, lambda: saved_steps.remove(target))
         solutions = solving.solve_steps(
-            parameters, comm, monitor, petsc_options, restart if is_first else None, domain
+            parameters, comm, listener, petsc_options, restart if is_first else None, domain
         )
         last, warnings[:] = _written(
-            parameters, target, solutions, keeps, save_state, monitor, comm
+            parameters, target, solutions, keeps, save_state, listener, comm
         )
         return last
 

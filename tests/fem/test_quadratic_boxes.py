@@ -70,6 +70,8 @@ def test_files_and_pictures_have_the_nodes_and_points_of_the_cells(
     folder: Path, comm: MPI.Intracomm
 ) -> None:
     solution = solved(rubbed(mesh(folder, 2), 2, **QUADRATIC))
+    element = {"degree": 2, "limit_at": "gauss", "cells": "box"}
+    assert solution.summary["discretisation"] == element
     found = {one.name: one for one in fields.discontinuous(solution)}
     largest = maximum(comm, found["strain_norm"].x.array)
     # A file has the strain at the nodes, the summary at the points and the corners.

@@ -75,6 +75,16 @@ def test_an_unsolved_process_ends_with_a_step_that_says_so(file: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("file", sorted(Path(__file__).with_name("unsolved").glob("pairs/*.yml")))
+def test_an_unsolved_pair_of_features_is_told_and_nothing_is_claimed(file: Path) -> None:
+    *before, last = solving.solve_steps(study_file.load(file).parameters, MPI.COMM_SELF)
+    assert all(found.converged for found in before)
+    assert not last.converged
+    claims = ("infeasible", "cannot hold", "grow with the penalty", "nothing resists")
+    assert not any(words in last.summary["reason"] for words in claims)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("file", sorted(Path(__file__).with_name("wedged").glob("*.yml")))
 def test_forces_that_grow_are_found_with_penalties_that_are_soft_enough(file: Path) -> None:
     """With stiffer penalties these problems are not solved."""

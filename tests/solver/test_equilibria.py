@@ -254,6 +254,25 @@ def test_branches_need_friction_and_one_problem() -> None:
         Parameters.model_validate(data | {"branches": {"to": 0.0}})
 
 
+@pytest.mark.serial
+def test_a_body_that_nothing_presses_has_one_solution_and_no_branch() -> None:
+    parameters = Parameters.model_validate(
+        {
+            "mesh": {"builder": "block", "h": 0.5},
+            "loads": {"displacements": [{"on": "left", "value": [0, 0]}]},
+            "contact": {"on": "bottom", "gap": 0},
+            "friction": {"coefficient": 0.3},
+            "equilibria": {"find": 3},
+            "branches": {"to": 1.2},
+        }
+    )
+    (found,) = find_equilibria(parameters, MPI.COMM_SELF)
+    assert found.converged
+    assert "add up to 1, and so do" in found.summary["equilibria"]["missing"]
+    assert found.summary["branches"]["points"]["share"] == []
+    assert "no node presses without friction" in found.summary["branches"]["end"]
+
+
 def test_a_short_branch_is_that_of_the_share(task: Task) -> None:
     """Its points keep ``G = t Phi(G)``, and a larger share has a larger bound here."""
     found = diagram(task, 0.1)

@@ -210,6 +210,29 @@ def test_the_proved_bound_says_that_it_does_not_know_an_eigenstrain(comm: MPI.In
     assert told["applicable"] is False and "no proof covers an eigenstrain" in told["reason"]
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("weight", [1e-7, 1e-10, 1e-13])
+def test_a_weight_far_below_the_thermal_stress_still_lays_the_body_down(weight: float) -> None:
+    """The stress is 1e-3, and the weight alone decides the height: 0.05 below."""
+    given = body(
+        loads={
+            "body_force": [0.0, -weight],
+            "displacements": [{"on": "left", "value": [0.0, None]}],
+        },
+        material__eigenstrain={"expansion": 1.0, "temperature": "0.01*x*y*(1 - y)"},
+        contact={
+            "on": "bottom",
+            "foundation": {"half_space": {"point": [0.0, -0.05], "normal": [0.0, 1.0]}},
+        },
+        penalty={"n": math.inf},
+    )
+    solution = solve(given)
+    assert solution.converged, solution.summary["reason"]
+    assert solution.summary["contact_force"][1] == pytest.approx(weight, rel=1e-2)
+    heights = solution.displacement.x.array.reshape(-1, 2)[solution.contacts[0].surface.blocks, 1]
+    assert heights.min() == pytest.approx(-0.05, abs=1e-7)
+
+
 def test_the_indicator_does_not_see_a_free_expansion(comm: MPI.Intracomm) -> None:
     found = solved(body(3), comm)
     assert found.summary["certificate"]["errors"]["mesh"]["relative"] < 1e-8

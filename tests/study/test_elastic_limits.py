@@ -245,3 +245,15 @@ def test_limits_of_the_elastic_strain_need_an_eigenstrain_and_its_tensor() -> No
     for norm in NORMS[1:3]:
         with pytest.raises(ValueError, match="does not go with limits_of: elastic in 2D"):
             body(2, material__locking=[norm], material__locking_limit=math.inf)
+
+
+def test_no_limit_load_is_given_for_limits_of_the_elastic_strain(comm: MPI.Intracomm) -> None:
+    held = body(2).loads.model_dump(exclude_unset=True)["displacements"]
+    pulled = {"on": "right", "value": [WARM, None]}
+    given: dict[str, Any] = {
+        "loads": {"displacements": [*held, pulled]},
+        "certificate__error_bound": True,
+    }
+    told = solved(body(2, **given), comm).summary["certificate"]["limit_load"]
+    assert told["infeasible"] is None
+    assert "no proof covers limits of the elastic strain" in told["reason"]

@@ -19,7 +19,7 @@ class Boxes(Body):
     """Quadrilaterals or hexahedra: ``x`` (k, d), ``cells`` (c, 2^d), corners by binary digits.
 
     ``volumes`` are the weights of the points of Gauss, cell by cell, and ``strain`` maps nodal
-    displacements to the strains there.  ``values`` (2^d, 2^d) are the shape functions at the points
+    displacements to the strains there.  ``shapes`` (2^d, 2^d) are the shape functions at the points
     of a cell.
     """
 
@@ -31,7 +31,7 @@ class Boxes(Body):
         # (q, c, d): the factors of the shape functions, and their slopes.
         factors = np.where(corners == 1, points[:, None], 1.0 - points[:, None])
         slopes = np.broadcast_to(2.0 * corners - 1.0, factors.shape)
-        self.values = factors.prod(axis=2)
+        self.shapes = factors.prod(axis=2)
         along = [
             slopes[:, :, axis] * np.delete(factors, axis, axis=2).prod(axis=2)
             for axis in range(dim)

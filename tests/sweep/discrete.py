@@ -152,7 +152,7 @@ def _points(geometry: Geometry) -> tuple[FloatArray, Body]:
     if cells.shape[1] == x.shape[1] + 1:
         return x[cells].mean(axis=1), Body(x, cells, 1.0, 0.3)
     body = Boxes(x, cells)
-    return np.einsum("qc,kcd->kqd", body.values, x[cells]).reshape(-1, x.shape[1]), body
+    return np.einsum("qc,kcd->kqd", body.shapes, x[cells]).reshape(-1, x.shape[1]), body
 
 
 def _inside(geometry: Geometry, name: str, places: FloatArray) -> IntArray:
@@ -196,7 +196,7 @@ def _loads(parameters: Parameters, geometry: Geometry, body: Body) -> tuple[Floa
         count = geometry.cells.shape[1]
         if isinstance(body, Boxes):
             weights = body.volumes.reshape(len(geometry.cells), count)
-            measures = np.einsum("kq,qi,qj->kij", weights, body.values, body.values)
+            measures = np.einsum("kq,qi,qj->kij", weights, body.shapes, body.shapes)
         else:
             share = (np.ones((count, count)) + np.eye(count)) / (count * (count + 1))
             measures = body.volumes[:, None, None] * share

@@ -138,14 +138,17 @@ def test_v30_a_wavy_surface_touches_as_far_as_westergaard_says(found: list[Row])
 
 
 @pytest.mark.parametrize(
-    ("poisson", "factor"), [slow(0.30, 2.480), slow(0.35, 2.603), slow(0.40, 2.789), (0.45, 3.085)]
+    ("poisson", "factor"),
+    [slow(0.30, 2.480), slow(0.35, 2.603), slow(0.40, 2.789), (0.45, 3.085), slow(0.4999, 3.609)],
 )
 def test_v30_a_flat_punch_indents_a_bonded_layer_with_the_force_of_hayes(
     poisson: float, factor: float, found: list[Row]
 ) -> None:
     """``F = 4 a kappa G w/(1 - nu)`` for a punch as wide as the layer is thick.
 
-    Hayes and others, J. Biomech. 5 (1972) 541 (doi:10.1016/0021-9290(72)90010-3), a/h = 1.
+    Hayes and others, J. Biomech. 5 (1972) 541 (doi:10.1016/0021-9290(72)90010-3), a/h = 1.  The
+    last factor is that of nu = 0.5, which a displacement alone does not reach: from 0.4999 to 0.5
+    it grows by 0.03 %.
     """
     depth, shear = 0.001, 0.5 / (1.0 + poisson)
     h = 1 / 20

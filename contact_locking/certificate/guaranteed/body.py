@@ -130,8 +130,9 @@ class Gap:
     """``values`` (n,) are the gaps of the cells of this rank.
 
     ``zeta`` (n, 3, 4) is that of the quarters of each part.  ``apart`` (n, 3, 4, 3) are the squares
-    of ``eps(w) - (A + zeta)^-1 s``, integrated over each quarter, along the eigenvectors of A; ``elastic`` (n, 3, 4, 3) are the eigenvalues of A, and
-    ``stiffened`` (n, 3, 4, 3) those of A + zeta.
+    of ``eps(w) - (A + zeta)^-1 s``, integrated over each quarter, along the eigenvectors of A;
+    ``elastic`` (n, 3, 4, 3) are the eigenvalues of A, and ``stiffened`` (n, 3, 4, 3) those of
+    A + zeta.
     """
 
     values: FloatArray

@@ -110,7 +110,7 @@ class HybridSystem:
         moments: FloatArray,
         stiffening: FloatArray,
     ) -> Found:
-        """The stress that minimises ``int C s : s/2 - eps : s`` with the forces of bars; collective.
+        """The stress that minimises ``int C s : s/2 - eps : s``, with forces of bars; collective.
 
         ``compliance`` (n, 3, 4, 3, 3) is C in the quarters of each part, as a Mandel matrix, and
         ``strains`` (n, 3, m, 3) is eps.  ``lifted`` (n, 3, m, 3) is the part of s that has the

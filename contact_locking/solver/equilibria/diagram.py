@@ -97,4 +97,6 @@ def _followed(path: Path, start: FloatArray | None, to: float, is_strict: bool) 
     else:
         if len(points) == _MOST_POINTS:
             end = f"after {_MOST_POINTS} points"
+    if not points and start is None:
+        end = "no node presses without friction, so that no share of it does anything"
     return Diagram(tuple(points), end)
