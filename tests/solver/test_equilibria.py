@@ -175,6 +175,15 @@ def test_a_solution_beyond_folds_is_found(file: Path) -> None:
     assert any("turns" in text for text in solution.summary["warnings"])
 
 
+@pytest.mark.slow
+@pytest.mark.serial
+def test_friction_that_falls_within_a_short_slip_is_solved_without_a_penalty() -> None:
+    """Whether the iteration arrives or the branch leads there hangs on rounding."""
+    file = Path(__file__).with_name("steep_slip.yml")
+    solution = solving.solve(study_file.load(file).parameters, MPI.COMM_SELF)
+    assert solution.converged, solution.summary["reason"]
+
+
 def _wedged() -> ProblemSolver:
     """The block of demos/studies/lost_equilibrium.yml with more friction than it can bear."""
     path = Path(__file__).parents[2] / "demos" / "studies" / "lost_equilibrium.yml"

@@ -132,8 +132,7 @@ def against_transformed(
 
     The energy of the difference comes second.  Moves the mesh, so this comparison comes last.
     """
-    domain = solution.domain
-    transform.move(domain)
+    domain = transform.moved(solution.domain)
     parameters = Parameters.model_validate(transform.study(study))
     other = solve_assembled(assemble(parameters, MPI.COMM_SELF, domain))
     if not other.converged:

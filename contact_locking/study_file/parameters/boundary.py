@@ -123,8 +123,8 @@ class LoadParameters(Section):
 
     def numbers(self) -> Iterator[tuple[Place, float | str]]:
         """The number or expression of each component that loads the body, with its place."""
-        for axis, component in enumerate(self.body_force or ()):
-            yield ("body_force", axis), component
+        for axis, force in enumerate(self.body_force or ()):
+            yield ("body_force", axis), force
         for index, pressure in enumerate(self.pressures):
             yield ("pressures", index, "value"), pressure.value
         for index, support in enumerate(self.supports):
