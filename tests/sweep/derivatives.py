@@ -1,6 +1,6 @@
 """Derivatives of random problems of the sweep against central differences of two widths.
 
-    python -m sweep.derivatives 300 --first 0      from the folder tests
+    make derivatives PROBLEMS=300 FIRST=0
 
 A problem has one random number of its study, and each quantity that has a derivative.  The share of
 derivatives that are within 1e-3, and the worst of those that nothing marks, are printed.

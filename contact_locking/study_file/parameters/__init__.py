@@ -317,7 +317,6 @@ class Parameters(Section):
         places = [place for place, section in self._contact_sections() if section.against]
         missing = {
             "adapt": self.adapt is not None,
-            "sensitivities": self.sensitivities is not None,
             "mesh.axisymmetric": self.mesh.axisymmetric,
         }
         for place in places[:1]:
