@@ -319,3 +319,20 @@ def test_forces_of_springs_have_derivatives_with_those_of_conditions_beside_them
         checked = np.array([table[name][key]["checked"] for key in to])
         assert derivatives == pytest.approx(checked, rel=1e-3, abs=1e-3 * np.abs(checked).max())
         assert np.abs(checked).max() > 0.0
+
+
+def test_steps_before_the_first_touch_leave_a_body_at_rest() -> None:
+    """Nothing acts in two steps, so that no energy is there to judge by; the third one presses."""
+    solution = solve(
+        cl.from_mapping(
+            {
+                "mesh": {"builder": "block", "size": [1, 1], "h": 0.5},
+                "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
+                "loads": {"displacements": [{"on": "top", "value": [0, 0]}]},
+                "contact": {"on": "bottom", "gap": "0.025 - 0.1*t"},
+                "penalty": {"n": math.inf},
+                "steps": {"times": [0.1, 0.2, 0.3]},
+            }
+        )
+    )
+    assert solution.converged and solution.summary["contact_force"][1] > 0.0
