@@ -62,9 +62,10 @@ FIRST = 0
 FAMILIES =
 JOBS = 2
 LINEAR = auto
-sweep: ## solve and judge random problems of many families (SEEDS=20 FIRST=0 FAMILIES= JOBS=2 LINEAR=auto): results/sweep
+N =
+sweep: ## solve and judge random problems of many families (SEEDS=20 FIRST=0 FAMILIES= JOBS=2 LINEAR=auto N=): results/sweep
 	./in-env env PYTHONPATH=tests:tests/support OMP_NUM_THREADS=1 python3 -m sweep.run --seeds $(SEEDS) --first $(FIRST) --jobs $(JOBS) \
-		--linear $(LINEAR) --families $(FAMILIES)
+		--linear $(LINEAR) $(if $(N),--n $(N)) --families $(FAMILIES)
 
 PROBLEMS = 300
 derivatives: ## compare derivatives of random problems with differences of solves (PROBLEMS=300 FIRST=0): half an hour

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 from ufl.core.expr import Expr
 
@@ -19,7 +19,6 @@ from contact_locking.certificate import Extras, certify
 from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError
-from contact_locking.fem.joint_forms import JointForm
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.domain import Domain
@@ -30,12 +29,11 @@ from contact_locking.parallel import on_any_rank
 from contact_locking.problem import own_energy
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.elasticity import Elasticity, elasticity_of
-from contact_locking.problem.forms import external_work
 from contact_locking.problem.limits import Limit
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Solution
-from contact_locking.solver.equilibria.diagram import Diagram
+from contact_locking.solver.equilibria.diagram import NO_START, Diagram
 from contact_locking.solver.task import Settings, SolverReport
 from contact_locking.supports.conditions import constrain
 from contact_locking.supports.supports import Support
@@ -60,6 +58,8 @@ class ContactProblem:
     ``limit_at`` chooses the points where quadratic displacements keep K: the "vertices" of each
     cell, which is the default on simplices, or the "gauss" points.  ``axisymmetric`` says that the
     mesh is the half section (r, z) of a body of revolution; ``a`` is then an :class:`Elasticity`.
+    ``limits_of`` says whether ``limits`` are those of the "total" strain eps(u) or of the "elastic"
+    strain eps(u) - eps_0, with an eigenstrain eps_0.
 
     The problem is made once.  Each solve reads the present values of the constants and functions
     in the data.  The constructor is collective, as all methods are, and raises InputError for data
@@ -82,6 +82,7 @@ class ContactProblem:
         energy: Callable[[fem.Function], Expr] | None = None,
         limit_at: str | None = None,
         axisymmetric: bool = False,
+        limits_of: str = "total",
         settings: Settings | None = None,
         monitor: Monitor | None = None,
     ) -> None:
@@ -89,6 +90,8 @@ class ContactProblem:
         _check(L, limits, n, compliance)
         if axisymmetric and not isinstance(a, Elasticity):
             raise InputError("must be an Elasticity for an axisymmetric body", "a")
+        if limits_of not in ("total", "elastic"):
+            raise InputError(f"must be total or elastic, not {limits_of!r}", "limits_of")
         element = _element_of(space, limit_at, axisymmetric)
         places = NamedFacets(space.mesh, tags, names)
         supports = [item for item in bcs if isinstance(item, Support)]
@@ -130,6 +133,7 @@ class ContactProblem:
             limits=limits,
             own_energy=energy,
             supports=[name for support in held for name in support.on],
+            limits_of=limits_of,
         )
         self._discrete = DiscreteProblem(body, placed, n, compliance)
         for contact in self._discrete.contacts:
@@ -193,14 +197,28 @@ class ContactProblem:
             found.append(solution)
         return found
 
-    def branch(self, to: float = 2.0, after: Solution | None = None) -> Diagram:
+    def branch(
+        self, to: float = 2.0, after: Solution | None = None, over: fem.Constant | None = None
+    ) -> Diagram:
         """The solutions over the share of friction, from none up to ``to`` times the coefficient.
 
-        It may end before, and says why.  Nothing tells that there are no other solutions.  Raises
-        InputError as :meth:`equilibria`.
+        With ``over``, a constant in L or of a support, they are those over a share of this
+        constant, from its present value up or down to ``to`` times of it.  The branch may end
+        before, and says why.  Nothing tells that there are no other solutions.  Raises InputError
+        as :meth:`equilibria`.
         """
-        self._begin(after)
-        return self._solver.diagram(to)
+        if over is None:
+            self._begin(after)
+            return self._solver.diagram(to)
+        if not self._solve(after, after).converged:
+            return NO_START
+        whole = over.value.copy()
+
+        def load(share: float) -> None:
+            over.value = share * whole
+            self._discrete.place()
+
+        return self._solver.diagram(to, load)
 
     def _solve(self, after: Solution | None, begin: Solution | None) -> SolverReport:
         self._begin(after)
@@ -209,21 +227,15 @@ class ContactProblem:
     def _begin(self, after: Solution | None) -> None:
         problem = self._discrete
         problem.enter(problem.at_rest() if after is None else after.state.contacts)
-        self._require_finite_loads()
+        system = self._solver.system
+        system.assemble_loads()
+        # The linear programmes of rigid motions, which `refresh` solves, do not take NaN.
+        if on_any_rank(self.domain.comm, not np.all(np.isfinite(system.load))):
+            raise InputError("is not finite somewhere", "L")
         problem.refresh()
         for contact in problem.contacts:
             contact_checks.require_friction(contact)
-        self._solver.begin()
-
-    def _require_finite_loads(self) -> None:
-        data, dofmap = self._discrete.data, self._discrete.u.function_space.dofmap
-        if data.loads is None:
-            return
-        test = ufl.TestFunction(self._discrete.u.function_space)
-        loads = la.vector(dofmap.index_map, dofmap.index_map_bs)
-        JointForm(external_work(test, data)).assemble_vector(loads)
-        if on_any_rank(self.domain.comm, not np.all(np.isfinite(loads.array))):
-            raise InputError("is not finite somewhere", "L")
+        system.clear()
 
     def close(self) -> None:
         """Destroy the PETSc objects."""

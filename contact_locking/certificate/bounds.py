@@ -12,11 +12,10 @@ from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import (
     Lifting,
     NotApplicable,
-    elasticity,
     elliptic_problem,
     inner_product,
+    on_springs,
     require_still_foundations,
-    springs,
 )
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem.compiled import integral
@@ -59,7 +58,8 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
 
     Of the ball the proofs use ``Z : eps(u) = M |Z| + |Z|^2/2n``, and ``Z : eps(w) <= M |Z|`` where
     w is admissible.  With its multiplier y in the place of Z the same holds for every other set of
-    strains, and W and L are sums over all sets.
+    strains, and W and L are sums over all sets.  With limits of the elastic strain ``eps - eps_0``
+    takes the place of eps, that of w too; w is an admissible field, also if it is zero.
 
     Each entry holds ``value``, ``bound`` and ``holds``.  If no bound is proved, ``bound`` and
     ``holds`` are None, and ``reason`` says why.  Collective; takes one linear solve, two with
@@ -86,7 +86,7 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
 
 
 def _rounding(state: SolvedState) -> _Bounds:
-    """What rounding in the displacement makes of each value, by strains and by the penalty."""
+    """The rounding of each value, from that of the displacement, by strains and by the penalty."""
     alpha, epsilon = state.problem.material.ellipticity, state.target.penalty.epsilon
     strain = ROUNDING * state.largest_displacement / state.target.length
     if state.contacts and epsilon > 0.0:
@@ -192,8 +192,8 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
         raise NotApplicable("friction alone holds a rigid motion")
     domain, alpha = state.problem.domain, state.problem.material.ellipticity
     stiffness = alpha / state.target.length
-    bilinear = elasticity(state) + springs(state, stiffness)
-    with elliptic_problem(state, bilinear, state.problem.constraints) as problem:
+    constraints = state.problem.constraints
+    with elliptic_problem(state, on_springs(state, stiffness), constraints) as problem:
         z = problem.solve(_load(state, w))
     carried, soft = _remembered(state), 0.0
     for fields in state.contacts:
@@ -222,9 +222,7 @@ def dual_norm(state: SolvedState, w: fem.Function | None = None) -> float:
 
     The displacement conditions are homogeneous.
     """
-    space, data = state.problem.u.function_space, state.problem.data
-    constraints = state.problem.constraints
-    with elliptic_problem(state, inner_product(space, data), constraints) as problem:
+    with elliptic_problem(state, inner_product(state), state.problem.constraints) as problem:
         return norm(state, problem.solve(_load(state, w)))
 
 

@@ -123,7 +123,7 @@ def trace_constant(state: SolvedState) -> float:
         ufl.inner(contact.limited(w), contact.limited(v)) * contact.surface.ds
         for contact in data.contacts
     )
-    return trace_norm(state, inner_product(space, data), traces)
+    return trace_norm(state, inner_product(state), traces)
 
 
 def _trace(state: SolvedState, wanted: bool) -> tuple[float | None, str | None]:
@@ -205,16 +205,21 @@ def _uniqueness(
     return _verdict(SAMPLED if covered else UNKNOWN, f"{first}; {second}") | report
 
 
-def _at_supports(state: SolvedState) -> str:
+def constant_supports(state: SolvedState) -> tuple[str, ...]:
     """A warning of kernels that keep constants at supports, where rho is unbounded; collective."""
     found = [contact.constant_support() for contact in state.problem.contacts]
     place = next((words for words in found if words is not None), None)
     if place is None:
-        return ""
+        return ()
     return (
-        f"; displacements are prescribed at Gamma_C, as at {place}, and R keeps constants there, "
-        "so that kappa grows as the mesh is refined; take friction.smoothing.at_supports: vanish"
+        f"displacements are prescribed at Gamma_C, as at {place}, and R keeps constants there, so "
+        "that kappa grows as the mesh is refined; take friction.smoothing.at_supports: vanish",
     )
+
+
+def _at_supports(state: SolvedState) -> str:
+    """The warning as the end of a sentence; collective."""
+    return "".join(f"; {text}" for text in constant_supports(state))
 
 
 def _verdict(verdict: str, why: str) -> dict[str, Any]:

@@ -24,11 +24,11 @@ def critical_friction(state: SolvedState) -> dict[str, Any]:
     """``min {t > 0: I - t Phi'(G) is singular}`` at the bounds G of a solution; collective.
 
     Phi is the map of :mod:`contact_locking.solver.equilibria.bound_map`, for the coefficient mu.
-    With ``t mu`` in the place of mu, and what sticks, slips and is open as it is, the linearised
-    problem has more than one solution: the eigenvalue problem of Hassani, Hild, Ionescu and Sakki
-    (doi:10.1016/S0045-7825(03)00419-5).  ``share`` is t, None if no t is critical; ``coefficient``
-    is ``t mu``, None also where mu is not the same everywhere and at every slip.  ``mode_peak`` is
-    the place where the bound of the eigenvector is largest.
+    With ``t mu`` in the place of mu, and the same points that stick, slip and are open, the
+    linearised problem has more than one solution: the eigenvalue problem of Hassani, Hild,
+    Ionescu and Sakki (doi:10.1016/S0045-7825(03)00419-5).  ``share`` is t, None if no t is
+    critical; ``coefficient`` is ``t mu``, None also where mu is not the same everywhere and at
+    every slip.  ``mode_peak`` is the place where the bound of the eigenvector is largest.
     """
     none: dict[str, Any] = dict.fromkeys(("share", "coefficient", "mode_peak"))
     task = Task(state.system, state.target, state.settings).aside(SolverReport())

@@ -54,9 +54,9 @@ class EllipticProblem:
     def __init__(self, state: SolvedState, bilinear: Expr, constraints: Constraints) -> None:
         self._space = state.problem.u.function_space
         self._owned = self._space.dofmap.index_map.size_local * self._space.dofmap.index_map_bs
-        self._bilinear = bilinear
+        self._bilinear, self._kept = bilinear, state.system.kept
         self.constraints = constraints
-        form = JointForm(bilinear)
+        form = self._kept(("certificate", bilinear), lambda: JointForm(bilinear))
         self.matrix = form.create_matrix()
         constraints.assemble_matrix(form, self.matrix)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
@@ -78,9 +78,10 @@ class EllipticProblem:
         solution = fem.Function(self._space)
         forces = np.zeros(self._owned) if right is None else right[: self._owned]
         if values is not None:
-            solution.x.array[:] = self.constraints.held_part(values.x.array)
+            held, carried = self._kept(("certificate of held", self._bilinear), self._action)
+            solution.x.array[:] = held.x.array[:] = self.constraints.held_part(values.x.array)
             vector = la.vector(self._space.dofmap.index_map, self._space.dofmap.index_map_bs)
-            JointForm(action(self._bilinear, solution)).assemble_vector(vector)
+            carried.assemble_vector(vector)
             forces = forces - vector.array[: self._owned]
         b, x = self.matrix.createVecLeft(), self.matrix.createVecRight()
         b.array_w[:] = self.constraints.free_part(forces)
@@ -95,6 +96,10 @@ class EllipticProblem:
         for item in (b, x):
             item.destroy()
         return solution
+
+    def _action(self) -> tuple[fem.Function, JointForm]:
+        held = fem.Function(self._space)
+        return held, JointForm(action(self._bilinear, held))
 
     def destroy(self) -> None:
         destroy_ksp(self.ksp)
@@ -114,24 +119,44 @@ def elliptic_problem(
         problem.destroy()
 
 
-def inner_product(space: fem.FunctionSpace, data: forms.ProblemData) -> Expr:
+# Forms of one problem are the same objects in each solve, by which their compiled forms are kept.
+
+
+def inner_product(state: SolvedState) -> Expr:
     """``(w, v)_V = int eps(w) : eps(v)`` (10)."""
-    v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
-    return ufl.inner(data.strain(w), data.strain(v)) * data.element.elastic_dx(data.dx)
+    data = state.problem.data
+
+    def make() -> Expr:
+        v, w = _arguments(state)
+        return ufl.inner(data.strain(w), data.strain(v)) * data.element.elastic_dx(data.dx)
+
+    return state.system.kept("inner product", make)
 
 
 def elasticity(state: SolvedState) -> Expr:
     """The bilinear form ``a(w, v)``."""
-    space = state.problem.u.function_space
-    return forms.elastic_form(ufl.TrialFunction(space), ufl.TestFunction(space), state.problem.data)
+
+    def make() -> Expr:
+        v, w = _arguments(state)
+        return forms.elastic_form(w, v, state.problem.data)
+
+    return state.system.kept("bilinear elasticity", make)
 
 
-def springs(state: SolvedState, stiffness: float) -> Expr:
-    """``k int w_nu v_nu`` over Gamma_C."""
+def on_springs(state: SolvedState, stiffness: float) -> Expr:
+    """``a(w, v) + k int w_nu v_nu`` with the integral over Gamma_C."""
+
+    def make() -> Expr:
+        v, w = _arguments(state)
+        k = fem.Constant(v.ufl_function_space().mesh, stiffness)
+        return elasticity(state) + forms.contact_stiffness(v, w, state.problem.contacts, k)
+
+    return state.system.kept(("on springs", stiffness), make)
+
+
+def _arguments(state: SolvedState) -> tuple[Expr, Expr]:
     space = state.problem.u.function_space
-    v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
-    k = fem.Constant(space.mesh, stiffness)
-    return forms.contact_stiffness(v, w, state.problem.contacts, k)
+    return ufl.TestFunction(space), ufl.TrialFunction(space)
 
 
 # Rounding in strains and displacements, relative to the limit and to the body.
@@ -166,7 +191,8 @@ class Lifting:
         prescribed = fem.Function(state.problem.u.function_space)
         overlaps = any(np.any(fields.gap < 0.0) for fields in state.contacts)
         moves = state.problem.constraints.largest() > 0.0
-        if on_every_rank(state.comm, not (overlaps or moves)):
+        rests = state.problem.data.origin is None
+        if on_every_rank(state.comm, rests and not (overlaps or moves)):
             return None
         for fields in state.contacts:
             # At a node of two contacts the values add up, and the check below judges the sum.

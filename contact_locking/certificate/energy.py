@@ -26,12 +26,15 @@ The bounds hold for the discrete problem on every mesh, for every n up to infini
 size of the step.
 
 The forces of an eigenstrain eps_0 act at the nodes as loads do.  The balance above counts their
-work, and ``a(u, u)/2``.  What a history tells is the elastic energy ``A(eps - eps_0)^2/2`` and the
-work of all else and of the change ``e`` of eps_0: with the same D_k,
+work, and ``a(u, u)/2``.  A history has the elastic energy ``A(eps - eps_0)^2/2`` and the work of
+all else and of the change ``e`` of eps_0: with the same D_k,
 
     N_k + A e : e/2 - A e : eps(d),   E_k - A eps_0 : eps(u_k) + A eps_0 : eps_0/2,
 
 so that the distance of N_k to its lower bound, ``A(eps(d) - e)^2/2`` now, does not change.
+
+Limits of the elastic strain ``eps - eps_0`` move with eps_0 as foundations do: E has the excess of
+that strain, W_k less ``int Z_k : e``, and V_k less ``int Z_{k-1} : e``.
 """
 
 from __future__ import annotations
@@ -110,7 +113,8 @@ class Moment:
     ``contacts`` has what acts at each contact.  ``stored`` is the stored energy, and ``work`` the
     work that defects are relative to.  ``negligible`` is the norm of forces that the tolerance of
     the solver does not tell from rounding.  ``eigenstrain`` has the local values of eps_0, and
-    ``eigenstrain_energy`` is ``-(A eps_0, eps(u)) + (A eps_0, eps_0)/2``.
+    ``eigenstrain_energy`` is ``-(A eps_0, eps(u)) + (A eps_0, eps_0)/2``.  ``locking_stress`` and
+    ``origin``, that of the limits, are (k, m, m) at the points of the strains.
     """
 
     displacement: FloatArray
@@ -121,6 +125,8 @@ class Moment:
     negligible: float
     eigenstrain: FloatArray
     eigenstrain_energy: float
+    locking_stress: FloatArray
+    origin: FloatArray
 
     @classmethod
     def of(cls, state: SolvedState) -> Moment:
@@ -134,6 +140,8 @@ class Moment:
             negligible=state.system.rounding.in_forces() / state.settings.tolerance,
             eigenstrain=_eigenstrain(state).copy(),
             eigenstrain_energy=_eigenstrain_energy(state, state.problem.u),
+            locking_stress=state.points.locking_stress.copy(),
+            origin=state.points.origin.copy(),
         )
 
     @classmethod
@@ -152,7 +160,10 @@ class Moment:
             stored = integral(state.problem.domain, data.own_energy(rest))
         contacts = tuple(Touch.at_rest(state, fields) for fields in state.contacts)
         nothing = np.zeros_like(_eigenstrain(state))
-        return cls(rest.x.array.copy(), forces, contacts, stored, 0.0, 0.0, nothing, 0.0)
+        none = np.zeros_like(state.points.origin)
+        return cls(
+            rest.x.array.copy(), forces, contacts, stored, 0.0, 0.0, nothing, 0.0, none, none
+        )
 
 
 @dataclass(frozen=True)
@@ -205,6 +216,8 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
     def work_of(moment: Moment, at: Moment) -> float:
         """The work of the forces of a moment, with the change of the room at a displacement."""
         total = state.sum(moment.forces * moved)
+        shifted = np.einsum("kij,kij->k", moment.locking_stress, after.origin - before.origin)
+        total -= state.sum(state.points.weights * shifted)
         for (fields, old, new), acting, placed in zip(
             places, moment.contacts, at.contacts, strict=True
         ):

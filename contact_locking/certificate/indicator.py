@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import partial
 
 import basix
 import numpy as np
@@ -240,7 +241,8 @@ def _recovered(state: SolvedState, values: FloatArray) -> FloatArray:
     """
     mesh, size = state.problem.domain.mesh, values.shape[1]
     volumes = state.points.by_cell(state.points.weights).sum(axis=1)
-    space = state.problem.element.nodal_space(mesh, size + 1)
+    nodal_space = partial(state.problem.element.nodal_space, mesh, size + 1)
+    space = state.system.kept(("recovered", size), nodal_space)
     corners = space.dofmap.list[: len(values)]
     count = corners.shape[1]
     result = np.empty((len(values), count, size))

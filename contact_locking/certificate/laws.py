@@ -196,8 +196,8 @@ def friction(state: SolvedState, fields: ContactFields) -> tuple[float, float, f
 def bound_change(state: SolvedState, rubbing: list[ContactFields]) -> float:
     """The largest ``|G - mu(s) |R sigma_nu||/|mu |R sigma_nu||``, with the bound G of the solver.
 
-    Both are norms in L2: above on one contact, below over all contacts.  What rounding leaves on a
-    contact that does not press is nothing beside the friction elsewhere.  Collective.
+    Both are norms in L2: above on one contact, below over all contacts.  Rounding on a contact
+    that does not press counts little beside the friction elsewhere.  Collective.
     """
     contacts, u = [fields.contact for fields in rubbing], state.problem.u
     wanted = [fields.contact.friction_bound(u, fields.pressure) for fields in rubbing]

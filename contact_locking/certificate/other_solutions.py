@@ -84,7 +84,7 @@ class _FreeMotions:
         fields = np.vstack([values for _, values in parts])
         self._part_names, self._dim = domain.part_names, domain.dim
         self._coefficients = block_diag(*(free for free, _ in parts), np.eye(len(self._tools)))
-        self._box = domain.bounding_box()
+        self._box = domain.bounding_box
         count = self._coefficients.shape[1]
         rows, room, pressure = [np.zeros((0, count))], [np.zeros(0)], [np.zeros(0)]
         everywhere = np.ones(fields.shape[1], dtype=bool)

@@ -1,4 +1,4 @@
-"""What the conditions on named boundary parts hold: their reactions, and the nodes of contacts."""
+"""Reactions on named boundary parts, and the nodes of contacts that conditions hold."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ class SetAtPoints:
         limit: FloatArray,
         multiplier: FloatArray,
     ) -> None:
-        #: ``L eps(w)`` of a displacement w: (k, d, d), or (k,) for a half space.
+        #: ``L (eps(w) - eps_0)`` of a displacement w: (k, d, d), or (k,) for a half space.
         self.measured = measured
         self.limit, self._multiplier = limit, multiplier
         self._measure_multiplier()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,6 +10,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.certificate.reactions import are_held
@@ -16,7 +18,7 @@ from contact_locking.certificate.sets_at_points import PrincipalAtPoints, SetAtP
 from contact_locking.fem import compiled
 from contact_locking.parallel import maximum
 from contact_locking.problem.discrete_problem import DiscreteProblem
-from contact_locking.problem.strain_sets import PrincipalSet, StrainSet
+from contact_locking.problem.strain_sets import NormSet, PrincipalSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.derived import ContactFields, penalised
@@ -50,8 +52,8 @@ class SolvedState:
 
         Without multipliers the stresses are those of the penalty laws.  Collective.
         """
-        u, data, domain = problem.u, problem.data, problem.domain
-        found = report.multipliers or penalised(domain, u, data)
+        u, data = problem.u, problem.data
+        found = report.multipliers or penalised(system)
         body = BodyFields(problem, system, found)
         pairs = zip(data.contacts, found.contacts, strict=True)
         contacts = tuple(ContactFields(contact, u, forces) for contact, forces in pairs)
@@ -81,8 +83,11 @@ class SolvedState:
         With the largest eigenvalue of A in the place of alpha, the mean strain would vanish for
         nearly incompressible bodies.
         """
-        tolerance = self.settings.tolerance
-        return self.target.mean_strain(self.energy, self.largest_displacement, tolerance)
+        tolerance, energy = self.settings.tolerance, self.energy
+        if self.problem.data.origin is not None:
+            # A body that is held where it is has an elastic strain nevertheless.
+            energy = max(energy, self.system.elastic_energy())
+        return self.target.mean_strain(energy, self.largest_displacement, tolerance)
 
     @cached_property
     def largest_displacement(self) -> float:
@@ -98,12 +103,15 @@ class SolvedState:
     def work(self) -> float:
         """The work of the state: ``alpha |Omega| |eps|^2/2 + |int Z : eps|``; collective.
 
+        Z works at ``eps - eps_0`` where the limits are those of this strain.
+
         With the mean strain |eps| the first term is the elastic energy, except for rounding.  The
         second term is the work of the locking stress, which can exceed the elastic energy by far.
         """
         elastic = 0.5 * self.mean_stress * self.mean_strain * self.points.volume
         points = self.points
-        products = np.einsum("kij,kij->k", points.locking_stress, points.strain)
+        strain = points.strain - points.origin
+        products = np.einsum("kij,kij->k", points.locking_stress, strain)
         return elastic + abs(self.sum(points.weights * products))
 
     @cached_property
@@ -139,7 +147,7 @@ class StrainPoints:
 
     ``weights`` (k,) are the weights of the locking rule, and ``volume`` is the volume of the body.
     ``sets`` are the sets of strains; ``limit`` and ``locking_stress`` are M of the ball and the sum
-    of the stresses of all sets.
+    of the stresses of all sets, and ``origin`` is eps_0 that the sets begin at, 0 without one.
     """
 
     def __init__(self, state: SolvedState) -> None:
@@ -160,9 +168,14 @@ class StrainPoints:
         self.locking_stress = self.of(state.body.locking_stress)
         self._strained = kept("strained", lambda: fem.Function(state.problem.u.function_space))
         self._strain = element.strain(self._strained)
+        self.origin = np.zeros_like(self.locking_stress)
+        if state.problem.data.origin is not None:
+            self.origin = self._at_points("origin", state.problem.data.origin)
         pairs = zip(state.problem.data.sets, state.body.locking_parts, strict=True)
         self.sets = [self._set(item, part) for item, part in pairs]
-        self.strain = self.sets[0].measured(state.problem.u)
+        self.strain = self._measured(NormSet("strain", state.problem.data.inverse_limit))(
+            state.problem.u
+        )
         # The limit of the ball without the rounding of 1/(1/M).
         self.sets[0].limit = self.limit
 
@@ -175,11 +188,25 @@ class StrainPoints:
         dofs = function.function_space.dofmap.list[: self._owned].reshape(-1)
         return function.x.array.reshape(-1, *function.ufl_shape)[dofs]
 
+    def _at_points(self, name: str, expr: Expr) -> FloatArray:
+        """The values (k, m, m) of a tensor in UFL; collective."""
+        function = fem.Function(self._space)
+        values = self._kept(name, lambda: compiled.interpolation(expr, self._space))
+        function.interpolate(values)
+        return self.of(function)
+
     def _set(self, law: StrainSet, multiplier: fem.Function) -> SetAtPoints:
         """A set with its multiplier; collective."""
+        with np.errstate(divide="ignore"):
+            limit = np.reciprocal(self.of(law.inverse_limit))
+        made = PrincipalAtPoints if isinstance(law, PrincipalSet) else SetAtPoints
+        return made(self._measured(law), limit, self.of(multiplier))
+
+    def _measured(self, law: StrainSet) -> Callable[[fem.Function], FloatArray]:
+        """``L (eps(w) - eps_0)`` of displacements w; collective."""
 
         def compiled_strain() -> tuple[fem.Function, fem.Expression]:
-            expr = law.measured(self._strain)
+            expr = law.measured(law.limited(self._strain))
             function = fem.Function(self._space if expr.ufl_shape else self._scalar)
             return function, compiled.interpolation(expr, function.function_space)
 
@@ -190,7 +217,4 @@ class StrainPoints:
             function.interpolate(expression)
             return self.of(function)
 
-        with np.errstate(divide="ignore"):
-            limit = np.reciprocal(self.of(law.inverse_limit))
-        made = PrincipalAtPoints if isinstance(law, PrincipalSet) else SetAtPoints
-        return made(measured, limit, self.of(multiplier))
+        return measured

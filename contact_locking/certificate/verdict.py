@@ -10,7 +10,7 @@ from dolfinx import fem
 
 from contact_locking.certificate.balances import equilibrium
 from contact_locking.certificate.bounds import proved_bounds
-from contact_locking.certificate.constants import constants
+from contact_locking.certificate.constants import constant_supports, constants
 from contact_locking.certificate.criteria import Criterion, complaints
 from contact_locking.certificate.critical_friction import critical_friction
 from contact_locking.certificate.elliptic import Lifting, NotApplicable
@@ -43,6 +43,7 @@ class Certificate:
     error_bound: fem.Function | None
     limit_load: dict[str, Any] | None
     critical_friction: dict[str, Any] | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def residual(self) -> float:
@@ -81,7 +82,7 @@ def is_solved(state: SolvedState) -> bool:
 
 @dataclass(frozen=True)
 class Extras:
-    """What a certificate has on demand.
+    """The parts of a certificate that are made on demand.
 
     These are constants of the theory, a guaranteed error bound, and the critical friction.
     """
@@ -137,6 +138,7 @@ def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
         error_bound=shares,
         limit_load=limit,
         critical_friction=critical_friction(state) if extras.critical_friction else None,
+        warnings=constant_supports(state) if extras.constants or wanted else (),
     )
 
 

@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
     parameters, restart = study.parameters, arguments.restart
     directory = parameters.output.directory
     speaks = comm.rank == 0 and not arguments.quiet
-    #: What an interrupt leaves of the run, in words.
+    #: The remains of an interrupted run, in words.
     arguments.left = lambda: _left_of_run(arguments, parameters)
     if restart is not None and not arguments.checkpoint:
         _keep_checkpoint(restart, Path(directory))

@@ -25,7 +25,7 @@ class Tools(Sequence[PushedFoundation]):
     def __init__(self, tools: Sequence[PushedFoundation], epsilon: fem.Constant) -> None:
         self._tools = tuple(tools)
         self.balances = [
-            ToolBalance(tool, epsilon, tool.contact.surface.domain.extent()) for tool in tools
+            ToolBalance(tool, epsilon, tool.contact.surface.domain.extent) for tool in tools
         ]
 
     def __len__(self) -> int:

@@ -316,7 +316,7 @@ class RigidFoundation:
         """
         motion = self.motion()
         depth, normals = body.way_out(motion.origin(points), -motion.turn.T @ outward.T)
-        low, high = surface.domain.bounding_box()
+        low, high = surface.domain.bounding_box
         if maximum(self._comm, depth) > (high - low).min():
             raise Misplaced(_TOO_FAR_IN, self._key)
         return -depth, -(motion.turn @ normals).T

@@ -15,7 +15,7 @@ from contact_locking.laws.friction import FrictionLaw
 from contact_locking.parallel import maximum
 
 # Where the pressure is below this share of the largest, the body is not pressed.
-_PRESSED = 1e-6
+_PRESSED = 1e-4
 # Friction that holds everything is bounded by this multiple of the largest pressure, and friction
 # that holds nothing by this share of it, so that each friction cone has an inside.
 _ALL, _NONE = 1e3, 1e-9

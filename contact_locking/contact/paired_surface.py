@@ -68,7 +68,7 @@ class PairedSurface(ContactSurface):
             element.trace, self.scalar_space, space, self.nodes, vector_blocks, rows
         )
         self.limited = self._jump
-        self.distance = np.where(faces, found.gap[here], domain.extent())
+        self.distance = np.where(faces, found.gap[here], domain.extent)
         weights = np.where(faces, found.weights[here], self.weights)
         self.ds = WeightedMeasure(self.ds, self.scalar_function(weights / self.weights))
         self.weights = weights
@@ -186,7 +186,7 @@ def _require_facing(domain: Domain, one: Side, found: Pairing, given: Contact) -
             f"{against}; name only the part of the other body that faces {on}",
             f"{key}.against",
         )
-    low, high = domain.bounding_box()
+    low, high = domain.bounding_box
     deepest = int(np.argmin(found.gap))
     depth = -float(found.gap[deepest])
     if depth > _DEEPEST * float((high - low).min()):

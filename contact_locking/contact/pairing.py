@@ -45,7 +45,7 @@ _TRIANGLE = (
     (0.445948490915965, 0.223381589678011),
     (0.091576213509771, 0.109951743655322),
 )
-# A facet is covered if this share of it is: what is less is rounding, or the rim of side 2.
+# A facet is covered if this share of it is: a lesser share is rounding, or the rim of side 2.
 _COVERED = 1e-3
 # A facet may be covered by this share more than once: rounding.
 _TWICE = 1e-6
@@ -254,7 +254,7 @@ def _boxes_meet(own: FloatArray, flat: FloatArray) -> BoolArray:
 
 
 def _overlaps(own: FloatArray, flat: FloatArray) -> tuple[IntArray, FloatArray]:
-    """What simplices ``own`` and ``flat`` (p, d, d - 1) have in common.
+    """The intersections of simplices ``own`` and ``flat`` (p, d, d - 1).
 
     Returns simplices (q, d, d - 1), and the number (q,) of the pair of each.
     """

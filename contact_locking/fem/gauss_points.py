@@ -1,8 +1,10 @@
-"""The points of Gauss's rule of degree 2 in a cell, and functions given there.
+"""The points of Gauss's rules in a cell, and functions given there.
 
-A cell has as many points as corners, and the points are numbered as the corners: each point is next
-to the corner with its number.  The functions are affine in a simplex, and of degree 1 in each
-coordinate of a quadrilateral or a hexahedron.
+For functions of degree 1 a cell has as many points as corners, those of the rule of degree 2: the
+functions are affine in a simplex, and of degree 1 in each coordinate of a quadrilateral or a
+hexahedron.  For functions of degree 2, in each coordinate of these boxes, there are 3 points in
+each direction.  The points are numbered as the nodes of Lagrange's element of the degree: each
+point is next to the node with its number.
 """
 
 from __future__ import annotations
@@ -19,38 +21,45 @@ from contact_locking.mesh.cell_kind import NAMED
 
 
 @cache
-def shares(cell: str) -> FloatArray:
-    """The values (c, c) of the corners' functions of degree 1, with a row for each point."""
-    return NAMED[cell].basis(_points(cell))
+def shares(cell: str, degree: int = 1) -> FloatArray:
+    """The values (q, c) of the corners' functions of degree 1, with a row for each point."""
+    return NAMED[cell].basis(_points(cell, degree))
 
 
-def element(cell: str, shape: tuple[int, ...] = ()) -> Any:
+def element(cell: str, shape: tuple[int, ...] = (), degree: int = 1) -> Any:
     """The element of discontinuous functions whose dofs are the values at the points.
 
     ``shape`` is the shape of the values, () for scalars.
     """
-    scalars = _element(cell)
+    scalars = _element(cell, degree)
     return basix.ufl.blocked_element(scalars, shape=shape) if shape else scalars
 
 
-def _points(cell: str) -> FloatArray:
-    """The points (c, d) in the reference cell."""
+def nodes(cell: str, degree: int) -> FloatArray:
+    """The nodes (n, d) of Lagrange's element of a degree in the reference cell."""
+    lagrange = basix.LagrangeVariant.gll_warped
     kind = basix.CellType[cell]
-    points, _ = basix.make_quadrature(kind, 2)
-    apart = np.linalg.norm(basix.geometry(kind)[:, None] - points, axis=2)
+    return np.asarray(basix.create_element(basix.ElementFamily.P, kind, degree, lagrange).points)
+
+
+def _points(cell: str, degree: int) -> FloatArray:
+    """The points (q, d) in the reference cell."""
+    points, _ = basix.make_quadrature(basix.CellType[cell], 2 * degree)
+    apart = np.linalg.norm(nodes(cell, degree)[:, None] - points, axis=2)
     return np.asarray(points[np.argmin(apart, axis=1)])
 
 
 @cache
-def _element(cell: str) -> Any:
-    kind, dim, number = basix.CellType[cell], NAMED[cell].dim, NAMED[cell].corners
+def _element(cell: str, degree: int) -> Any:
+    kind, dim, places = basix.CellType[cell], NAMED[cell].dim, _points(cell, degree)
+    number = len(places)
     # basix takes points and dual functionals for the entities of each of the dimensions 0 to 3.
     points: list[list[Any]] = [[], [], [], []]
     functionals: list[list[Any]] = [[], [], [], []]
     for entity_dim, entities in enumerate(basix.topology(kind)[:dim]):
         points[entity_dim] = [np.zeros((0, dim))] * len(entities)
         functionals[entity_dim] = [np.zeros((0, 1, 0, 1))] * len(entities)
-    points[dim] = [_points(cell)]
+    points[dim] = [places]
     functionals[dim] = [np.eye(number).reshape(number, 1, number, 1)]
     return basix.ufl.custom_element(
         kind,
@@ -62,6 +71,6 @@ def _element(cell: str) -> Any:
         basix.MapType.identity,
         basix.SobolevSpace.L2,
         True,
-        1,
-        1,
+        degree,
+        degree,
     )

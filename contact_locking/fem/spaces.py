@@ -29,11 +29,11 @@ class Element:
 
     Boxes are quadrilaterals and hexahedra; there a degree is that in each coordinate of the
     reference cell.  Displacements are continuous and of degree ``degree`` in each cell.  Strains,
-    stresses and limits are discontinuous and of degree ``strain_degree``, 0 or 1.  Their degrees of
-    freedom are the values at the midpoint of each cell for degree 0.  For degree 1 they are the
-    values at as many points as a cell has corners, one beside each corner in the order of the
-    corners: with ``limit_at`` "vertices" the corners themselves, with "gauss" the points of Gauss's
-    rule of degree 2.
+    stresses and limits are discontinuous and of degree ``strain_degree``, 0, 1, or 2 on boxes.
+    Their degrees of freedom are the values at the midpoint of each cell for degree 0.  For degree 1
+    they are the values at as many points as a cell has corners, one beside each corner in the order
+    of the corners: with ``limit_at`` "vertices" the corners themselves, with "gauss" the points of
+    Gauss's rule of degree 2.  For degree 2 they are those of 3 points in each direction.
 
     The points of ``locking_rule``, the rule for integrals of the locking law over the cells, must
     be the points of the strains: the limit then holds at these points, with the weights of the
@@ -62,7 +62,8 @@ class Element:
 
     def facts(self) -> dict[str, Any]:
         """The keys of the study file that choose the element."""
-        body = {"axisymmetric": True} if self.kinematics.axisymmetric else {}
+        body: dict[str, Any] = {"axisymmetric": True} if self.kinematics.axisymmetric else {}
+        body |= {"cells": "box"} if self.boxes else {}
         return {"degree": self.degree, "limit_at": self.limit_at, **body}
 
     def strain(self, u: Expr) -> Expr:
@@ -91,7 +92,8 @@ class Element:
         """
         if self.strain_degree == 0 or self.limit_at == "vertices":
             return fem.functionspace(mesh, ("DG", self.strain_degree, shape))
-        return fem.functionspace(mesh, gauss_points.element(mesh.topology.cell_name(), shape))
+        cell, degree = mesh.topology.cell_name(), self.strain_degree
+        return fem.functionspace(mesh, gauss_points.element(cell, shape, degree))
 
     def strain_places(self, mesh: dolfinx.mesh.Mesh) -> FloatArray:
         """The coordinates (d, k) of the points of the strains, local cell by local cell.
@@ -105,7 +107,7 @@ class Element:
             return np.asarray(dmesh.compute_midpoints(mesh, dim, cells)[:, :dim].T)
         corners = mesh.geometry.x[_compat.cell_nodes(mesh)[cells]][:, :, :dim]
         if self.limit_at == "gauss":
-            shares = gauss_points.shares(mesh.topology.cell_name())
+            shares = gauss_points.shares(mesh.topology.cell_name(), self.strain_degree)
             corners = np.einsum("pc,kcd->kpd", shares, corners)
         return np.asarray(corners.reshape(-1, dim).T)
 
@@ -120,7 +122,8 @@ class Element:
         """The element with strains at points where |eps(u)| is largest in each cell.
 
         A convex function of an affine strain is largest at a corner, and so is that of a bilinear
-        or trilinear strain in a parallelogram or a parallelepiped; other boxes are near these.
+        or trilinear strain in a parallelogram or a parallelepiped; other boxes are near these, and
+        so are strains of degree 2.
         This is the element itself if its strain is constant in a cell or has its points at the
         corners, and for bodies of revolution, where the hoop strain is not affine and not a number
         at a corner on the axis.
@@ -234,6 +237,25 @@ Q1 = Element(
     boxes=True,
 )
 
+_GAUSS_3: Rule = {"quadrature_degree": 4}
+
+#: Biquadratic or triquadratic displacements.  The limit holds at the Gauss points, 3 in each
+#: direction, where the elastic coefficients count as well.  Contact and friction limit the control
+#: values of the trace, as for P2; there are none for the faces of hexahedra.
+Q2 = Element(
+    degree=2,
+    strain_degree=2,
+    locking_rule=_GAUSS_3,
+    trace=Trace(
+        rules={2: P2.trace.rules[2]},
+        pieces={2: P2.trace.pieces[2]},
+        controls=True,
+    ),
+    limit_at="gauss",
+    elastic_rule=_GAUSS_3,
+    boxes=True,
+)
+
 _ELEMENTS = {(1, "vertices"): P1, (1, "gauss"): P1, (2, "vertices"): P2, (2, "gauss"): P2_GAUSS}
 _OF_REVOLUTION = {1: P1_REVOLUTION, 2: P2_REVOLUTION}
 
@@ -260,15 +282,10 @@ def _of_boxes(degree: int, limit_at: str | None, axisymmetric: bool) -> Element:
             f"is for triangles so far, not for {cells}; mesh the half section with triangles",
             "mesh.axisymmetric",
         )
-    if degree != 1:
-        raise InputError(
-            f"must be 1 on {cells} so far; for degree 2 mesh the body with triangles or tetrahedra",
-            "discretisation.degree",
-        )
     if limit_at == "vertices":
         raise InputError(
             f"must be gauss on {cells}, where a rule with the corners as its points would not keep "
             "a body with constant stress in equilibrium; leave the key out",
             "discretisation.limit_at",
         )
-    return Q1
+    return {1: Q1, 2: Q2}[degree]

@@ -17,6 +17,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
+from contact_locking.fem import gauss_points
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -137,10 +138,7 @@ class PointValues:
         """Take the present values of displacements; collective."""
 
     def at_nodes(self, values: FloatArray) -> FloatArray:
-        """What moves (k, d) at the nodes with local values of a displacement; collective.
-
-        It is the displacement, or the jump.
-        """
+        """The displacement or the jump (k, d) at the nodes, for local values; collective."""
         dim = self.space.dofmap.index_map_bs
         return np.asarray(values.reshape(-1, dim)[self.blocks[self._nodes]])
 
@@ -237,9 +235,9 @@ def _control_space(vectors: fem.FunctionSpace) -> fem.FunctionSpace:
     field v are therefore ``v_m/2 + (v_1 + v_2)/4``, and ``v_1`` at a corner; collective.
     """
     mesh = vectors.mesh
-    dim = mesh.topology.dim
-    cell = basix.CellType.triangle if dim == 2 else basix.CellType.tetrahedron
+    dim, cell = mesh.topology.dim, basix.CellType[mesh.topology.cell_name()]
     corners, topology = basix.geometry(cell), basix.topology(cell)
+    nodes = gauss_points.nodes(mesh.topology.cell_name(), 2)
     points: list[list[FloatArray]] = [[] for _ in range(4)]
     shares: list[list[FloatArray]] = [[] for _ in range(4)]
 
@@ -252,13 +250,17 @@ def _control_space(vectors: fem.FunctionSpace) -> fem.FunctionSpace:
         add(0, corners[[corner]], 1.0)
     for ends in topology[1]:
         add(1, np.vstack([corners[ends].mean(axis=0), corners[ends]]), 0.5, 0.25, 0.25)
+    # Inside of boxes are the last nodes, one in each entity of simplices none.
+    count = len(topology[0]) + len(topology[1])
+    inner = iter(np.split(nodes[count:], max(len(nodes) - count, 1)))
     for entity in range(2, dim + 1):
         for _ in topology[entity]:
-            add(entity, np.empty((0, dim)))
+            place = next(inner, nodes[:0])
+            add(entity, place, *[1.0] * len(place))
     element = basix.ufl.custom_element(
         cell,
         [],
-        np.eye((dim + 1) * (dim + 2) // 2),
+        np.eye(len(nodes)),
         points,
         shares,
         0,
@@ -273,9 +275,9 @@ def _control_space(vectors: fem.FunctionSpace) -> fem.FunctionSpace:
 
 def _edges(scalars: fem.FunctionSpace, nodes: IndexArray) -> tuple[IndexArray, IndexArray]:
     """The m of ``nodes`` that are midpoints of edges, and the ends (m, 2) of these edges."""
-    layout, dim = scalars.dofmap.dof_layout, scalars.mesh.topology.dim
+    layout, cell = scalars.dofmap.dof_layout, scalars.mesh.topology.cell_name()
     local = []
-    for edge in range(dim * (dim + 1) // 2):
+    for edge in range(len(basix.topology(basix.CellType[cell])[1])):
         (middle,) = layout.entity_dofs(1, edge)
         local.append([middle, *(i for i in layout.entity_closure_dofs(1, edge) if i != middle)])
     found = scalars.dofmap.list[:, np.array(local)].reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""What data over the time do between the steps of a process, which sees them at its steps alone."""
+"""The course of data between the steps of a process, which sees them at its steps alone."""
 
 from __future__ import annotations
 

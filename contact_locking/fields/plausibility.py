@@ -37,7 +37,7 @@ def about_the_gap(domain: Domain, gap: FloatArray, key: str) -> list[str]:
     the least depth of Gamma_C is at least the smallest width of the body.
     """
     depth = -maximum(domain.comm, gap, -np.inf)
-    low, high = domain.bounding_box()
+    low, high = domain.bounding_box
     width = float((high - low).min())
     if depth < width:
         return []
@@ -51,21 +51,21 @@ def about_the_gap(domain: Domain, gap: FloatArray, key: str) -> list[str]:
 def about_the_distance(domain: Domain, gap: FloatArray, key: str) -> list[str]:
     """A warning about a foundation that is farther away than the body is long; collective."""
     nearest = -maximum(domain.comm, -gap, -np.inf)
-    if nearest <= domain.extent():
+    if nearest <= domain.extent:
         return []
     return [
-        f"{key}: the body is {domain.extent():.3g} long, and the foundation is {nearest:.3g} away "
+        f"{key}: the body is {domain.extent:.3g} long, and the foundation is {nearest:.3g} away "
         "from Gamma_C; does the foundation stand in its place, in the units of the mesh?"
     ]
 
 
 def about_the_size(domain: Domain, extent: float, key: str) -> list[str]:
     """A warning about a foundation with the wrong units, as m for mm; collective."""
-    ratio = extent / domain.extent()
+    ratio = extent / domain.extent
     if 1.0 / _LARGE_RATIO < ratio < _LARGE_RATIO:
         return []
     return [
-        f"{key}: it is {extent:.3g} long, and the body {domain.extent():.3g}; are its units those "
+        f"{key}: it is {extent:.3g} long, and the body {domain.extent:.3g}; are its units those "
         "of the mesh?"
     ]
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from contact_locking.errors import InputError
 
 _NAME = ".lock"
-# What a run or study writes into the file, or a killed one has left there.
+# The text that a run or study writes into the file, or a killed one has left there.
 _CONTENT = re.compile(r"(a \w+, process \d+ on .*\n?)?")
 # PATH_MAX of Linux minus the longest path of a result in a folder.
 _LONGEST_PATH = 4096 - 160

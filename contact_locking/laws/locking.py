@@ -57,8 +57,8 @@ def principal_strains(eps: Expr) -> tuple[Expr, Expr]:
 def principal_stress(eps: Expr, inverse_limit: Expr, n: Expr) -> Expr:
     """``2 n [eps - M I]^+`` of a (2, 2) tensor: its part with positive eigenvalues.
 
-    It is 2 n times what leads from eps to the nearest strain with ``eps_I <= M`` in the Frobenius
-    norm, and exactly zero where ``eps_I <= M`` and for ``1/M = 0``.
+    It is 2 n times the difference between eps and the nearest strain with ``eps_I <= M`` in the
+    Frobenius norm, and exactly zero where ``eps_I <= M`` and for ``1/M = 0``.
     """
     first, second = principal_strains(eps)
     half = 0.5 * ufl.Identity(2)

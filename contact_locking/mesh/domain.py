@@ -127,20 +127,22 @@ class Domain:
         self.mesh.topology.create_connectivity(fdim, self.dim)
         return maximum(self.comm, self.mesh.h(fdim, facets) if len(facets) else 0.0)
 
+    @cached_property
     def bounding_box(self) -> FloatArray:
-        """The least and greatest coordinates (2, d); collective."""
+        """The least and greatest coordinates (2, d); the first use is collective."""
         x = self.mesh.geometry.x[:, : self.dim]
         low = self.comm.allgather(x.min(axis=0, initial=np.inf))
         high = self.comm.allgather(x.max(axis=0, initial=-np.inf))
         return np.array([np.min(low, axis=0), np.max(high, axis=0)])
 
+    @cached_property
     def extent(self) -> float:
-        """``sqrt(12 lambda)``, lambda the largest second moment of the body per volume; collective.
+        """``sqrt(12 lambda)``, lambda the largest second moment of the body per volume.
 
         The extent of a slender body is its length.  A rotation of the body changes the bounding box
-        and does not change the extent.
+        and does not change the extent.  The first use is collective.
         """
-        dim, middle = self.dim, self.bounding_box().mean(axis=0)
+        dim, middle = self.dim, self.bounding_box.mean(axis=0)
         owned = self.mesh.topology.index_map(dim).size_local
         simplices = self.kind.split(_compat.cell_nodes(self.mesh)[:owned])
         x = self.mesh.geometry.x[simplices, :dim] - middle
@@ -156,8 +158,8 @@ class Domain:
     def compact_size(self, unknowns: int, degree: int) -> int:
         """The unknowns of a cube that takes as long to factorise as this body; collective.
 
-        A factorisation depends on the separators of the mesh.  Those of a plate of t layers of
-        nodes with N nodes in all have sqrt(t N) nodes, those of a cube N^(2/3).  The cells for each
+        A factorisation depends on the separators of the mesh.  In a plate of t layers of nodes
+        with N nodes in all they have sqrt(t N) nodes, and in a cube N^(2/3).  The cells for each
         facet of the boundary give about t.  A body in 2D counts as it is.
         """
         if self.dim == 2:

@@ -29,7 +29,7 @@ def half_section(domain: Domain, key: str = "mesh.axisymmetric") -> Domain:
             "(r, z) = (x, y)",
             key,
         )
-    low, high = domain.bounding_box()
+    low, high = domain.bounding_box
     radius = domain.mesh.geometry.x[:, 0]
     if low[0] < -_ON_AXIS * high[0]:
         hint = "; take its half with quarter: true" if domain.origin in ("disc", "annulus") else ""
@@ -44,14 +44,14 @@ def half_section(domain: Domain, key: str = "mesh.axisymmetric") -> Domain:
 
 def is_on_axis(domain: Domain, x: FloatArray) -> BoolArray:
     """Which of the points x (d, k) lie on the axis, (k,); collective."""
-    return np.asarray(np.abs(x[0]) <= _ON_AXIS * domain.bounding_box()[1, 0])
+    return np.asarray(np.abs(x[0]) <= _ON_AXIS * domain.bounding_box[1, 0])
 
 
 def axis_condition(domain: Domain, space: fem.FunctionSpace) -> fem.DirichletBC:
     """``u_r = 0`` on the axis; collective."""
     sub = space.sub(0)
     scalar = _compat.collapse(sub)[0]
-    small = _ON_AXIS * float(domain.bounding_box()[1, 0])
+    small = _ON_AXIS * float(domain.bounding_box[1, 0])
     dofs = fem.locate_dofs_geometrical((sub, scalar), lambda x: np.abs(x[0]) <= small)
     return fem.dirichletbc(fem.Function(scalar), dofs, sub)
 

@@ -64,7 +64,7 @@ def with_parts(domain: Domain, places: Mapping[str, Place], key: str) -> Domain:
             domain.require_names(place.on, marks, f"{own}.on")
             marks[name] &= np.any([marks[part] for part in place.on], axis=0)
         if not on_any_rank(mesh.comm, bool(marks[name].any())):
-            low, high = (domain.where(end) for end in domain.bounding_box())
+            low, high = (domain.where(end) for end in domain.bounding_box)
             raise InputError(
                 f"catches no facet of the boundary, which is between {low} and {high}", own
             )

@@ -18,20 +18,30 @@ from dolfinx import io
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from contact_locking.arrays import BoolArray, IndexArray, IntArray
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.errors import InputError, explained, with_key
 from contact_locking.files.atomic import staging
 from contact_locking.mesh.distributed_cells import DistributedCells, MeshShare, box
 from contact_locking.mesh.distribution import mesh_of
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file import places
-from contact_locking.mesh.file.xdmf_grids import Grid, Grids, data_file, read_grids
+from contact_locking.mesh.file.xdmf_grids import (
+    Grid,
+    Grids,
+    data_file,
+    read_facet_grids,
+    read_grids,
+)
 from contact_locking.mesh.named_parts import marked, tags_of
-from contact_locking.parallel import agree, on_root
+from contact_locking.parallel import agree, on_every_rank, on_root
 
 _KEY = "mesh.file"
 # More numbers in one grid are no groups.
 _MOST_GROUPS = 1000
+
+
+#: A name, local entities, and how many entities of the file are none of the mesh.
+Group = tuple[str, IndexArray, int]
 
 
 @dataclass(frozen=True)
@@ -42,7 +52,7 @@ class Regions:
     names: dict[str, int]
 
 
-def from_xdmf(path: Path, comm: MPI.Intracomm) -> Domain:
+def from_xdmf(path: Path, comm: MPI.Intracomm, facets: Path | None = None) -> Domain:
     """The mesh of a file that `dolfinx.io.XDMFFile` has written; collective.
 
     The first grid of the file is the mesh.  Every other grid has tags of cells or facets.  Tags
@@ -50,20 +60,29 @@ def from_xdmf(path: Path, comm: MPI.Intracomm) -> Domain:
     is a group, whose name is the number.  Cells without any tags are one region with the name of
     the mesh.
 
+    ``facets`` is another file with tags of facets, which number the points of the first file: each
+    value is a group, whose name is the number.
+
     Raises InputError if the file cannot be read, if the cells are not of one kind and first order,
     and if the mesh is not a body.
     """
-    return with_key(_KEY, lambda: _read(path, on_root(comm, lambda: read_grids(path)), comm))
+    grids = with_key(_KEY, lambda: on_root(comm, lambda: read_grids(path)))
+    return with_key(_KEY, lambda: _read(path, grids, comm, facets))
 
 
-def _read(path: Path, grids: Grids, comm: MPI.Intracomm) -> Domain:
+def _read(path: Path, grids: Grids, comm: MPI.Intracomm, other: Path | None) -> Domain:
     with _explained(path), io.XDMFFile(comm, path, "r") as file:
         mesh = _mesh(file, grids)
         cells = DistributedCells(mesh)
         warnings = cells.check()
         count, parts = cells.parts
         regions = _regions(file, grids, cells, mesh)
-        boundary, unusable, more = _boundary_parts(file, grids.boundary_parts, cells, mesh)
+        named = [group for grid in grids.boundary_parts for group in _groups(file, grid, mesh)]
+        points = np.asarray(file.read_geometry_data(grids.cells.name))[:, : grids.dim]
+    if other is not None:
+        named += _facets_of(other, grids, mesh, points)
+    with _explained(path):
+        boundary, unusable, more = _boundary_parts(named, cells, mesh)
     every = np.arange(len(regions.numbers), dtype=np.int32)
     facet_tags, facet_names = tags_of(mesh, boundary)
     return Domain(
@@ -96,8 +115,34 @@ def _mesh(file: io.XDMFFile, grids: Grids) -> dmesh.Mesh:
     return mesh
 
 
-def _groups(file: io.XDMFFile, grid: Grid, mesh: dmesh.Mesh) -> list[tuple[str, IndexArray, int]]:
-    """Name and local entities of each group in a grid, and how many the file has; collective."""
+def _facets_of(path: Path, grids: Grids, mesh: dmesh.Mesh, points: FloatArray) -> list[Group]:
+    """The groups of a file of facets, each named by its number; collective.
+
+    ``points`` are this rank's share of those in the file of the mesh.
+    """
+    kind, comm = grids.cells.kind, mesh.comm
+
+    def read() -> list[Group]:
+        first, tags = on_root(comm, lambda: read_facet_grids(path, kind))
+        with _explained(path), io.XDMFFile(comm, path, "r") as file:
+            there = np.asarray(file.read_geometry_data(first.name))[:, : grids.dim]
+            if not on_every_rank(comm, np.array_equal(points, there)):
+                raise InputError(
+                    "its points are not those of mesh.file, which its facets have to number; write "
+                    "both files with all points of one mesh"
+                )
+            return [group for grid in tags for group in _groups(file, grid, mesh, by_number=True)]
+
+    try:
+        return read()
+    except InputError as error:
+        raise InputError(str(error), "mesh.facets") from None
+
+
+def _groups(
+    file: io.XDMFFile, grid: Grid, mesh: dmesh.Mesh, by_number: bool = False
+) -> list[Group]:
+    """Name and local entities of each group in a grid, and how many are missing; collective."""
     tags = file.read_meshtags(mesh, grid.name)
     comm, owned = mesh.comm, mesh.topology.index_map(grid.dim).size_local
     given = comm.allreduce(len(file.read_topology_data(grid.name)))
@@ -107,7 +152,7 @@ def _groups(file: io.XDMFFile, grid: Grid, mesh: dmesh.Mesh) -> list[tuple[str, 
         raise InputError(
             f"grid {grid.name!r} has {len(values)} values or more, which are no groups"
         )
-    if len(values) < 2:
+    if len(values) < 2 and not by_number:
         return [(grid.name, tags.indices, missing)]
     return [(str(value), tags.find(value), missing) for value in values]
 
@@ -148,7 +193,7 @@ def _require_different(names: Sequence[str], kind: str) -> None:
 
 
 def _boundary_parts(
-    file: io.XDMFFile, grids: Sequence[Grid], cells: DistributedCells, mesh: dmesh.Mesh
+    groups: Sequence[Group], cells: DistributedCells, mesh: dmesh.Mesh
 ) -> tuple[dict[str, BoolArray], dict[str, str], list[str]]:
     """The marked facets of parts, why other groups bound nothing, and warnings; collective."""
     unusable: dict[str, str] = {}
@@ -157,7 +202,7 @@ def _boundary_parts(
     owned = mesh.topology.index_map(cells.dim - 1).size_local
     what = "edges" if cells.dim == 2 else "faces"
     facet = places.of_facets(cells.data.kind)
-    for name, facets, missing in (g for grid in grids for g in _groups(file, grid, mesh)):
+    for name, facets, missing in groups:
         inner = cells.shared[facets] == 2
         mine = facets < owned
         total, inside = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import ufl
 from dolfinx import fem
@@ -15,6 +15,7 @@ from contact_locking.contact.no_slip import NoSlip
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.pushed_foundation import PushedFoundation
 from contact_locking.contact.state import ContactState
+from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
 from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh.domain import Domain
@@ -34,7 +35,8 @@ class Body:
     ``space`` is the space of displacements of ``element``.  ``elasticity`` is A, or the A in the
     bilinear ``form`` if one is given.  ``loads`` is the linear form (f, .), and ``own_energy`` maps
     u to a convex and differentiable functional.  ``regions`` are cells whose stress may jump
-    against that of all others.  ``springs`` act on the boundary.  ``displacements`` and
+    against that of all others.  ``springs`` act on the boundary.  ``limits_of`` says whether
+    the limits are those of the "total" or of the "elastic" strain.  ``displacements`` and
     ``supports`` name the boundary parts with prescribed displacements and with supports, for
     messages.
     """
@@ -50,6 +52,7 @@ class Body:
     own_energy: Callable[[fem.Function], Expr] | None = None
     regions: Sequence[IndexArray] = ()
     springs: Sequence[Springs] = ()
+    limits_of: str = "total"
     displacements: Sequence[str] = ()
     supports: Sequence[str] = ()
 
@@ -92,6 +95,7 @@ class DiscreteProblem:
         self.warnings = [text for contact in nodal for text in contact.warnings()]
         slips = tuple(float(contact.regularisation.value) for contact in nodal)
         self.penalty = Penalty(n, epsilon, slips)
+        origin = _origin(body, self.material)
         self.data = forms.ProblemData(
             elasticity=_elastic(body, self.material),
             elastic_stress=self.material.stress,
@@ -103,11 +107,12 @@ class DiscreteProblem:
             n=fem.Constant(domain.mesh, n),
             epsilon=fem.Constant(domain.mesh, epsilon),
             element=element,
-            limits=tuple(item.strain_set for item in self.limits.others),
+            limits=tuple(replace(item.strain_set, origin=origin) for item in self.limits.others),
             tools=tuple(PushedFoundation(item) for item in nodal if item.is_pushed),
             own_energy=body.own_energy,
             eigenstrain=self.material.eigenstrain,
             springs=tuple(body.springs),
+            origin=origin,
         )
         self.u = fem.Function(space, name="displacement")
         self.held: list[Held] = parts_held(
@@ -190,6 +195,15 @@ def _elastic(body: Body, material: Material) -> Callable[[Expr, Expr], ufl.Form]
         return ufl.replace(form, {trial: u, test: w})
 
     return of_form
+
+
+def _origin(body: Body, material: Material) -> Expr | None:
+    """eps_0 of the limits, None for those of the whole strain."""
+    if body.limits_of == "total":
+        return None
+    if material.eigenstrain is None:
+        raise InputError("needs a strain that is not elastic, an eigenstrain", "limits_of")
+    return material.eigenstrain.of_body(body.domain.kinematics.tensor_size(body.domain.dim))
 
 
 def _loads(body: Body, material: Material) -> ufl.Form | None:

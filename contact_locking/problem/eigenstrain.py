@@ -48,6 +48,10 @@ class Eigenstrain:
         values = points.function(stress.ufl_shape)
         return cls(values, stress, 0.5 * ufl.inner(linear(values), values))
 
+    def of_body(self, size: int) -> Expr:
+        """eps_0 as a (size, size) tensor of the strains of the body."""
+        return ufl.as_tensor([[self.values[i, j] for j in range(size)] for i in range(size)])
+
     def across(self, points: Points) -> FloatArray:
         """``eps_0,zz`` (k,) at the points, for values in space."""
         return points.values(self.values)[:, 2, 2]

@@ -43,7 +43,8 @@ class ProblemData:
     of strains beside the ball.  ``tools`` are the foundations that a force pushes.  ``own_energy``
     is for a law that this package does not have: it maps u to a convex and differentiable
     functional J(u), whose derivative is added to (25).  The work of an ``eigenstrain`` is a part of
-    ``loads``, and ``springs`` on the boundary are a part of a(., .).
+    ``loads``, and ``springs`` on the boundary are a part of a(., .).  ``origin`` is
+    eps_0 of limits of the elastic strain, None for those of eps(u).
     """
 
     elasticity: Callable[[Expr, Expr], ufl.Form]
@@ -61,6 +62,7 @@ class ProblemData:
     own_energy: Callable[[fem.Function], Expr] | None = None
     eigenstrain: Eigenstrain | None = None
     springs: tuple[Springs, ...] = ()
+    origin: Expr | None = None
 
     def strain(self, u: Expr) -> Expr:
         """``eps(u)`` of the body."""
@@ -74,7 +76,11 @@ class ProblemData:
     @property
     def sets(self) -> tuple[StrainSet, ...]:
         """All sets of strains, the ball first; K is their intersection."""
-        return (NormSet("strain", self.inverse_limit), *self.limits)
+        return (NormSet("strain", self.inverse_limit, origin=self.origin), *self.limits)
+
+    def limited_strain(self, u: Expr) -> Expr:
+        """``eps(u) - eps_0``, the strain that the sets limit: eps(u) without an origin."""
+        return self.sets[0].limited(self.strain(u))
 
     @property
     def only_ball(self) -> bool:
@@ -88,7 +94,9 @@ class ProblemData:
         for item in self.limits:
             if isinstance(item, NormSet) and item.least > 0.0:
                 bound = ufl.max_value(bound, item.least * item.inverse_limit)
-        return bound
+        if self.origin is None:
+            return bound
+        return bound / (1.0 + bound * ufl.sqrt(ufl.inner(self.origin, self.origin)))
 
     @property
     def locking_dx(self) -> ufl.Measure:

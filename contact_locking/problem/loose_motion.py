@@ -45,8 +45,8 @@ class LooseMotion:
     def anchored(self, u: FloatArray) -> FloatArray:
         """``u`` (local values) with no more of the free motions than the data make; collective.
 
-        How far a motion goes is measured on Gamma_C, where it is stopped.  What the body is
-        deformed by may move it as far, too.
+        How far a motion goes is measured on Gamma_C, where it is stopped.  The
+        deformation may move the body as far, too.
         """
         seen = np.concatenate(self._comm.allgather(self._basis.T @ u[: self._owned]))
         motion = np.linalg.lstsq(self._triangles, seen)[0] @ self._motions

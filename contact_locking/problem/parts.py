@@ -2,45 +2,22 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 
-from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.contact.pushed_foundation import PushedFoundation
+from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
-from contact_locking.fem.joint_forms import JointForm
 from contact_locking.mesh.domain import Domain
-from contact_locking.parallel import maximum, on_every_rank
 from contact_locking.problem import forms
-from contact_locking.problem.motion_in_words import (
-    Resultant,
-    axes_of,
-    describe_motion,
-    point,
-    resultant_on_plane,
-    spin,
-)
-from contact_locking.problem.motions_at_contact import MotionsAtContact
-from contact_locking.problem.springs import motions_past
+from contact_locking.problem.motions import Motions, dofs_of, motions_of_part
 from contact_locking.supports.conditions import Constraints
 from contact_locking.supports.rigid_motions import (
-    driven_motion,
     free_motions,
-    loose_motion,
-    rigid_motions,
     sliding_motions,
-    unheld_motion,
 )
-
-# A push that exceeds what friction holds by less than this share does not prove a slide.
-_ROUNDING = 1e-6
-# The same of a friction bound that a solver reached and did not settle.
-_REACHED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -90,7 +67,7 @@ def parts_held(
     found = {}
     touching = [part for contact in data.contacts for part in (*contact.on, *contact.against)]
     for group in _groups(domain, data):
-        motions = _Motions(domain, space, data, constraints, group)
+        motions = Motions(domain, space, data, constraints, group)
         sliding = sliding_motions(motions.normals).shape[1]
         loosest = max(zip(motions.parts, group, strict=True), key=lambda it: it[0][1].shape[1])[1]
         for number, (_, free) in zip(group, motions.parts, strict=True):
@@ -103,7 +80,7 @@ def parts_held(
                 # Bodies that touch each other may slide together: they count once.
                 sliding if number == loosest else 0,
                 _touching(domain, number, list(dict.fromkeys(item.on for item in data.springs))),
-                free_motions(domain, space, constraints, _dofs(domain, space, number)).shape[1]
+                free_motions(domain, space, constraints, dofs_of(domain, space, number)).shape[1]
                 - free.shape[1],
             )
     return [found[number] for number in sorted(found)]
@@ -128,7 +105,7 @@ def require_parts_held(
     """Raise InputError for a part that is free to move under the present loads; collective."""
     several = len(domain.part_names) > 1
     for group in _groups(domain, data):
-        motions = _Motions(domain, space, data, constraints, group)
+        motions = Motions(domain, space, data, constraints, group)
         try:
             motions.require_tools_held()
             motions.require_held(motions.most_work)
@@ -161,7 +138,7 @@ def describe_slide(
       the present bound G alone that there is no equilibrium.
     """
     for group in _groups(domain, data):
-        found = _Motions(domain, space, data, constraints, group)
+        found = Motions(domain, space, data, constraints, group)
         if not found.of_body:
             continue
         told = found.describe_unheld() or found.describe_push() or found.describe_slide()
@@ -176,7 +153,7 @@ def describe_unheld(
 ) -> str | None:
     """The first of the motions of :func:`describe_slide`, with its proof, or None; collective."""
     for group in _groups(domain, data):
-        found = _Motions(domain, space, data, constraints, group)
+        found = Motions(domain, space, data, constraints, group)
         if found.of_body and (told := found.describe_unheld()) is not None:
             return told
     return None
@@ -190,7 +167,7 @@ def describe_loose(
     Tools may press the body less than at other times.  Collective.
     """
     for group in _groups(domain, data):
-        found = _Motions(domain, space, data, constraints, group)
+        found = Motions(domain, space, data, constraints, group)
         try:
             found.require_held(found.work)
         except InputError as error:
@@ -213,339 +190,9 @@ def loose_by_part(
 ) -> list[tuple[FloatArray, FloatArray]]:
     """For each part the coefficients (m, f) of its free motions, and their values; collective."""
     return [
-        _loose_fields(domain, space, data, constraints, _dofs(domain, space, number))
+        motions_of_part(domain, space, data, constraints, dofs_of(domain, space, number))
         for number in range(len(domain.part_names))
     ]
-
-
-def _loose_fields(
-    domain: Domain,
-    space: fem.FunctionSpace,
-    data: forms.ProblemData,
-    constraints: Constraints,
-    part: BoolArray,
-) -> tuple[FloatArray, FloatArray]:
-    """The coefficients (m, f) of the free motions of a part, and their values (f, n)."""
-    free = free_motions(domain, space, constraints, part)
-    fields = (free.T @ rigid_motions(space, domain.axisymmetric)) * part
-    past = motions_past(data.springs, space, fields)
-    return free @ past, past.T @ fields
-
-
-class _Motions:
-    """The f rigid motions of a part and its tools that the displacement conditions leave free.
-
-    Parts that touch each other are taken together, and ``parts`` has the name of each with the
-    coefficients (m, .) of its motions.  The first motions, ``of_body`` of them, move the parts, and
-    each of the others moves one tool that presses on these parts alone along its force.  ``free``
-    (m, f) are the coefficients of all motions of parts, zero for a tool, and ``work`` (f,) is the
-    work of the loads and of the present forces of tools along the motions; ``most_work`` is this
-    with the largest forces of the
-    process.  ``normals`` (n, f) are the normal components at all nodes of Gamma_C on the part,
-    relative to tools, and ``rubs`` (n,) marks the nodes with friction.  The constructor is
-    collective.
-    """
-
-    def __init__(
-        self,
-        domain: Domain,
-        space: fem.FunctionSpace,
-        data: forms.ProblemData,
-        constraints: Constraints,
-        group: tuple[int, ...],
-    ) -> None:
-        self.parts: list[tuple[str, FloatArray]] = []
-        fields: list[FloatArray] = []
-        part: BoolArray = np.zeros(0, dtype=bool)
-        for number in group:
-            own = _dofs(domain, space, number)
-            free, moved = _loose_fields(domain, space, data, constraints, own)
-            self.parts.append((domain.part_names[number], free))
-            fields.append(moved)
-            part = own if number == group[0] else part | own
-        free = np.hstack([item for _, item in self.parts])
-        motions = np.vstack(fields)
-        self._domain, self._space, self._data = domain, space, data
-        self._of_body, self.of_body = motions, len(motions)
-        self._tools = [tool for tool in data.tools if _is_at(tool, part)]
-        self.free = np.pad(free, ((0, 0), (0, len(self._tools))))
-        count = self.free.shape[1]
-        self.normals: FloatArray = np.zeros((0, count))
-        self.rubs: BoolArray = np.zeros(0, dtype=bool)
-        self.at_contacts = [
-            MotionsAtContact(contact, motions, part, self._tools)
-            for contact in (data.contacts if count else ())
-        ]
-        comm = domain.comm
-        for item in self.at_contacts:
-            normals = np.concatenate(comm.allgather(item.normals))
-            self.normals = np.vstack([self.normals, normals])
-            rubs = np.full(len(normals), not item.contact.friction.frictionless)
-            self.rubs = np.append(self.rubs, rubs)
-
-    @property
-    def work(self) -> FloatArray:
-        return np.array([*self._of_loads, *(tool.force for tool in self._tools)])
-
-    @property
-    def most_work(self) -> FloatArray:
-        return np.array([*self._of_loads, *(tool.largest for tool in self._tools)])
-
-    @functools.cached_property
-    def _of_loads(self) -> FloatArray:
-        """The work of the loads along the motions of the part; collective."""
-        if not self.of_body:
-            return np.zeros(0)
-        dofmap = self._space.dofmap
-        loads = la.vector(dofmap.index_map, dofmap.index_map_bs)
-        work = JointForm(forms.external_work(ufl.TestFunction(self._space), self._data))
-        work.assemble_vector(loads)
-        owned = dofmap.index_map.size_local * dofmap.index_map_bs
-        own = self._of_body[:, :owned] @ loads.array[:owned]
-        return np.asarray(self._domain.comm.allreduce(own))
-
-    def require_held(self, work: FloatArray) -> None:
-        """Raise InputError if the part can move rigidly without resistance; collective.
-
-        ``work`` (f,) is the work of the loads along the motions.
-        """
-        if not self.of_body:
-            return
-        comm = self._domain.comm
-        triangles = [
-            np.linalg.qr(rows, mode="r")
-            for item in self.at_contacts
-            for rows in comm.allgather(item.tangents())
-        ]
-        tangents = np.vstack([np.zeros((0, len(work))), *triangles])
-        motion = loose_motion(self.normals, tangents, self.rubs, work)
-        if motion is None:
-            return
-        away, resultant = self._away(), self._resultant(work)
-        if away is not None and work @ away >= 0.0:
-            motion = away
-        words = self._words(motion)
-        if not len(self.normals):
-            why = "nothing holds the body"
-        elif np.abs(self.normals @ motion).max() < 1e-6 * np.abs(self.normals).max():
-            why = "it slides along the foundation"
-            if resultant is not None and np.any(resultant.along):
-                words = f"translation along {axes_of(resultant.along)}"
-        elif resultant is not None:
-            why = f"the loads tip the body over, as their resultant {self._where(resultant)}"
-        else:
-            why = "the loads do not press the body onto the foundation"
-        raise InputError(
-            "the displacement conditions leave a rigid motion free "
-            f"({words}): {why}; fix a boundary part, or a component of it, in "
-            "loads.displacements, or a direction in loads.supports",
-            "loads.displacements",
-        )
-
-    def describe_unheld(self) -> str | None:
-        """A motion that no pressure and no friction stop, in words; collective.
-
-        None if there is none, or if the friction of a contact is not known before a solve.
-        """
-        comm = self._domain.comm
-        if not self._knows_friction():
-            return None
-
-        def resistance(motion: FloatArray) -> FloatArray:
-            rows = [item.resistance(motion) for item in self.at_contacts]
-            return np.vstack([part for own in rows for part in comm.allgather(own)])
-
-        resultant = self._resultant(self.work)
-        motion = self._lifted_slide(resultant, resistance)
-        if motion is None:
-            motion = unheld_motion(self.normals, resistance, self.work)
-        if motion is None:
-            return None
-        what = "friction" if self.rubs.any() else "contact"
-        told = self._coulomb(resultant)
-        if told is None:
-            told = f"it is free to move (rigid motion: {self._words(motion)}"
-            if np.any(spin(self.free @ motion)[1]) and resultant is not None:
-                told += f"; the resultant of the loads {self._where(resultant)}"
-            told += ")"
-        return f"{what} cannot hold the body, whatever the pressure (proved on this mesh): {told}"
-
-    def _lifted_slide(
-        self, resultant: Resultant | None, resistance: Callable[[FloatArray], FloatArray]
-    ) -> FloatArray | None:
-        """A slide along the resultant that lifts as much as friction asks, if the loads drive it.
-
-        Collective.
-        """
-        away = self._away()
-        if away is None or resultant is None or not np.any(resultant.along):
-            return None
-        slide = self._translation(resultant.along / np.linalg.norm(resultant.along))
-        lift = float(np.max(resistance(slide) @ slide, initial=0.0))
-        motion = slide + lift * away
-        return motion if self.work @ motion > _ROUNDING * float(self.work @ slide) else None
-
-    def describe_slide(self) -> str | None:
-        """A motion that the present friction bound does not stop, in words; collective.
-
-        It slides along the foundation, or else may leave it, too.
-        """
-        return self._unstopped(sliding_motions(self.normals), self.normals[:0]) or self._unstopped(
-            np.eye(len(self.work)), self.normals
-        )
-
-    def _unstopped(self, some: FloatArray, normals: FloatArray) -> str | None:
-        """One of the motions ``some`` (f, m) with ``normals c <= 0``; collective."""
-        if not some.size:
-            return None
-        comm = self._domain.comm
-
-        def rub(motion: FloatArray) -> FloatArray:
-            none = np.zeros(len(motion))
-            return np.asarray(comm.allreduce(sum((i.rub(motion) for i in self.at_contacts), none)))
-
-        motion = driven_motion(some, normals, self.work, rub)
-        push, held = float(self.work @ motion), float(rub(motion) @ motion)
-        # No words for a motion of size zero, which nothing drives, or of the numbers of a solve
-        # that broke down.
-        if not push > held * (1.0 + _REACHED):
-            return None
-        # A slide of length 1, or a turn by the angle 1.
-        moved, turn = spin(self._of_part(motion)[1])
-        words = self._words(motion)
-        rate = float(np.linalg.norm(moved if words.startswith("translation") else turn))
-        depends = any(item.contact.friction.depends_on_slip for item in self.at_contacts)
-        of_which = "the solver reached" + ", which another slip changes" * depends
-        how = "lifts off" if len(normals) else "slides"
-        return (
-            f"friction cannot hold the body with the friction bound that {of_which}: it {how} "
-            f"(rigid motion: {words}), which needs {push / rate:.4g}, and friction holds "
-            f"{held / rate:.4g}"
-        )
-
-    def describe_push(self) -> str | None:
-        """Resultants of the loads that break Coulomb's law, in words; collective."""
-        told = self._coulomb(self._resultant(self.work)) if self._knows_friction() else None
-        if told is None:
-            return None
-        return (
-            "friction cannot hold the body, by the resultants of the loads (no proof, as R moves "
-            f"the bound to other places): {told}"
-        )
-
-    def _coulomb(self, resultant: Resultant | None) -> str | None:
-        """A resultant with ``T > mu N`` in words; collective."""
-        if resultant is None:
-            return None
-        mu = np.array([item.largest_coefficient() for item in self.at_contacts])
-        held = maximum(self._domain.comm, mu) * resultant.pressing
-        push = float(np.linalg.norm(resultant.along))
-        if push <= held * (1.0 + _ROUNDING):
-            return None
-        return (
-            f"it slides along {axes_of(resultant.along)}, which needs {push:.4g}, and friction "
-            f"holds {held:.4g}"
-        )
-
-    def _knows_friction(self) -> bool:
-        """Whether the friction of all contacts is known before a solve; collective."""
-        return all([item.knows_friction() for item in self.at_contacts])
-
-    def _away(self) -> FloatArray | None:
-        """The translation (f,) away from a foundation that has one normal; collective."""
-        if len(self.parts) > 1:
-            return None
-        normals = self._gathered([item.contact_normals for item in self.at_contacts])
-        if not len(normals) or np.ptp(normals, axis=0).max() > _ROUNDING:
-            return None
-        motion = self._translation(-normals[0])
-        reached = self.normals @ motion
-        return motion if np.allclose(reached, -1.0, atol=_ROUNDING) else None
-
-    def _translation(self, direction: FloatArray) -> FloatArray:
-        """The motion (f,) nearest to a translation along a direction (d,)."""
-        # A body of revolution can move along its axis alone, which is the last direction.
-        given = direction[-1:] if self._domain.axisymmetric else direction
-        wanted = np.zeros(len(self.free))
-        wanted[: len(given)] = given
-        return np.asarray(np.linalg.lstsq(self.free, wanted)[0])
-
-    def _gathered(self, given: Sequence[FloatArray]) -> FloatArray:
-        """The rows of all contacts and all ranks; collective."""
-        comm = self._domain.comm
-        none = np.zeros((0, self._domain.dim))
-        return np.vstack([none, *(rows for own in given for rows in comm.allgather(own))])
-
-    def _words(self, motion: FloatArray) -> str:
-        """A motion (f,) of the part in words; collective."""
-        name, own = self._of_part(motion)
-        words = describe_motion(own, self._domain.bounding_box())
-        return words if len(self.parts) == 1 else f"{words} of {name}"
-
-    def _of_part(self, motion: FloatArray) -> tuple[str, FloatArray]:
-        """The part that a motion (f,) moves the most, and the coefficients (m,) of its motion."""
-        ends = np.cumsum([free.shape[1] for _, free in self.parts])
-        shares = np.split(motion[: self.of_body], ends[:-1])
-        most = int(np.argmax([np.linalg.norm(share) for share in shares]))
-        name, free = self.parts[most]
-        return name, np.asarray(free @ shares[most])
-
-    def _resultant(self, work: FloatArray) -> Resultant | None:
-        """The resultant of the loads on a flat foundation; collective.
-
-        ``work`` (f,) is the work of the loads.  None if conditions hold some motions, or if a force
-        pushes a tool.
-        """
-        if len(self.parts) > 1 or self._domain.axisymmetric:
-            return None
-        if self.free.shape[0] != self.free.shape[1]:
-            return None
-        points = self._gathered([item.points for item in self.at_contacts])
-        normals = self._gathered([item.contact_normals for item in self.at_contacts])
-        force, moment = spin(np.asarray(np.linalg.solve(self.free.T, work)))
-        return resultant_on_plane(force, moment, points, normals)
-
-    def _where(self, resultant: Resultant) -> str:
-        """Where a resultant meets the plane of the foundation, in words; collective."""
-        size = float(np.linalg.norm(np.ptp(self._domain.bounding_box(), axis=0)))
-        return f"meets the plane of the foundation at {point(resultant.place, size)}"
-
-    def require_tools_held(self) -> None:
-        """Raise InputError if the part can move with its tools as one rigid body; collective."""
-        if not self._tools or not self.of_body:
-            return
-        local = np.sum([item.gram() for item in self.at_contacts], axis=0)
-        gram = self._domain.comm.allreduce(local)
-        sizes = np.diag(gram)
-        scale = 1.0 / np.sqrt(np.where(sizes > 0.0, sizes, 1.0))
-        values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
-        for motion in vectors[:, values <= 1e-12].T:
-            if np.any(np.abs(motion[self.of_body :]) > 1e-6):
-                raise InputError(
-                    "body and foundations can move together as one rigid body "
-                    f"({self._words(scale * motion)}): the forces "
-                    "tell how hard the foundations press, and nothing tells where; fix a "
-                    "component on a boundary part in loads.displacements, or leave out one "
-                    "foundation.force",
-                    self._tools[0].key,
-                )
-
-
-def _is_at(tool: PushedFoundation, part: BoolArray) -> bool:
-    """Whether all nodes of a tool's contact are on one part of the body; collective."""
-    return on_every_rank(tool.contact.surface.domain.comm, tool.contact.surface.is_of(part))
-
-
-def _dofs(domain: Domain, space: fem.FunctionSpace, part: int) -> BoolArray:
-    """The local dofs of a part's cells, ghosts included; collective."""
-    dofmap = space.dofmap
-    marks = la.vector(dofmap.index_map)
-    marks.array[:] = 0.0
-    marks.array[np.unique(dofmap.list[np.flatnonzero(domain.parts == part)])] = 1.0
-    # A rank may have a node of the part without a cell of the part.
-    marks.scatter_reverse(la.InsertMode.add)
-    marks.scatter_forward()
-    return np.repeat(marks.array > 0.0, dofmap.index_map_bs)
 
 
 def _touching(domain: Domain, part: int, names: Sequence[str]) -> tuple[str, ...]:

@@ -11,6 +11,8 @@ Frobenius norm for the ball, for half spaces and in three dimensions for the dev
 
 ``eps_I <= M`` for the largest principal strain in the plane is no norm.  L is the identity, the
 multiplier is a tensor without negative eigenvalues, and ``tr y`` takes the place of ``|y|``.
+
+Sets of the elastic strain have an ``origin`` eps_0: ``eps - eps_0`` takes the place of eps.
 """
 
 from __future__ import annotations
@@ -43,18 +45,23 @@ def _identity(eps: Expr) -> Expr:
 
 
 class StrainSet(ABC):
-    """A closed convex set of strains with 0 in its inside; all functions take and return UFL.
+    """A closed convex set of strains with eps_0 in its inside; all functions take and return UFL.
 
     ``name`` is the name of the set in results.  ``inverse_limit`` is 1/M in the space of strains,
-    and 0 where the set does not limit the strain.
+    and 0 where the set does not limit the strain.  ``origin`` is eps_0, None for 0.
     """
 
     name: str
     inverse_limit: fem.Function
+    origin: Expr | None
+
+    def limited(self, eps: Expr) -> Expr:
+        """``eps - eps_0``, the strain that stays in the set: eps itself without an origin."""
+        return eps if self.origin is None else eps - self.origin
 
     @abstractmethod
     def measured(self, eps: Expr) -> Expr:
-        """``L eps``, a symmetric (d, d) tensor or a scalar."""
+        """``L eps``, a symmetric (d, d) tensor or a scalar, linear in eps."""
 
     @abstractmethod
     def stress(self, y: Expr) -> Expr:
@@ -94,6 +101,7 @@ class NormSet(StrainSet):
     linear_map: StrainMap = _identity
     adjoint: StrainMap = _identity
     least: float = 1.0
+    origin: Expr | None = None
 
     def measured(self, eps: Expr) -> Expr:
         return self.linear_map(eps)
@@ -102,13 +110,13 @@ class NormSet(StrainSet):
         return self.adjoint(y)
 
     def multiplier(self, eps: Expr, n: Expr) -> Expr:
-        return locking_stress(self.measured(eps), self.inverse_limit, n)
+        return locking_stress(self.measured(self.limited(eps)), self.inverse_limit, n)
 
     def energy(self, eps: Expr, n: Expr) -> Expr:
-        return locking_energy(self.measured(eps), self.inverse_limit, n)
+        return locking_energy(self.measured(self.limited(eps)), self.inverse_limit, n)
 
     def utilisation(self, eps: Expr) -> Expr:
-        measured = self.measured(eps)
+        measured = self.measured(self.limited(eps))
         return self.inverse_limit * ufl.sqrt(ufl.inner(measured, measured))
 
     def multipliers(self, element: Element, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
@@ -122,6 +130,7 @@ class HalfSpaceSet(StrainSet):
     name: str
     inverse_limit: fem.Function
     normal: Expr
+    origin: Expr | None = None
 
     def measured(self, eps: Expr) -> Expr:
         return ufl.inner(self.normal, eps)
@@ -130,13 +139,13 @@ class HalfSpaceSet(StrainSet):
         return y * self.normal
 
     def multiplier(self, eps: Expr, n: Expr) -> Expr:
-        return one_sided_stress(self.measured(eps), self.inverse_limit, n)
+        return one_sided_stress(self.measured(self.limited(eps)), self.inverse_limit, n)
 
     def energy(self, eps: Expr, n: Expr) -> Expr:
-        return one_sided_energy(self.measured(eps), self.inverse_limit, n)
+        return one_sided_energy(self.measured(self.limited(eps)), self.inverse_limit, n)
 
     def utilisation(self, eps: Expr) -> Expr:
-        return ufl.max_value(self.inverse_limit * self.measured(eps), 0.0)
+        return ufl.max_value(self.inverse_limit * self.measured(self.limited(eps)), 0.0)
 
     def multipliers(self, element: Element, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
         return element.strain_space(mesh)
@@ -148,6 +157,7 @@ class PrincipalSet(StrainSet):
 
     name: str
     inverse_limit: fem.Function
+    origin: Expr | None = None
 
     def measured(self, eps: Expr) -> Expr:
         return eps
@@ -156,13 +166,13 @@ class PrincipalSet(StrainSet):
         return y
 
     def multiplier(self, eps: Expr, n: Expr) -> Expr:
-        return principal_stress(eps, self.inverse_limit, n)
+        return principal_stress(self.limited(eps), self.inverse_limit, n)
 
     def energy(self, eps: Expr, n: Expr) -> Expr:
-        return principal_energy(eps, self.inverse_limit, n)
+        return principal_energy(self.limited(eps), self.inverse_limit, n)
 
     def utilisation(self, eps: Expr) -> Expr:
-        return ufl.max_value(self.inverse_limit * principal_strains(eps)[0], 0.0)
+        return ufl.max_value(self.inverse_limit * principal_strains(self.limited(eps))[0], 0.0)
 
     def multipliers(self, element: Element, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
         return element.tensor_space(mesh)

@@ -86,7 +86,8 @@ class PenalisedSystem:
         return JointForm(tangent, self.data.jumps)
 
     @cached_property
-    def _penalty_pressures(self) -> list[NodalAverage]:
+    def penalty_pressures(self) -> list[NodalAverage]:
+        """The pressures of the penalty law on each contact at present."""
         return [
             contact.surface.average(forms.pressure(contact.limited(self.u), contact, self.data))
             for contact in self.contacts
@@ -202,7 +203,7 @@ class PenalisedSystem:
         """The friction bounds of :attr:`rubbing` for the penalty law's pressures; collective."""
         return [
             contact.friction_bound(self.u, contact.acting(pressure()))
-            for contact, pressure in zip(self.contacts, self._penalty_pressures, strict=True)
+            for contact, pressure in zip(self.contacts, self.penalty_pressures, strict=True)
             if not contact.friction.frictionless
         ]
 

@@ -20,7 +20,8 @@ class AdmissibilityData:
     """Prescribed displacements, gaps, contact normals and limits at a time, on this rank.
 
     ``limits`` are the inverse limits of the strain: the time does not change them, but a user who
-    changes the problem between two steps may.  Foundations that a force pushes do not count,
+    changes the problem between two steps may.  ``origin`` are the values of eps_0 that the limits
+    begin at, none for limits of the whole strain.  Foundations that a force pushes do not count,
     because they may retreat.  Friction decides nothing here.
     """
 
@@ -30,6 +31,7 @@ class AdmissibilityData:
     gaps: FloatArray
     normals: FloatArray
     limits: FloatArray
+    origin: FloatArray
 
     @classmethod
     def of(cls, system: PenalisedSystem, time: float) -> AdmissibilityData:
@@ -42,6 +44,7 @@ class AdmissibilityData:
             gaps=np.concatenate([np.empty(0), *(contact.gaps for contact in contacts)]),
             normals=np.concatenate([np.empty(0), *(item.normals.ravel() for item in contacts)]),
             limits=np.concatenate([law.inverse_limit.x.array for law in system.data.sets]),
+            origin=_origin(system),
         )
 
     def repeats(self, other: AdmissibilityData) -> bool:
@@ -76,8 +79,10 @@ class AdmissibilityData:
 
     def _is_bounded_like(self, other: AdmissibilityData) -> bool:
         """Whether normals and limits are the same; collective."""
-        return self._are_same(self.normals, other.normals) and self._are_same(
-            self.limits, other.limits
+        return (
+            self._are_same(self.normals, other.normals)
+            and self._are_same(self.limits, other.limits)
+            and self._are_same(self.origin, other.origin)
         )
 
     def _are_same(self, ours: FloatArray, theirs: FloatArray) -> bool:
@@ -85,3 +90,8 @@ class AdmissibilityData:
         apart = np.abs(ours - theirs) if ours.shape == theirs.shape else np.array([np.inf])
         size = maximum(self.comm, np.abs(np.concatenate([ours, theirs])))
         return maximum(self.comm, apart) <= _ROUNDING * size
+
+
+def _origin(system: PenalisedSystem) -> FloatArray:
+    given = system.data.eigenstrain if system.data.origin is not None else None
+    return np.empty(0) if given is None else given.values.x.array.copy()

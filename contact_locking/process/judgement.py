@@ -51,6 +51,7 @@ def solution_of(
     own = problem.u.copy()
     own.name = problem.u.name
     return Solution(
+        limits_of=state.problem.body.limits_of,
         domain=problem.domain,
         element=problem.element,
         displacement=own,
@@ -188,6 +189,7 @@ def _judged(
         "residual": certificate.residual,
         "bounds": certificate.bounds,
         "certificate": certificate.summary(),
+        "warnings": [*summary["warnings"], *certificate.warnings],
     }
     if not report.converged and load is not None and load["infeasible"]:
         most = f"{100.0 * load['load_factor'][1]:.3g}"

@@ -238,7 +238,7 @@ class Steps(Iterator[StudySolution]):
 
     def _remember(self, state: State, time: float) -> None:
         """End a step; collective."""
-        # What penalties let exceed a limit or a gap is not admissible.
+        # A displacement that exceeds a limit or a gap by a penalty is not admissible.
         if self.problem.penalty.is_strict:
             self._out_of_reach.reach(AdmissibilityData.of(self._solver.system, time))
         self.problem.enter(state.contacts)

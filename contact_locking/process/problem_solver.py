@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from dolfinx import fem
 
@@ -50,7 +50,7 @@ class ProblemSolver:
             loose=_loose_motion(problem),
         )
         domain = problem.domain
-        self._length = domain.extent()
+        self._length = domain.extent
         # The face of a body of revolution is a surface in space.
         self._face = self._length ** (domain.kinematics.tensor_size(domain.dim) - 1)
         one = fem.Constant(domain.mesh, 1.0)
@@ -107,12 +107,20 @@ class ProblemSolver:
         task = Task(self.system, self.target, self.settings, self._monitor, report)
         yield from equilibria(task, most)
 
-    def diagram(self, most: float) -> Diagram:
-        """The branch of solutions up to ``most`` times the friction; collective.
+    def diagram(self, to: float, load: Callable[[float], None] | None = None) -> Diagram:
+        """The branch of solutions up to ``to`` times the friction, or the loads; collective.
 
-        Raises InputError as :func:`diagram`.
+        ``load`` gives a share of the loads to the data of the problem.  Raises InputError as
+        :func:`diagram`.
         """
-        return diagram(Task(self.system, self.target, self.settings, self._monitor), most)
+
+        def put(share: float) -> None:
+            assert load is not None
+            load(share)
+            self.system.assemble_loads()
+
+        task = Task(self.system, self.target, self.settings, self._monitor)
+        return diagram(task, to, None if load is None else put)
 
     def derivatives(self, report: SolverReport) -> LazyDerivatives:
         """The derivatives of the solution of a report, until the next solve."""

@@ -1,4 +1,4 @@
-"""What a summary says of several solutions of one problem."""
+"""The words of a summary about several solutions of one problem."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import StudySolution
-from contact_locking.solver.equilibria.diagram import Diagram, DiagramPoint
+from contact_locking.solver.equilibria.diagram import NO_START, Diagram, DiagramPoint
+from contact_locking.study.assembly import StudyProblem
+from contact_locking.study_file.named_numbers import with_load_share
 
 _COLUMNS = ("index", "contact_force", "friction_force", "elastic_energy", "compliance")
 #: The folders of all further solutions, as a pattern.
@@ -32,6 +35,32 @@ def entry(found: Sequence[StudySolution]) -> dict[str, Any]:
     ]
     total = sum(int(solution.summary["index"]) for solution in found)
     return {"found": len(found), "solutions": rows, "missing": _missing(total)}
+
+
+def branch_of_study(
+    problem: StudyProblem, solver: ProblemSolver, converged: bool
+) -> dict[str, Any]:
+    """The key ``branches`` of summary.json, with the solution of the problem solved; collective.
+
+    Over loads the branch begins at this solution, in a second problem whose time is their share.
+    """
+    given = problem.parameters.branches
+    assert given is not None
+    if given.is_over_friction:
+        return branches_entry(given.over, solver.diagram(given.to))
+    if not converged:
+        return branches_entry(given.over, NO_START)
+    parameters = with_load_share(problem.parameters)
+    shared = StudyProblem(parameters, problem.domain, problem.element)
+    shared.advance(1.0)
+    shared.enter(shared.at_rest())
+    other = ProblemSolver(shared, solver.settings)
+    for contact, solved in zip(shared.contacts, problem.contacts, strict=True):
+        contact.bounds = solved.bounds
+    found = other.diagram(given.to, shared.advance)
+    other.close()
+    shared.close()
+    return branches_entry(given.over, found)
 
 
 def branches_entry(over: str, found: Diagram) -> dict[str, Any]:

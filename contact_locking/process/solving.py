@@ -186,10 +186,10 @@ def _static(
             solution.summary |= sensitivities.of(solver.derivatives(report).made, state.contacts)
         sensitivities.close()
     solution.summary["restart"] = None if restart is None else told(restart, report)
-    if (branches := problem.parameters.branches) is not None:
+    if problem.parameters.branches is not None:
         monitor.message("following the branch of solutions")
-        found = solver.diagram(branches.to)
-        solution.summary["branches"] = several.branches_entry(branches.over, found)
+        found = several.branch_of_study(problem, solver, solution.converged)
+        solution.summary["branches"] = found
     if most is None or not solution.converged:
         yield solution
     else:
@@ -232,7 +232,7 @@ def _check_derivatives(
 
     for key in given.to:
         monitor.message(f"solving twice around {key}, to check its derivatives")
-        differences = central_differences(parameters, key, solution.domain.extent(), values)
+        differences = central_differences(parameters, key, solution.domain.extent, values)
         for number, name in enumerate(given.of):
             rate = None if differences is None else differences[number]
             found[name][key]["checked"] = rate

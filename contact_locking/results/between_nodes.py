@@ -35,6 +35,8 @@ _AROUND, _SEEN = 3.0, 0.5
 # An indentation is at least this share of the largest displacement: a smaller one is of the order
 # of the square of the displacements, which the linearised contact conditions leave out.
 _LEAST = 1e-4
+#: A foundation that enters between the nodes by this share of its indentation asks for nodes there.
+NOTABLE = 0.1
 # A corner of the foundation is looked for as deep as this multiple of the radius of a facet.
 _REACH = 1.5
 # Sharp edges are looked for at points that are this share of the least radius of a facet apart.
@@ -61,13 +63,15 @@ class Entry:
     at a node, if contact did not act, from the largest displacement of the body along the normal of
     the facet; it is at least 1e-4 of the largest displacement.  ``missed`` is the share of the
     deepest entry around which no node that touches sees half of the indentation.  All are 0 where
-    nothing enters.
+    nothing enters.  ``places`` are those of all entries by more than 10 % of the indentation, the
+    deepest of each facet.
     """
 
     depth: float = 0.0
     share: float = 0.0
     place: tuple[float, ...] = ()
     missed: float = 0.0
+    places: tuple[tuple[float, ...], ...] = ()
 
 
 def entry_between_nodes(contact: NodalContact, u: fem.Function, touches: BoolArray) -> Entry:
@@ -98,7 +102,13 @@ def entry_between_nodes(contact: NodalContact, u: fem.Function, touches: BoolArr
     indentation = max(depth, moved + overlap, _LEAST * largest)
     is_missed = moved + facets.overlap_nearby(touches) < _SEEN * indentation
     missed = maximum(comm, depths[is_missed])
-    return Entry(depth, depth / indentation, tuple(place), missed / indentation)
+    own = [
+        tuple(facets.place(i, weights[i])) for i in np.flatnonzero(depths > NOTABLE * indentation)
+    ]
+    places = {at for part in comm.allgather(own) for at in part}
+    return Entry(
+        depth, depth / indentation, tuple(place), missed / indentation, tuple(sorted(places))
+    )
 
 
 class _Facets:

@@ -15,15 +15,17 @@ from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.outline import box_around
+from contact_locking.contact.surface import NodalAverage
 from contact_locking.fem import compiled
 from contact_locking.fem.trace import make_nodal
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import peak
 from contact_locking.problem import forms
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.between_nodes import Entry, entry_between_nodes
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.ordering import along_curves, facets_of, lexicographic
-from contact_locking.solver.multipliers import ContactForces, Multipliers
+from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
 
 # The regularised friction traction never reaches the bound: a point slips from 99 % of the bound
 # on.
@@ -50,7 +52,7 @@ class ContactFields:
         self.increment, self.slip = contact.increment(u), contact.slips(u)
         self.old_place, self.old_slip = contact.references, contact.state.slip
         domain = contact.surface.domain
-        box = box_around(domain.bounding_box(), domain.axisymmetric)
+        box = box_around(domain.bounding_box, domain.axisymmetric)
         self.outline = contact.foundation.outline(box - contact.travel) + contact.travel
         # How far the foundation has moved in the step.
         self.drag, self.free = contact.drag, contact.free
@@ -113,18 +115,30 @@ class Contacts:
         return peak(self.domain.comm, found, np.concatenate(places))
 
 
-def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multipliers:
+def penalised(system: PenalisedSystem) -> Multipliers:
     """Locking stress (23), pressure (25) and friction (22) of u by the penalty laws; collective."""
-    forces = []
-    for contact in data.contacts:
-        limited = contact.limited(u)
-        pressure = contact.acting(contact.surface.average(forms.pressure(limited, contact, data))())
-        friction = contact.surface.average(forms.friction(limited, contact))()
-        forces.append(ContactForces(pressure, friction, pressure > 0.0))
-    found = Multipliers.none(data, domain.mesh, tuple(forces))
-    for item, part in zip(data.sets, found.parts, strict=True):
-        law = item.multiplier(data.strain(u), data.n)
-        part.interpolate(compiled.interpolation(law, part.function_space))
+    data, u, kept = system.data, system.u, system.kept
+
+    def compile_frictions() -> list[NodalAverage]:
+        return [
+            contact.surface.average(forms.friction(contact.limited(u), contact))
+            for contact in data.contacts
+        ]
+
+    frictions, forces = kept("penalty frictions", compile_frictions), []
+    averages = zip(data.contacts, system.penalty_pressures, frictions, strict=True)
+    for contact, of_pressure, of_friction in averages:
+        pressure = contact.acting(of_pressure())
+        forces.append(ContactForces(pressure, of_friction(), pressure > 0.0))
+    spaces = kept("multipliers", lambda: multiplier_spaces(data, u.function_space.mesh))
+    found = Multipliers.none(data, spaces, tuple(forces))
+
+    def compile_laws() -> list[fem.Expression]:
+        laws = (item.multiplier(data.strain(u), data.n) for item in data.sets)
+        return [compiled.interpolation(*pair) for pair in zip(laws, spaces, strict=True)]
+
+    for law, part in zip(kept("penalty laws", compile_laws), found.parts, strict=True):
+        part.interpolate(law)
         part.x.scatter_forward()
     found.add_up(data)
     return found

@@ -79,7 +79,7 @@ def _fill(copy: fem.Function, function: fem.Function, name: str, solution: Solut
     kinematics = solution.element.kinematics
     element, is_constant = solution.element, values.shape[1] == 1
     varies = element.strain_degree > 0 and not kinematics.axisymmetric
-    if name == "strain_norm" and varies:
+    if name == "strain_norm" and varies and solution.limits_of == "total":
         eps = kinematics.strain(solution.displacement)
         norm = ufl.sqrt(ufl.inner(eps, eps))
         copy.interpolate(compiled.interpolation(norm, space))
@@ -88,6 +88,9 @@ def _fill(copy: fem.Function, function: fem.Function, name: str, solution: Solut
         copy.x.array.reshape(-1, wanted.bs)[wanted.list] = values
     elif name == "locked":
         shares = _corner_shares(space)
+        if values.shape[1] == len(shares):
+            # A point is beside each node.
+            shares = np.eye(len(shares))
         copy.x.array.reshape(-1, wanted.bs)[wanted.list] = np.einsum("nc,kcb->knb", shares, values)
     else:
         copy.interpolate(function)

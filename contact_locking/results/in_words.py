@@ -82,7 +82,7 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("weakest number", _weakest(summary)),
         ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"])),
         ("solutions found", _several(summary.get("equilibria"))),
-        ("branch over friction", _branch(summary.get("branches"))),
+        ("branch of solutions", _branch(summary.get("branches"))),
         ("size", f"{', '.join(sizes)}; elements of degree {element['degree']}{body}"),
         ("iterations", ", ".join(counts)),
         ("time", f"{summary['wall_seconds']:.1f} s"),
@@ -129,7 +129,8 @@ def _branch(found: Mapping[str, Any] | None) -> str | None:
         return None
     shares = ", ".join(f"{share:.4g}" for share in found["folds"])
     folds = f"turns at the shares {shares}" if shares else "does not turn"
-    return f"{len(found['points']['share'])} points; {folds}; it ends: {found['end']}"
+    count = len(found["points"]["share"])
+    return f"over {found['over']}: {count} points; {folds}; it ends: {found['end']}"
 
 
 def equilibria(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
@@ -173,9 +174,7 @@ def _may_adapt(summary: Mapping[str, Any]) -> bool:
     """Whether meshes are adapted: not in steps, of bodies that touch each other, or of boxes."""
     touch = any("against" in contact for contact in summary.get("contacts") or ())
     element = summary.get("discretisation") or {}
-    # Linear elements with limits at Gauss points are those of boxes.
-    are_boxes = element.get("degree") == 1 and element.get("limit_at") == "gauss"
-    return not (summary.get("steps") or touch or are_boxes)
+    return not (summary.get("steps") or touch or element.get("cells") == "box")
 
 
 def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:

@@ -132,7 +132,7 @@ def _mean_place(
     contacts: Contacts, weight: Callable[[ContactFields], FloatArray], total: float
 ) -> FloatArray:
     """``int w x / int w`` (d,) of weights (k,) at the nodes with the integral ``total``."""
-    dim, size = contacts.domain.dim, np.abs(contacts.domain.bounding_box()).max()
+    dim, size = contacts.domain.dim, np.abs(contacts.domain.bounding_box).max()
     mean = contacts.integral(lambda f: weight(f)[:, None] * f.surface.points, dim) / total
     return np.where(np.abs(mean) <= _ROUNDING * size, 0.0, mean)
 
@@ -202,13 +202,13 @@ def penetration_between_nodes(contacts: Contacts) -> Any:
 
 @quantity("body", "largest strain", "1")
 def strain_norm_max(body: BodyFields) -> Any:
-    """Largest |ε(u)| at the points where the element keeps the limit."""
+    """Largest |ε(u)|, or |ε(u) − ε₀| with limits of it, at the points where these are kept."""
     return body.largest(body.strain_norm)
 
 
 @quantity("body", "largest strain anywhere", "1", trend=None, detail=True)
 def strain_norm_max_in_cells(body: BodyFields) -> Any:
-    """Largest |ε(u)| anywhere."""
+    """Largest |ε(u)| anywhere, or |ε(u) − ε₀| with limits of it."""
     return body.peaks[0]
 
 

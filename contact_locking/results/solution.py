@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Differentiable(Protocol):
-    """What knows the derivatives of a solution, as long as its problem is not solved again."""
+    """The derivatives of a solution, as long as its problem is not solved again."""
 
     def derivative(self, quantity: str, of: Any) -> Any:
         """As :meth:`Solution.derivative`."""
@@ -63,6 +63,7 @@ class Solution:
     state: State  # all that the next solve may take from this one
     summary: dict[str, Any]
     differentiable: Differentiable | None = None
+    limits_of: str = "total"  # whether strain_norm is |eps(u)|, or "elastic" |eps(u) - eps_0|
 
     def derivative(self, quantity: str, of: Any) -> Any:
         """``dJ/dp``, J being a quantity of the summary such as "contact_force.1" or "compliance".

@@ -62,7 +62,7 @@ def _on_flat_side(domain: Domain, contact: NodalContact, places: FloatArray) -> 
     normals, points = contact.surface.body_normals(), contact.surface.points
     own = [(normals[0], points[0])] if len(points) else []
     normal, point = next(pair for pairs in domain.comm.allgather(own) for pair in pairs)
-    near = _FLAT * domain.extent()
+    near = _FLAT * domain.extent
     heights = np.abs((points - point) @ normal)
     if maximum(domain.comm, heights) > near:
         return np.zeros(len(places), dtype=bool)

@@ -7,7 +7,7 @@ parameters.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -15,9 +15,11 @@ from mpi4py import MPI
 
 from contact_locking import study_file
 from contact_locking.errors import InputError, NoRendering
+from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
 from contact_locking.process import checkpoint, solving
+from contact_locking.process.adaptivity.missed import solved_with_nodes
 from contact_locking.process.checkpoint import saved_steps
 from contact_locking.results.output_folder import on_root_of
 from contact_locking.results.solution import StudySolution
@@ -128,13 +130,44 @@ def run_steps(
     if found and restart is None:
         monitor.message(f"going on from step {int(found[-1].name)} of an earlier run")
         restart = target
+    warnings: list[str] = []
+
+    def attempt(domain: Domain | None) -> StudySolution:
+        is_first = domain is first
+        if not is_first:
+            on_root(comm, lambda: saved_steps.remove(target))
+        solutions = solving.solve_steps(
+            parameters, comm, monitor, petsc_options, restart if is_first else None, domain
+        )
+        last, warnings[:] = _written(
+            parameters, target, solutions, keeps, save_state, monitor, comm
+        )
+        return last
+
+    saved_at = None if restart is None else saved_steps.saved_steps(Path(restart))[-1]
+    first = None if saved_at is None else checkpoint.refined_mesh(saved_at, comm)
+    last = solved_with_nodes(attempt, first)
+    if last.converged:
+        on_root(comm, lambda: saved_steps.remove(target))
+    return last, warnings
+
+
+def _written(
+    parameters: Parameters,
+    target: Path,
+    solutions: Iterator[StudySolution],
+    keeps: bool,
+    save_state: bool,
+    monitor: Monitor,
+    comm: MPI.Intracomm,
+) -> tuple[StudySolution, list[str]]:
+    """The last of the solutions, and the warnings of writing; ``keeps`` saves each; collective."""
     last: StudySolution | None = None
     with contextlib.ExitStack() as stack:
         series = None
         if parameters.output.fields:
             series = stack.enter_context(writing.FieldSeries(target, comm))
         film = film_of(parameters)
-        solutions = solving.solve_steps(parameters, comm, monitor, petsc_options, restart)
         ended: InputError | None = None
         try:
             for solution in solutions:
@@ -158,8 +191,6 @@ def run_steps(
         warnings = writing.write(last, target, save_state, fields, animation)
     if ended is not None:
         raise ended
-    if last.converged:
-        on_root(comm, lambda: saved_steps.remove(target))
     return last, warnings
 
 

@@ -62,7 +62,7 @@ class Derivatives:
     def __init__(self, frozen: Frozen, task: Task) -> None:
         self._frozen, self._adjoints = frozen, dict[str, tuple[Quantity, Adjoint]]()
         self.domain = domain = frozen.problem.domain
-        self._scale = domain.extent()
+        self._scale = domain.extent
         with frozen.system.preserved():
             equations = frozen.equations()
             try:
@@ -165,7 +165,7 @@ class Derivatives:
         return [quantity_of(name, self.domain, self._linear.equations) for name in names]
 
     def rate(self, parameter: Parameter, quantities: Sequence[Quantity]) -> Residual:
-        """How a parameter changes what the equations leave, and the quantities themselves."""
+        """The change of the residual, and of the quantities themselves, by a parameter."""
         step, value = width(parameter, self._scale), parameter.value
         with parameter.equations_at(value + step, self._frozen) as after:
             above = evaluated(after, quantities)
@@ -184,7 +184,7 @@ class Derivatives:
 
 
 def evaluated(equations: Equations, quantities: Sequence[Quantity]) -> Residual:
-    """What the equations leave, with the values of quantities; collective."""
+    """The residual of the equations, with the values of quantities; collective."""
     residual = equations.residual()
     values = [quantity.value(equations, residual) for quantity in quantities]
     return dataclasses.replace(residual, values=np.array(values))

@@ -30,7 +30,7 @@ from contact_locking.solver.task import Target
 
 @dataclass(frozen=True)
 class Residual:
-    """What the equations leave: forces on owned dofs and along travels, and gaps of the points.
+    """The residual: forces on owned dofs and along travels, and gaps of the points.
 
     ``gaps`` has an array for each family that takes part, and ``bounds`` one for each friction
     bound.  ``values`` are quantities at the iterate.
@@ -102,7 +102,7 @@ class Equations:
         return np.append(self.system.u.x.array[: self._owned], np.zeros(len(self.system.tools)))
 
     def residual(self, values: Sequence[float] = ()) -> Residual:
-        """What the equations leave, with the values of quantities; collective."""
+        """The residual of the equations, with the values of quantities; collective."""
         system, comm = self.system, self.system.comm
         vector = system.u.x.petsc_vec.duplicate()
         vector.array_w[:] = system.forms.elastic_forces(system.u)[: self._owned] - system.load

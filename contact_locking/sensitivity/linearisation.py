@@ -64,8 +64,8 @@ class Change:
 class _Answer:
     """A displacement with travels behind it, and what each family sees of it.
 
-    What is seen is a sum over refinements: seen of the sum, the rounding of the displacement would
-    count, times the stiffness of the cones.
+    ``seen`` is summed over refinements: of the summed displacement, its rounding would count, times
+    the stiffness of the cones.
     """
 
     displacement: FloatArray
@@ -79,7 +79,7 @@ class _Answer:
 
 @dataclass(frozen=True)
 class Adjoint:
-    """What a quantity gains by residuals: by forces, by gaps of each family and by each bound.
+    """The gain of a quantity by residuals: by forces, by gaps of each family and by each bound.
 
     ``displacement`` is l, the displacement of the adjoint, with travels behind it.  Arrays of gaps
     and bounds are per weight.
@@ -169,7 +169,7 @@ class Linearisation:
         return {family: family.step(answer.seen[family]) for family in self.equations.families}
 
     def _followed(self, answer: _Answer) -> FloatArray:
-        """What a response of the displacement does to the bounds."""
+        """The change of the bounds by a response of the displacement."""
         parts = [
             law.moved(pressing.response(answer.seen[pressing]), answer.seen[law.friction])
             for law, pressing in zip(self._laws, self._pressing, strict=True)
@@ -187,7 +187,7 @@ class Linearisation:
     # Adjoint.
 
     def adjoint(self, gradient: Gradient) -> Adjoint:
-        """What the quantity with this gradient gains by residuals."""
+        """The gain by residuals of the quantity with this gradient."""
         families, given = self.equations.families, gradient.reactions
         pulled = [Reaction(family, family.block(values)) for family, values in given.items()]
         right = gradient.displacement + self.tangent.forces(pulled)
@@ -234,7 +234,7 @@ class Linearisation:
         return self.tangent.forces(reactions)
 
     def gained(self, adjoint: Adjoint, residual: Residual) -> float:
-        """What the quantity of an adjoint gains by a residual, beside its own change."""
+        """The gain by a residual of the quantity of an adjoint, beside its own change."""
         local = -float(adjoint.displacement[: self._owned] @ residual.forces[: self._owned])
         for family, gap in zip(self.equations.families, residual.gaps, strict=True):
             local += family.power(adjoint.gaps[family], gap)
@@ -244,7 +244,7 @@ class Linearisation:
         return float(self._comm.allreduce(local)) + tools
 
     def paired(self, gradient: Gradient, change: Change) -> float:
-        """What the quantity of a gradient gains by a change, beside its own change."""
+        """The gain by a change of the quantity of a gradient, beside its own change."""
         local = float(gradient.displacement[: self._owned] @ change.displacement[: self._owned])
         for family, values in gradient.reactions.items():
             local += family.power(family.reactions_of(change.steps[family].dual), values)

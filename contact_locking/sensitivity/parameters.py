@@ -45,7 +45,7 @@ class Frozen:
 
 
 def refresh(problem: DiscreteProblem, system: PenalisedSystem) -> None:
-    """Take the present data of a problem; collective.  What only judges them is left out."""
+    """Take the present data of a problem; collective.  Data that only judge them are left out."""
     problem.material.refresh()
     problem.limits.refresh()
     problem.place()

@@ -80,7 +80,7 @@ def scale_of(name: str, domain: Domain, system: PenalisedSystem) -> float:
     force = energy / length if length > 0.0 else 0.0
     key = next((part for part in reversed(name.split(".")) if part in QUANTITIES), "")
     unit = QUANTITIES[key].unit if key else "length" if name.endswith(".travel") else "force"
-    face = domain.extent() ** (domain.dim - 1)
+    face = domain.extent ** (domain.dim - 1)
     return {"energy": energy, "force": force, "stress": force / face, "length": length}[unit]
 
 

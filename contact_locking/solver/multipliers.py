@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import dolfinx
@@ -31,6 +32,11 @@ class ContactForces:
         return cls(np.zeros(nodes), np.zeros((nodes, dim)), np.zeros(nodes, dtype=bool))
 
 
+def multiplier_spaces(data: ProblemData, mesh: dolfinx.mesh.Mesh) -> list[fem.FunctionSpace]:
+    """The spaces of the multipliers of the sets of strains; collective."""
+    return [item.multipliers(data.element, mesh) for item in data.sets]
+
+
 @dataclass(frozen=True)
 class Multipliers:
     """Z in the space of strains, and the forces on each part of Gamma_C.
@@ -45,10 +51,13 @@ class Multipliers:
 
     @classmethod
     def none(
-        cls, data: ProblemData, mesh: dolfinx.mesh.Mesh, contacts: tuple[ContactForces, ...]
+        cls,
+        data: ProblemData,
+        spaces: Sequence[fem.FunctionSpace],
+        contacts: tuple[ContactForces, ...],
     ) -> Multipliers:
-        """No stress, and the given forces on Gamma_C; collective."""
-        parts = tuple(fem.Function(item.multipliers(data.element, mesh)) for item in data.sets)
+        """No stress, in :func:`multiplier_spaces`, and the given forces on Gamma_C; collective."""
+        parts = tuple(fem.Function(space) for space in spaces)
         total = parts[0] if data.only_ball else fem.Function(parts[0].function_space)
         total.name = "locking_stress"
         return cls(total, contacts, parts)

@@ -319,7 +319,7 @@ class NewtonSolver:
         return None
 
     def _rounding(self, snes: PETSc.SNES) -> float:
-        """What one unit in the last place of the displacement does to the residual, five-fold."""
+        """Five times the change of the residual by one last digit of the displacement."""
         x, f = snes.getSolution().copy(), self._f.duplicate()
         signs = np.random.default_rng(0).choice([-1.0, 1.0], x.getLocalSize())
         x.array_w[:] *= 1.0 + np.finfo(float).eps * signs

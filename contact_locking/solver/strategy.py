@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.no_slip import NoSlip
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import Infeasible, InputError, NotConverged
 from contact_locking.laws.penalty import Penalty
@@ -327,14 +326,13 @@ def _solve_by(
     system, report = task.system, task.report
     start = system.constraints.held_part(system.u.x.array)
     report.reason, report.multipliers, report.last = "", None, None
-    for contact in nested:
-        if isinstance(contact.friction, NoSlip):
-            # Nothing slips at first, also where the body turns out not to be pressed.
-            contact.bounds = contact.acting(contact.friction.on_all(task.target.young))
+    # Nothing slips at first, also where the body turns out not to be pressed.
+    solver.nothing_slips = True
 
     def solve() -> None:
         system.u.x.array[:] = start
         report.multipliers = solver.solve(last)
+        solver.nothing_slips = False
 
     def wanted() -> list[FloatArray]:
         assert report.multipliers is not None

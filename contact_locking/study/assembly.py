@@ -76,6 +76,7 @@ class StudyProblem(DiscreteProblem):
             limits=given.limits,
             regions=given.regions,
             springs=springs,
+            limits_of=parameters.material.limits_of,
             displacements=[name for item in parameters.loads.displacements for name in item.on],
             supports=[name for item in parameters.loads.supports for name in item.on],
         )
@@ -89,7 +90,7 @@ class StudyProblem(DiscreteProblem):
         told += parameters.idle_friction()
         for key, text in parameters.timed():
             expression = parse(text, (*AXES, TIME), tables=tables)
-            told += unseen_peaks(expression, key, clock, domain.bounding_box())
+            told += unseen_peaks(expression, key, clock, domain.bounding_box)
         # Two contacts may have one section of friction.
         self.warnings = list(dict.fromkeys([*told, *self.warnings]))
 
@@ -176,7 +177,8 @@ def _given_mesh(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
     # SciPy, which these meshes need, would take a tenth of the time of `check` for others.
     from contact_locking.mesh.xdmf_mesh import from_xdmf
 
-    return from_xdmf(path, comm)
+    facets = parameters.mesh.facets
+    return from_xdmf(path, comm, None if facets is None else Path(facets))
 
 
 def _check_parts(domain: Domain, parameters: Parameters) -> None:

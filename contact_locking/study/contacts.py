@@ -70,7 +70,7 @@ def friction_warnings(domain: Domain, given: ContactParameters, clock: Clock) ->
     expression = parse(given.friction.coefficient, (*AXES, "s"), tables=clock.tables)
     facets = Entities.of(domain, domain.dim - 1, domain.facets(given.on))
     # Friction may begin with the slip; from the size of the body on the slip is as good as endless.
-    slips = [0.0, _SOME_SLIP * domain.extent(), domain.extent()]
+    slips = [0.0, _SOME_SLIP * domain.extent, domain.extent]
     for slip in slips if "s" in expression.names else slips[:1]:
         if found := features(facets, expression, key, "refine the mesh there", s=slip):
             return found

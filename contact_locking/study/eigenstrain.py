@@ -87,7 +87,7 @@ class EigenstrainOfStudy:
         return found
 
     def warnings(self) -> list[str]:
-        """What the points of the strains do not see of the data; collective."""
+        """The part of the data that the points of the strains do not see; collective."""
         told = []
         for part in self._parts:
             inside = Entities.of(self._domain, self._domain.dim, part.cells)

@@ -54,7 +54,7 @@ def build_loads(domain: Domain, given: LoadParameters, element: Element, clock: 
         cells = np.arange(domain.mesh.topology.index_map(domain.dim).size_local, dtype=np.int32)
         on = Entities.of(domain, domain.dim, cells)
         load = _Load(on, given.body_force, key, element, clock)
-        low, high = domain.bounding_box()
+        low, high = domain.bounding_box
         found.add(load, domain.dx(**load.metadata), key, float((high - low).max()))
     on_boundary: list[tuple[tuple[str, ...], str, type[_Load], Sequence[float | str]]] = [
         *((item.on, f"forces.{i}", _TotalForce, item.value) for i, item in enumerate(given.forces)),

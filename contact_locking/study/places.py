@@ -24,7 +24,7 @@ def with_placed_parts(domain: Domain, given: MeshParameters) -> Domain:
         return domain
     for fault in given.dimension_faults(domain.dim):
         raise InputError(fault.message, ".".join(map(str, ("mesh", *fault.place))))
-    rounding = _ROUNDING * float(np.ptp(domain.bounding_box(), axis=0).max())
+    rounding = _ROUNDING * float(np.ptp(domain.bounding_box, axis=0).max())
     places = {
         name: Place(_tests(part, domain.dim, rounding), part.on)
         for name, part in given.parts.items()

@@ -118,8 +118,9 @@ def with_absolute_paths(data: dict[str, Any], folder: Path) -> tuple[dict[str, A
 
 def _places(data: dict[str, Any]) -> Iterator[Place]:
     """The places of all names of files."""
-    if isinstance(_at(data, ("mesh", "file")), str):
-        yield "mesh", "file"
+    for key in ("file", "facets"):
+        if isinstance(_at(data, ("mesh", key)), str):
+            yield "mesh", key
     tables = data.get("tables")
     for name in tables if isinstance(tables, dict) else ():
         if isinstance(_at(data, ("tables", name, "file")), str):

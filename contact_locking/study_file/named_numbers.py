@@ -13,7 +13,7 @@ from contact_locking.study_file.parameters import Parameters, expressions
 from .dump import plain
 from .source import assign
 
-# What these sections say is no number that the equations depend on smoothly.
+# These sections have no number that the equations depend on smoothly.
 _NOT_SMOOTH = {
     "mesh": "changes the mesh, on which the equations do not depend smoothly",
     "discretisation": "changes the elements",
@@ -84,6 +84,19 @@ def with_number(parameters: Parameters, key: str, value: float) -> Parameters:
             f"{key} has a bound at its value, beyond which a derivative needs to look",
             "sensitivities.to",
         ) from error
+
+
+def with_load_share(parameters: Parameters) -> Parameters:
+    """The study whose time t is the share of the loads that ``branches`` multiplies."""
+    given = resolved(parameters)
+    assert given.branches is not None
+    data = plain(given)
+    for section in ("branches", "sensitivities", "fit", "study", "equilibria"):
+        data.pop(section, None)
+    data["steps"] = {"times": sorted({1.0, given.branches.to})}
+    for key, value in given.shared_loads():
+        assign(data, key, f"({value})*t")
+    return Parameters.model_validate(data)
 
 
 def with_values(parameters: Parameters, values: Mapping[str, Any]) -> Parameters:

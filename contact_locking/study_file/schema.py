@@ -112,7 +112,7 @@ def _builder_rows(prefix: str) -> list[Row]:
             row = Row(f"{prefix}{entry.name}", default, about["unit"], about["description"])
             having.setdefault(entry.name, {})[builder] = row
     merged = [_merged(builders) for builders in having.values()]
-    # Those of many builders first.
+    # The keys of many builders first.
     groups = sorted({row.builders: None for row in merged}, key=lambda builders: -len(builders))
     return sorted(merged, key=lambda row: groups.index(row.builders))
 

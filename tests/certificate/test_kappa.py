@@ -154,6 +154,8 @@ def test_rho_grows_with_refinement_where_r_keeps_constants_at_a_clamp(
         assert (contact.bound[held] == 0.0).all()
         why = solution.summary["certificate"]["constants"]["uniqueness"]["why"]
         assert ("at_supports: vanish" in why) == (at_supports == "keep")
+        warned = any("at_supports: vanish" in text for text in solution.summary["warnings"])
+        assert warned == (at_supports == "keep")
         rho.append(solution.summary["certificate"]["constants"]["uniqueness"]["rho"] / 0.1)
     if at_supports == "keep":
         assert rho == pytest.approx([2.01, 2.47], abs=0.01)

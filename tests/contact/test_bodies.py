@@ -317,6 +317,24 @@ def test_two_blocks_without_slip_are_one_block() -> None:
     assert glued.summary["slip_max"] < 1e-12
 
 
+@pytest.mark.parametrize("load", [1e-9, 1e-5])
+def test_slender_blocks_without_slip_are_one_beam(load: float) -> None:
+    """Small tractions between bodies that bend far are found below a bound that fits them."""
+    given: dict[str, Any] = {
+        "mesh__upper": [10.0, 1.0],
+        "mesh__size": [10.0, 1.0],
+        "friction__coefficient": math.inf,
+        "loads__displacements": [{"on": ["left", "upper_left"], "value": [0.0, 0.0]}],
+        "loads__tractions": [{"on": "top", "value": [0.0, -load]}],
+    }
+    solution = solved(stack(2, 0.5, **given))
+    assert solution.summary["iterations"]["tangents"] <= 60
+    # Blocks that slip bend as two beams, four times as far.
+    slips = solved(stack(2, 0.5, **given | {"friction__coefficient": 0.0}))
+    ratio = slips.summary["displacement_max"] / solution.summary["displacement_max"]
+    assert 2.0 < ratio < 4.0
+
+
 def test_newton_and_the_interior_point_method_agree_on_two_bodies() -> None:
     held = [
         {"on": "bottom", "value": [0.0, 0.0]},

@@ -115,6 +115,66 @@ def test_tags_with_several_values_are_groups_named_by_number(
     assert counts == {"1": 1, "2": 1, "5": 2, "8": 1}
 
 
+SIDES: Groups = {"Grid": [(1, 2), (3, 4), (4, 1)]}
+
+
+def two_files(folder: Path, comm: MPI.Intracomm, points: Any, mesh: Groups, facets: Any) -> Path:
+    """The mesh in one file, its facets in another one with these points, as meshio writes them."""
+    path = written(folder, comm, SQUARE, mesh)
+    if comm.rank == 0:
+        write_xdmf(folder / "facets.xdmf", points, *facets)
+    comm.Barrier()
+    return path
+
+
+def test_facets_in_a_second_file_are_groups_named_by_number(
+    folder: Path, comm: MPI.Intracomm
+) -> None:
+    path = two_files(folder, comm, SQUARE, BODY, (SIDES, {"Grid": [5, 8, 5]}))
+    domain = from_xdmf(path, comm, folder / "facets.xdmf")
+    assert {"5", "8"} < set(domain.facet_names)
+    counts = {group.name: group.count for group in groups(domain)}
+    assert counts["5"] == 2 and counts["8"] == 1
+    one_value = two_files(folder, comm, SQUARE, {"": BODY["body"]}, (SIDES, {"Grid": [3, 3, 3]}))
+    assert list(from_xdmf(one_value, comm, folder / "facets.xdmf").facet_names) == ["3"]
+    # The first grid may be the mesh itself.
+    whole = two_files(folder, comm, SQUARE, BODY, ({"": BODY["body"], **SIDES},))
+    assert "1" in from_xdmf(whole, comm, folder / "facets.xdmf").facet_names
+    path = two_files(folder, comm, SQUARE, BODY, (SIDES, {"Grid": [5, 8, 5]}))
+    mesh = {"file": str(path), "facets": str(folder / "facets.xdmf")}
+    first, second = (study(path, mesh=mesh, contact={"on": "8"}) for _ in range(2))
+    assert [group.name for group in check(first, comm)["groups"]].count("8") == 1
+    before = study_file.fingerprint(first)
+    comm.Barrier()
+    two_files(folder, comm, SQUARE, BODY, (SIDES, {"Grid": [2, 1, 2]}))
+    assert study_file.fingerprint(second) != before
+
+
+@pytest.mark.parametrize(
+    ("points", "facets", "words"),
+    [
+        ([*SQUARE[:2], SQUARE[3], SQUARE[2]], SIDES, "its points are not those of mesh.file"),
+        (SQUARE[:2], {"Grid": [(1, 2)]}, "its points are not those of mesh.file"),
+        (SQUARE, {"": BODY["body"]}, "has no tags of lines, but a mesh alone"),
+        (SQUARE, {"": BODY["body"], "more": BODY["body"]}, "grid 'more' has no tags of lines"),
+        (SQUARE, {"one": [(1, 2)], "two": [(3, 4)]}, "two groups of edges named '1'"),
+    ],
+)
+def test_a_second_file_of_another_mesh_is_refused(
+    points: Any, facets: Groups, words: str, folder: Path, comm: MPI.Intracomm
+) -> None:
+    path = two_files(folder, comm, points, BODY, (facets,))
+    with pytest.raises(InputError) as caught:
+        from_xdmf(path, comm, folder / "facets.xdmf")
+    assert words in str(caught.value)
+
+
+def test_a_second_file_goes_with_an_xdmf_file_alone() -> None:
+    for mesh in ({"facets": "a.xdmf"}, {"file": "a.msh", "facets": "b.xdmf"}):
+        with pytest.raises(ValueError, match="XDMF file"):
+            block(2, 0.25, mesh=mesh)
+
+
 def test_cells_without_tags_are_one_region(folder: Path, comm: MPI.Intracomm) -> None:
     named: Groups = {"left": [(4, 1)], "": BODY["body"]}
     assert list(from_xdmf(written(folder, comm, SQUARE, named), comm).cell_names) == ["mesh"]
@@ -260,4 +320,4 @@ def test_shares_of_the_parts_add_up(folder: Path, comm: MPI.Intracomm) -> None:
     assert list(comm.allreduce(areas)) == [2] * 5
     for number, name in enumerate(domain.part_names):
         assert f"part {number + 1} of the body (body, from ({2 * number}, 0)" in name
-    assert math.isclose(domain.bounding_box()[1, 0], 9.0)
+    assert math.isclose(domain.bounding_box[1, 0], 9.0)

@@ -26,6 +26,7 @@ from contact_locking.solver.equilibria.bound_map import BoundMap
 from contact_locking.solver.equilibria.branch import Branch
 from contact_locking.solver.equilibria.diagram import diagram
 from contact_locking.solver.equilibria.newton import Deflation, MapNewton
+from contact_locking.solver.equilibria.paths import OverFriction
 from contact_locking.solver.equilibria.search import Equilibria, has_map, solve_on_branch
 from contact_locking.solver.strategy import solve
 from contact_locking.solver.task import Task
@@ -85,7 +86,7 @@ def test_the_branch_turns_and_keeps_its_equation(task: Task) -> None:
     """With 70 % of the coefficient there are three solutions on the branch, one of another sign."""
     problem = BoundMap(task)
     points = []
-    for point in Branch(problem).points():
+    for point in Branch(OverFriction(problem)).points():
         points.append(point)
         if point.share > 0.9:
             break
@@ -215,10 +216,10 @@ def test_branches_locate_the_folds_of_friction_that_falls(tmp_path: Path) -> Non
     assert lines[0] == "share,pressure,bound,index,fold"
     assert len(lines) == len(points["share"]) + 1
     page = report.write(tmp_path).read_text(encoding="utf-8")
-    assert "Solutions over friction" in page
+    assert "A branch of solutions" in page
     assert (tmp_path / "report" / "branches.svg").exists()
     assert (
-        "turns at the shares 0.742" in dict(in_words.rows(solution.summary))["branch over friction"]
+        "turns at the shares 0.742" in dict(in_words.rows(solution.summary))["branch of solutions"]
     )
 
 
@@ -247,7 +248,7 @@ def test_branches_need_friction_and_one_problem() -> None:
 def test_a_short_branch_is_that_of_the_share(task: Task) -> None:
     """Its points keep ``G = t Phi(G)``, and a larger share has a larger bound here."""
     found = diagram(task, 0.1)
-    assert found.end == "the largest share was reached"
+    assert found.end == "the last share was reached"
     assert found.folds == []
     assert [point.index for point in found.points] == [1] * len(found.points)
     bounds = [point.bound for point in found.points]

@@ -63,18 +63,23 @@ def lame_pressure(overlap: float) -> float:
     return overlap / (inner + outer)
 
 
-def two_discs(radii: tuple[float, float], h: float, fine: float) -> tuple[dmesh.Mesh, Any]:
-    """Quarters of discs that touch at the origin, and their facets by names; collective."""
+def two_discs(
+    radii: tuple[float, float], h: float, fine: float, quarter: bool = True
+) -> tuple[dmesh.Mesh, Any]:
+    """Quarters or halves of discs that touch at the origin, and their facets by names; collective.
 
-    def quarter(radius: float, h: float, fine: float) -> Any:
-        disc = builder("disc", radius=radius, quarter=True, h=h, h_contact=fine)
+    The meshes of the upper and the lower disc do not match.
+    """
+
+    def part(radius: float, h: float, fine: float) -> Any:
+        disc = builder("disc", radius=radius, quarter=quarter, h=h, h_contact=fine)
         with build(disc) as model:
             return extract(model, "disc")
 
     comm = MPI.COMM_WORLD
     points, cells = np.zeros((0, 2)), np.zeros((0, 3), dtype=np.int64)
     if comm.rank == 0:
-        upper, lower = quarter(radii[0], h, fine), quarter(radii[1], h, 0.7 * fine)
+        upper, lower = part(radii[0], h, fine), part(radii[1], h, 0.7 * fine)
         points = np.concatenate([upper.points, lower.points * [1.0, -1.0]])
         cells = np.concatenate([upper.cells.nodes, lower.cells.nodes + len(upper.points)])
     element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))

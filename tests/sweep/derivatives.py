@@ -121,7 +121,7 @@ def _floors(solution: StudySolution, names: list[str]) -> list[float]:
     energy = max(value_of(name, solution) for name in ("elastic_energy", "compliance"))
     force = energy / (float(solution.summary["displacement_max"]) or 1.0)
     force = max(force, float(np.linalg.norm(solution.summary.get("contact_force") or 0.0)))
-    pressure = force / solution.domain.extent() ** (solution.domain.dim - 1)
+    pressure = force / solution.domain.extent ** (solution.domain.dim - 1)
     kinds = {"compliance": energy, "elastic_energy": energy, "pressure_max": pressure}
     return [NOTHING * kinds.get(name, force) for name in names]
 

@@ -24,6 +24,7 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Elasticity, Parameters
 
+from .boxes import Boxes
 from .geometry import Geometry
 
 IntArray = npt.NDArray[np.integer[Any]]
@@ -61,11 +62,14 @@ class Contact:
 class Discrete:
     """min 1/2 u'Ku - f'u over u = ``prescribed`` at the dofs that are not free, and the laws.
 
-    ``strain`` maps u to strains, ``law`` (c, m, m) is A by cells, ``limit`` (c,) is M.  K has the
-    ``springs``, and f the forces of an eigenstrain.
+    ``strain`` maps u to strains at c points, the middle of each simplex or the Gauss points of each
+    box, with the weights ``volumes``; ``law`` (c, m, m) is A, ``limit`` (c,) is M there, and
+    ``origin`` (c, m) is eps_0 of limits of the elastic strain.  K has the ``springs``, and f the
+    forces of an eigenstrain.
     """
 
     geometry: Geometry
+    origin: FloatArray
     volumes: FloatArray
     strain: Matrix
     springs: Matrix
@@ -93,6 +97,10 @@ class Discrete:
         """(c, m)."""
         return (self.strain @ u).reshape(len(self.volumes), -1)
 
+    def limited(self, u: FloatArray) -> FloatArray:
+        """The strains (c, m) that M is the limit of."""
+        return np.asarray(self.strains(u) - self.origin)
+
     def forces(self, stress: FloatArray) -> FloatArray:
         """The nodal forces of a stress (c, m)."""
         return np.asarray(self.strain.T @ (stress * self.volumes[:, None]).ravel())
@@ -101,11 +109,12 @@ class Discrete:
 def discretise(parameters: Parameters, domain: Domain, space: Any) -> Discrete:
     """The discrete problem of a study on a mesh; ``space`` numbers the nodes."""
     geometry = Geometry.of(domain, space)
-    body = Body(geometry.x, geometry.cells, 1.0, 0.3)
+    places, body = _points(geometry)
     free, prescribed = _conditions(parameters, geometry)
     load, load_size = _loads(parameters, geometry, body)
-    law, limit = _material(parameters, geometry)
-    stress = body.volumes[:, None] * _thermal_stress(parameters, geometry, law)
+    law, limit = _material(parameters, geometry, places)
+    thermal, origin = _thermal_stress(parameters, geometry, places, law)
+    stress = body.volumes[:, None] * thermal
     strain = body.strain.tocsr()
     load = load + strain.T @ stress.ravel()
     load_size = load_size + abs(strain).T @ np.abs(stress).ravel()
@@ -120,6 +129,7 @@ def discretise(parameters: Parameters, domain: Domain, space: Any) -> Discrete:
         length = epsilon * float(mean_young(law, domain.dim).min())
     return Discrete(
         geometry=geometry,
+        origin=origin * (parameters.material.limits_of == "elastic"),
         volumes=body.volumes,
         strain=strain,
         springs=_springs(parameters, geometry),
@@ -134,6 +144,21 @@ def discretise(parameters: Parameters, domain: Domain, space: Any) -> Discrete:
         epsilon=epsilon,
         regularisation=length,
     )
+
+
+def _points(geometry: Geometry) -> tuple[FloatArray, Body]:
+    """The points of the laws (c, d), and the body."""
+    x, cells = geometry.x, geometry.cells
+    if cells.shape[1] == x.shape[1] + 1:
+        return x[cells].mean(axis=1), Body(x, cells, 1.0, 0.3)
+    body = Boxes(x, cells)
+    return np.einsum("qc,kcd->kqd", body.shapes, x[cells]).reshape(-1, x.shape[1]), body
+
+
+def _inside(geometry: Geometry, name: str, places: FloatArray) -> IntArray:
+    """The numbers of the points in a region."""
+    each = len(places) // len(geometry.cells)
+    return np.asarray((geometry.domain.cells(name)[:, None] * each + np.arange(each)).ravel())
 
 
 def at(value: float | str, x: FloatArray, **more: FloatArray) -> FloatArray:
@@ -160,34 +185,37 @@ def _loads(parameters: Parameters, geometry: Geometry, body: Body) -> tuple[Floa
     """Nodal forces, exact for loads that are affine in x, and the sums of what they are made of."""
     load, size = np.zeros(geometry.x.shape), np.zeros(geometry.x.shape)
 
-    def add(simplices: IntArray, measures: FloatArray, vector: Any) -> None:
-        corners = simplices.shape[1]
-        share = (np.ones((corners, corners)) + np.eye(corners)) / (corners * (corners + 1))
+    def add(elements: IntArray, measures: FloatArray, vector: Any) -> None:
         for axis, value in enumerate(vector):
-            values = at(value, geometry.x)[simplices]
-            parts = measures[:, None] * (values @ share)
-            np.add.at(load[:, axis], simplices, parts)
-            np.add.at(size[:, axis], simplices, np.abs(parts))
+            values = at(value, geometry.x)[elements]
+            parts = np.einsum("fij,fj->fi", measures, values)
+            np.add.at(load[:, axis], elements, parts)
+            np.add.at(size[:, axis], elements, np.abs(parts))
 
     if parameters.loads.body_force is not None:
-        add(geometry.cells, body.volumes, parameters.loads.body_force)
+        count = geometry.cells.shape[1]
+        if isinstance(body, Boxes):
+            weights = body.volumes.reshape(len(geometry.cells), count)
+            measures = np.einsum("kq,qi,qj->kij", weights, body.shapes, body.shapes)
+        else:
+            share = (np.ones((count, count)) + np.eye(count)) / (count * (count + 1))
+            measures = body.volumes[:, None, None] * share
+        add(geometry.cells, measures, parameters.loads.body_force)
     for traction in parameters.loads.tractions:
         facets = geometry.facets(traction.on)
-        measures = np.linalg.norm(geometry.normals(facets), axis=1)
-        add(facets, measures, traction.value)
+        add(facets, geometry.measures(facets), traction.value)
     return load.ravel(), size.ravel()
 
 
-def _material(parameters: Parameters, geometry: Geometry) -> tuple[FloatArray, FloatArray]:
-    """A (c, m, m) and M (c,) by cells."""
+def _material(
+    parameters: Parameters, geometry: Geometry, middle: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """A (c, m, m) and M (c,) at the points ``middle``."""
     given = parameters.material
-    middle = geometry.x[geometry.cells].mean(axis=1)
     law = _stiffness(given.elasticity, middle)
     limit = at(given.locking_limit, middle)
-    cells = geometry.domain.cell_tags
     for name, region in given.regions.items():
-        where = geometry.domain.cells(name)
-        assert cells is not None
+        where = _inside(geometry, name, middle)
         if region.elasticity is not None:
             law[where] = _stiffness(region.elasticity, middle[where])
         if region.locking_limit is not None:
@@ -195,11 +223,12 @@ def _material(parameters: Parameters, geometry: Geometry) -> tuple[FloatArray, F
     return law, limit
 
 
-def _thermal_stress(parameters: Parameters, geometry: Geometry, law: FloatArray) -> FloatArray:
-    """``A eps_0`` (c, m) by cells; across a plane acts Lame's lambda of an isotropic law."""
+def _thermal_stress(
+    parameters: Parameters, geometry: Geometry, middle: FloatArray, law: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """``A eps_0`` and eps_0 (c, m); across a plane acts Lame's lambda of an isotropic law."""
     dim = geometry.x.shape[1]
-    middle = geometry.x[geometry.cells].mean(axis=1)
-    found = np.zeros(law.shape[:2])
+    found, strain = np.zeros((2, *law.shape[:2]))
     for _, item in parameters.material.eigenstrains:
         _, tensor = item.tensor
         given = tensor if isinstance(tensor, tuple) else (tensor,) * 3
@@ -209,26 +238,27 @@ def _thermal_stress(parameters: Parameters, geometry: Geometry, law: FloatArray)
         if dim == 2 and len(given) == 3:
             stress[:, :2] += law[:, 0, 1, None] * normal[:, 2:]
         names = () if item.on is None else item.on
-        inside = [geometry.domain.cells(name) for name in names] or [np.arange(len(middle))]
-        found[np.concatenate(inside)] += stress[np.concatenate(inside)]
-    return found
+        parts = [_inside(geometry, name, middle) for name in names] or [np.arange(len(middle))]
+        inside = np.concatenate(parts)
+        found[inside] += stress[inside]
+        strain[inside, :dim] += normal[inside, :dim]
+    return found, strain
 
 
 def _springs(parameters: Parameters, geometry: Geometry) -> Matrix:
     """``int k (u . m)(v . m)`` for a constant k."""
     dim, size = geometry.x.shape[1], geometry.x.size
     found = sp.csr_matrix((size, size))
-    share = (np.ones((dim, dim)) + np.eye(dim)) / (dim * (dim + 1))
     for spring in parameters.loads.springs:
         facets = geometry.facets(spring.on)
         normals = geometry.normals(facets)
-        areas = np.linalg.norm(normals, axis=1)
         along = np.tile(np.eye(dim), (len(facets), 1, 1))
         if spring.along is not None:
             unit = normals if spring.along == "normal" else np.tile(spring.along, (len(facets), 1))
             unit = unit / np.linalg.norm(unit, axis=1)[:, None]
             along = np.einsum("fi,fj->fij", unit, unit)
-        blocks = np.einsum("f,ab,fij->faibj", float(spring.stiffness) * areas, share, along)
+        measures = float(spring.stiffness) * geometry.measures(facets)
+        blocks = np.einsum("fab,fij->faibj", measures, along)
         dofs = (facets[:, :, None] * dim + np.arange(dim)).reshape(len(facets), -1)
         rows = np.repeat(dofs, dofs.shape[1], axis=1).ravel()
         columns = np.tile(dofs, (1, dofs.shape[1])).ravel()

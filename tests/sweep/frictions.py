@@ -10,7 +10,9 @@ from .case import (
     Random,
     Truth,
     between,
+    chance,
     decades,
+    down,
     downwards,
     family,
     held_and_pressed,
@@ -72,6 +74,39 @@ def steep_slip(random: Random) -> Case:
     length = decades(random, -5.0, -1.0)
     law = f"{top} - {drop}*s/(s + {length})"
     return _clamped(random, pick(random, [2, 2, 3]), law, some_kernel(random))
+
+
+@family
+def hardening_slip(random: Random) -> Case:
+    """mu that rises with the slip, of a body that is clamped or that friction alone holds."""
+    low, rise, length = (
+        between(random, 0.05, 0.3),
+        between(random, 0.1, 1.0),
+        decades(random, -4, -1),
+    )
+    if chance(random):
+        law = f"{low} + {rise}*min(s/{length}, 1)"
+        return _clamped(random, pick(random, [2, 2, 3]), law, some_kernel(random))
+    # Poisson's ratio is 0, so that pressure and shear stress are the same in all places below.
+    share, pressure = between(random, 0.1, 0.9), 0.02
+    push = (low + share * rise) * pressure
+    mesh = unit_block(random, pick(random, [2, 2, 3]))
+    dim = mesh["dim"]
+    loads = {
+        "tractions": [
+            {"on": "top", "value": down(dim, pressure)},
+            {"on": "bottom", "value": [push, *[0.0] * (dim - 1)]},
+        ]
+    }
+    data = study(
+        mesh,
+        loads,
+        poisson=0.0,
+        friction=f"{low} + {rise}*min(s/{length}, 1)",
+        smoothing={"kernel": "convolution", "radius": 0.6},
+    )
+    slip = (share * length, *[0.0] * (dim - 2))
+    return Case(data, Truth(admissible=True, touches=True, slip=slip))
 
 
 @family

@@ -89,7 +89,7 @@ class _Scales:
             size = state.pressure[:, None] * np.abs(contact.normals) + np.abs(state.traction)
             self.tractions += contact.forces(np.abs(size))
         self.rounding = DIGITS * _EPS * (parts + self.tractions)
-        strain = np.linalg.norm(discrete.strains(u), axis=1)
+        strain = np.linalg.norm(discrete.limited(u), axis=1)
         stress = np.linalg.norm(state.locking, axis=1)
         # Where M is infinite there is no locking stress.
         held = np.where(stress > 0.0, np.minimum(discrete.limit, strain), 0.0)
@@ -183,13 +183,14 @@ def _equilibrium(discrete: Discrete, state: State, scales: _Scales) -> float:
 
 
 def _locking(discrete: Discrete, state: State, scales: _Scales) -> Found:
-    strains = discrete.strains(state.u)
+    strains = discrete.limited(state.u)
     size, stress = np.linalg.norm(strains, axis=1), np.linalg.norm(state.locking, axis=1)
     limit, n, volumes = discrete.limit, discrete.n, discrete.volumes
     locks = np.isfinite(limit)
     x = discrete.geometry.x
     # Rounding of u in a strain, by the size of the cell.
     edges = np.array([np.ptp(x[cell], axis=0).max() for cell in discrete.geometry.cells])
+    edges = np.repeat(edges, len(volumes) // len(edges))
     rounding = 20.0 * _EPS * np.abs(state.u).max(initial=0.0) / edges
     found = {"stress where M is infinite": _ratio(stress[~locks].max(initial=0.0), 0.0)}
     size, stress, limit = size[locks], stress[locks], limit[locks]

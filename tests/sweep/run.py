@@ -3,6 +3,7 @@
     make sweep                                        20 seeds of each family
     make sweep SEEDS=100 FAMILIES="rollers disc" JOBS=1
     make sweep LINEAR=iterative                       with multigrid in place of a factorisation
+    make sweep N=1e4                                  with this penalty in place of the usual
     make sweep SEEDS=168 FAMILIES=pairs               all pairs of features, by another judge
 
 Of what is not right, each problem is left in the folder of the results as a study file that
@@ -45,6 +46,7 @@ class Task(NamedTuple):
     seed: int
     checks: bool
     linear: str = "auto"
+    n: float | None = None
 
 
 KINDS = (SOLVED, INFEASIBLE, REFUSED, WEDGED, CLAIM, NOT_SOLVED, WRONG, BROKEN)
@@ -93,7 +95,7 @@ class Worker:
 def _study(task: Task) -> dict[str, Any]:
     from sweep.families import case_of
 
-    return case_of(task.family, task.seed, task.linear).study
+    return case_of(task.family, task.seed, task.linear, task.n).study
 
 
 def _work(connection: Connection) -> None:
@@ -207,6 +209,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--check-every", type=int, default=20, help="so many problems for one with further checks"
     )
     parser.add_argument("--linear", default="auto", help="the linear solver")
+    parser.add_argument("--n", type=float, help="the penalty, in place of the families' own")
     parser.add_argument("--limit", type=float, default=60.0, help="seconds for a problem")
     parser.add_argument("--output", type=Path, default=Path("results/sweep"))
     given = parser.parse_args(arguments)
@@ -217,7 +220,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(f"no family {', '.join(unknown)}; there are: {', '.join(known)}")
     names = given.families or list(FAMILIES)
     tasks = [
-        Task(name, seed, (seed + 7 * place) % given.check_every == 0, given.linear)
+        Task(name, seed, (seed + 7 * place) % given.check_every == 0, given.linear, given.n)
         for seed in range(given.first, given.first + given.seeds)
         for place, name in enumerate(names)
     ]

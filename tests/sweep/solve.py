@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import time
 import traceback
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,6 +14,8 @@ from mpi4py import MPI
 from pydantic import ValidationError
 
 from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.mesh.domain import Domain
+from contact_locking.process.adaptivity.missed import solved_with_nodes
 from contact_locking.process.loop import Steps
 from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution
@@ -23,7 +26,7 @@ from . import comparisons, derivatives, judge, pair_judge, reference, stepwise, 
 from .case import Case, Study, Truth
 from .discrete import Discrete, discretise, state_of
 from .families import case_of
-from .observed import mesh_of, moment_of
+from .observed import Moment, mesh_of, moment_of
 from .resultants import cannot_balance
 from .transforms import Transform
 
@@ -67,12 +70,14 @@ class Outcome:
         return self.kind in GOOD
 
 
-def outcome_of(family: str, seed: int, checks: bool = False, linear: str = "auto") -> Outcome:
+def outcome_of(
+    family: str, seed: int, checks: bool = False, linear: str = "auto", n: float | None = None
+) -> Outcome:
     """Make, solve and judge the problem of a seed; no exception leaves.
 
     One in ten has its derivatives judged as well.
     """
-    case = case_of(family, seed, linear)
+    case = case_of(family, seed, linear, n)
     outcome = outcome_of_case(case, checks, family, seed)
     is_drawn = seed % _DERIVED == _DERIVED - 1 and not case.row and case.verge is None
     if outcome.kind == SOLVED and is_drawn:
@@ -116,20 +121,36 @@ def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
     if case.verge is not None:
         outcome.study = at_the_verge(case, problem)
         problem = assemble(Parameters.model_validate(outcome.study), comm, problem.domain)
-    discrete = discretise(problem.parameters, problem.domain, problem.u.function_space)
-    discrete = unseen.with_band(case.truth, discrete)
     start = time.perf_counter()
-    solution = solve_assembled(problem)
+    problem, (solution,) = _solved(problem, lambda given: [solve_assembled(given)])
     outcome.seconds = time.perf_counter() - start
+    discrete = discretise(problem.parameters, problem.domain, solution.displacement.function_space)
+    discrete = unseen.with_band(case.truth, discrete)
     outcome.tangents = int(solution.summary["iterations"]["tangents"])
     _judge(case.truth, solution, discrete, outcome, checks)
     if outcome.kind == NOT_SOLVED and "grow with the penalty" in outcome.reason:
         outcome.kind = WEDGED if forces_grow(outcome.study, problem) else NOT_SOLVED
 
 
+def _solved(
+    problem: StudyProblem, solutions: Callable[[StudyProblem], list[StudySolution]]
+) -> tuple[StudyProblem, list[StudySolution]]:
+    """The problem, refined where its nodes miss a foundation as in a run, and its solutions."""
+    given, found = [problem], list[StudySolution]()
+
+    def attempt(domain: Domain | None) -> StudySolution:
+        if domain is not None:
+            given[0] = assemble(problem.parameters, MPI.COMM_SELF, domain)
+        found[:] = solutions(given[0])
+        return found[-1]
+
+    solved_with_nodes(attempt)
+    return given[0], found
+
+
 def _solve_process(case: Case, problem: StudyProblem, outcome: Outcome, checks: bool) -> None:
     """Solve all steps; with ``checks`` those of the twin, too."""
-    found = list(Steps(problem))
+    _, found = _solved(problem, lambda given: list(Steps(given)))
     outcome.tangents = max((int(row["tangents"]) for row in found[-1].history), default=0)
     outcome.reason = told = str(found[-1].summary["reason"])
     if not found[-1].converged:
@@ -143,7 +164,8 @@ def _solve_process(case: Case, problem: StudyProblem, outcome: Outcome, checks: 
     wrong = stepwise.complaint(found) or comparisons.about_other_solutions(case.truth, found[-1])
     if checks and not wrong:
         assert case.twin is not None
-        twins = list(Steps(assemble(Parameters.model_validate(case.twin), MPI.COMM_SELF)))
+        twin = assemble(Parameters.model_validate(case.twin), MPI.COMM_SELF)
+        _, twins = _solved(twin, lambda given: list(Steps(given)))
         wrong = stepwise.unlike(found, twins, case.study)
     outcome.kind, outcome.reason = (WRONG, wrong) if wrong else (SOLVED, "")
 
@@ -154,15 +176,22 @@ def _solve_pair(case: Case, problem: StudyProblem, outcome: Outcome) -> None:
     loads = study["loads"].values()
     entries = [entry for part in loads for entry in part if isinstance(entry, dict)]
     names = {entry["on"] for entry in (*entries, *study["contact"])}
-    regions, own, moments = set(study["material"].get("regions", {})), None, []
-    solutions = Steps(problem) if "steps" in study else iter([solve_assembled(problem)])
-    for solution in solutions:
-        tangents = int(solution.summary["iterations"]["tangents"])
-        outcome.tangents = max(outcome.tangents, tangents)
-        mesh = mesh_of(solution, names, regions)
-        own = own or pair_judge.Judge(study, mesh)
-        if solution.converged:
-            moments.append(moment_of(solution, mesh))
+    regions, moments = set(study["material"].get("regions", {})), list[Moment]()
+    own: pair_judge.Judge | None = None
+
+    def solutions(given: StudyProblem) -> list[StudySolution]:
+        nonlocal own
+        own, moments[:] = None, []
+        for solution in Steps(given) if "steps" in study else iter([solve_assembled(given)]):
+            tangents = int(solution.summary["iterations"]["tangents"])
+            outcome.tangents = max(outcome.tangents, tangents)
+            mesh = mesh_of(solution, names, regions)
+            own = own or pair_judge.Judge(study, mesh)
+            if solution.converged:
+                moments.append(moment_of(solution, mesh))
+        return [solution]
+
+    _, (solution,) = _solved(problem, solutions)
     assert own is not None
     told = str(solution.summary["reason"])
     wrong = pair_judge.complaint(own.violations(moments)) if moments else ""
@@ -182,7 +211,7 @@ def forces_grow(study: Study, problem: StudyProblem) -> bool:
     """
     largest: list[float] = []
     for share in _PENALTIES:
-        n, length = share * problem.material.young, problem.domain.extent()
+        n, length = share * problem.material.young, problem.domain.extent
         changed = copy.deepcopy(study)
         changed["penalty"] = {"n": n, "epsilon": length / n}
         changed["friction"]["regularisation"] = length / share

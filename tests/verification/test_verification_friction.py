@@ -1,19 +1,25 @@
-"""V23, V26, V37: a plate that slides, and a sphere in 3D that slips in part or turns."""
+"""V23, V26, V37, V42: a plate and a triangle that slide, a sphere that slips in part or turns."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
+import basix.ufl
 import numpy as np
 import pytest
+import ufl
+from dolfinx import fem, mesh
 from mpi4py import MPI
 from problems import with_changes
 from verification_table import Row
 
+import contact_locking as cl
 from contact_locking import assemble, solve
 from contact_locking.arrays import FloatArray
+from contact_locking.certificate import Extras
 from contact_locking.process.loop import Steps
+from contact_locking.results.contact_points import SLIP
 
 pytestmark = pytest.mark.serial
 
@@ -164,3 +170,76 @@ def test_v37_the_torque_that_turns_a_sphere_on_a_block(found: list[Row]) -> None
     torque, exact = turned.summary["contact_moment"][2], 3.0 * math.pi / 16.0 * mu * force * a
     found.append(Row("V37", "a sphere that turns, 3D", "torque", torque, exact, TEST))
     assert torque == pytest.approx(exact, rel=0.01)
+
+
+@pytest.mark.parametrize("poisson", [0.1, 0.3])
+@pytest.mark.parametrize("parts", [1, 6])
+def test_v42_the_critical_friction_of_a_triangle(
+    poisson: float, parts: int, found: list[Row]
+) -> None:
+    """``mu = sqrt((1 - nu)/nu)``, in plane strain and with the pressure of the place itself.
+
+    ``v = (l, 0)``, for the linear ``l = 1 - x - r y`` that is zero on the side that is held, has
+    the stresses ``-(lambda + 2G, lambda)`` along the axes and the shear ``-G r``.  The shear on the
+    floor is ``G r/lambda`` times the pressure, and the left side is free of traction if it has the
+    direction ``(r, k)`` with ``k = lambda/G`` and ``r^2 = k (k + 2)``.  So a triangle that slides
+    to the left with this coefficient may slide on by any multiple of v.  P1 has v on each mesh.
+    """
+    ratio = 2.0 * poisson / (1.0 - 2.0 * poisson)
+    slope = math.sqrt(ratio * (ratio + 2.0))
+    shear, mu, depth = 0.5 / (1.0 + poisson), 0.5, 0.01
+    top = np.array([1.0, ratio / slope]) / (1.0 + ratio)
+    pressure = (ratio + 2.0) * shear * depth
+    body = _triangle(top, parts)
+    space = fem.functionspace(body, ("Lagrange", 1, (2,)))
+    held = fem.Function(space)
+    held.interpolate(lambda x: np.array([-0.02 - mu * pressure / shear * x[1], -depth * x[1]]))
+    on_right = fem.locate_dofs_geometrical(
+        space, lambda x: np.isclose(1.0 - x[0] - slope * x[1], 0.0)
+    )
+    left, floor = (
+        mesh.locate_entities_boundary(
+            body, 1, lambda x, n=n: np.isclose(n[0] * x[0] + n[1] * x[1], 0.0)
+        )
+        for n in ((top[1], -top[0]), (0.0, 1.0))
+    )
+    tags = mesh.meshtags(body, 1, np.sort(left), np.ones(len(left), dtype=np.int32))
+    ds = ufl.Measure("ds", body, subdomain_data=tags)
+    stress = ufl.as_matrix([[-ratio * shear * depth, -mu * pressure], [-mu * pressure, -pressure]])
+    traction = stress * ufl.FacetNormal(body)
+    problem = cl.ContactProblem(
+        cl.Elasticity(young=1.0, poisson=poisson),
+        ufl.inner(traction, ufl.TestFunction(space)) * ds(1),
+        [fem.dirichletbc(held, on_right)],
+        contacts=[
+            cl.Contact(floor, cl.HalfSpace((0.0, 0.0), (0.0, 1.0)), cl.Coulomb(mu, cl.Local()))
+        ],
+        n=math.inf,
+    )
+    solution = problem.solve(extras=Extras(critical_friction=True))
+    problem.close()
+    assert solution.converged
+    (contact,) = solution.contacts
+    assert np.sum(contact.state == SLIP) == parts
+    computed = solution.summary["certificate"]["critical_friction"]["coefficient"]
+    exact = math.sqrt((1.0 - poisson) / poisson)
+    what = f"triangle of {parts**2} cells that slides, nu = {poisson}"
+    found.append(Row("V42", what, "critical friction", computed, exact, TEST))
+    assert computed == pytest.approx(exact, rel=1e-6)
+
+
+def _triangle(top: FloatArray, parts: int) -> mesh.Mesh:
+    """A triangle on the unit interval, each side in equal parts."""
+    numbers = {
+        place: number
+        for number, place in enumerate(
+            (i, j) for j in range(parts + 1) for i in range(parts + 1 - j)
+        )
+    }
+    points = np.array([np.array([i, 0.0]) + j * top for i, j in numbers]) / parts
+    corners = [((i, j), (i + 1, j), (i, j + 1)) for i, j in numbers if i + j < parts] + [
+        ((i + 1, j), (i + 1, j + 1), (i, j + 1)) for i, j in numbers if i + j < parts - 1
+    ]
+    cells = np.array([[numbers[place] for place in corner] for corner in corners])
+    element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
+    return mesh.create_mesh(comm=MPI.COMM_SELF, cells=cells, x=points, e=element)

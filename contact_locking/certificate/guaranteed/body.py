@@ -10,6 +10,7 @@ from dolfinx import fem, la
 
 from contact_locking.arrays import FloatArray, flattened
 from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.guaranteed.bars import Bars
 from contact_locking.certificate.guaranteed.data_oscillation import BalancedLoads
 from contact_locking.certificate.guaranteed.hybrid_system import (
     LARGEST_JUMP,
@@ -38,6 +39,15 @@ from contact_locking.parallel import maximum, on_any_rank
 
 # Newton's method for zeta is monotone and ends with rounding; every value in between is a bound.
 _STEPS = 30
+# Rounds of the stress and zeta, the share of the distance above which a round is the last one, and
+# the power of the change of zeta after the first three.
+_ROUNDS, _ENOUGH, _BEYOND = 10, 0.985, 1.5
+# The least zeta relative to A, so that cells may begin to lock.
+_LEAST = 1e-4
+# The zeta of bars before the first round is that of the cells in a layer of this share of a facet.
+_THICKNESS = 0.3
+# The share of this zeta with which bars carry nothing.
+_NOTHING = 1e-10
 
 
 @dataclass(frozen=True)
@@ -53,9 +63,10 @@ class Elasticity:
         return cls(*np.linalg.eigh(stiffness))
 
     def compliance(self, zeta: FloatArray) -> FloatArray:
-        """``(A + zeta)^-1`` as matrices (n, 3, 3) for zeta (n,)."""
-        scaled = self.vectors / (self.eigenvalues + zeta[:, None])[:, None]
-        return np.asarray(scaled @ np.swapaxes(self.vectors, 1, 2))
+        """``(A + zeta)^-1`` as matrices (n, 3, 4, 3, 3) for zeta (n, 3, 4)."""
+        vectors = self.vectors[:, None, None]
+        stiffened = self.eigenvalues[:, None, None] + zeta[..., None]
+        return np.asarray(vectors / stiffened[..., None, :] @ np.swapaxes(vectors, 3, 4))
 
     def modes(self, tensors: FloatArray) -> FloatArray:
         """Components (n, 3, m, 3) of Mandel vectors (n, 3, m, 3) along the eigenvectors."""
@@ -118,15 +129,26 @@ _ROUNDING = 1e-10
 class Gap:
     """``values`` (n,) are the gaps of the cells of this rank.
 
-    ``apart`` (n, 3, 3) are the squares of ``eps(w) - (A + zeta)^-1 s``, integrated over each part,
-    along the eigenvectors of A; ``elastic`` (n, 3, 3) are the eigenvalues of A, and ``stiffened``
-    (n, 3, 3) those of A + zeta.
+    ``zeta`` (n, 3, 4) is that of the quarters of each part.  ``apart`` (n, 3, 4, 3) are the squares
+    of ``eps(w) - (A + zeta)^-1 s``, integrated over each quarter, along the eigenvectors of A;
+    ``elastic`` (n, 3, 4, 3) are the eigenvalues of A, and ``stiffened`` (n, 3, 4, 3) those of
+    A + zeta.
     """
 
     values: FloatArray
+    zeta: FloatArray
     apart: FloatArray
     elastic: FloatArray
     stiffened: FloatArray
+
+
+@dataclass(frozen=True)
+class Balanced:
+    """A stress (n, 3, m, 3), as Mandel vectors at the points of the parts, and forces of bars."""
+
+    stress: FloatArray
+    bars: Bars
+    forces: FloatArray
 
 
 class Body:
@@ -144,11 +166,14 @@ class Body:
         ratio = np.linalg.norm(points.locking_stress, axis=(1, 2)) / points.limit
         self._zeta = averaged(points.by_cell(ratio).mean(axis=1), triangles)
         self._zeta[~np.isfinite(self.limit)] = 0.0
+        self._locks = on_any_rank(state.comm, np.isfinite(self.limit))
 
-    def stress(self, boundary: Boundary, loads: BalancedLoads) -> FloatArray:
-        """An equilibrated stress (n, 3, m, 3) as Mandel vectors at the points of the parts.
+    def balanced(self, boundary: Boundary, loads: BalancedLoads, w: fem.Function) -> Balanced:
+        """An equilibrated stress whose distance from the displacement w is small; collective.
 
-        Raises NotApplicable if rounding leaves its tractions discontinuous.  Collective.
+        The stress has the least energy for given zeta, and zeta is then the best for this stress,
+        until the distance hardly falls.  Raises NotApplicable if rounding leaves the tractions of
+        the first stress discontinuous.
         """
         element, triangles, state = self.element, self.triangles, self._state
         size = len(triangles.areas)
@@ -157,17 +182,47 @@ class Body:
         wanted = flattened(wanted)
         reference = wanted @ element.lifts.reshape(wanted.shape[1], -1)
         lifted = triangles.moved(reference.reshape(size, *element.basis.shape[1:]))
-        moments = wanted @ element.lift_moments.reshape(wanted.shape[1], -1)
-        system = HybridSystem(triangles, element, boundary, state.settings.linear)
-        compliance = self.elasticity.compliance(self._zeta)
-        target = self.strains(state.problem.u, element)
-        target = target - (flattened(lifted, kept=1) @ compliance).reshape(target.shape)
-        found, jump = system.solve(
-            compliance, target, system.moments(moments.reshape(size, *element.moments.shape[1:]))
-        )
-        if jump > LARGEST_JUMP:
-            raise NotApplicable(f"rounding leaves jumps of {jump:.1e} in the tractions")
-        return np.asarray(lifted + found)
+        reference = wanted @ element.lift_moments.reshape(wanted.shape[1], -1)
+        bars = Bars(triangles, element.degree, boundary.held, self.limit)
+        system = HybridSystem(triangles, element, boundary, bars, state.settings.linear)
+        moments = system.moments(reference.reshape(size, *element.moments.shape[1:]))
+        strains = self.strains(w, element)
+        along = bars.along(strains)
+        least = _LEAST * self.elasticity.eigenvalues[:, 0]
+        zeta = np.broadcast_to(self._zeta[:, None, None], (size, 3, len(element.quarters)))
+        least_bar = (least[bars.cells] * bars.lengths)[:, None]
+        first_bar = np.maximum(_THICKNESS * bars.lengths * self._zeta[bars.cells], least_bar[:, 0])
+        # The first round has no bars but by rounding: a body without locked zones needs none.
+        of_bars = np.repeat(_NOTHING * first_bar[:, None], 2, axis=1)
+        best, least_value = None, np.inf
+        for step in range(_ROUNDS):
+            compliance = self.elasticity.compliance(zeta)
+            found = system.solve(compliance, strains, lifted, moments, of_bars)
+            if found.jump > LARGEST_JUMP:
+                if best is None:
+                    raise NotApplicable(
+                        f"rounding leaves jumps of {found.jump:.1e} in the tractions"
+                    )
+                break
+            stress = np.asarray(lifted + found.stress)
+            gap = self.gap(stress, w, element)
+            value = state.sum(gap.values) + state.sum(bars.gap(found.forces, along))
+            is_last = not self._locks or (step > 1 and value > _ENOUGH * least_value)
+            if value < least_value:
+                best, least_value = Balanced(stress, bars, found.forces), value
+            if is_last:
+                break
+            # Steps beyond the best zeta need fewer rounds.
+            power = 1.0 if step < 3 else _BEYOND
+            zeta = np.maximum(zeta, least[:, None, None])
+            zeta = zeta * (np.maximum(gap.zeta, least[:, None, None]) / zeta) ** power
+            zeta[~np.isfinite(self.limit)] = 0.0
+            wanted_bars = np.maximum(bars.best_stiffening(found.forces), least_bar)
+            of_bars *= (wanted_bars / of_bars) ** power
+            if step == 0:
+                of_bars = np.repeat(first_bar[:, None], 2, axis=1)
+        assert best is not None
+        return best
 
     def strains(self, u: fem.Function, element: MacroElement) -> FloatArray:
         """The strain (n, 3, m, 3) of a displacement at the points of the parts."""
@@ -197,30 +252,31 @@ class Body:
     def gap(self, stress: FloatArray, w: fem.Function, element: MacroElement) -> Gap:
         """``int |s - (A + zeta) eps|^2/2 + zeta (M^2 - |eps|^2)/2`` over the cells of this rank.
 
-        zeta is constant in each of the three parts of a triangle, and the best one for the stress.
-        Solutions of the inequality keep the limit up to the tolerance of the solver; for the share
-        by which eps(w) exceeds M, M is enlarged.
+        zeta is constant in each quarter of the three parts of a triangle, and the best one for the
+        stress.  Solutions of the inequality keep the limit up to the tolerance of the solver; for
+        the share by which eps(w) exceeds M, M is enlarged.
         """
-        areas = self.triangles.areas[:, None] / 3.0
-        mass = element.mass
+        areas = self.triangles.areas[:, None, None] / 3.0
 
         def squares(modes: FloatArray) -> FloatArray:
-            return np.sum(modes * (mass @ modes), axis=2) * areas[:, :, None]
+            """(n, 3, 4, 3) from modes (n, 3, 4 or 1, m, 3)."""
+            return np.sum(modes * (element.quarters @ modes), axis=3) * areas[..., None]
 
-        eps = self.elasticity.modes(self.strains(w, element))
-        modes = self.elasticity.modes(stress)
-        eigenvalues = np.broadcast_to(self.elasticity.eigenvalues[:, None], (*eps.shape[:2], 3))
-        size = np.sum(squares(eps), axis=2)
+        eps = self.elasticity.modes(self.strains(w, element))[:, :, None]
+        modes = self.elasticity.modes(stress)[:, :, None]
+        size = np.sum(squares(eps), axis=3)
+        eigenvalues = np.broadcast_to(
+            self.elasticity.eigenvalues[:, None, None], (*size.shape, eps.shape[4])
+        )
         locks = np.isfinite(self.limit)
-        most = np.where(locks, self.limit, 0.0)[:, None] ** 2 * areas
-        most = np.where(locks[:, None], np.maximum(most, size), np.inf)
+        most = np.where(locks, self.limit, 0.0)[:, None, None] ** 2 * areas / size.shape[2]
+        most = np.where(locks[:, None, None], np.maximum(most, size), np.inf)
         zeta = best_stiffening(squares(modes), eigenvalues, most)
-        shifted = eigenvalues + zeta[:, :, None]
-        rest = modes - shifted[:, :, None, :] * eps
-        apart = squares(rest) / shifted**2
+        shifted = eigenvalues + zeta[..., None]
+        apart = squares(modes - shifted[:, :, :, None] * eps) / shifted**2
         slack = np.where(zeta > 0.0, most - size, 0.0)
-        values = 0.5 * (np.sum(apart * shifted, axis=(1, 2)) + np.sum(zeta * slack, axis=1))
-        return Gap(values, apart, eigenvalues, shifted)
+        values = 0.5 * (np.sum(apart * shifted, axis=(1, 2, 3)) + np.sum(zeta * slack, axis=(1, 2)))
+        return Gap(values, zeta, apart, eigenvalues, shifted)
 
     def _stiffness(self, size: int) -> FloatArray:
         """A as Mandel matrices (n, points, 3, 3)."""

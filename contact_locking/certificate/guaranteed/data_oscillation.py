@@ -42,7 +42,7 @@ from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.fem import compiled
 from contact_locking.problem.forms import ProblemData
 
-# What is left out of a load is nothing below this share of the load.
+# A part of a load that is below this share of it is rounding.
 _ROUNDING = 1e-13
 # The quadrature degree of loads that are no constants.
 _DEGREE = 8
@@ -54,7 +54,7 @@ class BalancedLoads:
 
     ``body`` (n, 3, l, 2) are values of the body force at the load points of the macro-element,
     ``moments`` (n, 3, k + 1, 2) the moments of the tractions along the facets of the cells.
-    ``body_rest`` (n,) and ``rest`` (n, 3) are the norms of what is left out, in L2.
+    ``body_rest`` (n,) and ``rest`` (n, 3) are the norms of the parts left out, in L2.
     """
 
     body: FloatArray
@@ -142,7 +142,7 @@ def _add_body_force(
         body += _turning(values - body, 2.0 * weights, triangles, places)
     rest = values - np.einsum("qi,ntid->ntqd", shapes, body)
     squares = [np.einsum("q,ntqd->n", 2.0 * weights, part**2) for part in (rest, values)]
-    # Several body forces add up; so do the norms of what is left out.
+    # Several body forces add up; so do the norms of the parts left out.
     found.body += body
     found.body_rest += np.sqrt(triangles.areas / 3.0 * _beyond_rounding(*squares))
 
@@ -215,7 +215,7 @@ def _on_sides(
 
 
 def _beyond_rounding(rest: FloatArray, whole: FloatArray) -> FloatArray:
-    """The squares (m,) of what is left out, or 0 where it is rounding of the whole."""
+    """The squares (m,) of the parts left out, or 0 where they are rounding of the whole."""
     return np.where(rest > _ROUNDING**2 * whole, rest, 0.0)
 
 

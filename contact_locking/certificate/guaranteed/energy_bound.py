@@ -165,14 +165,18 @@ def _bound(state: SolvedState, lifting: Lifting) -> FrozenBound:
     stiffness = problem.material.stiffness
     boundary = Boundary(held, moments, springs(parts, triangles, element, contacts, stiffness))
     body = Body(state, triangles, element)
-    stress = body.stress(boundary, loads)
+    w, apart = _admissible(state, lifting, body, contacts)
+    balanced = body.balanced(boundary, loads, w)
+    stress = balanced.stress
     if maximum(state.comm, loads.body_rest) > 0.0 or maximum(state.comm, loads.rest) > 0.0:
         finer = balanced_loads(problem.data, triangles, macro_element(element.degree + 1))
         stress, element = finer_stress(stress, loads, finer, held, triangles)
         loads = finer
-    w, apart = _admissible(state, lifting, body, contacts)
     gap = body.gap(stress, w, element)
     squares = gap.values.copy()
+    bars = balanced.bars
+    along = bars.along(body.strains(w, body.element))
+    np.add.at(squares, bars.cells, bars.gap(balanced.forces, along))
     nodal = w.x.array.reshape(-1, 2)
     for contact in contacts:
         normal, tangent = contact.split(nodal)

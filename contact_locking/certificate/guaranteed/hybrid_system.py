@@ -7,18 +7,21 @@ make the traction continuous and give it the prescribed values on the boundary:
 
 where H_K is the matrix of ``int C s : s``, and N_K maps the coefficients of the divergence-free
 stresses of K to the moments of their tractions.  The matrix is symmetric and positive definite.
+Bars in the boundary add unknowns at the vertices that balance the forces of bars that meet.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from dolfinx import la
 from petsc4py import PETSc
 
-from contact_locking.arrays import BoolArray, FloatArray, flattened
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray, flattened
 from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.guaranteed.bars import Bars
 from contact_locking.certificate.guaranteed.macro_element import MacroElement
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.errors import raise_callback_error
@@ -46,17 +49,34 @@ class Boundary:
     springs: FloatArray | None = None
 
 
+@dataclass(frozen=True)
+class Found:
+    """The divergence-free part ``stress`` (n, 3, m, 3), and the ``forces`` (b, k + 2) of the bars.
+
+    ``jump`` is what is left of the balance of the moments, relative to the largest moment.
+    """
+
+    stress: FloatArray
+    forces: FloatArray
+    jump: float
+
+
 class HybridSystem:
-    """The hybrid system of a mesh with given conditions on the boundary.
+    """The hybrid system of a mesh with given conditions on the boundary; collective.
 
     :meth:`solve` may be called for several compliances.
     """
 
     def __init__(
-        self, triangles: Triangles, element: MacroElement, boundary: Boundary, linear: str
+        self,
+        triangles: Triangles,
+        element: MacroElement,
+        boundary: Boundary,
+        bars: Bars,
+        linear: str,
     ) -> None:
         self.triangles, self.element, self.boundary = triangles, element, boundary
-        self._linear = linear
+        self.bars, self._linear = bars, linear
         maps, sizes = triangles.maps, triangles.determinants
         signs = triangles.signs[:, :, None] ** np.arange(element.degree + 1)
         #: Of a reference traction: the factor |F| of the traction, and the direction of the facet.
@@ -72,6 +92,7 @@ class HybridSystem:
         self._tractions = tractions.reshape(-1, 3 * block, count)
         self._held = held.reshape(-1, 3, block)
         self._block = block
+        self._number()
 
     def moments(self, reference: FloatArray) -> FloatArray:
         """The moments (n, 3, k + 1, 2) of tractions from those (n, 3, k + 1, 2) in the reference.
@@ -82,54 +103,91 @@ class HybridSystem:
         return np.asarray(moved * self._weights[:, :, :, None])
 
     def solve(
-        self, compliance: FloatArray, target: FloatArray, lifted: FloatArray
-    ) -> tuple[FloatArray, float]:
-        """The divergence-free part (n, 3, m, 3) of the stress; collective.
+        self,
+        compliance: FloatArray,
+        strains: FloatArray,
+        lifted: FloatArray,
+        moments: FloatArray,
+        stiffening: FloatArray,
+    ) -> Found:
+        """The stress that minimises ``int C s : s/2 - eps : s``, with forces of bars; collective.
 
-        ``compliance`` (n, 3, 3) is C in each triangle, as a Mandel matrix.  The stress minimises
-        ``int C s : s/2 - target : s`` with ``target`` (n, 3, m, 3).  ``lifted`` (n, 3, k + 1, 2)
-        are the moments of the tractions of the stress that has the divergence.
-
-        Also returns the largest jump of the moments that is left, relative to the largest moment.
-        Raises NotApplicable if the linear solver fails.
+        ``compliance`` (n, 3, 4, 3, 3) is C in the quarters of each part, as a Mandel matrix, and
+        ``strains`` (n, 3, m, 3) is eps.  ``lifted`` (n, 3, m, 3) is the part of s that has the
+        divergence, with the moments ``moments`` (n, 3, k + 1, 2).  ``stiffening`` (b, 2) is zeta of
+        the bars.  Raises NotApplicable if the linear solver fails.
         """
-        element, triangles = self.element, self.triangles
-        transforms, areas = triangles.transforms, triangles.areas / 3.0
-        count = len(element.basis)
-        # H_K = |K|/3 sum_ab (P^T C P)_ab G_ab.
-        gram = np.einsum("itpa,pq,jtqb->abij", element.basis, element.mass, element.basis)
-        inner = np.swapaxes(transforms, 1, 2) @ compliance @ transforms
-        inner *= areas[:, None, None]
-        stiffness = (inner.reshape(-1, 9) @ gram.reshape(9, -1)).reshape(-1, count, count)
-        weighted = np.einsum("itpa,pq->tqai", element.basis, element.mass)
-        pulled = flattened(target, kept=1) @ (transforms * areas[:, None, None])
-        forces = flattened(pulled) @ weighted.reshape(-1, count)
+        element, triangles, bars = self.element, self.triangles, self.bars
+        transforms, areas = triangles.transforms[:, None, None], triangles.areas / 3.0
+        size, count = len(areas), len(element.basis)
+        # H_K = |K|/3 sum_tsab (P^T C P)_tsab G_tsab over the quarters s of the parts t.
+        gram = np.einsum("itpa,spq,jtqb->tsabij", element.basis, element.quarters, element.basis)
+        inner = np.swapaxes(transforms, 3, 4) @ compliance @ transforms
+        inner *= areas[:, None, None, None, None]
+        stiffness = (flattened(inner) @ gram.reshape(-1, count**2)).reshape(-1, count, count)
+        pull = element.mass @ strains
+        for share, part in zip(element.quarters, np.moveaxis(compliance, 2, 0), strict=True):
+            pull -= share @ lifted @ part
+        pull = (flattened(pull, kept=1) @ triangles.transforms) * areas[:, None, None]
+        forces = flattened(pull) @ element.basis.reshape(count, -1).T
         right = np.concatenate([forces[:, :, None], np.swapaxes(self._tractions, 1, 2)], axis=2)
         solved = np.linalg.solve(stiffness, right)
         local = self._tractions @ solved
-        given = flattened(self.boundary.moments) - flattened(lifted) - local[:, :, 0]
+        given = flattened(self.boundary.moments) - flattened(moments) - local[:, :, 0]
         given[flattened(self._held)] = 0.0
-        multipliers = self._global(local[:, :, 1:], given)
-        coefficients = solved[:, :, :1] + solved[:, :, 1:] @ multipliers[:, :, None]
-        moments = flattened(lifted) + (self._tractions @ coefficients)[:, :, 0]
-        jump = self._jump(moments)
-        stress = coefficients[:, :, 0] @ element.basis.reshape(count, -1)
-        return triangles.moved(stress.reshape(target.shape)), jump
+        along = bars.along(strains)
+        stretched = bars.solved(stiffening, along)
+        pulled = bars.constraints @ stretched
+        at_cells, at_bars = self._global(
+            (local[:, :, 1:], pulled[:, :, 1:]), given, -pulled[:, :, 0]
+        )
+        coefficients = solved[:, :, 0] + (solved[:, :, 1:] @ at_cells[:, :, None])[:, :, 0]
+        tension = stretched[:, :, 0] + (stretched[:, :, 1:] @ at_bars[:, :, None])[:, :, 0]
+        found = flattened(moments) + (self._tractions @ coefficients[:, :, None])[:, :, 0]
+        jump = self._jump(found, (bars.constraints @ tension[:, :, None])[:, :, 0])
+        stress = coefficients @ element.basis.reshape(count, -1)
+        return Found(triangles.moved(stress.reshape(size, *strains.shape[1:])), tension, jump)
 
-    def _global(self, blocks: FloatArray, given: FloatArray) -> FloatArray:
-        """The multipliers (n, 3 b) on the facets of each triangle; collective."""
-        matrix = self._matrix(blocks)
-        comm, facet_map = self.triangles.domain.comm, self.triangles.facet_map
-        right = self._summed(given)
-        owned = facet_map.size_local * self._block
+    def _number(self) -> None:
+        """Number the blocks of unknowns: on each rank those of facets before those of vertices."""
+        comm, facets = self.triangles.domain.comm, self.triangles.facet_map
+        bars = self.bars
+        tied = la.vector(bars.vertex_map, 1)
+        tied.array[:] = 0.0
+        tied.array[bars.vertices[bars.tied]] = 1.0
+        tied.scatter_reverse(la.InsertMode.add)
+        self._vertices = np.nonzero(tied.array[: bars.vertex_map.size_local])[0]
+        owned = facets.size_local + len(self._vertices)
+        first = comm.exscan(owned) or 0
+        numbers = la.vector(facets, 1)
+        numbers.array[: facets.size_local] = first + np.arange(facets.size_local)
+        numbers.scatter_forward()
+        tied.array[:] = -1.0
+        tied.array[self._vertices] = first + facets.size_local + np.arange(len(self._vertices))
+        tied.scatter_forward()
+        self._blocks = owned, comm.allreduce(owned)
+        self._cell_blocks = numbers.array[self.triangles.facets].astype(PETSc.IntType)
+        # Ends that are not tied have no entries; they take the place of the facet.
+        at_bars = self.triangles.facets[bars.cells, bars.sides]
+        here = numbers.array[at_bars]
+        ends = np.where(bars.tied, tied.array[bars.vertices], here[:, None])
+        self._bar_blocks = np.column_stack([here, ends]).astype(PETSc.IntType)
+
+    def _global(
+        self, blocks: tuple[FloatArray, FloatArray], given: FloatArray, of_bars: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """The multipliers (n, 3 b) of the triangles and (m, 3 b) of the bars; collective."""
+        matrix = self._matrix(*blocks)
+        comm = self.triangles.domain.comm
         b, x = matrix.createVecLeft(), matrix.createVecRight()
-        b.array_w[:] = right.array[:owned]
+        at_facets, at_vertices = self._summed(given, of_bars)
+        b.array_w[:] = np.concatenate([at_facets.reshape(-1), at_vertices.reshape(-1)])
         options = default_options(self._linear, 2, matrix.getSize()[0], comm)
         ksp = create_ksp(comm, options | {"ksp_rtol": _RTOL}, prefix=_PREFIX)
         try:
             ksp.setOperators(matrix)
             ksp.solve(b, x)
-            right.array[:owned] = x.array_r
+            return self._spread(x.array_r.reshape(-1, self._block))
         except PETSc.Error as error:
             raise_callback_error(error)
             raise NotApplicable("the linear solve for the stress failed") from error
@@ -137,12 +195,10 @@ class HybridSystem:
             destroy_ksp(ksp)
             for item in (b, x, matrix):
                 item.destroy()
-        right.scatter_forward()
-        return flattened(right.array.reshape(-1, self._block)[self.triangles.facets])
 
-    def _matrix(self, blocks: FloatArray) -> PETSc.Mat:
-        """The matrix from its blocks (n, 3 b, 3 b) of the triangles; collective."""
-        size, facet_map = self._block, self.triangles.facet_map
+    def _matrix(self, blocks: FloatArray, of_bars: FloatArray) -> PETSc.Mat:
+        """The matrix from its blocks (n, 3 b, 3 b) and (m, 3 b, 3 b); collective."""
+        size, (owned, total) = self._block, self._blocks
         values = np.array(blocks).reshape(-1, 3 * size, 3 * size)
         if self.boundary.springs is not None:
             for facet in range(3):
@@ -150,34 +206,74 @@ class HybridSystem:
                 values[:, place, place] += self.boundary.springs[:, facet]
         cells, rows = np.nonzero(flattened(self._held))
         values[cells, rows, rows] = 1.0
-        facets = facet_map.local_to_global(self.triangles.facets.reshape(-1))
-        places = facets.reshape(-1, 3).astype(PETSc.IntType)
-        shape = (facet_map.size_local * size, facet_map.size_global * size)
         matrix = PETSc.Mat().create(self.triangles.domain.comm)
-        matrix.setSizes((shape, shape), bsize=size)
+        matrix.setSizes(((owned * size, total * size),) * 2, bsize=size)
         matrix.setType(PETSc.Mat.Type.AIJ)
-        # A facet is coupled to itself and to the four other facets of its triangles.
+        # A facet is coupled to itself and to four others: of its triangles, or of bars.
         matrix.setPreallocationNNZ((5 * size, 4 * size))
-        matrix.setValuesBlockedRCV(places, places, values, addv=PETSc.InsertMode.ADD_VALUES)
+        add = PETSc.InsertMode.ADD_VALUES
+        matrix.setValuesBlockedRCV(self._cell_blocks, self._cell_blocks, values, addv=add)
+        matrix.setValuesBlockedRCV(self._bar_blocks, self._bar_blocks, of_bars, addv=add)
+        # A vertex has one unknown of a block.
+        first = matrix.getOwnershipRange()[1] - len(self._vertices) * size
+        alone = (first + np.arange(len(self._vertices) * size)).reshape(-1, size)[:, 1:]
+        for row in alone.reshape(-1):
+            matrix.setValue(row, row, 1.0, addv=add)
         matrix.assemble()
         matrix.setOption(PETSc.Mat.Option.SPD, True)
         return matrix
 
-    def _summed(self, values: FloatArray) -> la.Vector:
-        """The sum (facets, b) of values (n, 3 b) over the triangles of each facet; collective."""
-        vector = la.vector(self.triangles.facet_map, self._block)
-        vector.array[:] = 0.0
-        blocks = vector.array.reshape(-1, self._block)
-        np.add.at(blocks, self.triangles.facets.reshape(-1), values.reshape(-1, self._block))
-        vector.scatter_reverse(la.InsertMode.add)
-        return vector
+    def _summed(self, values: FloatArray, of_bars: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The sums over triangles and bars at the owned facets (f, b) and vertices (v, b).
 
-    def _jump(self, moments: FloatArray) -> float:
-        """The largest sum of moments (n, 3 b) and prescribed moments, over the largest moment."""
+        ``values`` are (n, 3 b) and ``of_bars`` (m, 3 b).  Collective.
+        """
+        size, bars, facets = self._block, self.bars, self.triangles.facets
+        ends = of_bars.reshape(-1, 3, size)
+        places = np.concatenate([facets.reshape(-1), facets[bars.cells, bars.sides]])
+        parts = np.concatenate([values.reshape(-1, size), ends[:, 0]])
+        at_facets = _added(self.triangles.facet_map, places, parts)
+        tied = bars.tied
+        at_vertices = _added(bars.vertex_map, bars.vertices[tied], ends[:, 1:][tied])
+        return at_facets, at_vertices[self._vertices]
+
+    def _spread(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The owned unknowns (f + v, b) at the triangles (n, 3 b) and at the bars (m, 3 b)."""
+        size, bars, triangles = self._block, self.bars, self.triangles
+        owned = triangles.facet_map.size_local
+        of_facets, of_vertices = (
+            la.vector(triangles.facet_map, size),
+            la.vector(bars.vertex_map, size),
+        )
+        of_facets.array[: owned * size] = values[:owned].reshape(-1)
+        of_vertices.array[:] = 0.0
+        of_vertices.array.reshape(-1, size)[self._vertices] = values[owned:]
+        of_facets.scatter_forward()
+        of_vertices.scatter_forward()
+        at_cells = of_facets.array.reshape(-1, size)[triangles.facets]
+        at_ends = of_vertices.array.reshape(-1, size)[bars.vertices]
+        at_bars = np.concatenate([at_cells[bars.cells, bars.sides][:, None], at_ends], axis=1)
+        return flattened(at_cells), flattened(at_bars)
+
+    def _jump(self, moments: FloatArray, of_bars: FloatArray) -> float:
+        """The largest sum of moments and prescribed moments, over the largest moment."""
         comm = self.triangles.domain.comm
         given = flattened(self.boundary.moments)
         rest = np.where(flattened(self._held), 0.0, moments - given)
-        total = self._summed(rest).array[: self.triangles.facet_map.size_local * self._block]
-        local = [np.abs(total).max(initial=0.0), np.abs(moments).max(initial=0.0)]
+        sums = self._summed(rest, of_bars)
+        local = [
+            max(np.abs(part).max(initial=0.0) for part in sums),
+            np.abs(moments).max(initial=0.0),
+        ]
         jump, largest = np.max(comm.allgather(local), axis=0)
         return float(jump / largest) if largest > 0.0 else 0.0
+
+
+def _added(index_map: Any, places: IndexArray, values: FloatArray) -> FloatArray:
+    """The sums (owned, b) of values (m, b) at local places (m,) of all ranks; collective."""
+    size = values.shape[1]
+    vector = la.vector(index_map, size)
+    vector.array[:] = 0.0
+    np.add.at(vector.array.reshape(-1, size), places, values)
+    vector.scatter_reverse(la.InsertMode.add)
+    return vector.array.reshape(-1, size)[: index_map.size_local]

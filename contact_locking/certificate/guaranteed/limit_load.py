@@ -18,6 +18,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import NotApplicable, require_still_foundations
+from contact_locking.certificate.guaranteed.bars import Bars
 from contact_locking.certificate.guaranteed.body import Body
 from contact_locking.certificate.guaranteed.boundary_conditions import (
     held_components,
@@ -78,6 +79,8 @@ def _excluded(state: SolvedState) -> float:
     """The least factor on u_D that a stress excludes, infinite if no stress excludes any."""
     problem = state.problem
     require_still_foundations(state)
+    if problem.data.origin is not None:
+        raise NotApplicable("no proof covers limits of the elastic strain")
     if state.dim != 2:
         raise NotApplicable("there are no equilibrated stresses in three dimensions here")
     if problem.domain.axisymmetric:
@@ -98,19 +101,25 @@ def _excluded(state: SolvedState) -> float:
         np.add.at(moments, (contact.cells, contact.sides), contact.moments(1))
     moments *= triangles.signs[:, :, None, None] ** np.arange(2)[:, None]
     blocks = springs(parts, triangles, element, contacts, problem.material.stiffness)
-    system = HybridSystem(
-        triangles, element, Boundary(held, moments, blocks), state.settings.linear
-    )
     material = Body(state, triangles, element)
     strains = material.strains(problem.u, element)
     limit = material.limit
+    # A limit that is infinite has no bars.
+    bars = Bars(triangles, 1, held, np.full_like(limit, np.inf))
+    unstretched = np.empty((0, 2))
+    still = np.zeros_like(strains)
+    boundary = Boundary(held, moments, blocks)
+    system = HybridSystem(triangles, element, boundary, bars, state.settings.linear)
     if on_any_rank(state.comm, ~np.isfinite(limit)):
         raise NotApplicable("nothing limits the strain in a part of the body")
     size = _first_sizes(state, triangles)
     best = np.inf
     for _ in range(_STEPS):
         weights = limit / np.maximum(size, _LEAST * maximum(state.comm, size))
-        stress, jump = system.solve(weights[:, None, None] * np.eye(3), strains, nothing)
+        soft = np.multiply.outer(weights, np.eye(3))[:, None, None]
+        soft = np.broadcast_to(soft, (len(weights), 3, 4, 3, 3))
+        found = system.solve(soft, strains, still, nothing, unstretched)
+        stress, jump = found.stress, found.jump
         if _is_rounding(state, stress, strains / weights[:, None, None, None]):
             # Nothing resists the prescribed displacements.
             break

@@ -36,18 +36,20 @@ class MacroElement:
     Fields of degree k on the three parts are given by their values at the m ``points`` (3, m, 2) of
     degree k of each part, symmetric tensors as Mandel vectors.
 
-    ``mass`` (m, m) is ``int phi_p phi_q`` over a part of area 1.  ``basis`` (b, 3, m, 3) spans the
-    divergence-free stresses with a continuous normal component.  ``lifts`` (f, 3, m, 3) are
-    stresses whose divergence is one at one point of the degree k - 1, in one component, and zero at
-    all others; f = 3 l 2 for l such points in each part, ``load_points`` (3, l, 2).  ``load_mass``
-    (l, l) is their mass matrix.  ``moments`` and ``lift_moments`` (., 3, k + 1, 2) are the moments
-    ``|F_i| int_0^1 P_j(s) (r nu)(s) ds`` of the reference tractions on the facet i with Legendre's
-    polynomials :func:`legendre`.
+    ``mass`` (m, m) is ``int phi_p phi_q`` over a part of area 1, and ``quarters`` (4, m, m) are the
+    shares of the four triangles into which the midpoints of its edges divide it.  ``basis`` (b, 3,
+    m, 3) spans the divergence-free stresses with a continuous normal component.  ``lifts`` (f, 3,
+    m, 3) are stresses whose divergence is one at one point of the degree k - 1, in one component,
+    and zero at all others; f = 3 l 2 for l such points in each part, ``load_points`` (3, l, 2).
+    ``load_mass`` (l, l) is their mass matrix.  ``moments`` and ``lift_moments`` (., 3, k + 1, 2)
+    are the moments ``|F_i| int_0^1 P_j(s) (r nu)(s) ds`` of the reference tractions on the facet i
+    with Legendre's polynomials :func:`legendre`.
     """
 
     degree: int
     points: FloatArray
     mass: FloatArray
+    quarters: FloatArray
     basis: FloatArray
     lifts: FloatArray
     moments: FloatArray
@@ -72,6 +74,7 @@ def macro_element(degree: int) -> MacroElement:
         degree,
         points,
         _mass(degree),
+        _quarters(degree),
         basis,
         lifted,
         _moments(degree, basis),
@@ -129,6 +132,15 @@ def _mass(degree: int) -> FloatArray:
     points, weights = basix.make_quadrature(basix.CellType.triangle, max(2 * degree, 1))
     values = lagrange(degree, points)
     return 2.0 * np.einsum("q,qi,qj->ij", weights, values, values)
+
+
+def _quarters(degree: int) -> FloatArray:
+    points, weights = basix.make_quadrature(basix.CellType.triangle, max(2 * degree, 1))
+    half = points / 2.0
+    # Three have a corner each; the fourth is turned around.
+    places = np.stack([half, half + np.array([0.5, 0.0]), half + np.array([0.0, 0.5]), 0.5 - half])
+    values = np.stack([lagrange(degree, place) for place in places])
+    return 0.5 * np.einsum("q,sqi,sqj->sij", weights, values, values)
 
 
 def _tensors() -> FloatArray:

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot, drawn_tool
-from contact_locking.fem import compiled
+from contact_locking.fem import compiled, gauss_points
 from contact_locking.fem.facet_nodes import facet_places
 from contact_locking.laws.elasticity import strain
 from contact_locking.mesh.cell_kind import CellKind
@@ -43,8 +43,11 @@ class Pieces:
     @classmethod
     def of(cls, kind: CellKind, degree: int) -> Pieces:
         """The pieces for displacements of degree 1 or 2 in cells of a kind."""
-        nodes = kind.simplices if degree == 1 else _QUADRATIC[kind.dim]
-        return cls(np.array(nodes, dtype=np.int64), kind.is_simplex)
+        if degree == 1:
+            return cls(np.array(kind.simplices, dtype=np.int64), kind.is_simplex)
+        if kind.is_simplex:
+            return cls(np.array(_QUADRATIC[kind.dim], dtype=np.int64))
+        return cls(kind.split(_small_boxes(kind)), False)
 
     def facets_within(self, nodes: set[int]) -> tuple[list[int], list[IntArray]]:
         """The facets of pieces whose nodes are all among ``nodes``: the pieces, and the facets."""
@@ -60,9 +63,12 @@ class Pieces:
     def strain_norm(self, solution: StudySolution) -> FloatArray:
         """|eps(u)| (k,) at the midpoints of the pieces of owned cells; collective.
 
-        For an axisymmetric body and in boxes these are the values of :meth:`at_points`.
+        For an axisymmetric body, in boxes, and for elastic strains these are the values of
+        :meth:`at_points`.
         """
-        if len(self.nodes) == 1 or not self.of_simplex or solution.domain.axisymmetric:
+        total = solution.limits_of == "total"
+        is_affine = self.of_simplex and not solution.domain.axisymmetric and total
+        if len(self.nodes) == 1 or not is_affine:
             return self.at_points(solution.strain_norm)
         mesh, dim = solution.domain.mesh, solution.domain.dim
         space = fem.functionspace(mesh, ("DG", 1, (dim, dim)))
@@ -96,6 +102,14 @@ class Pieces:
         edges = basix.topology(space.element.basix_element.cell_type)[1]
         nodes = np.vstack([corners, *(corners[edge].mean(axis=0)[None] for edge in edges)])
         return np.asarray(nodes[self.nodes].mean(axis=1))
+
+
+def _small_boxes(kind: CellKind) -> IntArray:
+    """The 2^d boxes (2^d, c) between the nodes of a box of degree 2, by the numbers of nodes."""
+    steps = np.rint(2.0 * gauss_points.nodes(kind.name, 2)).astype(int)
+    number = {tuple(step): place for place, step in enumerate(steps)}
+    corners = np.rint(kind.places).astype(int)
+    return np.array([[number[tuple(low + step)] for step in corners] for low in corners])
 
 
 def _in_cells(function: fem.Function) -> FloatArray:

@@ -37,8 +37,8 @@ def draw_tractions(
 ) -> None:
     """Draw the tractions along a contact into ``axes``, the states into the narrow ``strip`` below.
 
-    ``largest`` is the largest traction on all of Gamma_C.  What is left of the method's tractions
-    where a contact is open is flat beside it.  ``smoothed`` (k,) is R sigma_nu.
+    ``largest`` is the largest traction on all of Gamma_C.  Tractions that the method leaves where
+    a contact is open are flat beside it.  ``smoothed`` (k,) is R sigma_nu.
     """
     lines = curves(facets)
     positions, label = abscissa([points.x[line] for line in lines])

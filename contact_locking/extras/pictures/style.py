@@ -33,6 +33,7 @@ RC: dict[str, Any] = {
     "font.family": "sans-serif",
     "font.size": 9.5,
     "axes.titlesize": 10.5,
+    "axes.titley": 1.0,  # otherwise Matplotlib measures every label to place a title
     "axes.labelsize": 9.5,
     "axes.edgecolor": "#444444",
     "axes.linewidth": 0.8,

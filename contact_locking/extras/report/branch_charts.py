@@ -19,7 +19,8 @@ _ROWS = (("pressure", r"$\int p$"), ("bound", r"$\int G$"))
 def branch_charts(summary: Mapping[str, Any]) -> list[Chart]:
     """The chart of the entry ``branches``; none without points that can be read."""
     found = summary.get("branches")
-    points = found.get("points") if isinstance(found, dict) else None
+    found = found if isinstance(found, dict) else {}
+    points = found.get("points")
     names = ("share", "index", "fold", *(name for name, _ in _ROWS))
     columns = {name: points.get(name) for name in names} if isinstance(points, dict) else {}
     read = {
@@ -32,11 +33,12 @@ def branch_charts(summary: Mapping[str, Any]) -> list[Chart]:
     whole = all(value is not None for values in read.values() for value in values)
     if not whole or len({len(values) for values in read.values()}) != 1 or not read["share"]:
         return []
-    about = "Total pressure and total friction bound of the solutions over the share of friction"
-    return [chart("branches", about, 4.2, partial(_draw, columns=read))]
+    over = str(found.get("over"))
+    about = f"Total pressure and total friction bound of the solutions over the share of {over}"
+    return [chart("branches", about, 4.2, partial(_draw, columns=read, over=over))]
 
 
-def _draw(figure: Figure, columns: Mapping[str, Sequence[Any]]) -> None:
+def _draw(figure: Figure, columns: Mapping[str, Sequence[Any]], over: str) -> None:
     above, below = figure.subplots(2, 1, sharex=True)
     shares = columns["share"]
     for axes, (name, label) in zip((above, below), _ROWS, strict=True):
@@ -53,5 +55,5 @@ def _draw(figure: Figure, columns: Mapping[str, Sequence[Any]]) -> None:
         places = [shares[i] for i in folds], [values[i] for i in folds]
         axes.plot(*places, "s", color=style.BLACK, ms=4.5, mfc="none", label="fold")
         axes.set_ylabel(label)
-    below.set_xlabel("share of friction.coefficient", loc="left")
+    below.set_xlabel(f"share of {over}", loc="left")
     above.legend(loc="best")

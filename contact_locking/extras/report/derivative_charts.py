@@ -1,4 +1,4 @@
-"""Bars of elasticities: what 1 % more of each number does to a result."""
+"""Bars of elasticities: the change of a result by 1 % more of each number."""
 
 from __future__ import annotations
 

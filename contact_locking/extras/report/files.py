@@ -44,7 +44,7 @@ def replace(folder: Path, html: str, charts: Sequence[Chart], name: str = CHARTS
 def discard(directory: str | Path) -> None:
     """Remove a report that has become out of date.  Raises OSError.
 
-    What others have put in its place stays.
+    Files that others have put in its place stay.
     """
     folder = Path(directory)
     own = [name for name in (PAGE, CHARTS) if ownership.is_own(folder / name)]

@@ -24,7 +24,7 @@ from contact_locking.results.read import number as finite
 
 from .charts import WIDTH, Chart, chart
 
-# The stem of a name, a description, the height, and what draws the chart.
+# The stem of a name, a description, the height, and the function that draws the chart.
 _Drawing = tuple[str, str, float, Callable[[Figure], None]]
 
 

@@ -71,7 +71,7 @@ _TITLES: Mapping[str, str] = {
     "iterations.friction": "friction updates",
     "iterations.linear": "linear solves",
 }
-# What the entries of the lists of loads are.
+# The word for an entry of each list of loads.
 _LOADS: Mapping[str, str] = {
     "tractions": "traction",
     "pressures": "pressure",

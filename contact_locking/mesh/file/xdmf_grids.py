@@ -28,10 +28,11 @@ _KINDS = {"polyline": INTERVAL, **NAMED}
 
 @dataclass(frozen=True)
 class Grid:
-    """The elements of one kind under one name."""
+    """The elements of one kind under one name, and whether they have values."""
 
     name: str
     kind: CellKind
+    has_values: bool
 
     @property
     def dim(self) -> int:
@@ -74,6 +75,38 @@ def read_grids(path: Path) -> Grids:
     The first grid is the mesh.  Every other grid has tags of cells or facets, and is a group.
     Raises InputError for a file that is no mesh of cells of one kind.
     """
+    cells, *groups = _listed(path)
+    if cells.dim < 2:
+        raise InputError(f"{path} is a 1D mesh; a body in 2D or 3D is needed", _KEY)
+    for grid in groups:
+        if grid.kind not in (cells.kind, cells.kind.facet):
+            raise InputError(
+                f"{path}: grid {grid.name!r} has neither {cells.kind.plural} nor "
+                f"{places.of_facets(cells.kind)}s of the body",
+                _KEY,
+            )
+    return Grids(cells, tuple(groups))
+
+
+def read_facet_grids(path: Path, cells: CellKind) -> tuple[Grid, tuple[Grid, ...]]:
+    """The first grid of a file, which has its points, and those with tags of facets.
+
+    For one process.  The first grid may be a mesh without values.  Raises InputError, with the key
+    of mesh files, for a file with anything else.
+    """
+    first, *others = _listed(path)
+    tags = [*([first] if first.has_values else []), *others]
+    facets = f"{places.of_facets(cells)}s"
+    for grid in tags:
+        if grid.kind != cells.facet or not grid.has_values:
+            raise InputError(f"{path}: grid {grid.name!r} has no tags of {facets}", _KEY)
+    if not tags:
+        raise InputError(f"{path} has no tags of {facets}, but a mesh alone", _KEY)
+    return first, tuple(tags)
+
+
+def _listed(path: Path) -> list[Grid]:
+    """All grids of a file, one at least, with different names."""
     require_file(path)
     if path.stat().st_size > _LARGEST:
         size = f"{path.stat().st_size / 1e6:.1f} MB"
@@ -100,21 +133,11 @@ def read_grids(path: Path) -> Grids:
     grids = [_grid(grid, path) for grid in root.iterfind("Domain/Grid")]
     if not grids:
         raise InputError(f"{path} holds no grid; write the mesh first", _KEY)
-    cells, *groups = grids
-    if cells.dim < 2:
-        raise InputError(f"{path} is a 1D mesh; a body in 2D or 3D is needed", _KEY)
-    for grid in groups:
-        if grid.kind not in (cells.kind, cells.kind.facet):
-            raise InputError(
-                f"{path}: grid {grid.name!r} has neither {cells.kind.plural} nor "
-                f"{places.of_facets(cells.kind)}s of the body",
-                _KEY,
-            )
     names = [grid.name for grid in grids]
     twice = {name for name in names if names.count(name) > 1}
     if twice:
         raise InputError(f"{path} has two grids named {min(twice)!r}", _KEY)
-    return Grids(cells, tuple(groups))
+    return grids
 
 
 def _require_whole(path: Path) -> None:
@@ -147,4 +170,4 @@ def _grid(grid: ElementTree.Element, path: Path) -> Grid:
             f"supported: {known}, with lines, triangles and quadrilaterals as their facets",
             _KEY,
         )
-    return Grid(name, _KINDS[kind.lower()])
+    return Grid(name, _KINDS[kind.lower()], grid.find("Attribute") is not None)

@@ -12,7 +12,6 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +19,17 @@ import numpy as np
 from mpi4py import MPI
 
 from contact_locking.arrays import BoolArray
-from contact_locking.contact.coulomb import default_radius
 from contact_locking.errors import InputError, NotRefined
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells, gather_mesh, spread
+from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells, gather_mesh
 from contact_locking.monitor import Attentive, Monitor
-from contact_locking.parallel import on_root
 from contact_locking.process import checkpoint, solving
-from contact_locking.process.adaptivity import refinement
+from contact_locking.process.adaptivity.finer import finer_mesh, smoothing_radii
 from contact_locking.process.adaptivity.marking import cells_at, entered_places, marked_cells
 from contact_locking.process.adaptivity.mesh_sequence import MEASURES, ErrorMeasure, MeshSequence
-from contact_locking.process.adaptivity.refinement import refined, singular_place
+from contact_locking.process.adaptivity.missed import solved_with_nodes
+from contact_locking.process.adaptivity.refinement import singular_place
+from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import mesh_of
@@ -46,11 +45,19 @@ def solve(
 ) -> StudySolution:
     """Solve (25)/(26) for the given parameters; collective.
 
-    With a section ``adapt`` this is the last solution of `solve_adaptively`.  For the arguments and
-    the errors see `contact_locking.process.solving.solve`.
+    With a section ``adapt`` this is the last solution of `solve_adaptively`.  Without it the mesh
+    is refined where a foundation enters between the nodes, see `missed`.  For the arguments and the
+    errors see `contact_locking.process.solving.solve`.
     """
     if parameters.adapt is None:
-        return solving.solve(parameters, comm, monitor, petsc_options, restart)
+
+        def attempt(domain: Domain | None) -> StudySolution:
+            saved = restart if domain is first else None
+            return solving.solve(parameters, comm, monitor, petsc_options, saved, domain)
+
+        saved_at = None if restart is None else saved_steps(Path(restart))[-1]
+        first = None if saved_at is None else checkpoint.refined_mesh(saved_at, comm)
+        return solved_with_nodes(attempt, first)
     # Only the last solution is kept in memory.
     solutions = solve_adaptively(parameters, comm, monitor, petsc_options, restart)
     return deque(solutions, maxlen=1)[0]
@@ -118,49 +125,27 @@ def _refined(
         # A mesh that misses a foundation may have no error.
         index_map = domain.mesh.topology.index_map(domain.dim)
         squares = np.zeros(index_map.size_local)
-    found = gather_cells(domain, squares)
-    radii = domain.smoothing_radii or {
-        one.contact.key: default_radius(one.surface) for one in solution.contacts
-    }
+    found, radii = gather_cells(domain, squares), smoothing_radii(solution)
     smoothing = [
         one.friction.smoothing.radius or radii[one.key]
         for one in solution.parameters.contacts
         if one.friction.coefficient != 0 and one.friction.smoothing.kernel != "none"
     ]
     entered = entered_places(solution)
-    held: list[WholeMesh] = []
 
-    def work() -> None:
-        assert mesh is not None and found is not None
+    def marks(mesh: WholeMesh) -> BoolArray:
+        assert found is not None
         if sequence.stagnates and not entered:
             raise NotRefined(singular_place(mesh.data, smoothing))
         marked = marked_cells(found, given.share) | cells_at(mesh.data, entered)
         sequence.pictures[-1] = sequence.pictures[-1].with_marks(mesh.data.cells.nodes, marked)
-        held.append(replace(_finer(mesh, marked, solution.parameters), smoothing_radii=radii))
+        return marked
 
     try:
-        on_root(domain.comm, work)
+        return finer_mesh(solution, marks, given.max_dofs, "adapt.max_dofs")
     except NotRefined as reason:
         sequence.stop(str(reason))
         return None
-    finer = spread(held[0] if held else None, domain.comm)
-    dofmap = solution.element.displacement_space(finer.mesh).dofmap
-    dofs = int(dofmap.index_map.size_global * dofmap.index_map_bs)
-    if dofs > given.max_dofs:
-        sequence.stop(f"the next mesh has {dofs} unknowns, more than adapt.max_dofs")
-        return None
-    return finer
-
-
-def _finer(mesh: WholeMesh, marked: BoolArray, parameters: Parameters) -> WholeMesh:
-    """The refined mesh, with the curved sides of a builder; for one process."""
-    geometry = parameters.mesh.geometry
-    if geometry is not None:
-        return refined(mesh, marked, geometry.curved)
-    told = mesh.diagnosis.warnings
-    news = [text for text in refinement.warnings(mesh.data) if text not in told]
-    finer = refined(mesh, marked)
-    return replace(finer, diagnosis=replace(finer.diagnosis, warnings=[*told, *news]))
 
 
 def _warn(solution: StudySolution, monitor: Monitor, sequence: MeshSequence) -> None:

@@ -12,8 +12,6 @@ from contact_locking.results.solution import StudySolution
 # Contributions that differ by this share count as equal: where a problem is symmetric, its mesh
 # stays symmetric, and rounding, which depends on the number of ranks, does not decide.
 _TIE = 1e-6
-# A foundation that enters between the nodes by this share of its indentation asks for nodes there.
-_ENTERED = 0.1
 # A point of a cell has barycentric coordinates above this.
 _INSIDE = -1e-6
 
@@ -35,20 +33,18 @@ def marked_cells(squares: FloatArray, share: float) -> BoolArray:
 
 
 def entered_places(solution: StudySolution) -> list[tuple[float, ...]]:
-    """Where foundations enter between the nodes of Gamma_C, one place for each contact; collective.
+    """Where foundations enter between the nodes of Gamma_C by a notable depth; collective.
 
     They are the same on all ranks.
     """
-    entries = [fields.entry for fields in solution.contacts]
-    return [item.place for item in entries if max(item.share, item.missed) > _ENTERED]
+    return [place for fields in solution.contacts for place in fields.entry.places]
 
 
 def only_misses(solution: StudySolution) -> bool:
     """Whether the solution meets every criterion but that on foundations between the nodes."""
     criteria = solution.summary["certificate"]["criteria"]
-    return not criteria[ENTRY]["holds"] and all(
-        item["holds"] for name, item in criteria.items() if name != ENTRY
-    )
+    broken = [name for name, item in criteria.items() if not item["holds"]]
+    return broken == [ENTRY]
 
 
 def cells_at(data: MeshData, places: list[tuple[float, ...]]) -> BoolArray:

@@ -112,7 +112,7 @@ class MeshSequence:
         error = measure.relative(solution)
         is_entered = bool(entered_places(solution))
         if is_entered and (solution.converged or only_misses(solution)):
-            # What a foundation does between the nodes, no error on this mesh tells.
+            # No error on this mesh tells of a foundation that enters between the nodes.
             if len(self.meshes) >= self.given.max_meshes:
                 self.stop(f"adapt.max_meshes, {self.given.max_meshes}, is reached")
         elif not solution.converged:

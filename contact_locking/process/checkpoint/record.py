@@ -58,7 +58,7 @@ def save(record: Record, folder: Path) -> None:
     """Write the record of a checkpoint whose fields are complete.  Raises OSError."""
     for path in (folder / FIELDS).glob("profiling*"):
         path.unlink()  # timings of ADIOS2, which differ from run to run
-    # Those of the fields, and of a refined mesh.
+    # The files of the fields, and of a refined mesh.
     files = [*sorted((folder / FIELDS).iterdir()), *sorted(folder.glob(f"{MESH}.*"))]
     data = asdict(record) | {
         "format": FORMAT,

@@ -33,7 +33,7 @@ from contact_locking.results.contact_points import OPEN
 from contact_locking.results.history import History, read_history
 from contact_locking.results.names import HISTORY
 from contact_locking.results.solution import StudySolution
-from contact_locking.solver.multipliers import ContactForces, Multipliers
+from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
 from contact_locking.solver.task import SavedState
 from contact_locking.study.assembly import StudyProblem
 
@@ -388,7 +388,8 @@ def _load_multipliers(
         friction = 0.0 - traction.reshape(-1, dim)[surface.blocks]
         forces.append(ContactForces(pressure, friction, state != OPEN))
         bounds.append(bound)
-    found = Multipliers.none(data, problem.domain.mesh, tuple(forces))
+    spaces = multiplier_spaces(data, problem.domain.mesh)
+    found = Multipliers.none(data, spaces, tuple(forces))
     for name, part in zip(_names_of_parts(len(found.parts)), found.parts, strict=True):
         part.x.array[:] = load(name, part.function_space).x.array
     found.add_up(data)

@@ -35,7 +35,7 @@ class Compared:
 
     @property
     def data(self) -> FloatArray:
-        """What was measured (k,)."""
+        """The measured values (k,)."""
         return self.experiment.data[self.column]
 
     @property

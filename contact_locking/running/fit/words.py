@@ -1,4 +1,4 @@
-"""What a fit has found, and what it has not, in words."""
+"""The result of a fit, and the doubts about it, in words."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def before(
     used: float | None,
     refusal: str,
 ) -> list[str]:
-    """What the data cannot tell, by the derivatives at the start, the ``numbers`` (n,).
+    """The numbers that the data cannot tell, by the derivatives at the start, the ``numbers`` (n,).
 
     ``used`` is the largest share of the strain limit.  ``refusal`` says why there are no
     derivatives.
@@ -147,7 +147,7 @@ def about_residuals(
 def runs_of(residuals: FloatArray) -> tuple[float, int, float]:
     """The runs of one sign: by how many standard deviations noise has more, how many, and how many.
 
-    The third is what noise has.  The test of Wald and Wolfowitz.
+    The third is the number that noise has.  The test of Wald and Wolfowitz.
     """
     signs = np.sign(residuals)
     signs = signs[signs != 0.0]
@@ -158,7 +158,7 @@ def runs_of(residuals: FloatArray) -> tuple[float, int, float]:
         return 0.0, runs, float(runs)
     expected = 1.0 + 2.0 * above * below / count
     variance = (expected - 1.0) * (expected - 2.0) / (count - 1.0)
-    # All of one sign have no variance; half a run is what a count can be wrong by.
+    # All of one sign have no variance; a count can be wrong by half a run.
     spread = max(np.sqrt(max(variance, 0.0)), 0.5)
     if above == 0.0 or below == 0.0:
         expected, spread = 1.0 + count / 2.0, np.sqrt(count) / 2.0

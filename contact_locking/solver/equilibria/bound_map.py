@@ -101,7 +101,6 @@ class BoundMap:
     def __init__(self, task: Task) -> None:
         self._task, self.vectors = task, BoundVectors(task.system)
         self._solver = InteriorPoint(task, bound_moves=False)
-        self._start = task.system.constraints.held_part(task.system.u.x.array)
         self.multipliers: Multipliers | None = None
         self._inside = np.ones(self.vectors.size, dtype=bool)
 
@@ -111,11 +110,16 @@ class BoundMap:
         self._inside = bounds > 0.0
         used = np.maximum(bounds, 0.0)
         self.vectors.enter(np.maximum(used, _LEAST * np.max(used, initial=0.0)))
-        system.u.x.array[:] = self._start
+        system.u.x.array[:] = 0.0
+        system.constraints.apply(system.u)
         # Along a branch the solution before is near.
         self.multipliers = self._solver.solve(self._task.report.last)
         wanted = zip(self.vectors.contacts, self._pressures(), strict=True)
         return self.vectors.gather([item.friction_bound(system.u, p) for item, p in wanted])
+
+    def take_loads(self) -> None:
+        """Take the present loads and prescribed displacements of the system."""
+        self._solver.take_loads()
 
     def pressures(self) -> FloatArray:
         """The contact pressures (m,) at the last value."""

@@ -1,9 +1,10 @@
-"""The branch of solutions ``G = t Phi(G)`` over the share t of the friction coefficient.
+"""A branch of solutions ``G = Psi(G, s)`` over a share s of the friction coefficient or of loads.
 
-It begins at ``G = 0`` for ``t = 0``.  Where Phi is continuous, the solutions (G, t) that are
-connected to this one reach as far as there are any (Rabinowitz, doi:10.1016/0022-1236(71)90030-9):
-where Phi is bounded, they reach ``t = 1``, but t need not grow along the branch.  So the branch is
-followed by pseudo-arclength, past folds.  One value of Phi serves all shares.
+Over friction, ``Psi = t Phi(G)``, it begins at ``G = 0`` for ``t = 0``.  Where Phi is continuous,
+the solutions (G, t) that are connected to this one reach as far as there are any (Rabinowitz,
+doi:10.1016/0022-1236(71)90030-9): where Phi is bounded, they reach ``t = 1``, but t need not grow
+along the branch.  So the branch is followed by pseudo-arclength, past folds.  One value of Phi
+serves all shares.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
-from contact_locking.solver.equilibria.bound_map import BoundMap
+from contact_locking.solver.equilibria.paths import Path
 
 # The relative residual along the branch, and the corrections that a step may take.
 _ACCURACY, _MOST, _FEW = 1e-4, 8, 4
@@ -31,7 +32,7 @@ _ASIDE = 0.6
 
 @dataclass(frozen=True)
 class BranchPoint:
-    """Bounds ``G = t Phi(G)`` and their share t; ``sign`` is that of ``det(I - t Phi'(G))``.
+    """Bounds ``G = Psi(G, s)`` and their share s; ``sign`` is that of ``det(I - dPsi/dG)``.
 
     It is 0 at a fold.
     """
@@ -47,16 +48,16 @@ class BranchPoint:
 
 
 class Branch:
-    """The points of the branch of a map, step by step; each takes some values of the map.
+    """The points of a branch, step by step; each takes some values of the map Psi.
 
     ``reach`` is the size of the bounds, relative to those of the pressure without friction.  A
     ``bold`` step may lead to another branch, which is faster where any solution will do.  With
     ``locates_folds`` the places where the share turns are points, too.
     """
 
-    def __init__(self, problem: BoundMap, bold: bool = False, locates_folds: bool = False) -> None:
+    def __init__(self, path: Path, bold: bool = False, locates_folds: bool = False) -> None:
         self._locates_folds = locates_folds
-        self._problem, self._vectors = problem, problem.vectors
+        self._path, self._vectors = path, path.vectors
         self._aside = math.inf if bold else _ASIDE
         self._size, self._side, self.reach = 1.0, 1.0, 0.0
 
@@ -65,18 +66,19 @@ class Branch:
     ) -> Iterator[BranchPoint]:
         """The points from no friction, or from a solution, as long as a step leads on; collective.
 
-        From a solution ``G = Phi(G)`` the branch leads on to both sides: ``direction`` is +1
-        towards more friction and -1 towards less, at first.
+        From a solution of the share 1 the branch leads on to both sides: ``direction`` is +1
+        towards a larger share and -1 towards a smaller one, at first.
         """
         size = self._vectors.size
         bounds: FloatArray = np.zeros(size) if start is None else start
         share = 0.0 if start is None else 1.0
         try:
-            wanted = self._problem(bounds)
+            self._path(bounds, share)
+            by_bounds, by_share = self._path.slopes()
         except NotConverged:
             return
-        self._size = self._vectors.norm(wanted)
-        rate, sign = self._vectors.solved(np.eye(size) - share * self._problem.derivative(), wanted)
+        self._size = self._vectors.norm(by_share if start is None else start)
+        rate, sign = self._vectors.solved(np.eye(size) - by_bounds, by_share)
         if self._size == 0.0 or sign == 0.0:
             return
         self._side = sign * direction
@@ -127,19 +129,20 @@ class Branch:
         row = self._covector(tangent)
         for count in range(_MOST):
             try:
-                wanted = self._problem(at[:-1])
+                wanted = self._path(at[:-1], float(at[-1]))
+                by_bounds, by_share = self._path.slopes()
             except NotConverged:
                 return None
-            left = np.append(at[:-1] - at[-1] * wanted, row @ (at - start))
-            slope = np.eye(size) - at[-1] * self._problem.derivative()
-            matrix = np.block([[slope, -wanted[:, None]], [row[None, :]]])
+            left = np.append(at[:-1] - wanted, row @ (at - start))
+            slope = np.eye(size) - by_bounds
+            matrix = np.block([[slope, -by_share[:, None]], [row[None, :]]])
             if vectors.norm(left[:-1]) <= _ACCURACY * self._size:
                 # The determinant with the tangent as the last row keeps its sign along a branch,
                 # also where a kink turns the tangent round.
                 ahead, turn = vectors.solved(matrix, np.append(np.zeros(size), 1.0))
                 if turn == 0.0 or self._length(at - start) > self._aside * length:
                     return None
-                sign = vectors.solved(slope, wanted)[1]
+                sign = vectors.solved(slope, by_share)[1]
                 return at, self._unit(turn * self._side * ahead), sign, count
             step = vectors.solved(matrix, left)[0]
             if not np.all(np.isfinite(step)):

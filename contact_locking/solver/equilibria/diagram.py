@@ -1,12 +1,15 @@
-"""The bifurcation diagram: the branch of solutions over the share of friction, with its folds."""
+"""The bifurcation diagram: a branch of solutions over a share of friction or loads, with folds."""
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 
+from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.solver.equilibria.branch import Branch
+from contact_locking.solver.equilibria.paths import OverFriction, OverLoads, Path
 from contact_locking.solver.equilibria.search import FARTHEST, Equilibria, require_map
 from contact_locking.solver.task import Task
 
@@ -16,10 +19,10 @@ _MOST_POINTS = 150
 
 @dataclass(frozen=True)
 class DiagramPoint:
-    """A solution with the ``share`` of friction, and its totals over all contacts with friction.
+    """A solution with its ``share``, and its totals over all contacts with friction.
 
     ``pressure`` is ``int p`` and ``bound`` is ``int G``.  ``index`` is the sign of
-    ``det(I - t Phi'(G))``, 0 at a fold, where the share turns and ``fold`` is 1.
+    ``det(I - dPsi/dG)``, 0 at a fold, where the share turns and ``fold`` is 1.
     """
 
     share: float
@@ -31,7 +34,7 @@ class DiagramPoint:
 
 @dataclass(frozen=True)
 class Diagram:
-    """The points from no friction on, in the order of the branch, and why it ends, in words."""
+    """The points in the order of the branch, and why it ends, in words."""
 
     points: tuple[DiagramPoint, ...]
     end: str
@@ -42,41 +45,56 @@ class Diagram:
         return [point.share for point in self.points if point.fold]
 
 
-def diagram(task: Task, most: float) -> Diagram:
-    """The branch up to ``most`` times the friction; the system is left as it was; collective.
+#: The diagram over loads without a solution for the whole of them.
+NO_START = Diagram((), "it begins at the solution for all of the loads, which was not found")
 
-    Raises InputError where there is no map of the friction bounds.
+
+def diagram(task: Task, to: float, put: Callable[[float], None] | None = None) -> Diagram:
+    """The branch from no friction up to ``to`` times the friction; collective.
+
+    With ``put``, which gives a share of the loads to the system, it is the branch over the loads,
+    from the solution in the system with the share 1 up or down to the share ``to``.  The system is
+    left as it was.  Raises InputError where there is no map of the friction bounds.
     """
     require_map(task, "branches")
-    points, equilibria = [], Equilibria(task)
+    equilibria = Equilibria(task)
     problem, vectors = equilibria.map, equilibria.map.vectors
-    end = "no further step along the branch was found"
+    path: Path = OverFriction(problem)
+    start: FloatArray | None = None
+    if put is not None:
+        path = OverLoads(problem, put)
+        start = vectors.gather([contact.bounds for contact in vectors.contacts])
     try:
         with task.system.preserved():
-            branch = Branch(problem, locates_folds=True)
-            for point in itertools.islice(branch.points(), _MOST_POINTS):
-                try:
-                    problem(point.bounds)
-                except NotConverged:
-                    break
-                pressure = vectors.dot(problem.pressures(), vectors.ones)
-                bound = vectors.dot(point.bounds, vectors.ones)
-                is_fold = point.sign == 0.0
-                points.append(
-                    DiagramPoint(point.share, pressure, bound, int(point.sign), int(is_fold))
-                )
-                if branch.reach > FARTHEST and task.target.penalty.is_strict:
-                    end = (
-                        f"the friction bound is {branch.reach:.0f} times that of the pressure "
-                        "without friction, and grows"
-                    )
-                    break
-                if point.share >= most:
-                    end = "the largest share was reached"
-                    break
-            else:
-                if len(points) == _MOST_POINTS:
-                    end = f"after {_MOST_POINTS} points"
+            return _followed(path, start, to, is_strict=task.target.penalty.is_strict)
     finally:
+        if put is not None:
+            put(1.0)
         equilibria.destroy()
+
+
+def _followed(path: Path, start: FloatArray | None, to: float, is_strict: bool) -> Diagram:
+    points, vectors = [], path.vectors
+    end = "no further step along the branch was found"
+    onwards = -1.0 if start is not None and to < 1.0 else 1.0
+    branch = Branch(path, locates_folds=True)
+    for point in itertools.islice(branch.points(start, onwards), _MOST_POINTS):
+        try:
+            path(point.bounds, point.share)
+        except NotConverged:
+            break
+        pressure = vectors.dot(path.problem.pressures(), vectors.ones)
+        bound = vectors.dot(point.bounds, vectors.ones)
+        is_fold = point.sign == 0.0
+        points.append(DiagramPoint(point.share, pressure, bound, int(point.sign), int(is_fold)))
+        if is_strict and branch.reach > FARTHEST * max(1.0, point.share):
+            beginning = "the pressure without friction" if start is None else "all of the loads"
+            end = f"the friction bound is {branch.reach:.0f} times that of {beginning}, and grows"
+            break
+        if onwards * (point.share - to) >= 0.0:
+            end = "the last share was reached"
+            break
+    else:
+        if len(points) == _MOST_POINTS:
+            end = f"after {_MOST_POINTS} points"
     return Diagram(tuple(points), end)

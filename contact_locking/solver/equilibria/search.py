@@ -13,8 +13,9 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
 from contact_locking.solver.equilibria.bound_map import BoundMap
-from contact_locking.solver.equilibria.branch import Branch
+from contact_locking.solver.equilibria.branch import Branch, BranchPoint
 from contact_locking.solver.equilibria.newton import Deflation, MapNewton
+from contact_locking.solver.equilibria.paths import OverFriction
 from contact_locking.solver.task import SolverReport, Task
 
 # Tresca's problems need to be solved this much more sharply than the bounds.
@@ -73,7 +74,10 @@ class Equilibria:
         ``start`` and ``direction`` are those of :meth:`Branch.points`, ``bold`` of :class:`Branch`.
         """
         folds, before = 0, None
-        branch, is_strict = Branch(self.map, bold), self._task.target.penalty.is_strict
+        branch, is_strict = (
+            Branch(OverFriction(self.map), bold),
+            self._task.target.penalty.is_strict,
+        )
         most = _MOST_POINTS if start is None else _FEWER_POINTS
         points = itertools.islice(branch.points(start, direction), most)
         for point in points:
@@ -85,10 +89,20 @@ class Equilibria:
             if before is not None:
                 folds += point.sign != before.sign
                 if (point.share - 1.0) * (before.share - 1.0) < 0.0:
-                    found = self._newton.solve(before.between(point, 1.0))
+                    found = self._within(before, point)
                     if found is not None:
                         yield found, folds
             before = point
+
+    def _within(self, before: BranchPoint, point: BranchPoint) -> FloatArray | None:
+        """A solution near the place where the branch passes the whole share.
+
+        Between two points whose nodes stick, slip or touch otherwise, Newton's method may go to and
+        fro, where it arrives from one of them.
+        """
+        starts = (before.between(point, 1.0), point.bounds, before.bounds)
+        tries = (self._newton.solve(start) for start in starts)
+        return next((found for found in tries if found is not None), None)
 
     def others(self, first: FloatArray) -> Iterator[FloatArray]:
         """Solutions beside a known one: those on branches, then those that deflation finds.

@@ -76,7 +76,7 @@ class Pieces:
 
 @dataclass(frozen=True)
 class _Left:
-    """What a step left: the worst measure, and how many points are on another piece."""
+    """The state after a step: the worst measure, and how many points are on another piece."""
 
     worst: float
     changed: int

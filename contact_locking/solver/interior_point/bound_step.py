@@ -30,6 +30,7 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
+from contact_locking.contact.no_slip import NoSlip
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.solver.interior_point.contact_cones import ContactCones
@@ -63,6 +64,11 @@ class MovingBound:
         """Whether the bound follows the pressure, and nothing else."""
         bound = self.contact.friction
         return bound.is_coulomb and not (bound.depends_on_slip or bound.stands)
+
+    def hold(self, stress: float) -> None:
+        """Let a bound without slip hold tractions up to ``stress`` everywhere; collective."""
+        if isinstance(self.contact.friction, NoSlip):
+            self.contact.bounds = self.contact.acting(self.contact.friction.on_all(stress))
 
     def start(self, moves: bool, least: float) -> None:
         """Give the cones a bound: where it ``moves`` that of the pressure, else what it is now.
@@ -201,7 +207,7 @@ class BoundStep:
         return not on_any_rank(self._tangent.comm, is_cut)
 
     def _reactions(self, steps: Sequence[FloatArray]) -> list[Reaction]:
-        """What the steps of the bounds do to friction where nothing moves."""
+        """The change of friction by the steps of the bounds where nothing moves."""
         parts = zip(self._laws, steps, strict=True)
         return [Reaction(law.friction, law.friction.response(part)) for law, part in parts]
 
@@ -321,7 +327,7 @@ class BoundLaw:
         return bool(np.any(step < least))
 
     def moved_by(self, displacement: FloatArray) -> FloatArray:
-        """What a response of the displacement (owned values) does to the law; collective."""
+        """The change of the law by a response of the displacement (owned values); collective."""
         pressure_step = self._contact.response(self._contact.see(displacement))
         return self.moved(pressure_step, self.friction.see(displacement))
 

@@ -1,4 +1,4 @@
-"""What the method asks of a family of cones.
+"""The interface of a family of cones.
 
 Every family pairs a primal point with a multiplier at each of its points in space and eliminates
 both from the Newton system, so that only the displacement is left.  With ``lin`` the part of the
@@ -100,7 +100,7 @@ class Family(ABC):
 
     @property
     def reactions(self) -> FloatArray:
-        """What acts on the body: the locking stress, the pressure, or ``-sigma_tau``."""
+        """The reactions on the body: the locking stress, the pressure, or ``-sigma_tau``."""
         return self.reactions_of(self.z)
 
     @abstractmethod
@@ -186,7 +186,7 @@ class Family(ABC):
 
     @abstractmethod
     def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
-        """What brings the products after a step of length t back into a band, roughly."""
+        """The correction that brings the products after a step t back into a band, roughly."""
 
     # The derivative by the data.
 
@@ -288,6 +288,10 @@ class Family(ABC):
 
         Infinite for reactions that the limit has not; zero for cones that do not limit it.
         """
+        return 0.0
+
+    def origin_work(self, reactions: FloatArray) -> float:
+        """``int reactions . o`` of the origin o that what :meth:`look` sees begins at."""
         return 0.0
 
     def springs(self, stiffness: float, largest: float) -> float | FloatArray:

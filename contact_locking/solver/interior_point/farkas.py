@@ -21,7 +21,7 @@ from contact_locking.solver.task import Target
 _STIFFER = 1e6
 # Cells without a limit are taken to strain no more than this: small strains are the model's.
 _SMALL_STRAIN = 1.0
-# What rounding may add to either side, relative to it.
+# The rounding that either side may have, relative to it.
 _ROUNDING = 1e-6
 # The linear solve of an iterative solver leaves this share of the imbalance, if rounding lets it.
 _ACCURACY = 1e-10
@@ -35,7 +35,8 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     that follows u_D, and s P for those that follow s u_D; but it is ``R = int M |Z| + int p gap``
     at most where ``|eps| <= M`` and ``u_nu <= gap``.  So no admissible field on this mesh follows
     s u_D with ``s > R/P``.  With several sets of strains Z is the sum of ``L^T y`` over them, and
-    ``M |y|``, with ``y >= 0`` for a half space, takes the place of ``M |Z|``.
+    ``M |y|``, with ``y >= 0`` for a half space, takes the place of ``M |Z|``.  Limits of the
+    elastic strain ``eps - eps_0`` add the work E of Z at eps_0 to R.
 
     The multipliers of ``iterate`` hardly balance each other.  With
 
@@ -83,18 +84,20 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
         for item in reactions
     ]
     power, resistance = _power(iterate, reactions), _resistance(iterate, reactions)
+    origin = _origin_work(iterate, reactions)
     resistance += _work_beyond(system, rho, _SMALL_STRAIN)
-    # What the linear solve has left may work along any displacement that is admissible.
+    # The residual of the linear solve may work along any displacement that is admissible.
     farthest = system.largest_displacement() + _SMALL_STRAIN * target.length
     resistance += tangent.left_unbalanced() * farthest
     # An infinite resistance is that of a foundation that would have to pull.
-    if not power - resistance > _ROUNDING * (abs(power) + abs(resistance)):
+    if not power - resistance > _ROUNDING * (abs(power) + abs(resistance) + abs(origin)):
         return None
+    resistance, power = resistance + origin, power + origin
     return resistance / power if resistance > 0.0 else math.inf
 
 
 def _power(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
-    """``B(u)`` of the displacement visited last; collective."""
+    """``B(u) - E`` of the displacement visited last; collective."""
     local = sum(item.family.power(item.values, item.family.seen) for item in reactions)
     return float(iterate.comm.allreduce(local))
 
@@ -102,6 +105,12 @@ def _power(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
 def _resistance(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
     """R, infinite for a pressure that is negative somewhere; collective."""
     local = sum(item.family.resistance(item.values) for item in reactions)
+    return float(iterate.comm.allreduce(local))
+
+
+def _origin_work(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
+    """E; collective."""
+    local = sum(item.family.origin_work(item.values) for item in reactions)
     return float(iterate.comm.allreduce(local))
 
 

@@ -281,4 +281,5 @@ def _rest_is_admissible(system: PenalisedSystem, prescribed: npt.NDArray[np.floa
     """Whether u = 0 is within the limit and the gaps and has the prescribed values; collective."""
     moves = bool(np.any(prescribed != 0.0))
     overlaps = any(bool(np.any(contact.gaps < 0.0)) for contact in system.contacts)
-    return not system.comm.allreduce(moves or overlaps)
+    starts_elsewhere = system.data.origin is not None
+    return not system.comm.allreduce(moves or overlaps or starts_elsewhere)

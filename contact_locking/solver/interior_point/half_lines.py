@@ -1,4 +1,4 @@
-"""What families of half lines share."""
+"""The common part of families of half lines."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ class Iterate:
         return {family: weight * family.correction(steps[family]) for family in self.families}
 
     def recentring(self, reach: float, direction: Direction, target: float) -> Corrections:
-        """What leads products after a step of ``reach`` nearer to ``target``, as corrections."""
+        """The corrections that lead products after a step of ``reach`` nearer to ``target``."""
         low, high = self._band
         changed = {}
         for family in self.families:
@@ -159,9 +159,9 @@ class Iterate:
         return max(family.primal_residual(deformation) for family in self.families)
 
     def equilibrium_residual(self, scale: float, tolerance: float) -> float:
-        """What displacement and multipliers leave unbalanced, relative to ``scale``; collective.
+        """The unbalanced forces of displacement and multipliers, relative to ``scale``; collective.
 
-        What is below the rounding in the reactions counts as within the tolerance: a strain beyond
+        A force below the rounding in the reactions counts as within the tolerance: a strain beyond
         its limit makes these large beside loads and elastic forces.
         """
         left, reaction = self.tangent.residual_norms(Reaction.of(self.families))

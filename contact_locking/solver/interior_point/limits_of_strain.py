@@ -1,4 +1,4 @@
-"""What families of limits of the strain share."""
+"""The common part of families of limits of the strain."""
 
 from __future__ import annotations
 
@@ -34,10 +34,23 @@ class LimitsOfStrain(Family):
     @property
     @abstractmethod
     def reach(self) -> FloatArray:
-        """What is M at most (k,), of what was seen."""
+        """The part (k,) of what was seen that M limits."""
 
     def see(self, displacement: FloatArray) -> FloatArray:
         return self._strains.strains(displacement)
+
+    def look(self, displacement: FloatArray) -> None:
+        """What is seen is ``L (eps - eps_0)``, with the origin of the set; collective."""
+        super().look(displacement)
+        self.seen = self.seen - self._origin
+
+    @property
+    def _origin(self) -> FloatArray | float:
+        """``L eps_0`` in the shape of what is seen."""
+        return self._strains.origin
+
+    def origin_work(self, reactions: FloatArray) -> float:
+        return self.power(reactions, self._origin + np.zeros_like(self.seen))
 
     def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
         self._strains.add_forces(reactions, forces)
@@ -52,5 +65,7 @@ class LimitsOfStrain(Family):
         return self.power(self.reactions, self.seen)
 
     def describe_excess(self) -> str:
-        what = "the strain" if self._number == 0 else f"the strain of {self._strains.law.name}"
+        law = self._strains.law
+        what = "the strain" if law.origin is None else "the elastic strain"
+        what += "" if self._number == 0 else f" of {law.name}"
         return self._strains.describe_excess(np.maximum(self.reach, 0.0) / self.limit, what)

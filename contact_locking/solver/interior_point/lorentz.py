@@ -125,7 +125,7 @@ class Scaling:
     def recentring(
         self, t: float, dx: FloatArray, dz: FloatArray, band: tuple[float, float]
     ) -> FloatArray:
-        """What brings the scaled products after a step of length t back into a band.
+        """The correction that brings the scaled products after a step t back into a band.
 
         ``W^-1 (x + t dx) o W (z + t dz)`` has the eigenvalues ``v_0 +- |v_1|``.  They are clipped
         (Gondzio, doi:10.1007/BF00249643), by the upper end of the band at most where they are

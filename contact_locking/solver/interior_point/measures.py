@@ -1,4 +1,4 @@
-"""What the convergence of the interior point method is judged on."""
+"""The measures that judge the convergence of the interior point method."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from contact_locking.solver.task import Settings
 
 @dataclass
 class Measures:
-    """What convergence is judged on, all relative."""
+    """The measures of convergence, all relative."""
 
     equilibrium: float
     primal: float

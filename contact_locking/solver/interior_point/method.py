@@ -57,7 +57,7 @@ from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Approach, Tuning
 from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
-from contact_locking.solver.multipliers import ContactForces, Multipliers
+from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
 from contact_locking.solver.task import Target, Task
 
 _CONES: dict[type[StrainSet], type[LockingCones | StrainHalfLines | PrincipalCones]] = {
@@ -124,10 +124,11 @@ class InteriorPoint:
 
     At most 2 of some 20 tangents are saved by the displacement of the next smaller n or mu.
     ``bound_moves`` lets the friction bounds follow the pressure; otherwise they stay as they are.
+    ``nothing_slips`` lets contacts without slip hold every traction, also where nothing presses.
     """
 
     def __init__(self, task: Task, bound_moves: bool = True, tuning: Tuning | None = None) -> None:
-        self._task, self.bound_moves = task, bound_moves
+        self._task, self.bound_moves, self.nothing_slips = task, bound_moves, False
         self._tuning = tuning = tuning or Tuning()
         self.approach = tuning.approaches[0]
         self._families = families_of(task.system, task.target, tuning.least_bound)
@@ -147,7 +148,7 @@ class InteriorPoint:
 
         ``last`` is the solution of the step before, if there is one.
         """
-        # What is no number is found where steps and residuals are judged.
+        # A NaN is found where steps and residuals are judged.
         with np.errstate(all="ignore"):
             try:
                 found = self._iterate_to_the_end(last)
@@ -156,14 +157,20 @@ class InteriorPoint:
             finally:
                 self._task.report.friction_change = self._judge.friction_change
 
+    def take_loads(self) -> None:
+        """Take the present loads of the system for the next solve."""
+        self._tangent.take_loads()
+
     def multipliers(self) -> Multipliers:
-        """Those of the present iterate; collective."""
+        """The measures of the present iterate; collective."""
         system = self._task.system
         contacts = (
             ContactForces.none(len(contact.surface.nodes), system.dim)
             for contact in system.contacts
         )
-        found = Multipliers.none(system.data, system.u.function_space.mesh, tuple(contacts))
+        mesh = system.u.function_space.mesh
+        spaces = system.kept("multipliers", lambda: multiplier_spaces(system.data, mesh))
+        found = Multipliers.none(system.data, spaces, tuple(contacts))
         if not self.is_elastic:
             for family in self._iterate.families:
                 family.write(found, self._task.target.young)
@@ -303,6 +310,9 @@ class InteriorPoint:
         elastic = ElasticStart(task, tangent, tuning)
         task.report.tangents += 1
         is_admissible = elastic.solve()
+        if self.nothing_slips:
+            for bound in bounds:
+                bound.hold(target.young * min(tuning.holding * elastic.strain, 1.0))
         # A bound that stands still holds what it holds without any pressure, too.
         self.is_elastic = is_admissible and (
             self.bound_moves or all(bound.is_zero() for bound in bounds)

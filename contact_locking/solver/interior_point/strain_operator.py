@@ -1,4 +1,4 @@
-"""What a set of strains measures, and forces of its multipliers: one matrix and its transpose."""
+"""The matrix of the measured strains of a set, and its transpose for forces of multipliers."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc
 from petsc4py import PETSc
+from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.fem import compiled
@@ -27,7 +28,8 @@ class StrainOperator:
     this rank that the set limits.  The points are the degrees of freedom ``dofs`` (k,) of the
     spaces of strains ``scalars`` and ``tensors``, and lie in the cells ``cells`` (k,).  ``weights``
     (k,) are the weights of the locking rule at the points, ``dx`` is the measure with this rule,
-    and ``limit`` (k,) is M.  ``kept`` is that of the system.
+    and ``limit`` (k,) is M.  ``origin`` is ``L eps_0`` (m, k), 0 without an origin of the set.
+    ``kept`` is that of the system.
     """
 
     def __init__(
@@ -38,13 +40,8 @@ class StrainOperator:
         self.space, self.dx, self.law, self.strain = space, dx, law, element.strain
         self.dofs, self.cells, self.limit = _limited_points(law.inverse_limit)
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        measured = law.measured(element.strain(ufl.TrialFunction(space)))
         self._pairs = element.kinematics.mandel_pairs(self.dim)
-        vector = (
-            mandel_vector(measured, self._pairs)
-            if measured.ufl_shape
-            else ufl.as_vector([measured])
-        )
+        vector = self._vector(element.strain(ufl.TrialFunction(space)))
         self.rows = vector.ufl_shape[0]
 
         def strains() -> fem.Form:
@@ -68,6 +65,27 @@ class StrainOperator:
         )
         self.weights = weights[self.dofs]
         self._displacement, self._integrals = self._matrix.createVecs()
+        self.origin = self._of_origin(kept)
+
+    def _vector(self, eps: Expr) -> Expr:
+        """``L eps`` as a Mandel vector, or with one row for a scalar."""
+        measured = self.law.measured(eps)
+        if measured.ufl_shape:
+            return mandel_vector(measured, self._pairs)
+        return ufl.as_vector([measured])
+
+    def _of_origin(self, kept: Kept) -> FloatArray | float:
+        if self.law.origin is None:
+            return 0.0
+        expr, space = self._vector(self.law.origin), self.scalars
+
+        def made() -> tuple[fem.Function, fem.Expression]:
+            function = fem.Function(self._element.strain_space(space.mesh, (self.rows,)))
+            return function, compiled.interpolation(expr, function.function_space)
+
+        function, values = kept(("origin", self.law), made)
+        function.interpolate(values)
+        return np.asarray(function.x.array.reshape(-1, self.rows)[self.dofs].T)
 
     def strains(self, displacement: FloatArray) -> FloatArray:
         """``L eps`` (m, k) of a displacement (owned values, others are ignored); collective."""

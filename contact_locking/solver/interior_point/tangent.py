@@ -44,7 +44,7 @@ class StiffFamilies:
     degree: int
 
     def of(self, matrix: PETSc.Mat, assemble: Callable[[PETSc.Mat], None]) -> StiffPart:
-        """What of ``matrix`` is stiff; ``assemble`` assembles the blocks as written; collective."""
+        """The stiff part of ``matrix``; ``assemble`` assembles the written blocks; collective."""
         stiff, nearly = self.tuning.stiff, self.tuning.nearly_stiff
         is_linear = self.degree == 1
         along = self.tuning.stiff_along if is_linear else self.tuning.stiff_along_quadratic
@@ -196,11 +196,15 @@ class Tangent:
         self._step, self._answer, self._whole, self._moved = self._vectors[3:]
         self._right = RightHandSide(system, self.matrix.createVecRight())
         self._border = Border(len(system.tools), self.matrix.createVecRight)
-        self._load.array_w[:] = system.load
+        self.take_loads()
         contrast, listen = task.target.largest_contrast, task.monitor.linear
         self._linear = tangent_solver(
             self.matrix, system.dim, degree, task.settings, contrast, listen, system.coarser_spaces
         )
+
+    def take_loads(self) -> None:
+        """Take the present loads of the system."""
+        self._load.array_w[:] = self.system.load
 
     def visit(self) -> None:
         """Evaluate the elastic forces and the energy of the system's displacement; collective."""
@@ -288,7 +292,7 @@ class Tangent:
 
         def add_following(x: PETSc.Vec, y: PETSc.Vec) -> None:
             self._moved.set(0.0)
-            # Contact multiplies by its stiffness what a solve leaves of prescribed displacements.
+            # Contact multiplies by its stiffness the error of prescribed displacements in a solve.
             free = self.system.constraints.free_part(x.array_r)
             for reaction in follow(self._with_tools_at_rest(free)):
                 reaction.add_to(self._moved)
@@ -343,7 +347,7 @@ class Tangent:
         return elastic + self.forces(blocks)
 
     def forces(self, reactions: Sequence[Reaction]) -> FloatArray:
-        """What reactions do to owned dofs, held ones among them, and to travels; collective."""
+        """The forces of reactions on owned dofs, also held ones, and on travels; collective."""
         self._right.start()
         self._right.add_all(reactions)
         return np.append(self._right.on_nodes.array_r, self._right.on_tools)

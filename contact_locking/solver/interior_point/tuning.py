@@ -42,6 +42,9 @@ class Tuning:
     # The start.
     #: The complementarity products at the start over the density of the elastic energy, > 0.
     start_level: float = 0.03
+    #: The first bound of contacts without slip over Young's modulus times the strain without
+    #: contact, above 1: it is above all tractions, and not so far that forces lose their digits.
+    holding: float = 10.0
     #: The share of the loads' displacement that the start keeps, in (0, 1], so that few cells are
     #: far beyond their limit.
     start_load: float = 0.001

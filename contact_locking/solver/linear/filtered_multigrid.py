@@ -154,7 +154,7 @@ _WASTE = 1.2
 
 
 class StiffPart(NamedTuple):
-    """What of a matrix is stiff.
+    """The stiff part of a matrix.
 
     ``nodes`` are the local numbers of its owned nodes; ``find_nearly`` finds them together with
     those that may soon be stiff, too; ``assemble_rest`` gives another matrix of the same pattern
@@ -360,7 +360,7 @@ class FilteredMultigrid:
         return self._made
 
     def _chosen(self, stiff: StiffPart) -> npt.NDArray[np.int32]:
-        """What gets stiff soon is filtered from now on, if that is not too much; collective."""
+        """The nodes to filter: also those soon stiff, if there are not too many; collective."""
         nearly = stiff.find_nearly()
         most = min(_WASTE * self._count(stiff.nodes), self._limit)
         return nearly if self._count(nearly) <= most else stiff.nodes

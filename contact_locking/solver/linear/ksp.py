@@ -187,7 +187,7 @@ def configure(
 
 
 def _complete(pc: PETSc.PC) -> None:
-    """What is of type python needs a context, unless it has one from before."""
+    """An object of type python needs a context, unless it has one from before."""
     if pc.getType() == PETSc.PC.Type.PYTHON and pc.getPythonContext() is None:
         pc.setPythonContext(Substructuring())
 

@@ -20,7 +20,7 @@ _HARMFUL = re.compile(
     r"python|^dll_|library_preload|debug|terminal|popen|machine|saws|(^|_)display$|^x_|draw|_lg_"
     r"|options_file|options_string|file|dirname|_path$|dump|(^|_)(save|load)(_|$)|trajectory"
 )
-# What a view or a monitor may be given: where to print, and how, or a number.
+# A view or a monitor takes where to print, and how, or a number.
 _REPORTS = re.compile(r"view|monitor|reason|(^|_)(log|info|citations|history)(_|$)")
 _PRINTED = re.compile(
     r"(?i:|true|false|yes|no|on|off|[-+]?\d+(\.\d*)?(e[-+]?\d+)?|(ascii)?(:(stdout|stderr)?(:\w*)*)?)"
@@ -35,7 +35,7 @@ class UserOptions(dict[str, Any]):
         self.used: set[str] = set()
 
     def unused(self) -> list[str]:
-        """What had no effect, with what the user's own database has under the prefix."""
+        """The options without effect, with those of the user's own database under the prefix."""
         names = [name for name in self if name not in self.used]
         for name in PETSc.Options(PREFIX).getAll():
             if name not in self and not _compat.petsc_option_used(PREFIX + name):
@@ -47,8 +47,8 @@ class InsertedOptions:
     """Options under a prefix in PETSc's database, until they are removed.
 
     To be removed only after the last solve: levels of multigrid and factorisations ask for theirs
-    when they are set up, and again whenever that is repeated.  What the user already has in the
-    database (``-contact_locking_...``) wins over ``overrides``, and those over ``defaults``.
+    when they are set up, and again whenever that is repeated.  Options that the user already has in
+    the database (``-contact_locking_...``) win over ``overrides``, and those over ``defaults``.
     ``bare`` are those that PETSc asks for without a prefix.
     """
 

@@ -1,4 +1,4 @@
-"""What solves with one tangent after another: the interface of direct and iterative solvers."""
+"""The interface of direct and iterative solvers, which solve with one tangent after another."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class TangentSolver(abc.ABC):
 
     @property
     def direct(self) -> PETSc.KSP | None:
-        """What factorises, if anything, until this is destroyed.
+        """The factorisation, if there is one, until this is destroyed.
 
         Other tangents that are assembled into its matrix need no symbolic factorisation.
         """

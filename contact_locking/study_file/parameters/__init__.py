@@ -121,7 +121,7 @@ class Parameters(Section):
     )
     branches: BranchesParameters | None = entry(
         None,
-        "a bifurcation diagram: solutions over the friction coefficient, with folds, in "
+        "a bifurcation diagram: solutions over the friction coefficient or loads, with folds, in "
         "branches.csv and the report",
         optional=True,
     )
@@ -187,6 +187,14 @@ class Parameters(Section):
         parts = self.mesh.parts
         found = [part for name in names for part in (parts[name].on if name in parts else (name,))]
         return tuple(dict.fromkeys(found))
+
+    def shared_loads(self) -> Iterator[tuple[str, float | str]]:
+        """The key and the number or expression of each load that ``branches`` multiplies."""
+        over = "" if self.branches is None else self.branches.over
+        for place, value in self.loads.numbers():
+            key = ".".join(map(str, ("loads", *place)))
+            if key == over or key.startswith(f"{over}."):
+                yield key, value
 
     def timed(self) -> Iterator[tuple[str, str]]:
         """The key and the text of every expression that may depend on the time t."""
@@ -278,6 +286,13 @@ class Parameters(Section):
                     f"does not go with {name}: other solutions are those of one problem on one "
                     "mesh; leave out one of the two sections",
                 )
+        over_loads = self.branches is not None and not self.branches.is_over_friction
+        if over_loads and not any(self.shared_loads()):
+            yield Fault(
+                ("branches", "over"),
+                "names no load; take friction.coefficient, loads, or the key of a load, such as "
+                "loads.tractions.0.value",
+            )
         element = self.discretisation
         if self.mesh.axisymmetric and element.degree > 1 and element.limit_at == "vertices":
             yield Fault(
@@ -313,7 +328,7 @@ class Parameters(Section):
             yield from self._name_faults()
 
     def _faults_of_bodies(self) -> Iterator[Fault]:
-        """What there is not yet where two bodies touch each other."""
+        """The keys that do not work yet where two bodies touch each other."""
         places = [place for place, section in self._contact_sections() if section.against]
         missing = {
             "adapt": self.adapt is not None,

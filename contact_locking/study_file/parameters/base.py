@@ -73,7 +73,7 @@ class Section(BaseModel):
         return self
 
     def _faults(self) -> Iterator[Fault]:
-        """What is wrong with the values of the section together."""
+        """The faults of the values of the section together."""
         return iter(())
 
 

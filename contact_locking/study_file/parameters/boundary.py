@@ -121,6 +121,25 @@ class LoadParameters(Section):
         for index, support in enumerate(self.supports):
             yield ("supports", index), support
 
+    def numbers(self) -> Iterator[tuple[Place, float | str]]:
+        """The number or expression of each component that loads the body, with its place."""
+        for axis, component in enumerate(self.body_force or ()):
+            yield ("body_force", axis), component
+        for index, pressure in enumerate(self.pressures):
+            yield ("pressures", index, "value"), pressure.value
+        for index, support in enumerate(self.supports):
+            yield ("supports", index, "value"), support.value
+        vectors: dict[str, tuple[Traction | TotalForce | Displacement, ...]] = {
+            "tractions": self.tractions,
+            "forces": self.forces,
+            "displacements": self.displacements,
+        }
+        for name, items in vectors.items():
+            for index, item in enumerate(items):
+                for axis, component in enumerate(item.value):
+                    if component is not None:
+                        yield (name, index, "value", axis), component
+
     def _prescribed_twice(self) -> Iterator[Fault]:
         seen: dict[tuple[str, int], int] = {}
         for index, displacement in enumerate(self.displacements):

@@ -15,7 +15,7 @@ _MOST = 100
 
 
 class Curve(Section):
-    """The rows of a CSV file, and what is different in its experiment."""
+    """The rows of a CSV file, and the keys that differ in its experiment."""
 
     file: Text = entry(..., "a CSV file with a row of column names, relative to the study file")
     set: dict[str, Any] = entry(

@@ -114,7 +114,14 @@ class StrainLimit(Section):
                 "solvers do not have; take direction for the fibres that stretch most, or strain, "
                 "which implies it",
             )
-        if body.plane_stress and self.norm in _ACROSS_THE_PLANE:
+        if body.elastic_limits and body.strains == 2 and self.norm in _ACROSS_THE_PLANE:
+            yield Fault(
+                ("norm",),
+                f"{self.norm} does not go with limits_of: elastic in 2D, where the elastic strain "
+                "across the plane is that of the eigenstrain; take strain, direction or weighted, "
+                "the limits of the strain in the plane",
+            )
+        elif body.plane_stress and self.norm in _ACROSS_THE_PLANE:
             yield Fault(
                 ("norm",),
                 f"{self.norm} does not go with material.plane: stress: it limits the strain across "
@@ -295,13 +302,18 @@ class MaterialParameters(Section):
     )
     eigenstrain: Eigenstrains = entry(
         (),
-        "strains that are not elastic: one section, or a list of sections, which add up; the "
-        "limits are those of the whole strain eps(u)",
+        "strains that are not elastic: one section, or a list of sections, which add up",
+    )
+    limits_of: Literal["total", "elastic"] = entry(
+        "total",
+        "which strain has the limits: total, eps(u), or elastic, eps(u) - eps_0 of the eigenstrain",
     )
     regions: dict[str, Region] = entry({}, "other materials, by name of the group of cells")
 
     def _faults(self) -> Iterator[Fault]:
-        return limit_faults(self.locking, self.locking_limit)
+        yield from limit_faults(self.locking, self.locking_limit)
+        if self.limits_of == "elastic" and not self.eigenstrains:
+            yield Fault(("limits_of",), "elastic needs an eigenstrain; leave the key out")
 
     @property
     def eigenstrains(self) -> list[tuple[Place, Eigenstrain]]:
@@ -322,7 +334,7 @@ class MaterialParameters(Section):
             where = "axisymmetric bodies" if axisymmetric else "bodies in 3D"
             yield Fault(("plane",), f"stress is for bodies in 2D, not for {where}")
             return
-        body = BodyKind(dim, axisymmetric, plane_stress)
+        body = BodyKind(dim, axisymmetric, plane_stress, self.limits_of == "elastic")
         sections: dict[Place, Elasticity | StrainLimit | Eigenstrain] = {
             ("elasticity",): self.elasticity
         }

@@ -12,6 +12,7 @@ from pydantic import TypeAdapter, ValidationError, model_serializer, model_valid
 
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, parse
+from contact_locking.mesh.file.xdmf_grids import is_xdmf
 from contact_locking.meshes import BUILDERS
 from contact_locking.plain_text import nearest
 
@@ -20,7 +21,7 @@ from .values import Condition, Integer, Names, Number, NumberOrInfinite, Switch,
 from .wording import show, unknown_key, value_message
 
 #: The keys that are no parameters of builders.
-_SHARED = ("builder", "file", "axisymmetric", "parts")
+_SHARED = ("builder", "file", "facets", "axisymmetric", "parts")
 
 
 class Plane(Section):
@@ -77,6 +78,11 @@ class MeshParameters(Section):
         "a Gmsh or XDMF file, relative to the study file, in place of a builder",
         optional=True,
     )
+    facets: Text | None = entry(
+        None,
+        "an XDMF file with tags of facets, beside an XDMF file; their numbers are the names",
+        optional=True,
+    )
     axisymmetric: Switch = entry(
         False,
         "the 2D mesh is the half section of a body of revolution, in the coordinates "
@@ -106,7 +112,16 @@ class MeshParameters(Section):
                 Fault((key,), "does not go with file; a mesh comes from a builder or from a file")
                 for key in (*(["builder"] if builder is not None else []), *own)
             )
-            return {"builder": None, "file": file, **shared}
+            facets = data.get("facets")
+            if facets is not None and not all(
+                isinstance(name, str) and is_xdmf(name) for name in (file, facets)
+            ):
+                refuse_if(
+                    [Fault(("facets",), "is an XDMF file beside another one: both end with .xdmf")]
+                )
+            return {"builder": None, "file": file, "facets": facets, **shared}
+        if data.get("facets") is not None:
+            refuse_if([Fault(("facets",), "goes with file, another XDMF file")])
         if builder is None:
             builder = "block"
         if not isinstance(builder, str) or builder not in BUILDERS:
@@ -127,7 +142,8 @@ class MeshParameters(Section):
                 name: part.model_dump(exclude_defaults=True) for name, part in self.parts.items()
             }
         if self.file is not None:
-            return {"file": self.file, **shared}
+            facets = {} if self.facets is None else {"facets": self.facets}
+            return {"file": self.file, **facets, **shared}
         return {"builder": self.builder, **asdict(self.geometry), **shared}
 
     @property

@@ -130,12 +130,21 @@ class EquilibriaParameters(Section):
 
 
 class BranchesParameters(Section):
-    """The branch of solutions over the friction coefficient, from none of it on."""
+    """A branch of solutions over a share of the friction coefficient or of loads.
 
-    over: Literal["friction.coefficient"] = entry(
-        "friction.coefficient", "the number of the file that the branch multiplies by a share"
+    Over the friction coefficient it begins with none of it, over loads with those of the file.
+    """
+
+    over: Text = entry(
+        "friction.coefficient",
+        "what the branch multiplies by a share: friction.coefficient, loads (all of them, with "
+        "prescribed displacements), or the key of some of them, such as loads.tractions.0.value",
     )
-    to: Positive = entry(2.0, "the largest share", "1")
+    to: Positive = entry(2.0, "the last share", "1")
+
+    @property
+    def is_over_friction(self) -> bool:
+        return self.over == "friction.coefficient"
 
 
 class OutputParameters(Section):
