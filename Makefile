@@ -17,7 +17,7 @@ optional = ./in-env sh -c 'if command -v $(1) >/dev/null; then $(2); \
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo test test-all lint sandbox serial serial-all parallel parallel-all bench peers sweep verification studies docs format image image-test clean
+.PHONY: help demo test test-all lint sandbox serial serial-all parallel parallel-all bench peers sweep derivatives verification studies docs format image image-test clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 13
@@ -66,6 +66,10 @@ N =
 sweep: ## solve and judge random problems of many families (SEEDS=20 FIRST=0 FAMILIES= JOBS=2 LINEAR=auto N=): results/sweep
 	./in-env env PYTHONPATH=tests:tests/support OMP_NUM_THREADS=1 python3 -m sweep.run --seeds $(SEEDS) --first $(FIRST) --jobs $(JOBS) \
 		--linear $(LINEAR) $(if $(N),--n $(N)) --families $(FAMILIES)
+
+PROBLEMS = 300
+derivatives: ## compare derivatives of random problems with differences of solves (PROBLEMS=300 FIRST=0): half an hour
+	./in-env env PYTHONPATH=tests:tests/support OMP_NUM_THREADS=1 python3 -m sweep.derivatives $(PROBLEMS) --first $(FIRST)
 
 verification: ## solve the problems with known answers and write docs/verification.md
 	./in-env python3 -m pytest -m "" tests/verification \

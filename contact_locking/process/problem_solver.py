@@ -142,7 +142,7 @@ class ProblemSolver:
 
     def require_derivatives(self, names: Sequence[str]) -> None:
         """Raise InputError, before a solve, for quantities or a problem without derivatives."""
-        require_derivatives(self.problem, self._deriving)
+        require_derivatives(self._deriving)
         require_quantities(names, self.problem.domain, self.system)
 
     def close(self) -> None:

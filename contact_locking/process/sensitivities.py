@@ -105,19 +105,25 @@ class Sensitivities:
         solver.require_derivatives(given.of)
         self._given = given
         self._numbers = [StudyNumber(problem, name) for name in given.to]
+        self._shares: dict[str, float] = {}
 
     def of(
         self, derivatives: Derivatives, contacts: Sequence[ContactFields], time: float | None = None
     ) -> dict[str, Any]:
-        """The entries of summary.json about one solution; with a ``time``, the end of a step."""
+        """The entries of summary.json about one solution; with a ``time``, the end of a step.
+
+        The shares near a change are the largest of the steps so far, as friction remembers each.
+        """
+        for kind, share in derivatives.share_at_change().items():
+            self._shares[kind] = max(share, self._shares.get(kind, 0.0))
         if time is None:
-            return entry(derivatives.table(self._given.of, self._numbers), derivatives)
+            return entry(derivatives.table(self._given.of, self._numbers), self._shares)
         for number in self._numbers:
             number.advance(time)
         table, changes = derivatives.forward(self._given.of, self._numbers)
         for number, change in zip(self._numbers, changes, strict=True):
             number.remember(contacts, change, derivatives.frozen)
-        return entry(table, derivatives)
+        return entry(table, self._shares)
 
     def close(self) -> None:
         """Destroy the PETSc objects."""
@@ -125,8 +131,8 @@ class Sensitivities:
             number.close()
 
 
-def entry(table: Table, derivatives: Derivatives) -> dict[str, Any]:
-    """The entries of summary.json about derivatives; collective."""
+def entry(table: Table, shares: dict[str, float]) -> dict[str, Any]:
+    """The entries of summary.json about derivatives, with the shares of points near a change."""
     found: dict[str, Any] = {
         quantity: {
             name: {"derivative": float(derivative), "elasticity": float(elasticity)}
@@ -141,7 +147,6 @@ def entry(table: Table, derivatives: Derivatives) -> dict[str, Any]:
             reason = f"{quantity} is zero, which has no per cent"
             for one in found[quantity].values():
                 one |= {"elasticity": None, "reason": reason}
-    shares = derivatives.share_at_change()
     return {"sensitivities": found, "share_at_change": {**shares, "in_words": in_words(shares)}}
 
 

@@ -19,10 +19,8 @@ from contact_locking.sensitivity.solved import require_settled
 from contact_locking.solver.task import Settings, SolverReport, Target, Task
 
 
-def require_derivatives(problem: DiscreteProblem, settings: Settings) -> None:
-    """Raise NoDerivatives for a problem whose solutions have none."""
-    if problem.data.jumps:
-        raise NoDerivatives("there are no derivatives where two bodies touch each other yet")
+def require_derivatives(settings: Settings) -> None:
+    """Raise NoDerivatives for settings with which solutions have none."""
     if settings.linear != "direct":
         raise NoDerivatives(
             "derivatives take a factorisation, for which this body is too large by the choice of "
@@ -70,7 +68,7 @@ class LazyDerivatives:
                 "the problem has been solved again, or closed, since this solution: ask for its "
                 "derivatives before"
             )
-        require_derivatives(self._problem, self._settings)
+        require_derivatives(self._settings)
         if not self.report.converged:
             raise InputError("a solve that has not converged has no derivatives")
         if self._made is None:

@@ -270,11 +270,6 @@ def test_a_side_that_is_much_coarser_is_warned_of() -> None:
     assert "let the finer side be on" in warning
 
 
-def test_derivatives_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"does not go with sensitivities yet"):
-        stack(sensitivities={"to": ["friction.coefficient"]})
-
-
 def test_meshes_of_both_bodies_are_refined_where_they_touch() -> None:
     """At the corners of a punch that is narrower than the block below, on both sides."""
     given: dict[str, Any] = {

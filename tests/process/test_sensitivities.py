@@ -159,6 +159,39 @@ def test_the_column_has_its_closed_derivatives() -> None:
     assert force["derivative"] == pytest.approx(0.0, abs=1e-6)
 
 
+def test_bodies_that_touch_each_other_have_the_derivatives_of_differences() -> None:
+    """Both lock at the corners, and the upper one slides on the lower one."""
+    of = ["contact_force.1", "friction_force.0", "reactions.bottom.1"]
+    to = ["parameters.mu", "material.locking_limit", "contact.gap"]
+    found = solve(
+        cl.from_mapping(
+            {
+                "parameters": {"mu": 0.05},
+                "mesh": {"builder": "stack", "size": [1, 0.5], "upper": [1, 0.5], "h": 0.25},
+                "material": {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.04},
+                "loads": {
+                    "displacements": [
+                        {"on": "top", "value": [0.01, -0.03]},
+                        {"on": "bottom", "value": [0, 0]},
+                    ]
+                },
+                "contact": {"on": "upper_bottom", "against": "lower_top", "gap": 0.001},
+                "friction": {"coefficient": "mu", "smoothing": {"radius": 0.3}},
+                "penalty": {"n": math.inf},
+                "solver": SHARP,
+                "sensitivities": {"of": of, "to": to, "check": True},
+            }
+        )
+    )
+    assert found.summary["slip_area"] > 0.5 and found.summary["limit_used"] > 0.999
+    for name in of:
+        table = found.summary["sensitivities"][name]
+        for key in to:
+            size = 1e-2 * abs(value_of(name, found))
+            expected = pytest.approx(table[key]["checked"], rel=1e-3, abs=1e-3 * size)
+            assert table[key]["derivative"] == expected, (name, key)
+
+
 class Told(Monitor):
     """Keeps the messages of a solve."""
 
@@ -286,3 +319,20 @@ def test_forces_of_springs_have_derivatives_with_those_of_conditions_beside_them
         checked = np.array([table[name][key]["checked"] for key in to])
         assert derivatives == pytest.approx(checked, rel=1e-3, abs=1e-3 * np.abs(checked).max())
         assert np.abs(checked).max() > 0.0
+
+
+def test_steps_before_the_first_touch_leave_a_body_at_rest() -> None:
+    """Nothing acts in two steps, so that no energy is there to judge by; the third one presses."""
+    solution = solve(
+        cl.from_mapping(
+            {
+                "mesh": {"builder": "block", "size": [1, 1], "h": 0.5},
+                "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
+                "loads": {"displacements": [{"on": "top", "value": [0, 0]}]},
+                "contact": {"on": "bottom", "gap": "0.025 - 0.1*t"},
+                "penalty": {"n": math.inf},
+                "steps": {"times": [0.1, 0.2, 0.3]},
+            }
+        )
+    )
+    assert solution.converged and solution.summary["contact_force"][1] > 0.0

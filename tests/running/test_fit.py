@@ -164,7 +164,7 @@ def test_differences_serve_where_derivatives_are_refused(
     assert told == "there are no derivatives; without them each number takes one more solve"
 
 
-def test_bodies_that_touch_each_other_are_fitted_by_differences(folder: Folder) -> None:
+def test_bodies_that_touch_each_other_are_fitted(folder: Folder) -> None:
     """Two like blocks that are pressed together have the force of one block of their height."""
     folder.write(
         """
@@ -180,7 +180,7 @@ output: {directory: results, fields: false, picture: false}
     assert folder.fit() == 0
     value = folder.found["parameters"]["material.elasticity.young"]["value"]
     assert value == pytest.approx(2.0, rel=5e-3)
-    assert "where two bodies touch each other" in folder.found["words"][0]
+    assert folder.found["words"] == [] and folder.found["evaluations"] <= 5
 
 
 def test_several_searches_are_cases_of_a_study(

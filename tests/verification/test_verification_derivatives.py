@@ -1,4 +1,4 @@
-"""V41: derivatives of forces beside those of closed forms: Hertz's ball and Lame's ring."""
+"""V41 and V43: derivatives, and a fit, beside closed forms: Hertz's ball and Lame's ring."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from test_verification_hertz import DEPTH, POISSON, RADIUS, YOUNG, section
 from verification_table import Row
 
 from contact_locking.process import solving
+from contact_locking.running.fit import session
 
 TEST = "test_verification_derivatives.py"
 E, NU_KEY = "material.elasticity.young", "material.elasticity.poisson"
@@ -53,8 +54,9 @@ def test_v41_the_force_on_a_ball_changes_as_hertz_says(tmp_path: Path, found: li
     assert computed[E]["elasticity"] == pytest.approx(1.0, abs=1e-6)
 
 
-def test_v41_the_pressure_of_a_ring_changes_as_lame_says(found: list[Row]) -> None:
-    data = {
+def ring() -> dict[str, Any]:
+    """A quarter of a ring in a rigid one that presses it."""
+    return {
         "parameters": {"press": PRESS},
         "mesh": {"builder": "annulus", "h": 0.2, "quarter": True},
         "material": {"elasticity": {"young": 1.0, "poisson": NU}},
@@ -70,6 +72,29 @@ def test_v41_the_pressure_of_a_ring_changes_as_lame_says(found: list[Row]) -> No
         },
         "discretisation": {"degree": 2},
     }
+
+
+@pytest.mark.serial
+def test_v42_a_fit_finds_the_modulus_of_lames_ring(tmp_path: Path, found: list[Row]) -> None:
+    """The curve is the closed form for E = 1; both quarters of the force are twice the pressure."""
+    curve = tmp_path / "curve.csv"
+    rows = [f"{share * PRESS},{-2.0 * share * LAME}" for share in (0.5, 1.0)]
+    curve.write_text("\n".join(["parameters.press,force", *rows]) + "\n")
+    given = {
+        "data": str(curve),
+        "quantities": {"force": "contact_force.0"},
+        "parameters": {E: {"start": 1.5, "bounds": [0.1, 10], "scale": "log"}},
+    }
+    data = ring() | {"fit": given, "penalty": {"n": float("inf")}}
+    content, _ = session.fit(with_changes(data), tmp_path / "results")
+    value = content["parameters"][E]["value"]
+    found.append(Row("V43", "ring in a rigid ring, fitted", "E", value, 1.0, TEST))
+    assert value == pytest.approx(1.0, rel=0.01)
+    assert content["evaluations"] <= 6
+
+
+def test_v41_the_pressure_of_a_ring_changes_as_lame_says(found: list[Row]) -> None:
+    data = ring()
     # p = press/(2 (1 - nu^2) (5/3 - nu/(1 - nu))), and the component of the force is -2 p.
     slope = 2.0 * NU / (1.0 - NU**2) + 1.0 / ((1.0 - NU) ** 2 * (5.0 / 3.0 - NU / (1.0 - NU)))
     closed = {"parameters.press": LAME / PRESS, E: LAME, NU_KEY: LAME * slope}

@@ -25,9 +25,9 @@ from scipy.stats import t as student
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import NotConverged
 
-# The search ends where a step changes the misfit by this share, which is a tenth of a standard
+# The search ends where a step changes the misfit by this share, which is a hundredth of a standard
 # error of the numbers, or the numbers by this.
-_FTOL, _XTOL = 1e-3, 1e-6
+_FTOL, _XTOL = 1e-4, 1e-6
 _MOST_EVALUATIONS = 60
 # The change of the numbers that is 1 to the search, and so the longest first step.
 _UNIT = 0.3

@@ -232,5 +232,5 @@ class Model:
 
     def _keep(self, name: str, found: Evaluation) -> None:
         folder = self._folders[0] / EVALUATIONS
-        folder.mkdir(exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
         ownership.write_text(folder / name, json.dumps(found.as_mapping()) + "\n")

@@ -71,7 +71,7 @@ class Pieces:
     steps: int = 15
     #: The products of the points and multipliers that solutions are differentiated by, over the
     #: density of the elastic energy.
-    product: float = 1e-12
+    product: float = 1e-10
 
 
 @dataclass(frozen=True)

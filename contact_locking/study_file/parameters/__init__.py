@@ -319,24 +319,12 @@ class Parameters(Section):
                     "must be 0: the total force on a body of revolution acts along the axis; give "
                     "what acts along the radius in loads.pressures or loads.tractions",
                 )
-        yield from self._faults_of_bodies()
         yield from self._expression_faults()
         if self.study is not None:
             yield from below(("study",), self.study.key_faults(type(self)))
         if self.mesh.dim is not None:
             yield from self._dimension_faults(self.mesh.dim)
             yield from self._name_faults()
-
-    def _faults_of_bodies(self) -> Iterator[Fault]:
-        """The keys that do not work yet where two bodies touch each other."""
-        places = [place for place, section in self._contact_sections() if section.against]
-        missing = {
-            "sensitivities": self.sensitivities is not None,
-        }
-        for place in places[:1]:
-            for key, is_wanted in missing.items():
-                if is_wanted:
-                    yield Fault((*place, "against"), f"does not go with {key} yet")
 
     def _contact_sections(self) -> list[tuple[Place, ContactSection]]:
         """The sections of contact with their places in the file."""
