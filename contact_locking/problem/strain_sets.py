@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import dolfinx
 import ufl
@@ -44,6 +44,7 @@ def _identity(eps: Expr) -> Expr:
     return eps
 
 
+@dataclass(frozen=True)
 class StrainSet(ABC):
     """A closed convex set of strains with eps_0 in its inside; all functions take and return UFL.
 
@@ -53,7 +54,8 @@ class StrainSet(ABC):
 
     name: str
     inverse_limit: fem.Function
-    origin: Expr | None
+    _: KW_ONLY
+    origin: Expr | None = None
 
     def limited(self, eps: Expr) -> Expr:
         """``eps - eps_0``, the strain that stays in the set: eps itself without an origin."""
@@ -96,12 +98,9 @@ class NormSet(StrainSet):
     kernel.
     """
 
-    name: str
-    inverse_limit: fem.Function
     linear_map: StrainMap = _identity
     adjoint: StrainMap = _identity
     least: float = 1.0
-    origin: Expr | None = None
 
     def measured(self, eps: Expr) -> Expr:
         return self.linear_map(eps)
@@ -127,10 +126,7 @@ class NormSet(StrainSet):
 class HalfSpaceSet(StrainSet):
     """``N : eps <= M`` with a symmetric (d, d) tensor N of the norm 1."""
 
-    name: str
-    inverse_limit: fem.Function
     normal: Expr
-    origin: Expr | None = None
 
     def measured(self, eps: Expr) -> Expr:
         return ufl.inner(self.normal, eps)
@@ -154,10 +150,6 @@ class HalfSpaceSet(StrainSet):
 @dataclass(frozen=True)
 class PrincipalSet(StrainSet):
     """``eps_I <= M`` for the largest eigenvalue of (2, 2) strains: the cone ``M I - eps >= 0``."""
-
-    name: str
-    inverse_limit: fem.Function
-    origin: Expr | None = None
 
     def measured(self, eps: Expr) -> Expr:
         return eps

@@ -136,9 +136,11 @@ def entry(table: Table, shares: dict[str, float]) -> dict[str, Any]:
     found: dict[str, Any] = {
         quantity: {
             name: {"derivative": float(derivative), "elasticity": float(elasticity)}
-            for name, derivative, elasticity in zip(table.parameters, *rows, strict=True)
+            for name, derivative, elasticity in zip(
+                table.parameters, derivatives, elasticities, strict=True
+            )
         }
-        for quantity, *rows in zip(
+        for quantity, derivatives, elasticities in zip(
             table.quantities, table.derivatives, table.elasticities, strict=True
         )
     }

@@ -28,12 +28,9 @@ KEYS = re.compile(rf"(?<![\w./])({'|'.join(Parameters.model_fields)})\.[a-z]\w*(
 def told(path: Path) -> Iterator[str]:
     """The texts in a module that are messages: those with a space, without docstrings; and keys."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    docs = {
-        id(node.body[0].value)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
-        and isinstance(node.body[0], ast.Expr)
-    }
+    scopes = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    firsts = [node.body[0] for node in ast.walk(tree) if isinstance(node, scopes)]
+    docs = {id(first.value) for first in firsts if isinstance(first, ast.Expr)}
     for node in ast.walk(tree):
         is_text = isinstance(node, ast.Constant) and isinstance(node.value, str)
         if is_text and id(node) not in docs:

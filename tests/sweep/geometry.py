@@ -73,7 +73,7 @@ class Geometry:
     def measures(self, facets: IntArray) -> FloatArray:
         """``int phi_i phi_j`` (f, s, s) of the functions of the corners of facets (f, s)."""
         count = facets.shape[1]
-        share = (np.ones((count, count)) + np.eye(count)) / (count * (count + 1))
+        share: FloatArray = (np.ones((count, count)) + np.eye(count)) / (count * (count + 1))
         if count == 4:
             line = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0
             share = np.kron(line, line)

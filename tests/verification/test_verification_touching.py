@@ -274,9 +274,9 @@ def test_v49_forces_and_moments_of_both_sides_cancel(
     tractions = np.sin(surface.points @ np.arange(1.0, dim * dim + 1.0).reshape(dim, dim))
     tractions[contact.surface.weights == 0.0] = 0.0
     space = problem.u.function_space
-    forces = surface.nodal_forces(tractions).reshape(-1, dim)
     owned = space.dofmap.index_map.size_local
-    forces, x = forces[:owned], space.tabulate_dof_coordinates()[:owned, :dim]
+    forces = surface.nodal_forces(tractions).reshape(-1, dim)[:owned]
+    x = space.tabulate_dof_coordinates()[:owned, :dim]
     # x_i f_j - x_j f_i
     products = np.einsum("ki,kj->ij", x, forces)
     comm = problem.domain.comm
