@@ -133,16 +133,16 @@ class Sensitivities:
 
 def entry(table: Table, shares: dict[str, float]) -> dict[str, Any]:
     """The entries of summary.json about derivatives, with the shares of points near a change."""
+    elasticities = table.elasticities
     found: dict[str, Any] = {
         quantity: {
-            name: {"derivative": float(derivative), "elasticity": float(elasticity)}
-            for name, derivative, elasticity in zip(
-                table.parameters, derivatives, elasticities, strict=True
-            )
+            name: {
+                "derivative": float(table.derivatives[row, column]),
+                "elasticity": float(elasticities[row, column]),
+            }
+            for column, name in enumerate(table.parameters)
         }
-        for quantity, derivatives, elasticities in zip(
-            table.quantities, table.derivatives, table.elasticities, strict=True
-        )
+        for row, quantity in enumerate(table.quantities)
     }
     for quantity, is_nothing in zip(table.quantities, table.are_nothing, strict=True):
         if is_nothing:

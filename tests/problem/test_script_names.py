@@ -28,12 +28,14 @@ KEYS = re.compile(rf"(?<![\w./])({'|'.join(Parameters.model_fields)})\.[a-z]\w*(
 def told(path: Path) -> Iterator[str]:
     """The texts in a module that are messages: those with a space, without docstrings; and keys."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    scopes = (ast.Module, ast.ClassDef, ast.FunctionDef)
-    firsts = [node.body[0] for node in ast.walk(tree) if isinstance(node, scopes)]
+    firsts = [
+        node.body[0]
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+    ]
     docs = {id(first.value) for first in firsts if isinstance(first, ast.Expr)}
     for node in ast.walk(tree):
-        is_text = isinstance(node, ast.Constant) and isinstance(node.value, str)
-        if is_text and id(node) not in docs:
+        if isinstance(node, ast.Constant) and id(node) not in docs and isinstance(node.value, str):
             yield node.value
 
 

@@ -76,7 +76,7 @@ class Geometry:
         share: FloatArray = (np.ones((count, count)) + np.eye(count)) / (count * (count + 1))
         if count == 4:
             line = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0
-            share = np.kron(line, line)
+            share = np.asarray(np.kron(line, line), dtype=float)
         return np.linalg.norm(self.normals(facets), axis=1)[:, None, None] * share
 
 

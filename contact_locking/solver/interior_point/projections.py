@@ -273,7 +273,8 @@ class FrictionProjection(Projection):
             return family.x, family.z
         v = self._shifted()
         size = norm(v)
-        below = _below_bound(np.asarray(size / bound), self.c * product / bound**2)
+        products = np.asarray(self.c * product / bound**2, dtype=float)
+        below = _below_bound(size / bound, products)
         y = bound * (1.0 - below) / np.maximum(size, _TINY) * v
         # The first entry of (G, -y)^-1 is G/(G^2 - y^2).
         first = product / (bound * below * (2.0 - below))
