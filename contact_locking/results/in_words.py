@@ -171,10 +171,9 @@ def sensitivities(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
 
 
 def _may_adapt(summary: Mapping[str, Any]) -> bool:
-    """Whether meshes are adapted: not in steps, of bodies that touch each other, or of boxes."""
-    touch = any("against" in contact for contact in summary.get("contacts") or ())
+    """Whether meshes are adapted: not in steps, or of boxes."""
     element = summary.get("discretisation") or {}
-    return not (summary.get("steps") or touch or element.get("cells") == "box")
+    return not (summary.get("steps") or element.get("cells") == "box")
 
 
 def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:

@@ -11,7 +11,8 @@ w and every symmetric stress s with ``div s + f0 = 0``, ``s nu = g`` on Gamma_N,
     eta^2 = int |s - (A + zeta) eps(w)|^2/2 in the norm of (A + zeta)^-1
             + int zeta (M^2 - |eps(w)|^2)/2 + int -s_nu (gap - w_nu) + G |w_tau| + s_tau . w_tau.
 
-Where M is finite, forces along the boundary (:mod:`.bars`) may carry loads beside s.
+Where M is finite, forces along the boundary may carry loads beside s
+(:mod:`contact_locking.certificate.guaranteed.bars`).
 
 The proof is in docs/certificate.md.
 """

@@ -210,7 +210,7 @@ class ActiveSet:
         cones: dict[Family, Pair | None] = {
             family: law.inside(product) for family, law in self._laws.items()
         }
-        for item in (*self._moving, *self._standing):
+        for item in self._moving:
             # The bound follows the pressure inside of its cones.  Without one there is no friction.
             pressing, rubbing = cones[item.pressing], self._laws[item.friction]
             assert pressing is not None and isinstance(rubbing, FrictionProjection)

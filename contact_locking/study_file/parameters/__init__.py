@@ -121,7 +121,7 @@ class Parameters(Section):
     )
     branches: BranchesParameters | None = entry(
         None,
-        "a bifurcation diagram: solutions over the friction coefficient or loads, with folds, in "
+        "a bifurcation diagram over the friction coefficient or loads, with its folds, in "
         "branches.csv and the report",
         optional=True,
     )
