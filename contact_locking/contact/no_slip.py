@@ -18,7 +18,7 @@ from contact_locking.parallel import maximum
 _PRESSED = 1e-4
 # Friction that holds everything is bounded by this multiple of the largest pressure, and friction
 # that holds nothing by this share of it, so that each friction cone has an inside.
-_ALL, _NONE = 1e3, 1e-9
+_ALL, _NONE = 3e2, 1e-9
 
 
 class NoSlip(FrictionBound):
