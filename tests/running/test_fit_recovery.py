@@ -28,7 +28,8 @@ pytestmark = [pytest.mark.serial, pytest.mark.slow]
 
 TRUTH = {"material.elasticity.young": 1.0, "material.locking_limit": 0.1, "parameters.mu": 0.3}
 START = {"material.elasticity.young": 1.5, "material.locking_limit": 0.095, "parameters.mu": 0.2}
-NOISE, MOST_EVALUATIONS = 0.01, 12
+# At the start the limit hardly matters, so that some trials are beyond what it admits.
+NOISE, MOST_EVALUATIONS = 0.01, 15
 QUANTITIES = {"press": "reactions.bottom.1", "drag": "reactions.bottom.0"}
 PAD: dict[str, Any] = {
     "parameters": {"mu": 0.3},
@@ -103,7 +104,6 @@ def test_the_numbers_of_twenty_noisy_pads_lie_within_two_errors(
         evaluations.append(one.evaluations)
         inside += list(np.abs(found.numbers - list(TRUTH.values())) <= 2.0 * found.errors)
     assert np.mean(inside) >= 0.9
-    # Near the largest depth that the limit admits some searches take a few trials more.
     assert np.mean(np.array(evaluations) <= MOST_EVALUATIONS) >= 0.9
 
 
