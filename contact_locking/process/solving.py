@@ -170,7 +170,7 @@ def _static(
     """The solution of a problem without steps, and others, ``most`` in all; collective."""
     saved = None if restart is None else checkpoint.read(restart, problem)
     solver = solver_of(problem, monitor, petsc_options)
-    # What has no derivative is refused before the solve.
+    # A quantity without a derivative is refused before the solve.
     is_derived = problem.parameters.sensitivities is not None
     sensitivities = Sensitivities(problem, solver) if is_derived else None
     report = saved and solved_already(saved, problem, solver)

@@ -85,7 +85,7 @@ def scale_of(name: str, domain: Domain, system: PenalisedSystem) -> float:
 
 
 def _maker(name: str, domain: Domain, system: PenalisedSystem) -> Callable[[Equations], Quantity]:
-    """What makes the quantity for some equations of the system; collective."""
+    """The function that makes the quantity for equations of the system; collective."""
     parts, dim = name.split("."), domain.dim
 
     def known_as(value: Value, gradient: Slope) -> Callable[[Equations], Quantity]:

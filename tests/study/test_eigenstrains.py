@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import with_changes
+from problems import rollers_of, with_changes
 
 from contact_locking import InputError, solve
 from contact_locking.laws.elasticity import lame_from_young
@@ -23,11 +23,7 @@ BODIES = [(2, False), (3, False), (2, True)]
 
 def body(dim: int = 2, axisymmetric: bool = False, **changes: Any) -> Parameters:
     """A block that is free to expand away from its lower left corner, with an eigenstrain."""
-    rollers = [{"on": "bottom", "value": [None] * (dim - 1) + [0.0]}]
-    if not axisymmetric:
-        rollers.append({"on": "left", "value": [0.0] + [None] * (dim - 1)})
-    if dim == 3:
-        rollers.append({"on": "front", "value": [None, 0.0, None]})
+    rollers = rollers_of(dim, axisymmetric)
     data: dict[str, Any] = {
         "mesh": {"builder": "block", "dim": dim, "size": [1.0] * dim, "h": 0.5},
         "material": {

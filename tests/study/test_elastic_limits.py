@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import with_changes
+from problems import rollers_of, with_changes
 
 from contact_locking import solve
 from contact_locking.parallel import maximum
@@ -36,11 +36,7 @@ def body(
     dim: int = 3, axisymmetric: bool = False, degree: int = 1, cells: str = "simplex", **given: Any
 ) -> Parameters:
     """A block that is free to expand away from its lower left corner, and strictly limited."""
-    rollers = [{"on": "bottom", "value": [None] * (dim - 1) + [0.0]}]
-    if not axisymmetric:
-        rollers.append({"on": "left", "value": [0.0] + [None] * (dim - 1)})
-    if dim == 3:
-        rollers.append({"on": "front", "value": [None, 0.0, None]})
+    rollers = rollers_of(dim, axisymmetric)
     data: dict[str, Any] = {
         "mesh": {"builder": "block", "dim": dim, "size": [1.0] * dim, "h": 0.5},
         "discretisation": {"degree": degree},

@@ -76,3 +76,13 @@ def with_changes(data: dict[str, Any], **changes: Any) -> Parameters:
             place = place.setdefault(name, {})
         place[last] = value
     return Parameters.model_validate(data)
+
+
+def rollers_of(dim: int, axisymmetric: bool) -> list[dict[str, Any]]:
+    """Conditions under which a block is free to expand away from its lower left corner."""
+    rollers: list[dict[str, Any]] = [{"on": "bottom", "value": [None] * (dim - 1) + [0.0]}]
+    if not axisymmetric:
+        rollers.append({"on": "left", "value": [0.0] + [None] * (dim - 1)})
+    if dim == 3:
+        rollers.append({"on": "front", "value": [None, 0.0, None]})
+    return rollers

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from dolfinx import fem
+from dolfinx.mesh import Mesh
 from two_bodies import POISSON, fit, lame_pressure, stack, two_discs
 from verification_table import Row
 
@@ -24,6 +25,13 @@ def solved(parameters: Parameters) -> StudySolution:
     solution = solve(parameters)
     assert solution.converged, solution.summary["reason"]
     return solution
+
+
+def above_and_below(mesh: Mesh, above: float, below: float) -> fem.Function:
+    """A function with one value in the cells above y = 0 and another one below."""
+    found = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    found.interpolate(lambda x: np.where(x[1] > 0.0, above, below))
+    return found
 
 
 @pytest.mark.parametrize("swapped", [False, True])
@@ -49,10 +57,8 @@ def test_v39_two_discs_press_as_hertz_says(n: float, found: list[Row]) -> None:
     radii, youngs, poisson = (1.0, 2.0), (1.0, 3.0), 0.3
     mesh, facets = two_discs(radii, 0.25, 0.02)
     space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
-    young = fem.Function(fem.functionspace(mesh, ("DG", 0)))
-    young.interpolate(lambda x: np.where(x[1] > 0.0, *youngs))
     problem = cl.ContactProblem(
-        cl.Elasticity(young=young, poisson=poisson),
+        cl.Elasticity(young=above_and_below(mesh, *youngs), poisson=poisson),
         None,
         [
             cl.Support(facets["axis"], (1.0, 0.0), 0.0),
@@ -114,10 +120,8 @@ def test_v50_two_balls_press_as_hertz_says(found: list[Row]) -> None:
     radii, youngs, poisson, shift = (1.0, 2.0), (1.0, 3.0), 0.3, 0.01
     mesh, facets = two_discs(radii, 0.2, 0.01)
     space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
-    young = fem.Function(fem.functionspace(mesh, ("DG", 0)))
-    young.interpolate(lambda x: np.where(x[1] > 0.0, *youngs))
     problem = cl.ContactProblem(
-        cl.Elasticity(young=young, poisson=poisson),
+        cl.Elasticity(young=above_and_below(mesh, *youngs), poisson=poisson),
         None,
         [
             cl.Support(facets["bottom"], (0.0, 1.0), 0.0),

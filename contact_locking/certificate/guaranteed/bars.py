@@ -106,7 +106,7 @@ class Bars:
 
     @cached_property
     def constraints(self) -> FloatArray:
-        """(m, 3 b, k + 2) what the forces add to the balance of the facet and of its ends.
+        """(m, 3 b, k + 2) the shares of the forces in the balance of the facet and of its ends.
 
         The first b = 2 (k + 1) rows are moments on the facet.  The first row of each of the next
         two blocks is the force at a tied end.

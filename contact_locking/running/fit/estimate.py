@@ -131,7 +131,7 @@ class _Lost(Exception):
 
 
 class _Trials:
-    """What the search has seen: the residuals at numbers, and where numbers ceased to matter."""
+    """The memory of the search: the residuals at numbers, and where numbers ceased to matter."""
 
     def __init__(self, keys: Sequence[str], misfit: Misfit, derives: bool) -> None:
         self._keys, self._misfit, self._derives = keys, misfit, derives

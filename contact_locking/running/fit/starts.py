@@ -137,7 +137,7 @@ def search(parameters: Parameters, plan: studies.Plan, console: Console) -> Begu
 
 
 def _end(content: dict[str, Any] | None) -> dict[str, Any]:
-    """What a row has of the content of fit.json."""
+    """The part of the content of fit.json that a row has."""
     if content is None:
         return {"value": None, "misfit": None, "evaluations": None}
     value = {key: entry["value"] for key, entry in content["parameters"].items()}

@@ -34,13 +34,13 @@ class LimitsOfStrain(Family):
     @property
     @abstractmethod
     def reach(self) -> FloatArray:
-        """The part (k,) of what was seen that M limits."""
+        """The measure (k,) of the seen strain that M bounds."""
 
     def see(self, displacement: FloatArray) -> FloatArray:
         return self._strains.strains(displacement)
 
     def look(self, displacement: FloatArray) -> None:
-        """What is seen is ``L (eps - eps_0)``, with the origin of the set; collective."""
+        """The seen strain is ``L (eps - eps_0)``, with the origin of the set; collective."""
         super().look(displacement)
         self.seen = self.seen - self._origin
 

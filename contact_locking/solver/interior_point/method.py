@@ -162,7 +162,7 @@ class InteriorPoint:
         self._tangent.take_loads()
 
     def multipliers(self) -> Multipliers:
-        """The measures of the present iterate; collective."""
+        """The multipliers of the present iterate; collective."""
         system = self._task.system
         contacts = (
             ContactForces.none(len(contact.surface.nodes), system.dim)
