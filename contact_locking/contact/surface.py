@@ -122,7 +122,8 @@ class ContactSurface:
         ``|x_2 - x_1| (nu_2 - nu_1) . t/8`` along the normal, with the averaged normals nu of the
         body at the corners and the tangent t of the edge.  At a corner of the body itself, where
         nu is more than 15 degrees off that of the edge, the edge is straight, and at an end of
-        Gamma_C it is as curved as at its other end.  The first use is collective.
+        Gamma_C it is as curved as at its other end.  The middle of a quadrilateral is off by half
+        the sum of its edges.  The first use is collective.
         """
         found = self.points.copy()
         if self.limited.are_nodal:
@@ -132,8 +133,8 @@ class ContactSurface:
         np.add.at(count.x.array, self.facet_nodes[:, : self._corners], 1.0)
         count.x.scatter_reverse(la.InsertMode.add)
         count.x.scatter_forward()
-        middles, ends = self.limited.edges(function)
-        nodes, corners = self.limited.edges(count)
+        edges, nodes = self.limited.entities(function)[0], self.limited.entities(count)[0]
+        ends, middles, corners = edges[:, :2], edges[:, 2], nodes[:, :2]
         normals = function.x.array.reshape(-1, self.domain.dim)
         x = self.scalar_space.tabulate_dof_coordinates()[corners, : self.domain.dim]
         along = x[:, 1] - x[:, 0]
@@ -144,9 +145,13 @@ class ContactSurface:
             is_end = count.x.array[corners] == 1.0
             slopes = np.where(is_end, -slopes[:, ::-1], slopes)
         sagitta = length * (slopes[:, 1] - slopes[:, 0]) / 8.0
-        rows = np.searchsorted(self.nodes, nodes)
-        found[rows] += sagitta[:, None] * normals[middles]
-        return found
+        off = self.vector_function(np.zeros_like(found))
+        nodal = off.x.array.reshape(-1, self.domain.dim)
+        nodal[middles] = sagitta[:, None] * normals[middles]
+        off.x.scatter_forward()
+        for faces in self.limited.entities(off)[1:]:
+            nodal[faces[:, -1]] = 0.5 * nodal[faces[:, 4:8]].sum(axis=1)
+        return found + nodal[self.blocks]
 
     def free_nodes(self, normal: FloatArray, constraints: Constraints) -> BoolArray:
         """(k,) the nodes whose normal displacement is not prescribed.
@@ -225,17 +230,16 @@ class ContactSurface:
     def limited_gap(self, gap: FloatArray) -> FloatArray:
         """The limited values (k,) of a gap (k,) at the nodes; collective.
 
-        They are between the least and the largest gap at the nodes of an edge.  The control value
-        of a gap that has a kink, as beside the edge of a tool, would be far off.
+        They are between the least and the largest gap at the nodes of an edge or a quadrilateral.
+        The control value of a gap that has a kink, as beside the edge of a tool, would be far off.
         """
         if self.limited.are_nodal:
             return gap
         function = self.scalar_function(gap)
-        middles, ends = self.limited.edges(function)
-        values, found = function.x.array, self.limited_values(gap)
-        around = np.concatenate([values[ends], values[middles][:, None]], axis=1)
-        rows = np.searchsorted(self.nodes, middles)
-        found[rows] = np.clip(found[rows], around.min(axis=1), around.max(axis=1))
+        found = self.limited_values(gap)
+        for nodes in self.limited.entities(function):
+            values, rows = function.x.array[nodes], np.searchsorted(self.nodes, nodes[:, -1])
+            found[rows] = np.clip(found[rows], values.min(axis=1), values.max(axis=1))
         return found
 
     def vector_function(self, values: FloatArray, name: str = "f") -> fem.Function:
@@ -344,12 +348,13 @@ class ContactSurface:
         return np.searchsorted(numbers, np.concatenate(comm.allgather(local)))
 
     def _side_function(self, sides: IntArray) -> fem.Function:
-        """The affine function on facets whose values at the corners are the sides; collective."""
+        """The function of degree 1 on facets with the sides as values at corners; collective."""
         first = sum(self.domain.comm.allgather(len(self.nodes))[: self.domain.comm.rank])
         own = sides[first : first + len(self.nodes)].astype(float)
         function = self.scalar_function(own)
-        middles, ends = self.limited.edges(function)
-        function.x.array[middles] = function.x.array[ends].mean(axis=1)
+        values = function.x.array
+        for dim, nodes in enumerate(self.limited.entities(function), start=1):
+            values[nodes[:, -1]] = values[nodes[:, : 1 << dim]].mean(axis=1)
         function.x.scatter_forward()
         return function
 
