@@ -138,9 +138,9 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
     For degree 1, s* and e* are continuous and of degree 1: their values at a node are the means
     over the cells around the node, weighted by volume (Zienkiewicz and Zhu,
     doi:10.1002/nme.1620240206).  For degree 2 they are continuous and of degree 2
-    (`PatchRecovery`), and s and e the functions of the strain's degree with the values at its
-    points: on boxes that are no parallelepipeds the strain is not quite such a function.  The cells around a node are those of one named region, because stress and
-    strain may jump between regions.
+    (`PatchRecovery`), and s and e have the values at the points of the strains and the degree of
+    the strains, as in simplices and parallelepipeds.  The cells around a node are those of one
+    named region, because stress and strain may jump between regions.
 
     ``total`` estimates ``int (s_exact - s) : (e_exact - e)`` and is not a bound.  Because the
     locking law is monotone, this integral is at least ``a(u_exact - u, u_exact - u)``, which
