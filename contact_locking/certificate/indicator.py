@@ -200,26 +200,23 @@ def _defect_of_quadratic(state: SolvedState, values: FloatArray) -> FloatArray:
     """
     element, name = state.problem.element, state.problem.domain.kind.name
     degree = element.strain_degree
-    nodes, strains = (gauss_points.lagrange(name, one) for one in (2, degree))
-    is_gauss = element.limit_at == "gauss"
-    own = gauss_points.points(name, degree) if is_gauss else strains.points
+    functions = partial(gauss_points.nodal_functions, name, degree)
+    own = gauss_points.points(name, degree)
+    if element.limit_at == "vertices":
+        own = gauss_points.lagrange(name, degree).points
     in_cells = values.reshape(-1, len(own), values.shape[1])
-    inverse = np.linalg.inv(_tabulated(strains, own))
+    inverse = np.linalg.inv(functions(own))
 
     def at(places: FloatArray) -> FloatArray:
-        return np.einsum("nq,kqm->knm", _tabulated(strains, places) @ inverse, in_cells)
+        return np.einsum("nq,kqm->knm", functions(places) @ inverse, in_cells)
 
-    at_points, given = at(gauss_points.points(name, 1)), at(nodes.points)
+    at_points = at(gauss_points.points(name, 1))
+    given = at(gauss_points.lagrange(name, 2).points)
     recovery = PatchRecovery(state.problem.domain.mesh, len(in_cells))
     defect = np.empty_like(given)
     for inside in _regions(state, len(in_cells)):
         defect[inside] = recovery.nodal(at_points[inside], inside) - given[inside]
     return defect
-
-
-def _tabulated(element: basix.finite_element.FiniteElement, points: FloatArray) -> FloatArray:
-    """The nodal functions (q, n) at points (q, d)."""
-    return np.asarray(element.tabulate(0, points)[0, :, :, 0])
 
 
 def _at_corners(state: SolvedState, values: FloatArray) -> FloatArray:
@@ -235,7 +232,7 @@ def _at_corners(state: SolvedState, values: FloatArray) -> FloatArray:
 def _mass(name: str, degree: int) -> FloatArray:
     """The mass matrix of the nodal basis of a degree on a cell of a kind, of volume 1."""
     points, weights = basix.make_quadrature(basix.CellType[name], 2 * degree)
-    basis = _tabulated(gauss_points.lagrange(name, degree), points)
+    basis = gauss_points.nodal_functions(name, degree, points)
     return np.asarray(basis.T @ (weights[:, None] * basis) / weights.sum())
 
 

@@ -42,6 +42,15 @@ def lagrange(cell: str, degree: int) -> basix.finite_element.FiniteElement:
     return basix.create_element(basix.ElementFamily.P, basix.CellType[cell], degree, variant)
 
 
+def nodal_functions(cell: str, degree: int, points: FloatArray) -> FloatArray:
+    """The values (q, n) of the functions of the nodes of a degree at points (q, d)."""
+    element = lagrange(cell, degree)
+    if not len(points):
+        # basix aborts without points.
+        return np.zeros((0, element.dim))
+    return np.asarray(element.tabulate(0, points)[0, :, :, 0])
+
+
 def points(cell: str, degree: int) -> FloatArray:
     """The points (q, d) of the rule for functions of a degree, in the reference cell."""
     found, _ = basix.make_quadrature(basix.CellType[cell], 2 * degree)

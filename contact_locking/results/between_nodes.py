@@ -124,11 +124,10 @@ class _Facets:
         surface = contact.surface
         self._contact, self._dim = contact, surface.domain.dim
         dim, degree = self._dim, surface.degree
-        facet = surface.domain.kind.facet.name
-        halves = _HALVES[facet, degree]
+        self._kind = surface.domain.kind.facet.name, degree
+        halves = _HALVES[self._kind]
         nodes = np.concatenate([surface.facet_nodes[:, list(half)] for half in halves])
         blocks = surface.limited.blocks[nodes]
-        self._element = gauss_points.lagrange(facet, degree)
         self._x = surface.scalar_space.tabulate_dof_coordinates()[nodes, :dim]
         self._u = u.x.array.reshape(-1, dim)[blocks]
         normals = contact.normal.x.array.reshape(-1, dim)[blocks]
@@ -272,8 +271,9 @@ class _Facets:
 
     def _basis(self, weights: FloatArray) -> FloatArray:
         """The nodal functions (m, q, n) of a facet at points (m, q, d)."""
-        found = self._element.tabulate(0, weights[..., 1:].reshape(-1, self._dim - 1))
-        return np.asarray(found[0, :, :, 0].reshape(*weights.shape[:-1], self._element.dim))
+        points = weights[..., 1:].reshape(-1, self._dim - 1)
+        found = gauss_points.nodal_functions(*self._kind, points)
+        return found.reshape(*weights.shape[:-1], found.shape[1])
 
     def _known_curvature(
         self, normals: FloatArray, corners: IndexArray, touches: BoolArray
