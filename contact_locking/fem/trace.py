@@ -205,7 +205,8 @@ class PointValues:
         row[nodes] = np.arange(len(nodes))
         middles = [around[:, -1] for around in self._entities]
         corners = np.setdiff1d(nodes, np.concatenate([nodes[:0], *middles]))
-        rows, columns, values = [row[corners]], [corners], [np.ones(len(corners))]
+        rows, columns = [row[corners]], [corners]
+        values: list[FloatArray] = [np.ones(len(corners))]
         for around in self._entities:
             count = around.shape[1]
             rows.append(np.repeat(row[around[:, -1]], count))
