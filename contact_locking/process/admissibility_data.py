@@ -36,7 +36,7 @@ class AdmissibilityData:
     @classmethod
     def of(cls, system: PenalisedSystem, time: float) -> AdmissibilityData:
         """The data of the system, which has been set to the time."""
-        contacts = [contact for contact in system.contacts if not contact.is_pushed]
+        contacts = [contact for contact in system.contacts if not contact.is_free]
         return cls(
             comm=system.comm,
             time=time,
