@@ -142,7 +142,9 @@ class _FreeMotions:
             reach = self._reach(allowed, first + number)
             if reach is not None:
                 on = ", ".join(tool.contact.on)
-                how = f"along {point(tool.direction, 1.0)}" if isinstance(tool, Travel) else "turned"
+                how = (
+                    f"along {point(tool.direction, 1.0)}" if isinstance(tool, Travel) else "turned"
+                )
                 return f"the tool on {on} {how}, {reach}"
         of_parts = (self._coefficients @ motion)[:first].reshape(-1, size)
         most = int(np.argmax(np.linalg.norm(of_parts, axis=1)))

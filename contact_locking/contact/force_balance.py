@@ -61,7 +61,7 @@ class Tools(Sequence[FreeMotion]):
 
     @property
     def stiffnesses(self) -> FloatArray:
-        """k (T,) at present."""
+        """K (T,) at present."""
         return np.array([tool.stiffness for tool in self])
 
     @property

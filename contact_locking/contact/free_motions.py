@@ -54,7 +54,7 @@ class FreeMotion(ABC):
     @property
     @abstractmethod
     def motion(self) -> SmallMotion:
-        """m at present."""
+        """M at present."""
 
     @property
     @abstractmethod
@@ -94,12 +94,12 @@ class FreeMotion(ABC):
 
     @property
     def field(self) -> FloatArray:
-        """m (k, d) at the nodes."""
+        """M (k, d) at the nodes."""
         return self.motion.at(self.contact.surface.points)
 
     @property
     def facing(self) -> FloatArray:
-        """``m . nu`` (k,) at the nodes, below zero where the foundation comes nearer to the body."""
+        """``m . nu`` (k,) at the nodes, below zero where the foundation comes nearer."""
         return np.asarray(np.sum(self.contact.normals * self.field, axis=1))
 
     @property
@@ -309,7 +309,7 @@ def _plain(values: Any) -> float | list[float]:
 
 
 def _stiffness(given: float | fem.Constant, key: str) -> float:
-    """k at present.  Raises InputError unless it is a number from 0 up."""
+    """K at present.  Raises InputError unless it is a number from 0 up."""
     found = float(present(given))
     if not (np.isfinite(found) and found >= 0.0):
         raise InputError(f"must be a number from 0 up, not {found:g}", f"{key}.stiffness")

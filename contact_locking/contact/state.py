@@ -17,8 +17,8 @@ class ContactState:
     Friction acts on the slip of the present step, ``u_tau - u_{k-1,tau}``, and the friction
     coefficient depends on ``s_k``.  ``place`` (k, d) is ``u_{k-1}`` and ``slip`` (k,) is
     ``s_{k-1}`` at the owned nodes of the contact.  ``travel`` is how far forces
-    had moved the foundation, and ``motion`` is where the foundation itself was.  All are zero at the
-    beginning, and in a static problem.
+    had moved the foundation, and ``motion`` is where the foundation itself was.  All are zero at
+    the beginning, and in a static problem.
     """
 
     place: FloatArray

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.free_motions import FreeMotion
+from contact_locking.contact.nodal_contact import NodalContact
 
 
 class MotionsAtContact:

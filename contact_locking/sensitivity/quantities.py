@@ -38,7 +38,6 @@ from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 
-
 # The units of the quantities of free foundations.
 _UNITS = {"travel": "length", "angle": "rad"}
 

@@ -99,9 +99,7 @@ class RightHandSide:
         #: The forces along the free motions of tools, (T,).
         self.on_tools: FloatArray = np.zeros(len(system.tools))
 
-    def start(
-        self, forces: PETSc.Vec | None = None, on_tools: FloatArray | float = 0.0
-    ) -> None:
+    def start(self, forces: PETSc.Vec | None = None, on_tools: FloatArray | float = 0.0) -> None:
         """Take nodal forces, or none, and forces along the motions of the tools."""
         if forces is None:
             self.on_nodes.set(0.0)
@@ -294,7 +292,7 @@ class Tangent:
 
     @property
     def solves_following(self) -> bool:
-        """Whether :meth:`solve_following` is there; a tool that a force pushes excludes it."""
+        """Whether :meth:`solve_following` is there; a tool that presses excludes it."""
         return self._linear.solves_following and not self.system.tools.act
 
     def solve_following(

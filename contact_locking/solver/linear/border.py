@@ -18,8 +18,8 @@ class Border:
 
     With ``K Y = B``, solved once for each matrix, ``(C - B^T Y) q = s - B^T x_0`` and
     ``x = x_0 - Y q`` where ``K x_0 = r``.  The Schur complement ``C - B^T Y`` is symmetric and
-    positive definite if the whole matrix is.  A column without an entry on the diagonal is left out:
-    its unknown is zero.  All ranks have all of q.
+    positive definite if the whole matrix is.  A column without an entry on the diagonal is left
+    out: its unknown is zero.  All ranks have all of q.
     """
 
     def __init__(self, count: int, create: Callable[[], PETSc.Vec]) -> None:
@@ -27,9 +27,7 @@ class Border:
         self.columns = [create() for _ in range(count)]
         self._answers = [create() for _ in range(count)]
 
-    def refresh(
-        self, corner: FloatArray, solve: Callable[[PETSc.Vec, PETSc.Vec], None]
-    ) -> None:
+    def refresh(self, corner: FloatArray, solve: Callable[[PETSc.Vec, PETSc.Vec], None]) -> None:
         """Take the columns and C; ``solve`` solves with K; collective."""
         self._diagonal = diagonal = np.diag(corner).copy()
         for column, answer in zip(self.columns, self._answers, strict=True):

@@ -335,4 +335,6 @@ def _radial_faults(place: Place, vector: tuple[float | str, ...] | None) -> Iter
 
 
 #: The keys of a foundation that describe a shape.
-SHAPES = tuple(name for name in Foundation.model_fields if name not in ("motion", "force", "spring", "tilt"))
+SHAPES = tuple(
+    name for name in Foundation.model_fields if name not in ("motion", "force", "spring", "tilt")
+)
