@@ -361,6 +361,24 @@ def test_a_script_has_springs_and_tilts_as_a_study_has() -> None:
     problem.close()
 
 
+@pytest.mark.parametrize("limit", [math.inf, 0.012])
+def test_a_plate_without_slip_is_one_that_is_glued_to_the_body(limit: float) -> None:
+    """The force that a glued plate takes moves a pressed plate as far, while nothing lifts off."""
+    mesh = {"builder": "block", "h": 0.25, "structured": True, "cells": "box"}
+    material = {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": limit}
+    given = {"mesh": mesh, "material": material, "penalty__n": math.inf}
+    moved = [*HELD, {"on": "top", "value": [0.0, -0.01]}]
+    glued = solved(pressed([], loads={"displacements": moved}, **given))
+    force = glued.summary["reactions"]["top"][1]
+    # By symmetry it does not turn, whether it may or not.
+    for tilt in ({}, {"tilt": {"about": [0.5, 1.0]}}):
+        plate = held(mu=math.inf, force=[0.0, force], **tilt)
+        found = solved(pressed(plate, loads={"displacements": HELD}, **given))
+        u, w = glued.displacement.x.array, found.displacement.x.array
+        assert np.abs(u - w).max() <= 1e-5 * np.abs(u).max()
+        assert told(found)["travel"] == pytest.approx(0.01, rel=1e-5)
+
+
 # What is refused.
 
 
