@@ -24,6 +24,8 @@ _FACING = 1e-9
 # A turn whose displacements have a smaller share along the contact normals leaves the foundation
 # where it is, as that of a plane about its normal.
 _TURNS = 1e-9
+# One of the axes of space has at least this share apart from fewer than all axes that are wanted.
+_APART = 0.5
 
 
 class FreeMotion(ABC):
@@ -221,6 +223,8 @@ class Turn(FreeMotion):
         about = present(self._tilt.about)[:, None]
         pivot = self.contact.foundation.motion().place(about)[:, 0]
         self._motion = SmallMotion.about(pivot, skew(self.axis))
+        # A turned foundation turns about the present pivot.
+        self.travel = self.travel
         self._require_two_sides()
 
     @property
@@ -233,13 +237,11 @@ class Turn(FreeMotion):
 
     def summary(self) -> tuple[str, dict[str, Any]]:
         """The pivot at rest, the angle, and the moment -k q about the pivot."""
-        angles, moments = (
-            sum(size(item) * item.axis for item in self.siblings if isinstance(item, Turn))
-            for size in (lambda item: item.travel, lambda item: item.stiffness * item.travel)
-        )
-        found = {"about": [float(x) for x in present(self._tilt.about)]}
-        found |= {"angle": _plain(angles), "moment": _plain(0.0 - moments)}
-        return "tilt", found
+        turns = [item for item in self.siblings if isinstance(item, Turn)]
+        angle = np.sum([item.travel * item.axis for item in turns], axis=0)
+        moment = np.sum([-item.stiffness * item.travel * item.axis for item in turns], axis=0)
+        about = [float(x) for x in present(self._tilt.about)]
+        return "tilt", {"about": about, "angle": _plain(angle), "moment": _plain(moment)}
 
     def _require_two_sides(self) -> None:
         if self.is_sprung:
@@ -292,9 +294,14 @@ def _axes(contact: NodalContact, tilt: Tilt) -> FloatArray:
             "give another point, or leave out the tilt",
             f"{contact.key}.foundation.tilt.about",
         )
-    found = vectors[:, kept].T
-    largest = found[np.arange(len(found)), np.abs(found).argmax(axis=1)]
-    return np.asarray(found * np.sign(largest)[:, None])
+    # Eigenvectors of equal eigenvalues are those of the rounding: these axes are not.
+    projection = vectors[:, kept] @ vectors[:, kept].T
+    found: list[FloatArray] = []
+    for column in projection:
+        rest = column - sum((axis * (axis @ column) for axis in found), np.zeros_like(column))
+        if len(found) < kept.sum() and np.linalg.norm(rest) >= _APART:
+            found.append(rest / np.linalg.norm(rest))
+    return np.array(found)
 
 
 def _norms(arms: Sequence[FloatArray], weights: FloatArray) -> FloatArray:

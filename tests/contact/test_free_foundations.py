@@ -10,7 +10,7 @@ import pytest
 from dolfinx import fem
 from mpi4py import MPI
 from pressed_tools import HELD, NONE, UP, pressed, solved, told
-from problems import column
+from problems import block, column
 
 import contact_locking as cl
 from contact_locking import InputError, Parameters, StudySolution, solve, solve_steps
@@ -202,6 +202,24 @@ def test_a_plate_lifts_off_where_the_force_is_far_from_the_middle() -> None:
     assert found.summary["contact_area"] == pytest.approx(0.6, abs=0.02)
     # F = angle length^2/2
     assert turned(found)["angle"] == pytest.approx(-0.01 * 2.0 / 0.6**2, rel=0.02)
+
+
+def test_a_ball_joint_turns_about_the_axes_that_move_the_plane() -> None:
+    """A plane of any direction does not spin about its normal; its axes are unit vectors."""
+    for normal in ((0.0, 0.0, -1.0), (1.0, 1.0, -1.0), (0.1, -0.2, -1.0)):
+        unit = np.array(normal) / np.linalg.norm(normal)
+        foundation = {
+            "half_space": {"point": [0.5, 0.5, 1.0], "normal": normal},
+            "force": (0.01 * unit).tolist(),
+            "tilt": {"about": [0.5, 0.5, 1.0]},
+        }
+        friction = {"coefficient": 0.0, "smoothing": NONE}
+        contact = {"on": "top", "foundation": foundation, "friction": friction}
+        loads = {"displacements": [{"on": "bottom", "value": [0.0] * 3}]}
+        problem = assemble(block(3, 0.5, contact=contact, loads=loads), MPI.COMM_WORLD)
+        axes = np.array([item.axis for item in problem.data.tools[1:]])
+        assert axes @ axes.T == pytest.approx(np.eye(2), abs=1e-12)
+        assert axes @ unit == pytest.approx(np.zeros(2), abs=1e-12)
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.3])
