@@ -163,4 +163,4 @@ class Contact:
     @property
     def is_free(self) -> bool:
         """Whether the place of the foundation is unknown: forces and moments decide."""
-        return not (self.force is self.spring is self.tilt is None)
+        return any(item is not None for item in (self.force, self.spring, self.tilt))

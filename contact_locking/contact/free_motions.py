@@ -240,8 +240,8 @@ class Turn(FreeMotion):
         turns = [item for item in self.siblings if isinstance(item, Turn)]
         angle = np.sum([item.travel * item.axis for item in turns], axis=0)
         moment = np.sum([-item.stiffness * item.travel * item.axis for item in turns], axis=0)
-        about = [float(x) for x in present(self._tilt.about)]
-        return "tilt", {"about": about, "angle": _plain(angle), "moment": _plain(moment)}
+        found: dict[str, Any] = {"angle": _plain(angle), "moment": _plain(moment)}
+        return "tilt", {"about": [float(x) for x in present(self._tilt.about)], **found}
 
     def _require_two_sides(self) -> None:
         if self.is_sprung:

@@ -151,8 +151,9 @@ class TimedForce:
     """The force ``F(t) d`` of a section, along one line with the unit vector d."""
 
     def __init__(self, given: Foundation, key: str, clock: Clock, times: Sequence[float]) -> None:
-        is_driven = given.moved is not None and given.spring is None
-        translation = given.moved.translation or () if is_driven else ()
+        # Motion along a spring moves its far end.
+        moved = None if given.spring is not None else given.moved
+        translation = () if moved is None else moved.translation or ()
         self.key, self._clock = key, clock
         self._force = [_of_time(value, clock) for value in given.force or ()]
         self._translation = [_of_time(value, clock) for value in translation]

@@ -14,6 +14,7 @@ from problems import block, column
 
 import contact_locking as cl
 from contact_locking import InputError, Parameters, StudySolution, solve, solve_steps
+from contact_locking.arrays import FloatArray
 from contact_locking.certificate.balances import equilibrium
 from contact_locking.monitor import Monitor
 from contact_locking.process.of_study import solver_of
@@ -53,7 +54,7 @@ def test_a_spring_and_a_column_are_two_springs_in_series(
     across = [0.0] * (dim - 1)
     spring: dict[str, Any] = {"stiffness": k}
     plane = {"point": [*across, height], "normal": [*across, -1.0]}
-    foundation = {"half_space": plane, "spring": spring}
+    foundation: dict[str, Any] = {"half_space": plane, "spring": spring}
     if preload:
         foundation["force"] = [*across, -preload]
     else:
@@ -82,7 +83,7 @@ def test_a_spring_and_a_column_are_two_springs_in_series(
 def test_a_spring_alone_holds_a_body_that_is_free_to_move() -> None:
     """The weight compresses the spring, and the tilt bears the moment of the weight."""
     loads = {"body_force": [0.0, -0.01], "tractions": [{"on": "right", "value": [0.0, -0.002]}]}
-    floor = {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}
+    floor: dict[str, Any] = {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}
     for n, method in LAWS:
         on_springs = held(
             "bottom",
@@ -168,10 +169,10 @@ def test_an_eccentric_force_tilts_a_plate_as_a_linear_pressure_says(
         assert np.abs(moments).max() <= 1e-7 * forces.sum()
 
 
-def _trapezia(places: np.ndarray) -> np.ndarray:
+def _trapezia(places: FloatArray) -> FloatArray:
     """The weights of nodes of the unit interval or square at distances of 1/4."""
     ends = np.isclose(places, 0.0) | np.isclose(places, 1.0)
-    return np.prod(np.where(ends, 0.125, 0.25), axis=1)
+    return np.asarray(np.prod(np.where(ends, 0.125, 0.25), axis=1))
 
 
 def test_a_plate_follows_a_stiff_block_on_springs_of_two_stiffnesses() -> None:

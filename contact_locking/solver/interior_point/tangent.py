@@ -197,7 +197,8 @@ class Tangent:
         self._step, self._answer, self._whole, self._moved = self._vectors[3:]
         self._right = RightHandSide(system, self.matrix.createVecRight())
         self._border = Border(len(system.tools), self.matrix.createVecRight)
-        self._sprung = self._unbalanced_tools = np.zeros(len(system.tools))
+        self._sprung: FloatArray = np.zeros(len(system.tools))
+        self._unbalanced_tools: FloatArray = self._sprung
         self.take_loads()
         contrast, listen = task.target.largest_contrast, task.monitor.linear
         self._linear = tangent_solver(
