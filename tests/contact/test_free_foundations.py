@@ -329,8 +329,8 @@ def test_a_wrong_moment_breaks_the_balance_of_the_tool() -> None:
     assert not equilibrium(state).criteria(tolerance)["tool_balance"].holds
 
 
-def test_derivatives_by_spring_pivot_and_force_are_those_of_more_solves() -> None:
-    keys = ("spring.stiffness", "tilt.stiffness", "tilt.about.0", "force.1")
+def test_derivatives_by_spring_and_pivot_are_those_of_more_solves() -> None:
+    keys = ("spring.stiffness", "tilt.about.0")
     contact = held(
         spring={"stiffness": 2.0},
         force=[0.0, -0.01],
@@ -341,7 +341,7 @@ def test_derivatives_by_spring_pivot_and_force_are_those_of_more_solves() -> Non
         "to": [f"contact.foundation.{key}" for key in keys],
         "check": True,
     }
-    found = solved(pressed(contact, loads=PRESSED, sensitivities=asked))
+    found = solved(pressed(contact, loads=PRESSED, h=0.5, sensitivities=asked))
     for entries in found.summary["sensitivities"].values():
         for entry in entries.values():
             assert entry["derivative"] == pytest.approx(entry["checked"], rel=1e-4)
