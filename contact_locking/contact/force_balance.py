@@ -154,7 +154,7 @@ class ToolBalance:
 
         left, slopes = left_at(sizes)
         for _ in range(_MOST_STEPS):
-            step: FloatArray = np.linalg.solve(slopes + _FLOOR * state.whole, left)
+            step = np.asarray(np.linalg.solve(slopes + _FLOOR * state.whole, left), dtype=float)
             start = float(left @ step)
             moved = state.way(step)
             if not start > 0.0 or moved <= _ROUNDING * state.size:
