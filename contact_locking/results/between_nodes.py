@@ -132,7 +132,9 @@ class _Facets:
         self._u = u.x.array.reshape(-1, dim)[blocks]
         normals = contact.normal.x.array.reshape(-1, dim)[blocks]
         self._u_normal = np.sum(self._u * normals, axis=2)
-        self._moved = self._x[:, :dim] + self._u[:, :dim] - contact.travel
+        #: The displacement relative to a foundation that forces have moved.
+        self._past = self._u - contact.travel.at(self._x)
+        self._moved = self._x[:, :dim] + self._past[:, :dim]
         self._outward = _outward(surface, self._x[:, :dim], len(halves))
         away = self._moved - self._moved.mean(axis=1, keepdims=True)
         self._radius = np.linalg.norm(away, axis=2).max(axis=1, initial=0.0)
@@ -171,8 +173,8 @@ class _Facets:
         if obstacle.is_distance:
             # The distance changes by no more than the way.
             centres = self._basis(np.full((count, 1, dim), 1.0 / dim))[:, 0]
-            middles = np.einsum("mn,mni->im", centres, self._x + self._u)
-            distances = obstacle.distance(middles - self._contact.travel[:, None])
+            middles = np.einsum("mn,mni->im", centres, self._x + self._past)
+            distances = obstacle.distance(middles)
             near = np.flatnonzero(distances < 2.0 * self._radius)
         best, deepest = self._best(points[near], near)
         ways = [np.eye(dim)[i] - np.eye(dim)[j] for i, j in itertools.permutations(range(dim), 2)]
@@ -265,7 +267,7 @@ class _Facets:
         opening = self._contact.foundation.opening(
             of(self._x),
             of(self._u_normal[:, :, None])[0],
-            of(self._x + self._u) - self._contact.travel[:, None],
+            of(self._x + self._past),
         )
         return -opening.reshape(shape)
 
