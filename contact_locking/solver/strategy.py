@@ -169,6 +169,9 @@ def newton_with_continuation(task: Task, saved: SavedState | None = None) -> Sol
             return task.succeed()
         except NotConverged:
             _forget(task)
+    if task.system.held_by_friction:
+        # Without a bound nothing would hold the body while its pressure is sought.
+        task.system.hold(task.target.young)
     try:
         _follow(PenaltyPath.towards(task.target), task)
     except NotConverged as failure:
