@@ -29,6 +29,8 @@ class Search:
         settings: Settings,
         foresees: bool = False,
     ) -> None:
+        #: The multiple of the tolerances that is asked for.
+        self.loosened = 1.0
         self._foresees = foresees
         self._iterate, self._bounds = iterate, bounds
         self._tuning, self._tolerance = tuning, settings.tolerance
@@ -199,6 +201,7 @@ class Search:
         """A linear solve may leave a share of what the iteration has not yet achieved."""
         tuning = self._tuning
         sharpest = tuning.linear_sharpest * self._tolerance
+        sharpest *= self.loosened
         accuracy = min(max(tuning.linear_share * measures.gap, sharpest), tuning.linear_loosest)
         return self._sharper * accuracy
 
@@ -211,5 +214,5 @@ class Search:
         tuning = self._tuning
         if measures.gap < tuning.gap_ahead * measures.equilibrium:
             return 1.0
-        least = tuning.gap_aim * tuning.gap_tolerance / measures.gap
+        least = tuning.gap_aim * self.loosened * tuning.gap_tolerance / measures.gap
         return max(centring, min(tuning.gap_growth, least))
