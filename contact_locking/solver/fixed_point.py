@@ -32,12 +32,11 @@ def fixed_point(
     ``solve`` solves for the displacement under the present bounds of ``contacts``, by default all
     with friction, and ``evaluate`` gives those of a solution.  A solve is given the last change of
     the bounds, infinity at first, than which it has to be sharper, and returns whether it was as
-    sharp as the tolerances.  Changes count relative to
-    the norm of the bound over all parts, or to ``task.least_bound()`` if that is larger.
-    Afterwards the forms hold a bound that agrees with the displacement to the tolerance, and
-    ``report.contraction`` is the geometric mean of the ratios of successive changes.  Raises
-    NotConverged after ``max_friction_updates``, or as soon as the last changes shrink too slowly to
-    arrive by then.
+    sharp as the tolerances.  Changes count relative to the norm of the bound over all parts, or to
+    ``task.least_bound()`` if that is larger.  Afterwards the forms hold a bound that agrees with
+    the displacement to the tolerance, and ``report.contraction`` is the geometric mean of the
+    ratios of successive changes.  Raises NotConverged after ``max_friction_updates``, or as soon as
+    the last changes shrink too slowly to arrive by then.
     """
     settings, report = task.settings, task.report
     rubbing = task.system.rubbing if contacts is None else contacts

@@ -123,8 +123,8 @@ class InteriorPoint:
     """Solves from a cold start: a previous case, on the boundary of its cones, is no better.
 
     At most 2 of some 20 tangents are saved by the displacement of the next smaller n or mu.
-    ``bound_moves`` lets the friction bounds follow the pressure; otherwise they stay as they are,
-    and a solve may go on from the one before, of which the cones are not left behind.
+    ``bound_moves`` lets the friction bounds follow the pressure; otherwise they stay as they are.
+    For other bounds that stay, :meth:`solve_on` goes on inside of the cones.
     """
 
     def __init__(self, task: Task, bound_moves: bool = True) -> None:
@@ -377,10 +377,10 @@ class InteriorPoint:
             for bound in bounds
             if self.bound_moves and bound.friction.takes_part and not bound.stands
         ]
+        settings, foresees = self._task.settings, self.approach.foresees
         self._search = Search(
-            self._iterate, self._moving, tuning, self._task.settings, self.approach.foresees
+            self._iterate, self._moving, tuning, settings, foresees, self._loosened
         )
-        self._search.loosened = self._loosened
 
     def _pieces_of_laws(self, goes_on: bool) -> ActiveSet | None:
         """The method that is tried before; None where it is no use.
