@@ -138,6 +138,7 @@ class ContactProblem:
             limits_of=limits_of,
         )
         self._discrete = DiscreteProblem(body, placed, n, compliance)
+        self._check_friction()
         self._solver = ProblemSolver(self._discrete, settings or Settings(), monitor)
 
     @property
@@ -236,9 +237,12 @@ class ContactProblem:
         if on_any_rank(self.domain.comm, not np.all(np.isfinite(system.load))):
             raise InputError("is not finite somewhere", "L")
         problem.refresh()
-        for contact in problem.contacts:
-            contact_checks.check_friction(contact)
+        self._check_friction()
         system.clear()
+
+    def _check_friction(self) -> None:
+        for contact in self._discrete.contacts:
+            contact_checks.check_friction(contact)
 
     def close(self) -> None:
         """Destroy the PETSc objects."""
