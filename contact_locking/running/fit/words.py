@@ -94,10 +94,12 @@ def before(
 
 
 def about_units(column: str, data: FloatArray, model: FloatArray) -> list[str]:
-    """Whether data and model at the start have magnitudes that do not belong together."""
+    """Whether data and model at the start have magnitudes or signs that do not belong together."""
     given, found = (float(np.max(np.abs(values), initial=0.0)) for values in (data, model))
     if found == 0.0 and given > 0.0:
         return [f"{column}: the model has 0 at the start; does the body touch?"]
+    if float(data @ model) < 0.0:
+        return [f"{column}: the data and the model at the start have opposite signs"]
     if given > 0.0 and not 1.0 / _OTHER_UNITS < given / found < _OTHER_UNITS:
         return [
             f"{column}: the largest of the data is {given:.3g}, and the model has {found:.3g} at "
