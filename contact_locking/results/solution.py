@@ -71,8 +71,8 @@ class Solution:
         ``of`` is p: a constant of DOLFINx, which gives a number or an array of its shape, a
         :class:`~contact_locking.sensitivity.parameters.Number`, which gives a number, or a function
         of DOLFINx, which gives a function of its space with the derivatives by its values.  J and p
-        have units, and the derivative that of J over that of p.  Collective.  Raises InputError for a
-        quantity without a derivative, for a step after another one, and if the problem has been
+        have units, and the derivative that of J over that of p.  Collective.  Raises InputError for
+        a quantity without a derivative, for a step after another one, and if the problem has been
         solved again, or its data have changed, since the solve.  By the tangent of the last iterate
         (docs/solver.md, Derivatives).
         """

@@ -66,9 +66,10 @@ class LazyDerivatives:
 
     def _field(self, quantity: str, of: fem.Function) -> fem.Function:
         """The derivatives by the values of a function, as a function in its space."""
-        found, space = fem.Function(of.function_space, name=f"d {quantity}"), of.function_space.dofmap
+        found = fem.Function(of.function_space, name=f"d {quantity}")
         size = maximum(self._problem.domain.comm, np.abs(of.x.array)) or 1.0
-        for place in range(space.index_map.size_global * space.index_map_bs):
+        dofs = of.function_space.dofmap
+        for place in range(dofs.index_map.size_global * dofs.index_map_bs):
             entry = Nodal(of, place, size)
             value = self.made.by(quantity, entry)
             if entry.here is not None:

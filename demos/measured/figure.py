@@ -34,21 +34,28 @@ def sneddon(d: Any) -> Any:
     return np.interp(d, 0.5 * a * log, 0.5 * (a**2 + RADIUS**2) * log - a * RADIUS)
 
 
+def tell(name: str, values: Any, errors: Any) -> None:
+    """Print modulus and start with their standard errors."""
+    pairs = zip(("E*", "start"), values, errors, strict=True)
+    print(f"{name:8}", *(f"{key} {value:.4f} +- {error:.4f}" for key, value, error in pairs))
+
+
 def main(results: str, picture: str) -> None:
     """Print the moduli and draw the picture."""
     found = json.loads((Path(results) / "fit.json").read_text())
     curve = found["curves"][0]
     t, force, model = (np.array(curve[name]) for name in ("over", "data", "model"))
-    share = 1.0 / (1.0 - POISSON**2)
-    entries = found["parameters"]
-    young, start = entries["material.elasticity.young"], entries["parameters.start"]
-    print(f"model    E* {young['value'] * share:.4f} +- {young['standard_error'] * share:.4f}", end="")
-    print(f"  start {start['value']:.2f} +- {start['standard_error']:.2f}")
+    entries = found["parameters"].values()
+    values, errors = (
+        np.array([entry[name] for entry in entries]) / (1.0 - POISSON**2, 1.0)
+        for name in ("value", "standard_error")
+    )
+    tell("model", values, errors)
     figure, (above, below) = plt.subplots(
         2, 1, figsize=(6.4, 5.6), sharex=True, height_ratios=(3, 1), layout="constrained"
     )
     above.plot(t, force, "o", color="black", label="measured")
-    above.plot(t, model, color="C0", label=f"sphere on 300 µm, E* = {young['value'] * share:.3f} kPa")
+    above.plot(t, model, color="C0", label=f"model, E* = {values[0]:.3f} kPa")
     below.axhline(0.0, color="0.7", lw=0.8)
     below.plot(t, model - force, "-o", ms=3, color="C0")
     fine = np.linspace(t[0], t[-1], 200)
@@ -58,8 +65,7 @@ def main(results: str, picture: str) -> None:
             return modulus * law(x - touch)
 
         best, covariance = curve_fit(formula, t, force, p0=(0.15, 2.0))
-        error = np.sqrt(np.diag(covariance))
-        print(f"{name:8} E* {best[0]:.4f} +- {error[0]:.4f}  start {best[1]:.2f} +- {error[1]:.2f}")
+        tell(name, best, np.sqrt(np.diag(covariance)))
         label = f"{name}, E* = {best[0]:.3f} kPa"
         above.plot(fine, formula(fine, *best), style, color="C1", label=label)
         below.plot(t, formula(t, *best) - force, style, color="C1")
