@@ -209,7 +209,7 @@ def estimate(
     trials = _Trials(misfit, derives)
     keys = [variable.key for variable in variables]
     at: FloatArray | None = np.array([variable.start for variable in variables])
-    held = np.zeros(len(variables), dtype=bool)
+    held: BoolArray = np.zeros(len(variables), dtype=bool)
     while at is not None:
         pairs = zip(variables, map(float, at), strict=True)
         variables = [dataclasses.replace(variable, start=start) for variable, start in pairs]
