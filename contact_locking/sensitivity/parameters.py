@@ -117,6 +117,45 @@ class Entry:
             frozen.refresh()
 
 
+@dataclass(frozen=True)
+class Nodal:
+    """A value of a function of DOLFINx; ``place`` is its index over all ranks.
+
+    Numbers are counted from the largest of the function, which sets the width of differences.
+    """
+
+    function: fem.Function
+    place: int
+    value: float
+
+    @property
+    def name(self) -> str:
+        """The name in tables."""
+        return f"{self.function.name}.{self.place}"
+
+    @property
+    def here(self) -> int | None:
+        """The index on this rank; None where another one owns the value."""
+        space = self.function.function_space.dofmap
+        size = space.index_map_bs
+        first, end = (size * bound for bound in space.index_map.local_range)
+        return self.place - first if first <= self.place < end else None
+
+    @contextmanager
+    def equations_at(self, value: float, frozen: Frozen) -> Iterator[Equations]:
+        """A context with the equations for another value; collective."""
+        before = self.function.x.array.copy()
+        if self.here is not None:
+            self.function.x.array[self.here] += value - self.value
+        self.function.x.scatter_forward()
+        try:
+            with refreshed(frozen) as equations:
+                yield equations
+        finally:
+            self.function.x.array[:] = before
+            frozen.refresh()
+
+
 @contextmanager
 def refreshed(frozen: Frozen) -> Iterator[Equations]:
     """The equations of a problem after its data have changed; collective."""

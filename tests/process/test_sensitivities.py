@@ -45,6 +45,15 @@ def test_names_stand_for_their_numbers() -> None:
     assert resolved(varied).friction.coefficient == "(0.4)*exp(-s/(0.05))"
 
 
+def test_a_motion_may_have_names() -> None:
+    tool = {"cylinder": {"centre": [0.5, -1.0], "radius": 1.0}, "motion": [0.0, "depth*t"]}
+    body = cl.from_mapping(
+        {"parameters": {"depth": 0.1}, "contact": {"on": "bottom", "foundation": tool}}
+        | {"steps": {"to": 1.0, "count": 2}}
+    )
+    assert body.contacts[0].foundation.moved.translation == (0.0, "depth*t")
+
+
 @pytest.mark.parametrize(
     ("name", "reason"),
     [("x", "have already"), ("sin", "have already"), ("2a", "no name for expressions")],

@@ -334,3 +334,11 @@ def test_a_file_without_a_fit_is_refused(folder: Folder, capfd: pytest.CaptureFi
     folder.write(COLUMN)
     assert folder.fit() == 2
     assert "the file has no section fit" in capfd.readouterr().err
+
+
+def test_measured_forces_are_read_with_the_study_of_their_page() -> None:
+    parameters = load(Path(__file__).parents[2] / "demos/measured/tip.yml").parameters
+    (one,) = read_experiments(parameters)
+    assert one.times is not None and parameters.steps is not None
+    assert tuple(one.times) == parameters.steps.planned
+    assert one.count == 12 and one.data["force"].max() == 44.587

@@ -188,3 +188,5 @@ def test_units_that_do_not_belong_together_are_told() -> None:
     assert words.about_units("force", np.array([3.0]), np.array([0.1])) == []
     (told,) = words.about_units("force", np.array([3.0]), np.array([0.0]))
     assert "does the body touch?" in told
+    (told,) = words.about_units("force", np.array([1.0, 3.0]), np.array([-0.5, -2.0]))
+    assert "opposite signs" in told

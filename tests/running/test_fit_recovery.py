@@ -28,8 +28,8 @@ pytestmark = [pytest.mark.serial, pytest.mark.slow]
 
 TRUTH = {"material.elasticity.young": 1.0, "material.locking_limit": 0.1, "parameters.mu": 0.3}
 START = {"material.elasticity.young": 1.5, "material.locking_limit": 0.095, "parameters.mu": 0.2}
-# At the start the limit hardly matters, so that some trials are beyond what it admits.
-NOISE, MOST_EVALUATIONS = 0.01, 15
+# Of the first step the limit is above all strains, and of some trials below what contact admits.
+NOISE, MOST_EVALUATIONS = 0.01, 12
 QUANTITIES = {"press": "reactions.bottom.1", "drag": "reactions.bottom.0"}
 PAD: dict[str, Any] = {
     "parameters": {"mu": 0.3},

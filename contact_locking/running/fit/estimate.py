@@ -6,9 +6,10 @@ covariance of x is ``s^2 (J^T J)^-1``.  Without standard errors the residuals th
 a log scale, so that the first step changes the numbers by 30 % at most.
 
 A strain limit above all strains, or a friction bound above all tractions, is a number that nothing
-depends on any more: from there the search would not come back.  So a number that matters at the
-start has to matter at each step.  Where a step leads to where it does not, the other numbers take
-the step, this one half of it or less, and the search begins anew if the misfit is smaller there.
+depends on any more, and just below them its derivatives are too small to tell how far to go.  So
+a number whose influence has faded since the start is held while the others are searched.  At their
+end it goes back some of the way to where it mattered, and all are searched if the misfit is smaller
+there.
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -25,13 +25,18 @@ from scipy.stats import t as student
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import NotConverged
 
-# The search ends where a step changes the misfit by this share, which is a hundredth of a standard
-# error of the numbers, or the numbers by this.
+# The search ends where the least squares are within so many standard errors of the numbers, which
+# makes their errors larger by a thousandth.  Points that change their state bend the residuals:
+# nearer to their end steps do not keep what the derivatives promise.
+_OFFSET = 0.05
+# Without noise it ends where a step changes the misfit by this share, or the numbers by this.
 _FTOL, _XTOL = 1e-4, 1e-6
 _MOST_EVALUATIONS = 60
 # The change of the numbers that is 1 to the search, and so the longest first step.
 _UNIT = 0.3
-# The shares of a step that a number takes whose step leads to where it does not matter.
+# The share of its influence at the start at which a number is held.
+_FADED = 0.05
+# The shares of the way that a number goes back to where it mattered.
 _SHARES = (0.5, 0.25, 0.125)
 # A number has no influence if its derivatives are this share of the largest: a strain that is below
 # its limit has a multiplier on the central path.
@@ -105,8 +110,8 @@ class Estimate:
     """The numbers (n,) of least squares, with standard errors, intervals and correlations.
 
     Errors are infinite where the data do not have the number.  ``combinations`` are from the best
-    known to the least, ``at_bound`` the keys at a bound and ``lost`` those that steps went to
-    where they do not matter.  ``misfit`` is ``|r|^2``, ``scatter`` over ``m - n``.
+    known to the least, ``at_bound`` the keys at a bound and ``lost`` those that mattered at the
+    start and hardly at the end.  ``misfit`` is ``|r|^2``, ``scatter`` over ``m - n``.
     """
 
     numbers: FloatArray
@@ -122,70 +127,74 @@ class Estimate:
     reason: str
 
 
-class _Lost(Exception):
-    """A step has come to numbers (n,) where some, ``which`` (n,), have no influence any more."""
+class _Stopped(Exception):
+    """The search is not to go on from the accepted numbers (n,), if need be with others held."""
 
-    def __init__(self, numbers: FloatArray, which: BoolArray) -> None:
+    def __init__(self, numbers: FloatArray, is_end: bool) -> None:
         super().__init__()
-        self.numbers, self.which = numbers, which
+        self.numbers, self.is_end = numbers, is_end
 
 
 class _Trials:
-    """The memory of the search: the residuals at numbers, and where numbers ceased to matter."""
+    """The memory of the search: residuals at numbers, and how much these mattered at the start."""
 
-    def __init__(self, keys: Sequence[str], misfit: Misfit, derives: bool) -> None:
-        self._keys, self._misfit, self._derives = keys, misfit, derives
-        self.known: dict[bytes, Residuals] = {}
-        self.lost: set[str] = set()
-        self._mattering: BoolArray = np.zeros(len(keys), dtype=bool)
-        self._best: tuple[float, FloatArray] | None = None
-        self._begins_anew = True
+    def __init__(self, misfit: Misfit, derives: bool) -> None:
+        self._misfit, self._derives = misfit, derives
+        self._known: dict[bytes, Residuals] = {}
+        self._at_start: FloatArray | None = None
+        self._nearest: FloatArray | None = None
 
     def residuals(self, numbers: FloatArray) -> FloatArray:
-        """The residuals (m,), not finite where there are none.  Raises NotConverged and _Lost."""
+        """The residuals (m,), not finite where there are none.  Raises NotConverged at first."""
         found = self._misfit(numbers)
         if found is None:
-            if self._best is None or not self._derives:
+            if not self._known or not self._derives:
                 raise NotConverged(
                     "a solve did not converge at the start of the fit, or beside it: give another "
                     "start"
                 )
-        else:
-            gone = idle(found, numbers)
-            if self._best is None:
-                self._mattering = ~gone
-            gone &= self._mattering
-            if not np.any(gone):
-                return self._take(found, numbers)
-            self.lost.update(key for key, is_gone in zip(self._keys, gone, strict=True) if is_gone)
-            if self._begins_anew:
-                raise _Lost(numbers, gone)
-        # The search takes a shorter step where nothing is finite.
-        return np.full_like(next(iter(self.known.values())).values, np.nan)
-
-    def _take(self, found: Residuals, numbers: FloatArray) -> FloatArray:
-        self.known[numbers.tobytes()] = found
-        size = float(found.values @ found.values)
-        if self._best is None or size < self._best[0]:
-            self._best = size, numbers
+            # The search takes a shorter step where nothing is finite.
+            return np.full_like(next(iter(self._known.values())).values, np.nan)
+        self._known[numbers.tobytes()] = found
+        if self._at_start is None:
+            self._at_start = _influence(found, numbers)
+        if not np.any(self.faded(numbers)):
+            self._nearest = numbers
         return found.values
 
-    def beside(self, lost: _Lost) -> FloatArray:
-        """Numbers (n,) near a step whose lost numbers matter, with less misfit than all others.
+    def at(self, numbers: FloatArray) -> Residuals:
+        """What is known at numbers of a trial."""
+        return self._known[numbers.tobytes()]
 
-        The best numbers so far if there are none: from then on steps are taken shorter.
-        """
-        assert self._best is not None
-        size, best = self._best
-        for share in _SHARES:
-            numbers = np.where(lost.which, best + share * (lost.numbers - best), lost.numbers)
-            self._begins_anew = False
-            found = self.residuals(numbers)
-            self._begins_anew = True
-            if np.all(np.isfinite(found)) and float(found @ found) < size:
-                return numbers
-        self._begins_anew = False
-        return best
+    def faded(self, numbers: FloatArray) -> BoolArray:
+        """Which numbers (n,) matter much less here than at the start."""
+        assert self._at_start is not None
+        here = _influence(self.at(numbers), numbers)
+        return np.asarray((here <= _FADED * self._at_start) & (self._at_start > NO_INFLUENCE))
+
+    def beside(self, numbers: FloatArray, which: BoolArray) -> FloatArray | None:
+        """Numbers (n,), of which some are nearer to where they mattered, with less misfit."""
+        assert self._nearest is not None
+        here = self.at(numbers).values
+        for share in _SHARES if np.any(which) else ():
+            back = numbers + share * (self._nearest - numbers)
+            trial = np.where(which, back, numbers)
+            found = self.residuals(trial)
+            # Comparisons with what is not finite are False.
+            if float(found @ found) < float(here @ here):
+                return trial
+        return None
+
+
+@dataclass(frozen=True)
+class _End:
+    """The end of a search: numbers (n,), slopes ``dr/dx`` (m, n), and which are at a bound."""
+
+    numbers: FloatArray
+    slopes: FloatArray
+    at_bound: BoolArray
+    converged: bool
+    reason: str
 
 
 def estimate(
@@ -197,19 +206,26 @@ def estimate(
     come with derivatives.  Raises NotConverged if there is no solution at the start, or for
     a difference.
     """
-    trials = _Trials([variable.key for variable in variables], misfit, derives)
-    while True:
+    trials = _Trials(misfit, derives)
+    keys = [variable.key for variable in variables]
+    at: FloatArray | None = np.array([variable.start for variable in variables])
+    held: BoolArray = np.zeros(len(variables), dtype=bool)
+    while at is not None:
+        pairs = zip(variables, map(float, at), strict=True)
+        variables = [dataclasses.replace(variable, start=start) for variable, start in pairs]
         try:
-            found = _least_squares(variables, trials, derives)
-            break
-        except _Lost as lost:
-            starts = map(float, trials.beside(lost))
-            pairs = zip(variables, starts, strict=True)
-            variables = [dataclasses.replace(variable, start=at) for variable, at in pairs]
-    numbers, rates = _numbers(variables, found.x), _rates(variables, found.x)
-    slopes = np.asarray(found.jac)
-    freedom = len(found.fun) - len(variables)
-    total = float(found.fun @ found.fun)
+            end = _least_squares(variables, held, trials, derives)
+            at = trials.beside(end.numbers, held)
+        except _Stopped as stopped:
+            at = stopped.numbers
+        if at is not None:
+            held = trials.faded(at)
+    numbers, slopes = end.numbers, end.slopes
+    x = [v.searched(number) for v, number in zip(variables, numbers, strict=True)]
+    rates = _rates(variables, numbers)
+    left = trials.at(numbers).values
+    freedom = len(left) - len(variables)
+    total = float(left @ left)
     scatter = total / freedom if freedom > 0 else (1.0 if has_errors else np.inf)
     # Known errors that are too small for the residuals do not make the numbers more certain.
     scale = float(np.sqrt(max(1.0, scatter) if has_errors else scatter))
@@ -217,8 +233,8 @@ def estimate(
     quantile = float(student.ppf(0.975, freedom)) if freedom > 0 else np.inf
     intervals = np.array(
         [
-            [v.number(x - quantile * error), v.number(x + quantile * error)]
-            for v, x, error in zip(variables, found.x, errors, strict=True)
+            [v.number(at - quantile * error), v.number(at + quantile * error)]
+            for v, at, error in zip(variables, x, errors, strict=True)
         ]
     )
     return Estimate(
@@ -227,54 +243,101 @@ def estimate(
         intervals,
         correlation,
         combinations(slopes / rates * numbers, scale),
-        tuple(v.key for v, side in zip(variables, found.active_mask, strict=True) if side),
-        tuple(sorted(trials.lost)),
+        tuple(key for key, side in zip(keys, end.at_bound, strict=True) if side),
+        tuple(key for key, is_held in zip(keys, held, strict=True) if is_held),
         total,
         scatter,
-        bool(found.status > 0),
-        str(found.message),
+        end.converged,
+        end.reason,
     )
 
 
-def _numbers(variables: Sequence[Variable], x: FloatArray) -> FloatArray:
-    return np.array([v.number(value) for v, value in zip(variables, x, strict=True)])
-
-
-def _rates(variables: Sequence[Variable], x: FloatArray) -> FloatArray:
-    numbers = _numbers(variables, x)
+def _rates(variables: Sequence[Variable], numbers: FloatArray) -> FloatArray:
     return np.array([v.rate(value) for v, value in zip(variables, numbers, strict=True)])
 
 
-def _least_squares(variables: Sequence[Variable], trials: _Trials, derives: bool) -> Any:
-    """SciPy's result of the search from the starts.  Raises as the trials."""
+def _least_squares(
+    variables: Sequence[Variable], held: BoolArray, trials: _Trials, derives: bool
+) -> _End:
+    """The end of SciPy's search from the starts, where some stay.  Raises as trials, and _Stopped.
+
+    It stops where other numbers have faded.
+    """
+    starts, free = np.array([v.start for v in variables]), np.flatnonzero(~held)
+    moved = [variables[place] for place in free]
+
+    def numbers_at(x: FloatArray) -> FloatArray:
+        found = starts.copy()
+        found[free] = [v.number(value) for v, value in zip(moved, x, strict=True)]
+        return found
+
+    def slopes_at(numbers: FloatArray) -> FloatArray:
+        found = trials.at(numbers).derivatives
+        assert found is not None
+        return found * _rates(variables, numbers)
 
     def jacobian(x: FloatArray) -> FloatArray:
-        found = trials.known[_numbers(variables, x).tobytes()].derivatives
-        assert found is not None
-        return found * _rates(variables, x)
+        numbers = numbers_at(x)
+        slopes = slopes_at(numbers)[:, free]
+        if np.any(trials.faded(numbers) != held):
+            raise _Stopped(numbers, is_end=False)
+        if offset(trials.at(numbers).values, slopes) <= _OFFSET:
+            raise _Stopped(numbers, is_end=True)
+        return slopes
 
-    return least_squares(
-        lambda x: trials.residuals(_numbers(variables, x)),
-        [v.searched(v.start) for v in variables],
-        jac=jacobian if derives else "2-point",
-        bounds=(
-            [v.searched(v.least) for v in variables],
-            [v.searched(v.largest) for v in variables],
-        ),
-        ftol=_FTOL,
-        xtol=_XTOL,
-        gtol=1e-12,
-        max_nfev=_MOST_EVALUATIONS,
-        diff_step=None if derives else _WIDTH,
-    )
+    at_bound = np.zeros(len(variables), dtype=bool)
+    try:
+        found = least_squares(
+            lambda x: trials.residuals(numbers_at(x)),
+            np.zeros(len(free)),
+            jac=jacobian if derives else "2-point",
+            bounds=([v.searched(v.least) for v in moved], [v.searched(v.largest) for v in moved]),
+            ftol=_FTOL,
+            xtol=_XTOL,
+            gtol=1e-12,
+            max_nfev=_MOST_EVALUATIONS,
+            diff_step=None if derives else _WIDTH,
+        )
+    except _Stopped as stopped:
+        if not stopped.is_end:
+            raise
+        reason = f"the least squares are within {_OFFSET:g} standard errors"
+        return _End(stopped.numbers, slopes_at(stopped.numbers), at_bound, True, reason)
+    numbers = numbers_at(found.x)
+    at_bound[free] = found.active_mask != 0
+    slopes = slopes_at(numbers) if derives else np.asarray(found.jac)
+    return _End(numbers, slopes, at_bound, bool(found.status > 0), str(found.message))
+
+
+def offset(residuals: FloatArray, slopes: FloatArray) -> float:
+    """``sqrt(|Q^T r|^2/n)/s``: how far the least squares are, in standard errors of the numbers.
+
+    Q (m, n) spans the slopes, and ``s^2 = |r - Q Q^T r|^2/(m - n)``.  Infinite without freedom.
+    D. M. Bates and D. G. Watts, Technometrics 23 (1981), 179-183, have this criterion.
+    """
+    rows, count = slopes.shape
+    if rows <= count:
+        return np.inf
+    step = np.linalg.lstsq(slopes, residuals, rcond=_ROUNDING)[0]
+    within = slopes @ step
+    left = residuals - within
+    spread = np.linalg.norm(left) / np.sqrt(rows - count)
+    size = float(np.linalg.norm(within) / np.sqrt(count))
+    return size / float(spread) if spread > 0.0 else np.inf
 
 
 def idle(found: Residuals, numbers: FloatArray) -> BoolArray:
     """Which numbers (n,) the residuals do not depend on; none without derivatives."""
+    return np.asarray(_influence(found, numbers) <= NO_INFLUENCE)
+
+
+def _influence(found: Residuals, numbers: FloatArray) -> FloatArray:
+    """The derivatives (n,) by logarithms over the largest of them; ones without derivatives."""
     if found.derivatives is None:
-        return np.zeros(len(numbers), dtype=bool)
+        return np.ones(len(numbers))
     size = np.linalg.norm(found.derivatives * numbers, axis=0)
-    return np.asarray(size <= NO_INFLUENCE * size.max(initial=0.0))
+    largest = float(size.max(initial=0.0))
+    return np.asarray(size / largest) if largest > 0.0 else np.zeros(len(numbers))
 
 
 def _covariance(slopes: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:

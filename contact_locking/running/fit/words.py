@@ -29,8 +29,10 @@ _BY_CHANCE = 1e-3
 
 def combination_name(combination: Combination, keys: Sequence[str]) -> str:
     """``young^0.71 mu^-0.70``, the largest power positive."""
-    powers = combination.powers * np.sign(combination.powers[np.argmax(np.abs(combination.powers))])
-    order = [i for i in np.argsort(-np.abs(powers)) if abs(powers[i]) >= _SMALL]
+    # Of powers that are the same but for rounding, the first is the largest.
+    size = np.round(np.abs(combination.powers), 6)
+    powers = combination.powers * np.sign(combination.powers[np.argmax(size)])
+    order = [i for i in np.argsort(-size, kind="stable") if size[i] >= _SMALL]
     if len(order) == 1:
         return keys[order[0]]
     return " ".join(f"{keys[i]}^{powers[i]:.2f}" for i in order)
@@ -41,7 +43,7 @@ def undetermined(found: Estimate, keys: Sequence[str]) -> list[str]:
     unknown = [one for one in found.combinations if not one.error <= UNDETERMINED]
     told = [f"{combination_name(one, keys)}: {_uncertain(one.error)}" for one in unknown]
     return told + [
-        f"{key}: the search was stopped short of where nothing depends on it; the data may not "
+        f"{key}: hardly anything depends on it at the end of the search; the data may not "
         "determine more than one bound of it"
         for key in found.lost
         if not found.errors[keys.index(key)] <= UNDETERMINED * abs(found.numbers[keys.index(key)])
@@ -92,10 +94,12 @@ def before(
 
 
 def about_units(column: str, data: FloatArray, model: FloatArray) -> list[str]:
-    """Whether data and model at the start have magnitudes that do not belong together."""
+    """Whether data and model at the start have magnitudes or signs that do not belong together."""
     given, found = (float(np.max(np.abs(values), initial=0.0)) for values in (data, model))
     if found == 0.0 and given > 0.0:
         return [f"{column}: the model has 0 at the start; does the body touch?"]
+    if float(data @ model) < 0.0:
+        return [f"{column}: the data and the model at the start have opposite signs"]
     if given > 0.0 and not 1.0 / _OTHER_UNITS < given / found < _OTHER_UNITS:
         return [
             f"{column}: the largest of the data is {given:.3g}, and the model has {found:.3g} at "

@@ -285,7 +285,8 @@ class Foundation(Section):
     def moved(self) -> Motion | None:
         """The motion as a section; None for a body at rest."""
         if isinstance(self.motion, tuple):
-            return Motion(translation=self.motion)
+            # It has been read: names of numbers are known while a file is read only.
+            return Motion.model_construct(translation=self.motion)
         return self.motion
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
