@@ -14,6 +14,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from ufl.core.expr import Expr
 
+from contact_locking import _compat
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate import Extras, certify
 from contact_locking.contact import checks as contact_checks
@@ -288,7 +289,8 @@ def _element_of(space: fem.FunctionSpace, limit_at: str | None, axisymmetric: bo
     if limit_at not in ("vertices", "gauss", None):
         raise InputError(f"must be vertices or gauss, not {limit_at!r}", "limit_at")
     boxes = not NAMED[space.mesh.topology.cell_name()].is_simplex
-    return element_of(degree, limit_at, axisymmetric, boxes)
+    curved = _compat.coordinate_map(space.mesh).degree > 1
+    return element_of(degree, limit_at, axisymmetric, boxes, curved)
 
 
 def _support(given: Support, on: tuple[str, ...], key: str, dim: int) -> Support:

@@ -18,9 +18,7 @@ from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem import gauss_points
 from contact_locking.laws.elasticity import mandel_values
-
-# The ends of the edges whose middles are nodes of a cell, after its corners, in DOLFINx's order.
-EDGES = {2: ((1, 2), (0, 2), (0, 1)), 3: ((2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))}
+from contact_locking.mesh.cell_kind import EDGES
 
 # Where the points of a patch do not determine a quadratic polynomial, the quadratic terms vanish:
 # their squares, with this factor, are added to the squares of the differences at the points.
@@ -42,12 +40,13 @@ class PatchRecovery:
     def __init__(self, mesh: dmesh.Mesh, count: int) -> None:
         self._mesh, self._dim = mesh, mesh.topology.dim
         self._corners: IndexArray = self._space(1).dofmap.list[:count]
-        nodes = _compat.cell_nodes(mesh)[:count]
-        self._x = mesh.geometry.x[nodes][:, :, : self._dim]
-        shares = gauss_points.shares(mesh.topology.cell_name())
-        self._points = np.einsum("qc,kcd->kqd", shares, self._x)
+        x = mesh.geometry.x[_compat.cell_nodes(mesh)[:count]][:, :, : self._dim]
+        of_cell = _compat.coordinate_map(mesh).degree
+        shares = gauss_points.shares(mesh.topology.cell_name(), of_cell=of_cell)
+        self._points = np.einsum("qn,knd->kqd", shares, x)
+        self._x = x[:, : self._dim + 1]
         middles = [self._x[:, list(edge)].mean(axis=1) for edge in EDGES[self._dim]]
-        self._nodes = np.concatenate([self._x, np.stack(middles, axis=1)], axis=1)
+        self._nodes = x if of_cell > 1 else np.concatenate([x, np.stack(middles, axis=1)], axis=1)
 
     def nodal(self, values: FloatArray, inside: BoolArray) -> FloatArray:
         """The recovered values (k, nodes, m) at the nodes of the cells ``inside`` (count,).

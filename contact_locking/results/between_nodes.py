@@ -316,7 +316,7 @@ def _outward(surface: ContactSurface, corners: FloatArray, parts: int) -> FloatA
     There are as many parts of each facet, those of one number together.
     """
     domain = surface.domain
-    cells = _compat.cell_nodes(domain.mesh)[np.tile(domain.owners(surface.facets), parts)]
+    cells = _compat.cell_corners(domain.mesh)[np.tile(domain.owners(surface.facets), parts)]
     inside = domain.mesh.geometry.x[cells][:, :, : domain.dim].mean(axis=1)
     normals = _across((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
     side = np.sum(normals * (corners[:, 0] - inside), axis=1)

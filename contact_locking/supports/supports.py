@@ -382,7 +382,7 @@ def _nodal_normals(
     nodes, facet = facet_nodes(domain, space, facets, cells), domain.kind.facet
     corners = space.tabulate_dof_coordinates()[nodes[:, : facet.corners], :dim]
     units, weights = _normals_at_corners(corners, facet)
-    inside = mesh.geometry.x[_compat.cell_nodes(mesh)[cells]][..., :dim].mean(axis=1)
+    inside = mesh.geometry.x[_compat.cell_corners(mesh)[cells]][..., :dim].mean(axis=1)
     outward = corners.mean(axis=1) - inside
     units = units * np.sign(np.sum(units * outward[:, None], axis=2))[..., None]
     means = units.mean(axis=1, keepdims=True)
