@@ -81,10 +81,12 @@ def _divide_cells(geometry: Geometry) -> None:
     gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 1 if geometry.subdivides else 0)
 
 
-def write(geometry: Geometry, path: str | os.PathLike[str], contact: Collection[str] = ()) -> None:
+def write(
+    geometry: Geometry, path: str | os.PathLike[str], contact: Collection[str] = (), order: int = 1
+) -> None:
     """Mesh ``geometry`` and write a Gmsh file (format 4.1), complete or not at all.
 
-    ``contact`` as for `build`.  Raises ValueError if the name does not end in .msh, and OSError if
+    ``contact`` and ``order`` as for `build`.  Raises ValueError if the name does not end in .msh, and OSError if
     the file cannot be written.
     """
     import gmsh
@@ -95,7 +97,7 @@ def write(geometry: Geometry, path: str | os.PathLike[str], contact: Collection[
     with staging(target.parent) as folder:
         unfinished = folder / target.name
         unfinished.touch()
-        with build(geometry, target.stem, contact):
+        with build(geometry, target.stem, contact, order):
             gmsh.write(str(unfinished))
         _check_complete(unfinished)
         os.replace(unfinished, target)

@@ -208,7 +208,7 @@ P2 = Element(
             2: ((0, 2), (2, 1)),
             3: ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5)),
         },
-        controls=True,
+        controls=(2, 3),
     ),
 )
 
@@ -230,8 +230,19 @@ P1_REVOLUTION = replace(P1, locking_rule=_MIDPOINT, elastic_rule=_MIDPOINT, kine
 #: P2 in cells with curved sides.  Gauss's rule of degree 2 is exact for Z : eps(v) with constant Z
 #: in curved triangles, so that a body with constant stress is in equilibrium to rounding; the
 #: vertex rule is not.  The strain is not affine in a cell, so that limits at its corners would say
-#: nothing about the rest either.
-P2_CURVED = replace(P2_GAUSS, curved=True)
+#: nothing about the rest either.  Control values are those of displacements, and where the normal
+#: turns along an edge they are not those of the normal displacement: the pressure on a ring would
+#: scatter by a share of the order of the length of an edge.  So contact and friction limit the
+#: values at the nodes in 2D, with the weights of Simpson's rule.  In 3D these are 0 at corners.
+P2_CURVED = replace(
+    P2_GAUSS,
+    trace=replace(
+        P2.trace,
+        rules={2: {"quadrature_rule": "GLL", "quadrature_degree": 3}, 3: P2.trace.rules[3]},
+        controls=(3,),
+    ),
+    curved=True,
+)
 
 #: P2 for bodies of revolution.  Corners can lie on the axis, Gauss's points cannot.
 P2_REVOLUTION = replace(P2_GAUSS, kinematics=REVOLUTION)
@@ -269,7 +280,7 @@ Q2 = Element(
     trace=Trace(
         rules={2: P2.trace.rules[2]},
         pieces={2: P2.trace.pieces[2]},
-        controls=True,
+        controls=(2,),
     ),
     limit_at="gauss",
     elastic_rule=_GAUSS_3,

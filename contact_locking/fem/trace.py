@@ -35,9 +35,9 @@ class Trace:
     the nodes of a facet are numbered from 0, with the corners first.  The element has no contact in
     a dimension without entries.
 
-    ``controls`` tells which values of a trace the laws of contact and friction limit.  Without it
-    they are the values at the nodes.  With it, for quadratic displacements, they are the control
-    values: the value at a corner, and ``2 u_m - (u_1 + u_2)/2`` at the midpoint m of the edge
+    ``controls`` are the dimensions d in which the laws of contact and friction limit the control
+    values of a trace, which are for quadratic displacements; elsewhere they limit the values at the
+    nodes.  Control values are the value at a corner, and ``2 u_m - (u_1 + u_2)/2`` at the midpoint m of the edge
     between the corners 1 and 2.  These are the coefficients of the trace in Bernstein's basis,
     whose functions are not negative, have the sum 1, and have equal integrals over a facet.
     Therefore, on a flat facet,
@@ -49,7 +49,7 @@ class Trace:
 
     rules: Mapping[int, Rule]
     pieces: Mapping[int, tuple[tuple[int, ...], ...]]
-    controls: bool = False
+    controls: tuple[int, ...] = ()
 
     def check(self, dim: int, degree: int, key: str) -> None:
         """Raise InputError with the key if there is no contact in ``dim`` dimensions."""
@@ -67,7 +67,7 @@ class Trace:
         are the values of the field at the nodes.  All contacts of a problem share this space, as
         the arguments of a form have one space.
         """
-        return _control_space(vectors) if self.controls else vectors
+        return _control_space(vectors) if vectors.mesh.topology.dim in self.controls else vectors
 
 
 class PointValues:
@@ -91,10 +91,10 @@ class PointValues:
     ) -> None:
         self._nodes, self.blocks, self.space = nodes, blocks, limited
         #: Whether the limited values are the nodal values.
-        self.are_nodal = not trace.controls
+        self.are_nodal = limited.mesh.topology.dim not in trace.controls
         self._middles: IndexArray = np.empty(0, np.int32)
         self._ends: IndexArray = np.empty((0, 2), np.int32)
-        if trace.controls:
+        if not self.are_nodal:
             self._middles, self._ends = _edges(scalars, nodes)
 
     @cached_property

@@ -206,6 +206,7 @@ class _Facets:
         normals = _across(spans)
         normals *= np.sign(np.sum(normals * self._outward, axis=1))[:, None]
         inverse = np.linalg.pinv(spans)
+        moved = self._x + self._u - self._contact.travel
         depths, weights = (
             np.zeros(len(centres)),
             np.full((len(centres), self._dim), 1.0 / self._dim),
@@ -217,11 +218,14 @@ class _Facets:
             away = corners[some] - self._moved[number, 0]
             rest = away @ inverse[number].T
             shares = np.concatenate([1.0 - rest.sum(axis=1, keepdims=True), rest], axis=1)
-            behind = -(away @ normals[number])
+            # Above a corner the facet of a quadratic displacement is off its plane.
+            bulge = self._basis(shares[None])[0] @ moved[number] - shares @ self._moved[number]
+            behind = (bulge - away) @ normals[number]
             behind = np.where(shares.min(axis=1) >= -_ROUNDING, behind, 0.0)
             deepest = int(np.argmax(behind))
             depths[number], weights[number] = behind[deepest], shares[deepest]
-        above = obstacle.distance(np.einsum("md,mdi->im", weights, self._moved))
+        points = np.einsum("mqn,mni->im", self._basis(weights[:, None]), moved)
+        above = obstacle.distance(points)
         depths -= np.sum(weights * self._at_corners, axis=1) + self._known
         # The point above a corner may be on the side of the tool, to rounding.
         depths[above > _ROUNDING * self._radius] = 0.0
