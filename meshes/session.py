@@ -86,8 +86,8 @@ def write(
 ) -> None:
     """Mesh ``geometry`` and write a Gmsh file (format 4.1), complete or not at all.
 
-    ``contact`` and ``order`` as for `build`.  Raises ValueError if the name does not end in .msh, and OSError if
-    the file cannot be written.
+    ``contact`` and ``order`` as for `build`.  Raises ValueError if the name does not end in .msh,
+    and OSError if the file cannot be written.
     """
     import gmsh
 

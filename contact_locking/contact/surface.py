@@ -119,11 +119,12 @@ class ContactSurface:
     def places(self) -> FloatArray:
         """Where the nodes (k, d) are on the curved boundary that the facets are chords of.
 
-        The nodes of cells with curved sides are there.  Otherwise the middle of an edge from corner 1 to 2 is off the chord by the sagitta
-        ``|x_2 - x_1| (nu_2 - nu_1) . t/8`` along the normal, with the averaged normals nu of the
-        body at the corners and the tangent t of the edge.  At a corner of the body itself, where
-        nu is more than 15 degrees off that of the edge, the edge is straight, and at an end of
-        Gamma_C it is as curved as at its other end.  The first use is collective.
+        The nodes of cells with curved sides are there.  Otherwise the middle of an edge from corner
+        1 to 2 is off the chord by the sagitta ``|x_2 - x_1| (nu_2 - nu_1) . t/8`` along the normal,
+        with the averaged normals nu of the body at the corners and the tangent t of the edge.  At a
+        corner of the body itself, where nu is more than 15 degrees off that of the edge, the edge
+        is straight, and at an end of Gamma_C it is as curved as at its other end.  The first use is
+        collective.
         """
         found = self.points.copy()
         if self.limited.are_nodal or self._is_curved:
@@ -315,10 +316,10 @@ class ContactSurface:
 
         The rule of the trace would give the nodes on the axis of an axisymmetric body, where r is
         0, no weight, and is not exact for the functions of nodes on curved facets and on a
-        quadrilateral that is no parallelogram.  The weight of a node is therefore the integral of the function of its
-        limited value, a hat function or one of Bernstein's; ``integrals`` are those of the nodal
-        functions.  The density of the measure, which counts at the nodes alone, is the quotient of
-        both weights.
+        quadrilateral that is no parallelogram.  The weight of a node is therefore the integral of
+        the function of its limited value, a hat function or one of Bernstein's; ``integrals`` are
+        those of the nodal functions.  The density of the measure, which counts at the nodes alone,
+        is the quotient of both weights.
         """
         values = fem.Function(self.scalar_space)
         to_nodal = self.limited.inverse(self.nodes, np.arange(len(values.x.array)))

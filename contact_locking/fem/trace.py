@@ -37,9 +37,10 @@ class Trace:
 
     ``controls`` are the dimensions d in which the laws of contact and friction limit the control
     values of a trace, which are for quadratic displacements; elsewhere they limit the values at the
-    nodes.  Control values are the value at a corner, and ``2 u_m - (u_1 + u_2)/2`` at the midpoint m of the edge
-    between the corners 1 and 2.  These are the coefficients of the trace in Bernstein's basis,
-    whose functions are not negative, have the sum 1, and have equal integrals over a facet.
+    nodes.  Control values are the value at a corner, and ``2 u_m - (u_1 + u_2)/2`` at the midpoint
+    m of the edge between the corners 1 and 2.  These are the coefficients of the trace in
+    Bernstein's basis, whose functions are not negative, have the sum 1, and have equal integrals
+    over a facet.
     Therefore, on a flat facet,
 
     - control values of ``u_nu - gap`` that are not positive imply ``u_nu <= gap`` everywhere, if

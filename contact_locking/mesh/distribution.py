@@ -82,8 +82,8 @@ def mesh_of(
 ) -> dmesh.Mesh:
     """The mesh of cells (k, c) of a kind, as numbers of points (m, d); collective.
 
-    ``degree`` is that of the sides.  Each rank has a share of the cells and of the points, which are numbered rank after rank.  The
-    share may be empty.
+    ``degree`` is that of the sides.  Each rank has a share of the cells and of the points, which
+    are numbered rank after rank.  The share may be empty.
     """
     shape = (kind.dim,)
     element = basix.ufl.element("Lagrange", kind.name, degree, shape=shape, dtype=default_real_type)

@@ -121,5 +121,5 @@ class MeshData:
                 cells,
                 facets,
                 None if math.isnan(share) else share,
-                file["curved"] if "curved" in file else None,
+                file.get("curved"),
             )
