@@ -88,13 +88,14 @@ class MeshData:
             for kind, elements in (("cells", self.cells), ("facets", self.facets))
             for part in ("nodes", "numbers", "groups")
         }
+        if self.curved is not None:
+            arrays["curved"] = self.curved
         np.savez(
             path,
             dim=self.dim,
             points=self.points,
             numbers=self.numbers,
             straightened=np.nan if self.straightened is None else self.straightened,
-            **({} if self.curved is None else {"curved": self.curved}),
             names=np.frombuffer(names, dtype=np.uint8),
             **arrays,
         )
