@@ -172,6 +172,22 @@ def test_a_state_is_written_read_and_gone_on_from(
         solve(ring({**CURVED, "curved": False}), comm, restart=folder)
 
 
+def test_a_penalty_has_its_bounds_and_no_guaranteed_one(comm: MPI.Intracomm) -> None:
+    study = ring(
+        CURVED,
+        material={"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.008},
+        penalty={"n": 1e3},
+        loads={"displacements": [*SIDES, {"on": "inner", "value": ["-0.004*x", "-0.004*y"]}]},
+        certificate={"error_bound": True},
+    )
+    found = solve(study, comm)
+    assert found.converged
+    said = found.summary["certificate"]
+    assert "cells with straight sides" in said["errors"]["guaranteed"]["reason"]
+    assert "in curved cells" in said["limit_load"]["reason"]
+    assert said["errors"]["penalty"]["relative"] < 0.2
+
+
 def test_supports_and_pressures_know_the_normals_of_curved_facets(comm: MPI.Intracomm) -> None:
     loads = {
         "displacements": SIDES,

@@ -70,6 +70,40 @@ def test_a_ring_in_a_rigid_ring_has_the_pressure_of_lame_at_every_node(
     assert np.mean(pressure) == pytest.approx(LAME, rel=0.015)
 
 
+@pytest.mark.parametrize(("dim", "h", "share"), [(2, 0.2, 0.005), (3, 0.4, 0.02)])
+def test_a_ball_in_a_rigid_shell_has_a_hydrostatic_pressure(
+    dim: int, h: float, share: float, found: list[Row]
+) -> None:
+    squares = "x**2 + (y - 1)**2" if dim == 2 else "x**2 + y**2 + (z - 1)**2"
+    body = {"builder": "disc", "axisymmetric": True} if dim == 2 else {"builder": "ball"}
+    planes = {"top": dim - 1} | ({} if dim == 2 else {"symmetry_x": 0, "symmetry_y": 1})
+    rollers = [
+        {"on": name, "value": [0 if i == axis else None for i in range(dim)]}
+        for name, axis in planes.items()
+    ]
+    pressure = pressures(
+        solved(
+            {
+                "mesh": body | {"quarter": True, "contact_width": 0.6, "h": h, "curved": True},
+                "loads": {"displacements": rollers},
+                "contact": {
+                    "on": ["contact", "side"],
+                    "foundation": {"expression": f"{1.0 - PRESS} - sqrt({squares})"},
+                },
+                "discretisation": {"degree": 2},
+            }
+        )
+    )
+    exact = PRESS / (1.0 - 2.0 * NU)
+    what = "half section" if dim == 2 else "3D"
+    where = f"ball in a rigid shell, {what}, degree 2, curved cells, h = {h}"
+    found.append(Row("V28", where, "mean pressure", float(np.mean(pressure)), exact, TEST))
+    scatter = float(np.std(pressure)) / exact
+    found.append(Row("V28", where, "scatter of the pressure", scatter, None, TEST))
+    assert np.mean(pressure) == pytest.approx(exact, rel=share)
+    assert scatter < share
+
+
 @pytest.mark.parametrize(("curved", "rates"), [(False, (1.8, 1.8)), (True, (2.0, 3.0))])
 def test_a_disc_in_its_own_field_of_forces_converges_at_the_rate_of_its_boundary(
     curved: bool, rates: tuple[float, float], found: list[Row]
