@@ -48,7 +48,7 @@ def ring(mesh: dict[str, Any], **changes: Any) -> Parameters:
     )
 
 
-CURVED = {"builder": "annulus", "h": 0.4, "quarter": True, "curved": True}
+CURVED: dict[str, Any] = {"builder": "annulus", "h": 0.4, "quarter": True, "curved": True}
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def file(tmp_path: Path, comm: MPI.Intracomm) -> str:
 
 def area(problem: StudyProblem) -> float:
     (body,) = [group for group in problem.facts()["groups"] if group.name == "body"]
-    return body.measure
+    return float(body.measure)
 
 
 def test_a_file_of_second_order_has_curved_cells_for_degree_2(
@@ -110,7 +110,8 @@ def test_a_file_of_second_order_has_straight_cells_otherwise(
 def test_the_ring_of_a_file_and_of_the_builder_have_one_pressure(
     file: str, comm: MPI.Intracomm
 ) -> None:
-    found = [solve(ring(mesh), comm) for mesh in ({"file": file}, CURVED)]
+    meshes: list[dict[str, Any]] = [{"file": file}, CURVED]
+    found = [solve(ring(mesh), comm) for mesh in meshes]
     for one in found:
         assert one.converged
         pressure = np.concatenate(comm.allgather(one.contacts[0].pressure))
@@ -120,7 +121,11 @@ def test_the_ring_of_a_file_and_of_the_builder_have_one_pressure(
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_constant_strain_is_in_equilibrium(dim: int, comm: MPI.Intracomm) -> None:
-    builder = {"builder": "disc" if dim == 2 else "ball", "half": False, "quarter": False}
+    builder: dict[str, Any] = {
+        "builder": "disc" if dim == 2 else "ball",
+        "half": False,
+        "quarter": False,
+    }
     builder |= {"contact_width": 0.6, "h": 0.5, "curved": True}
     if dim == 3:
         builder.pop("half")

@@ -70,16 +70,17 @@ def test_bodies_of_curved_cells_are_right(kind: str) -> None:
     dim = 3 if kind == "ball" else 2
     squares = {"ring": "x**2 + y**2", "half section": "x**2 + (y - 1)**2"}
     quarter: Study = {"quarter": True, "curved": True, "contact_width": 0.6, "h": 0.25}
-    mesh: Study = {
+    meshes: dict[str, Study] = {
         "ring": {"builder": "annulus", "quarter": True, "curved": True, "h": 0.4},
         "half section": {"builder": "disc", "axisymmetric": True} | quarter,
         "ball": {"builder": "ball"} | quarter | {"h": 0.6},
-    }[kind]
-    planes = {
+    }
+    every: dict[str, dict[str, int]] = {
         "ring": {"bottom": 1, "left": 0},
         "half section": {"top": 1},
         "ball": {"top": 2, "symmetry_x": 0, "symmetry_y": 1},
-    }[kind]
+    }
+    planes = every[kind]
     rollers: list[Study] = [
         {"on": name, "value": [0.0 if i == axis else None for i in range(dim)]}
         for name, axis in planes.items()
@@ -91,7 +92,7 @@ def test_bodies_of_curved_cells_are_right(kind: str) -> None:
     kernel = "helmholtz" if kind == "ring" else "convolution"
     pull = [0.001, *[0.0] * (dim - 2), -0.001]
     study: Study = {
-        "mesh": mesh,
+        "mesh": meshes[kind],
         "material": {
             "elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.011,
         },

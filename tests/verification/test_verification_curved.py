@@ -75,7 +75,9 @@ def test_a_ball_in_a_rigid_shell_has_a_hydrostatic_pressure(
     dim: int, h: float, share: float, found: list[Row]
 ) -> None:
     squares = "x**2 + (y - 1)**2" if dim == 2 else "x**2 + y**2 + (z - 1)**2"
-    body = {"builder": "disc", "axisymmetric": True} if dim == 2 else {"builder": "ball"}
+    body: dict[str, Any] = (
+        {"builder": "disc", "axisymmetric": True} if dim == 2 else {"builder": "ball"}
+    )
     planes = {"top": dim - 1} | ({} if dim == 2 else {"symmetry_x": 0, "symmetry_y": 1})
     rollers = [
         {"on": name, "value": [0 if i == axis else None for i in range(dim)]}
@@ -113,8 +115,8 @@ def test_a_disc_in_its_own_field_of_forces_converges_at_the_rate_of_its_boundary
     lame, shear = NU / ((1.0 + NU) * (1.0 - 2.0 * NU)), 1.0 / (2.0 * (1.0 + NU))
     b = 1.0 / (8.0 * (lame + 2.0 * shear))
     a = b * (4.0 * lame + 6.0 * shear) / (2.0 * lame + 2.0 * shear)
-    sizes, errors = (0.2, 0.1), []
-    for h in sizes:
+    errors: list[list[float]] = []
+    for h in (0.2, 0.1):
         solution = solved(
             {
                 "mesh": {
@@ -137,8 +139,8 @@ def test_a_disc_in_its_own_field_of_forces_converges_at_the_rate_of_its_boundary
         error = solution.displacement - (a - b * ufl.inner(away, away)) * away
         strain, dx = ufl.sym(ufl.grad(error)), domain.dx(quadrature_degree=6)
         squares = (integral(domain, ufl.inner(e, e) * dx) for e in (strain, error))
-        errors.append([np.sqrt(square) for square in squares])
-    found_rates = np.log2(np.array(errors[0]) / errors[1])
+        errors.append([float(np.sqrt(square)) for square in squares])
+    found_rates = np.log2(np.array(errors[0]) / np.array(errors[1]))
     where = f"turning disc, degree 2{', curved cells' if curved else ''}, h = 0.1"
     for name, error, rate, wanted in zip(("V", "L2"), errors[1], found_rates, rates, strict=True):
         found.append(Row("V28", where, f"error in {name}", float(error), None, TEST))
