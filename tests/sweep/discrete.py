@@ -37,7 +37,8 @@ class Contact:
 
     ``decides`` says where contact has a say: where the normal displacement is not prescribed.
     ``seen`` maps displacements to what contact limits at the nodes, (k d, dofs): the displacement
-    there, or the jump to another body.
+    there, or the jump to another body.  ``controls`` maps nodal values of a field on Gamma_C to the
+    values of contact there, (k, nodes).
     """
 
     nodes: IntArray
@@ -47,6 +48,7 @@ class Contact:
     rounding: FloatArray
     decides: BoolArray
     seen: Matrix
+    controls: Matrix
 
     def of(self, u: FloatArray) -> FloatArray:
         """What contact limits (k, d)."""
@@ -308,8 +310,11 @@ def _contact(
         return _between(geometry, facets, geometry.facets(part.against), gap, free)
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
     decides = np.linalg.norm(normals * free.reshape(-1, dim)[nodes], axis=1) > 1e-6
-    seen = sp.kron(sp.eye(len(geometry.x), format="csr")[nodes], sp.eye(dim), "csr")
-    return Contact(nodes, weights[nodes], normals, gap, rounding, decides, seen)
+    controls = sp.eye(len(geometry.x), format="csr")
+    if isinstance(body, Boxes):
+        controls = body.controls(facets)
+    seen = sp.kron(controls[nodes], sp.eye(dim), "csr")
+    return Contact(nodes, weights[nodes], normals, gap, rounding, decides, seen, controls[nodes])
 
 
 def _between(
@@ -349,7 +354,7 @@ def _between(
     gap = np.where(found.faces, found.gap, extent) + added
     rounding = np.full(len(nodes), 1e-14 * extent)
     weights = np.where(found.faces, found.weights, extent ** (dim - 1))
-    return Contact(nodes, weights, normals, gap, rounding, decides, seen)
+    return Contact(nodes, weights, normals, gap, rounding, decides, seen, own)
 
 
 def _distance(given: Any, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -391,19 +396,21 @@ def state_of(solution: StudySolution, discrete: Discrete) -> State:
     tensors = solution.locking_stress
     cells = tensors.function_space.dofmap.list.reshape(-1)
     locking = tensors.x.array.reshape(-1, dim, dim)[cells]
-    nodes = np.zeros(0, int) if discrete.contact is None else discrete.contact.nodes
+    controls = sp.csr_matrix((0, len(discrete.geometry.x)))
+    if discrete.contact is not None:
+        controls = discrete.contact.controls
 
     def scalar(function: Any) -> FloatArray:
         # The scalar space may number the nodes in another way.
         values = np.empty(len(discrete.geometry.x))
         values[discrete.geometry.cells] = function.x.array[function.function_space.dofmap.list]
-        return values[nodes]
+        return np.asarray(controls @ values)
 
     return State(
         u=solution.displacement.x.array.copy(),
         locking=mandel(locking),
         pressure=scalar(solution.contact_pressure),
-        traction=solution.tangential_traction.x.array.reshape(-1, dim)[nodes],
+        traction=controls @ solution.tangential_traction.x.array.reshape(-1, dim),
         bound=scalar(solution.friction_bound),
         smoothed=scalar(solution.smoothed_stress),
     )
