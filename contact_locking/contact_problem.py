@@ -139,8 +139,7 @@ class ContactProblem:
             limits_of=limits_of,
         )
         self._discrete = DiscreteProblem(body, placed, n, compliance)
-        for contact in self._discrete.contacts:
-            contact_checks.check_values(contact)
+        self._check_friction()
         self._solver = ProblemSolver(self._discrete, settings or Settings(), monitor)
 
     @property
@@ -215,7 +214,7 @@ class ContactProblem:
         """
         if over is None:
             self._begin(after)
-            return self._solver.diagram(to)
+            return _named(self._solver.diagram(to))
         if not self._solve(after, after).converged:
             return NO_START
         whole = over.value.copy()
@@ -224,7 +223,7 @@ class ContactProblem:
             over.value = share * whole
             self._discrete.place()
 
-        return self._solver.diagram(to, load)
+        return _named(self._solver.diagram(to, load))
 
     def _solve(self, after: Solution | None, begin: Solution | None) -> SolverReport:
         self._begin(after)
@@ -239,14 +238,21 @@ class ContactProblem:
         if on_any_rank(self.domain.comm, not np.all(np.isfinite(system.load))):
             raise InputError("is not finite somewhere", "L")
         problem.refresh()
-        for contact in problem.contacts:
-            contact_checks.require_friction(contact)
+        self._check_friction()
         system.clear()
+
+    def _check_friction(self) -> None:
+        for contact in self._discrete.contacts:
+            contact_checks.check_friction(contact)
 
     def close(self) -> None:
         """Destroy the PETSc objects."""
         self._solver.close()
         self._discrete.close()
+
+
+def _named(diagram: Diagram) -> Diagram:
+    return dataclasses.replace(diagram, end=in_script(diagram.end))
 
 
 def _in_script(solution: Solution) -> Solution:

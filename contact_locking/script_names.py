@@ -25,6 +25,7 @@ _NAMES = {
     "material.locking": "limits",
     "material.elasticity.": "Elasticity.",
     ": mesh.h_contact, or adapt": "",
+    "mesh.cells: simplex": "triangles or tetrahedra",
     "mesh.h_contact": "smaller cells there",
     "mesh.h": "smaller cells",
     "mesh.axisymmetric": "axisymmetric",

@@ -60,7 +60,8 @@ class PatchRecovery:
         corners, size = self._corners[inside], self._sizes(inside)
         fits = self._fits(values, inside, size)
         result = np.zeros((len(values), len(self._shares), values.shape[2]))
-        for corner, shares in enumerate(self._shares.T):
+        for corner in range(corners.shape[1]):
+            shares = self._shares[:, corner]
             at = np.flatnonzero(shares > 0.0)
             origin, scale = self._x[inside, None, corner], size[corners[:, corner], None, None]
             monomials = _monomials((self._nodes[inside][:, at] - origin) / scale)

@@ -32,26 +32,24 @@ def check(given: Contact, dim: int) -> None:
         raise InputError(fault, f"{given.key}.{part}")
 
 
-def check_values(contact: NodalContact) -> None:
-    """Raise InputError for a mu whose values are not one at each point; collective."""
-    law, points = contact.friction.law, contact.surface.points
+def check_friction(contact: NodalContact) -> None:
+    """Raise InputError for a mu without slip that is not a number from 0 up at each point.
 
-    def evaluated() -> None:
+    Collective.
+    """
+    law, points, comm = contact.friction.law, contact.surface.points, contact.surface.domain.comm
+    key, mu = f"{contact.key}.friction", np.zeros(len(points))
+
+    def evaluate() -> None:
         # A rank without points has no values whose shape could tell.
         if len(points):
-            with_key(f"{contact.key}.friction", lambda: law(points, np.zeros(len(points))))
+            mu[:] = with_key(key, lambda: law(points, np.zeros(len(points))))
 
-    agree(contact.surface.domain.comm, evaluated)
-
-
-def require_friction(contact: NodalContact) -> None:
-    """Raise InputError for a mu without slip that is negative or no number; collective."""
-    mu = contact.friction.coefficient(np.zeros(len(contact.surface.nodes)))
-    least = minimum(contact.surface.domain.comm, np.nan_to_num(mu, nan=-np.inf))
+    agree(comm, evaluate)
+    least = minimum(comm, np.nan_to_num(mu, nan=-np.inf))
     if not least >= 0.0:
         raise InputError(
-            f"mu must be a number from 0 up everywhere, and is {least:g} somewhere",
-            f"{contact.key}.friction",
+            f"mu must be a number from 0 up everywhere, and is {least:g} somewhere", key
         )
 
 

@@ -156,7 +156,7 @@ def about_an_entry(key: str, depth: float, share: float, place: Sequence[float])
     return [
         f"{key}: between the nodes near ({at}) the foundation enters the body by {depth:.3g}, "
         f"{100.0 * share:.0f} % of its indentation; the conditions of contact hold at the nodes "
-        "alone: refine the mesh there by mesh.h_contact or adapt, or take a rounder foundation"
+        "alone: take smaller cells there, or a rounder foundation"
     ]
 
 

@@ -212,6 +212,11 @@ class PenalisedSystem:
         for contact, bound in zip(self.rubbing, self.penalty_bounds(), strict=True):
             contact.bounds = bound
 
+    def hold(self, stress: float) -> None:
+        """Set every friction bound to a stress, whether anything presses or not; collective."""
+        for contact in self.rubbing:
+            contact.bounds = contact.acting(np.full_like(contact.bounds, stress))
+
     def clear(self) -> None:
         """``u = 0`` at free dofs, all friction bounds and travels zero; collective."""
         self.u.x.array[:] = 0.0

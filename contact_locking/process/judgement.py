@@ -29,10 +29,12 @@ _WAY_OUT_OF_SLIDING = (
 _WAY_OUT_OF_COMPLAINTS = (
     "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
 )
-_WAY_OUT_OF_ENTRY = (
-    "Refine the mesh where the foundation enters: mesh.h_contact, or adapt; or take a rounder "
-    "foundation."
-)
+_WAY_OUT_OF_ENTRY = {
+    True: "Refine the mesh where the foundation enters: mesh.h_contact, or adapt; or take a "
+    "rounder foundation.",
+    False: "Quadrilaterals and hexahedra are not refined where a foundation enters: take "
+    "mesh.cells: simplex, which a run refines, a smaller mesh.h, or a rounder foundation.",
+}
 
 
 def solution_of(
@@ -195,10 +197,11 @@ def _judged(
         most = f"{100.0 * load['load_factor'][1]:.3g}"
         summary["reason"] += f"; on no mesh can more than {most} % of them be followed"
     solved = certificate.criteria[ENTRY].holds if state.contacts else True
+    out_of_entry = _WAY_OUT_OF_ENTRY[state.problem.domain.kind.is_simplex]
     if report.converged and certificate.complaint:
         summary |= {
             "converged": False,
             "reason": certificate.complaint,
-            "suggestion": _WAY_OUT_OF_COMPLAINTS if solved else _WAY_OUT_OF_ENTRY,
+            "suggestion": _WAY_OUT_OF_COMPLAINTS if solved else out_of_entry,
         }
     return summary

@@ -12,6 +12,7 @@ from petsc4py import PETSc
 from contact_locking.errors import InputError, NoDerivatives
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.script_names import script_names
 from contact_locking.sensitivity.derivatives import Derivatives
 from contact_locking.sensitivity.parameters import Entry, Frozen, Number, refresh
 from contact_locking.sensitivity.penalised_iterate import penalised_iterate
@@ -45,6 +46,7 @@ class LazyDerivatives:
         self._made: Derivatives | None = None
         self._is_closed = False
 
+    @script_names()
     def derivative(self, quantity: str, of: Any) -> Any:
         """As :meth:`contact_locking.results.solution.Solution.derivative`."""
         match of:

@@ -7,6 +7,7 @@ same fixed points but other contraction factors; for eps = 0 it is not defined.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -22,25 +23,26 @@ _JUDGED = 10
 
 def fixed_point(
     task: Task,
-    solve: Callable[[], None],
+    solve: Callable[[float], bool],
     evaluate: Callable[[], list[FloatArray]],
     contacts: Sequence[NodalContact] | None = None,
 ) -> None:
     """Repeat ``g <- mu |R sigma_nu(u(g))|`` until g changes by ``friction_tolerance`` of itself.
 
     ``solve`` solves for the displacement under the present bounds of ``contacts``, by default all
-    with friction, and ``evaluate`` gives those of a solution.  Changes count relative to
-    the norm of the bound over all parts, or to ``task.least_bound()`` if that is larger.
-    Afterwards the forms hold a bound that agrees with the displacement to the tolerance, and
-    ``report.contraction`` is the geometric mean of the ratios of successive changes.  Raises
-    NotConverged after ``max_friction_updates``, or as soon as the last changes shrink too slowly to
-    arrive by then.
+    with friction, and ``evaluate`` gives those of a solution.  A solve is given the last change of
+    the bounds, infinity at first, than which it has to be sharper, and returns whether it was as
+    sharp as the tolerances.  Changes count relative to the norm of the bound over all parts, or to
+    ``task.least_bound()`` if that is larger.  Afterwards the forms hold a bound that agrees with
+    the displacement to the tolerance, and ``report.contraction`` is the geometric mean of the
+    ratios of successive changes.  Raises NotConverged after ``max_friction_updates``, or as soon as
+    the last changes shrink too slowly to arrive by then.
     """
     settings, report = task.settings, task.report
     rubbing = task.system.rubbing if contacts is None else contacts
     changes: list[float] = []
     for _ in range(settings.max_friction_updates):
-        solve()
+        is_sharp = solve(changes[-1] if changes else math.inf)
         new = evaluate()
         size = max(joint_norm(rubbing, new), task.least_bound())
         used = [contact.bounds for contact in rubbing]
@@ -54,7 +56,7 @@ def fixed_point(
         observed = contraction_factor(changes, settings.friction_tolerance)
         report.contraction = report.contraction if observed is None else observed
         task.monitor.friction_update(report.friction, relative, report.contraction)
-        if relative <= settings.friction_tolerance:
+        if is_sharp and relative <= settings.friction_tolerance:
             return
         left = settings.max_friction_updates - len(changes)
         if _is_too_slow(changes, settings.friction_tolerance, left):

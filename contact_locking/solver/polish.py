@@ -30,12 +30,13 @@ def settle(newton: NewtonSolver, task: Task, least_steps: int = 0) -> None:
     At least ``least_steps`` are taken; with friction each bound takes one.
     """
     tolerance = task.settings.tolerance
+
+    def solve(_: float) -> bool:
+        newton.solve(INNER_SHARE * tolerance, least_steps=1)
+        return True
+
     if task.system.rubbing:
-        fixed_point(
-            task,
-            lambda: newton.solve(INNER_SHARE * tolerance, least_steps=1),
-            task.system.penalty_bounds,
-        )
+        fixed_point(task, solve, task.system.penalty_bounds)
     newton.solve(tolerance, least_steps=0 if task.system.rubbing else least_steps)
 
 
@@ -142,13 +143,13 @@ def _first_step(newton: NewtonSolver, saved: SavedState, task: Task) -> None:
 
 def _settle(newton: NewtonSolver, task: Task) -> None:
     """Solve to the tolerances, at first only as sharply as the friction bound is known."""
-    tolerance, report = task.settings.tolerance, task.report
-    report.friction_change = None
+    tolerance = task.settings.tolerance
 
-    def solve() -> None:
-        change = report.friction_change
-        wanted = _FIRST if change is None else min(_SHARE_OF_CHANGE * change, _FIRST)
+    def solve(change: float) -> bool:
+        wanted = min(_SHARE_OF_CHANGE * change, _FIRST)
         newton.solve(max(INNER_SHARE * tolerance, wanted), least_steps=1)
+        # The last solve, below, is.
+        return True
 
     fixed_point(task, solve, task.system.penalty_bounds)
     newton.solve(tolerance)

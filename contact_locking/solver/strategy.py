@@ -115,6 +115,9 @@ _INTERMEDIATE_TOLERANCE = 1e-2
 _POLISH = 4
 # Newton's steps from where the interior point method stopped early.
 _RESCUE = 30
+# Solves with a known friction bound are as sharp as a share of its last change, and so sharp at
+# least.
+_SHARE_OF_CHANGE, _LOOSEST = 1e-2, 1e-2
 # The branch over the share of friction may take so many times the tangents of the solve that fails,
 # or so many where that fails at once.
 _TIMES, _AT_LEAST = 12, 1000
@@ -169,6 +172,9 @@ def newton_with_continuation(task: Task, saved: SavedState | None = None) -> Sol
             return task.succeed()
         except NotConverged:
             _forget(task)
+    if task.system.held_by_friction:
+        # Without a bound nothing would hold the body while its pressure is sought.
+        task.system.hold(task.target.young)
     try:
         _follow(PenaltyPath.towards(task.target), task)
     except NotConverged as failure:
@@ -321,18 +327,28 @@ def _solve_by(
 ) -> None:
     """Solve once, or for each value of ``nested`` bounds; a failure is written into the report.
 
-    ``last`` is the solution of the step before, if there is one.
+    ``last`` is the solution of the step before, if there is one.  Where all bounds are nested, a
+    solve goes on from the one before, and is as sharp as the bounds are known.
     """
-    system, report = task.system, task.report
+    system, report, tolerance = task.system, task.report, task.settings.tolerance
     start = system.constraints.held_part(system.u.x.array)
     report.reason, report.multipliers, report.last = "", None, None
-    # Nothing slips at first, also where the body turns out not to be pressed.
-    solver.nothing_slips = True
 
-    def solve() -> None:
+    def enough(change: float) -> float:
+        """The multiple of the tolerances that is enough after a change of the bounds."""
+        if not nested or solver.bound_moves:
+            return 1.0
+        return max(min(_SHARE_OF_CHANGE * change, _LOOSEST) / tolerance, 1.0)
+
+    def solve(change: float, nothing_slips: bool = False) -> bool:
+        loosened = enough(change)
+        if solver.can_go_on:
+            with contextlib.suppress(NotConverged):
+                report.multipliers = solver.solve_on(loosened)
+                return loosened == 1.0
         system.u.x.array[:] = start
-        report.multipliers = solver.solve(last)
-        solver.nothing_slips = False
+        report.multipliers = solver.solve(last, nothing_slips, loosened)
+        return loosened == 1.0
 
     def wanted() -> list[FloatArray]:
         assert report.multipliers is not None
@@ -344,7 +360,8 @@ def _solve_by(
         ]
 
     try:
-        solve()
+        # Nothing slips at first, also where the body turns out not to be pressed.
+        solve(math.inf, nothing_slips=True)
         if nested:
             for contact, values in zip(nested, wanted(), strict=True):
                 contact.bounds = values

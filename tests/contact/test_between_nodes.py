@@ -125,6 +125,10 @@ def test_boxes_are_not_refined_and_the_criterion_fails() -> None:
     roller = {"foundation": {"cylinder": {"centre": [5.53, 3.18], "radius": 0.2}}}
     found = adaptivity.solve(given(STRIP | {"cells": "box"}, roller))
     assert not found.converged and not found.domain.is_refined
+    assert "mesh.cells: simplex" in found.summary["suggestion"]
+    # What it advises helps.
+    for advised in ({"cells": "simplex"}, {"cells": "box", "h": 0.1}):
+        assert adaptivity.solve(given(STRIP | advised, roller)).converged
 
 
 @pytest.mark.serial

@@ -58,7 +58,10 @@ def test_the_problems_are_study_files_and_depend_on_their_seed_alone() -> None:
     assert case_of(PAIRS, 5) == case_of(PAIRS, 5)
 
 
-@pytest.mark.parametrize("seed", [4, 5, 6])
+# Of the named ones: two foundations drag a body under a tiny load; a sphere enters between nodes
+# near an inclusion whose interface is too coarse to be refined as a curve; friction alone holds a
+# body for Newton's method; what sticks to a slanting foundation has slipped far before it sticks.
+@pytest.mark.parametrize("seed", [4, 5, 6, 10, 60, 82, 149])
 def test_a_problem_of_pairs_is_right(seed: int) -> None:
     outcome = outcome_of(PAIRS, seed)
     assert outcome.kind == SOLVED, outcome.reason

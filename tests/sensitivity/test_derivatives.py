@@ -15,6 +15,7 @@ from petsc4py import PETSc
 from slow import slow
 
 import contact_locking as cl
+from contact_locking.process import problem_solver
 from contact_locking.sensitivity.parameters import Entry
 from contact_locking.solver.linear.options import PREFIX
 
@@ -123,6 +124,15 @@ def test_a_derivative_is_refused_with_its_reason(make: Make) -> None:
     made.problem.solve()
     with pytest.raises(cl.InputError, match="solved again"):
         solution.derivative("compliance", made.given["E"])
+
+
+def test_a_refusal_has_the_names_of_a_script(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(problem_solver, "_linear", lambda problem, linear: "iterative")
+    made = make(linear="iterative")
+    solution = made.problem.solve()
+    with pytest.raises(cl.InputError, match="factorisation") as raised:
+        solution.derivative("compliance", made.given["E"])
+    assert raised.value.key == "settings.linear"
 
 
 def test_deriving_leaves_the_problem_as_it_was(make: Make) -> None:

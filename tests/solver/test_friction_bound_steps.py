@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 from problems import block
@@ -76,9 +77,9 @@ def test_short_steps_set_the_bound_where_it_is_nearly_right(
     failures: list[NotConverged] = []
     solve = method.InteriorPoint.solve
 
-    def noting(self: method.InteriorPoint, last: LastIterate | None) -> object:
+    def noting(self: method.InteriorPoint, last: LastIterate | None, *more: Any) -> object:
         try:
-            return solve(self, last)
+            return solve(self, last, *more)
         except NotConverged as failure:
             failures.append(failure)
             raise

@@ -92,6 +92,9 @@ def test_nested_friction_finds_the_same_bound_and_its_contraction() -> None:
     assert inside["converged"] and nested["converged"]
     assert nested["compliance"] == pytest.approx(inside["compliance"], rel=1e-7)
     assert 0.0 < nested["friction_fixed_point"]["contraction"] < 0.5
+    # After two solves from nothing each bound goes on from the cones of the one before.
+    found = nested["iterations"]
+    assert found["tangents"] < found["friction"] + 25
 
 
 def _stretched(by: float, n: float) -> Parameters:

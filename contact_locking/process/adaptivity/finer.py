@@ -14,18 +14,25 @@ from contact_locking.parallel import on_root
 from contact_locking.process.adaptivity import refinement
 from contact_locking.results.solution import StudySolution
 
+_STRAIGHT = (
+    "the mesh is so coarse that the refinement keeps the facets of curved sides straight; make "
+    "mesh.h smaller for curves"
+)
+
 
 def finer_mesh(
     solution: StudySolution,
     marks: Callable[[WholeMesh], BoolArray],
     most: int,
     name: str,
+    may_stay_straight: bool = False,
 ) -> Domain:
     """The mesh of a solution with the cells ``marks`` (k,) refined; collective.
 
     ``marks`` is called on rank 0.  ``most`` is the largest number of unknowns, and ``name`` its
     name in words.  Curved sides of a builder stay curved, and default radii of smoothing those of
-    the first mesh.  Raises NotRefined, on all ranks.
+    the first mesh.  Where a cell would collapse at a curved side, the sides keep the facets of the
+    mesh if they ``may_stay_straight``, with a warning.  Raises NotRefined, on all ranks.
     """
     domain, geometry = solution.domain, solution.parameters.mesh.geometry
     mesh, radii = gather_mesh(domain), smoothing_radii(solution)
@@ -34,8 +41,14 @@ def finer_mesh(
     def work() -> None:
         assert mesh is not None
         told, curved = mesh.diagnosis.warnings, () if geometry is None else geometry.curved
-        finer = refinement.refined(mesh, marks(mesh), curved)
-        news = refinement.warnings(mesh.data) if geometry is None else []
+        marked, news = marks(mesh), list[str]()
+        try:
+            finer = refinement.refined(mesh, marked, curved)
+        except refinement.Collapses:
+            if not may_stay_straight:
+                raise
+            finer, news = refinement.refined(mesh, marked), [_STRAIGHT]
+        news += refinement.warnings(mesh.data) if geometry is None else []
         news = [text for text in news if text not in told]
         diagnosis = replace(finer.diagnosis, warnings=[*told, *news])
         held.append(replace(finer, diagnosis=diagnosis, smoothing_radii=radii))

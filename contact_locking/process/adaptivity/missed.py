@@ -60,7 +60,7 @@ def solved_with_nodes(
             break
         marks = partial(_marks, [*entered, *map(tuple, points[is_near.any(axis=1)])])
         try:
-            finer = finer_mesh(solution, marks, most, f"{most}")
+            finer = finer_mesh(solution, marks, most, f"{most}", may_stay_straight=True)
         except NotRefined:
             break
         text = f"{told} there, from {first.num_cells} to {finer.num_cells} cells{_OWN_WAY}"

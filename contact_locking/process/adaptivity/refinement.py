@@ -36,6 +36,10 @@ _SMOOTHED = 0.05
 _SMALLEST_SHARE = 1e-9
 
 
+class Collapses(NotRefined):
+    """New nodes on a curved side would make a cell flat."""
+
+
 def refined(mesh: WholeMesh, marked: BoolArray, curved: tuple[Curved, ...] = ()) -> WholeMesh:
     """Bisect all edges of the marked cells, and as many others as a conforming mesh needs.
 
@@ -44,7 +48,8 @@ def refined(mesh: WholeMesh, marked: BoolArray, curved: tuple[Curved, ...] = ())
     pass from a cell or facet to its children.  New nodes on ``curved`` sides are moved there; the
     other sides stay as they are.  ``marked`` (k,) are the marked cells.  For one process.
 
-    Raises NotRefined if a cell would collapse or become too small.
+    Raises Collapses if a cell would collapse as its new nodes move, and NotRefined if a cell would
+    become too small.
     """
     data, parent = _bisected(mesh, marked)
     before = signed_measures(data.points, data.cells.nodes)
@@ -53,7 +58,7 @@ def refined(mesh: WholeMesh, marked: BoolArray, curved: tuple[Curved, ...] = ())
         data = replace(data, points=rounded(curved, data.points, nodes_of))
         after = signed_measures(data.points, data.cells.nodes)
         if np.any(after / before < 1.0 - _LARGEST_LOSS):
-            raise NotRefined(
+            raise Collapses(
                 "the first mesh is too coarse at a curved side: a cell would collapse as its new "
                 "nodes move onto the side; make mesh.h smaller"
             )

@@ -129,6 +129,10 @@ class Family(ABC):
     def total(self, t: float = 0.0, step: Step | None = None) -> float:
         """The complementarity products after a step of length t, weighted, of this rank."""
 
+    def least_product(self) -> float:
+        """The product per volume that is rounding in a cone of this rank; 0 if none may be."""
+        return 0.0
+
     @abstractmethod
     def longest_step_between(self, step: Step, other: Step, share: float) -> float:
         """The largest t that leads out of no cone of this rank, inf without a limit.

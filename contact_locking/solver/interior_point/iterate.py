@@ -138,6 +138,11 @@ class Iterate:
         """The duality gap: all complementarity products, integrated; collective."""
         return float(self.comm.allreduce(sum(family.total() for family in self.families)))
 
+    def least_product(self) -> float:
+        """The duality gap of products that are told from rounding in all cones; collective."""
+        least = max(family.least_product() for family in self.families)
+        return self._measure * maximum(self.comm, least)
+
     def mean_product(self) -> float:
         """The mean over all cones; collective."""
         return self.total_product() / self._measure

@@ -50,7 +50,9 @@ class Judge:
         energy = 0.5 * target.ellipticity * told**2 * target.volume
         energy = max(energy, self._tuning.locking_share * iterate.body_work())
         scale = max(tangent.force_scale, self._least_force)
-        product, energy = iterate.total_product(), max(energy, self._least_energy)
+        # Cones whose products are rounding have no inside left.
+        least = max(self._least_energy, iterate.least_product() / self._tuning.gap_tolerance)
+        product, energy = iterate.total_product(), max(energy, least)
         # A body that nothing has touched yet is at rest.
         gap = product / energy if energy > 0.0 else (math.inf if product > 0.0 else 0.0)
         return Measures(

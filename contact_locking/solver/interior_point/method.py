@@ -27,7 +27,7 @@ back-substitutions more than one with known bounds.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -124,11 +124,11 @@ class InteriorPoint:
 
     At most 2 of some 20 tangents are saved by the displacement of the next smaller n or mu.
     ``bound_moves`` lets the friction bounds follow the pressure; otherwise they stay as they are.
-    ``nothing_slips`` lets contacts without slip hold every traction, also where nothing presses.
+    For other bounds that stay, :meth:`solve_on` goes on inside of the cones.
     """
 
     def __init__(self, task: Task, bound_moves: bool = True) -> None:
-        self._task, self.bound_moves, self.nothing_slips = task, bound_moves, False
+        self._task, self.bound_moves = task, bound_moves
         self._tuning = tuning = Tuning()
         self.approach = tuning.approaches[0]
         self._families = families_of(task.system, task.target, tuning.least_bound)
@@ -142,16 +142,37 @@ class InteriorPoint:
         self.from_last = False
         self._pieces: ActiveSet | None = None
         self._first: tuple[float, float] | None = None
+        self._goes_on, self._loosened, self._opening = False, 1.0, 0.0
 
-    def solve(self, last: LastIterate | None = None) -> Multipliers:
+    def solve(
+        self,
+        last: LastIterate | None = None,
+        nothing_slips: bool = False,
+        loosened: float = 1.0,
+    ) -> Multipliers:
         """Iterate to the tolerances; raises NotConverged, the best iterate left in place.
 
-        ``last`` is the solution of the step before, if there is one.
+        ``last`` is the solution of the step before, if there is one.  ``nothing_slips`` lets
+        contacts without slip hold every traction, also where nothing presses.  ``loosened`` is the
+        multiple of the tolerances that is enough.
         """
+        return self._solve(loosened, lambda: self._start(last, nothing_slips))
+
+    def solve_on(self, loosened: float = 1.0) -> Multipliers:
+        """As :meth:`solve`, from the iterate of the solve before, for other friction bounds."""
+        return self._solve(loosened, self._start_on)
+
+    @property
+    def can_go_on(self) -> bool:
+        """Whether :meth:`solve_on` can; the bounds must not be those of contacts without slip."""
+        return self._goes_on and not any(bound.stands for bound in self._families.bounds)
+
+    def _solve(self, loosened: float, start: Callable[[], bool]) -> Multipliers:
+        self._loosened, self._goes_on = loosened, False
         # A NaN is found where steps and residuals are judged.
         with np.errstate(all="ignore"):
             try:
-                found = self._iterate_to_the_end(last)
+                found = self._iterate_to_the_end(start)
                 self._task.report.last = self._last()
                 return found
             finally:
@@ -239,14 +260,14 @@ class InteriorPoint:
         self._tangent.destroy()
         self._families.destroy()
 
-    def _iterate_to_the_end(self, last: LastIterate | None) -> Multipliers:
+    def _iterate_to_the_end(self, start: Callable[[], bool]) -> Multipliers:
         task, settings = self._task, self._task.settings
         self._judge.friction_change, self._first = 0.0, None
         self._left = self._stiffest = math.inf
         self._crawled = 0
         self._pieces, self.from_last = None, False
         try:
-            is_found = self._start(last)
+            is_found = start()
         except PETSc.Error as error:
             raise_callback_error(error)
             raise NotConverged(LINEAR_FAILURE) from error
@@ -259,7 +280,7 @@ class InteriorPoint:
             return self.multipliers()
         if is_found:
             return self.multipliers()
-        limit = settings.max_iterations
+        limit, tuning = settings.max_iterations, self._tuning
         for iteration in range(limit + 1):
             measures = self._measure()
             task.monitor.iteration(iteration, measures.worst())
@@ -270,7 +291,9 @@ class InteriorPoint:
                 self._judge.friction_change = 0.0
                 task.system.remove_friction()
                 break
-            if measures.reached(settings, self._tuning.gap_tolerance):
+            # Other bounds ask for another displacement, however near they are.
+            is_enough = iteration > 0 or not self._goes_on
+            if is_enough and measures.reached(settings, tuning.gap_tolerance, self._loosened):
                 break
             self._stop_if_infeasible(measures)
             self._soften(measures)
@@ -283,6 +306,7 @@ class InteriorPoint:
                 self.require_feasible()
                 raise NotConverged(f"the interior point step vanished ({measures})")
         task.report.duality_gap = measures.gap
+        self._goes_on = not (self.is_elastic or self.bound_moves)
         return self.multipliers()
 
     def _rests(self) -> bool:
@@ -292,7 +316,7 @@ class InteriorPoint:
 
     # 1. The start.
 
-    def _start(self, last: LastIterate | None) -> bool:
+    def _start(self, last: LastIterate | None, nothing_slips: bool) -> bool:
         """Elastic displacements are the solution, or give the place to start around.
 
         Near the last step, or near the elastic displacement, Newton's method on the pieces of the
@@ -310,7 +334,7 @@ class InteriorPoint:
         elastic = ElasticStart(task, tangent, tuning)
         task.report.tangents += 1
         is_admissible = elastic.solve()
-        if self.nothing_slips:
+        if nothing_slips:
             for bound in bounds:
                 bound.hold(target.young * min(tuning.holding * elastic.strain, 1.0))
         # A bound that stands still holds what it holds without any pressure, too.
@@ -324,11 +348,28 @@ class InteriorPoint:
         if pieces is not None and self._take(pieces, pieces.from_elastic()):
             return True
         opening = tuning.opening(self.approach, elastic.overstrain())
-        least = opening * elastic.retreat() * target.length
+        self._opening = least = opening * elastic.retreat() * target.length
         for family in tangent.families:
             family.start(tuning.start_level * elastic.energy(), least)
         for bound in bounds:
             bound.start(self.bound_moves and not bound.stands, least)
+            if not (bound.friction.takes_part or task.system.held_by_friction):
+                # The springs of the elastic start hold a body that nothing else holds.
+                bound.friction.hold(0.0)
+        self._begin()
+        return False
+
+    def _start_on(self) -> bool:
+        """Put the iterate into the friction cones of the present bounds; collective."""
+        for bound in self._families.bounds:
+            bound.start_on(self._opening)
+        self._begin()
+        self._goes_on = True
+        return False
+
+    def _begin(self) -> None:
+        """Begin to iterate with the families that take part."""
+        tangent, tuning, bounds = self._tangent, self._tuning, self._families.bounds
         self._iterate = Iterate(tangent, tuning.band)
         self._iterate.soften(0.0)
         self._moving = [
@@ -336,10 +377,10 @@ class InteriorPoint:
             for bound in bounds
             if self.bound_moves and bound.friction.takes_part and not bound.stands
         ]
+        settings, foresees = self._task.settings, self.approach.foresees
         self._search = Search(
-            self._iterate, self._moving, tuning, task.settings, self.approach.foresees
+            self._iterate, self._moving, tuning, settings, foresees, self._loosened
         )
-        return False
 
     def _pieces_of_laws(self, goes_on: bool) -> ActiveSet | None:
         """The method that is tried before; None where it is no use.
