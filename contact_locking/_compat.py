@@ -39,22 +39,43 @@ def of_mesh(value: Any, mesh: dmesh.Mesh) -> Any:
     return value if has_mesh else fem.Constant(mesh, 1.0) * value
 
 
+def coordinate_map(mesh: dmesh.Mesh) -> Any:
+    """The map from the reference cell; DOLFINx 0.11 has one for each type of cell."""
+    maps = getattr(mesh.geometry, "cmaps", None)
+    return maps[0] if isinstance(maps, list) else mesh.geometry.cmap
+
+
 def cell_nodes(mesh: dmesh.Mesh) -> IndexArray:
     """Geometry nodes (k, nodes per cell); DOLFINx 0.11 has one array for each type of cell."""
     dofmaps = getattr(mesh.geometry, "dofmaps", None)
     return dofmaps[0] if isinstance(dofmaps, list) else mesh.geometry.dofmap
 
 
+def cell_corners(mesh: dmesh.Mesh) -> IndexArray:
+    """The geometry nodes (k, corners per cell) at corners, which come first in each cell."""
+    return cell_nodes(mesh)[:, : cell_num_vertices(mesh.topology.cell_type)]
+
+
 def entities_to_geometry(mesh: dmesh.Mesh, dim: int, entities: Any) -> IndexArray:
-    """The geometry nodes (k, nodes per entity) of k entities.
+    """The geometry nodes (k, corners per entity) at the corners of k entities.
 
     DOLFINx 0.9 divides by zero if there is no entity.
     """
+    count = cell_num_vertices(cell_entity_type(mesh.topology.cell_type, dim, 0))
     if len(entities) == 0:
-        entity = cell_entity_type(mesh.topology.cell_type, dim, 0)
-        return np.empty((0, cell_num_vertices(entity)), dtype=np.int32)
+        return np.empty((0, count), dtype=np.int32)
     mesh.topology.create_connectivity(dim, mesh.topology.dim)
-    return dmesh.entities_to_geometry(mesh, dim, entities)
+    return dmesh.entities_to_geometry(mesh, dim, entities)[:, :count]
+
+
+def facet_nodes(mesh: dmesh.Mesh, facets: IndexArray) -> IndexArray:
+    """All geometry nodes (k, n) of k facets, the corners first."""
+    dim = mesh.topology.dim - 1
+    count = len(coordinate_map(mesh).create_dof_layout().entity_closure_dofs(dim, 0))
+    if len(facets) == 0:
+        return np.empty((0, count), dtype=np.int32)
+    mesh.topology.create_connectivity(dim, mesh.topology.dim)
+    return dmesh.entities_to_geometry(mesh, dim, facets)
 
 
 def collapse(component: Any) -> tuple[fem.FunctionSpace, IndexArray]:

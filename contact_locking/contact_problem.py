@@ -14,6 +14,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from ufl.core.expr import Expr
 
+from contact_locking import _compat
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate import Extras, certify
 from contact_locking.contact import checks as contact_checks
@@ -52,8 +53,9 @@ class ContactProblem:
     form.  ``bcs`` are conditions of DOLFINx and :class:`Support`; ``limits`` are sets of strains
     whose intersection is K, and ``contacts`` are :class:`Contact`.  ``tags`` are mesh tags of
     facets whose values have the ``names`` that contacts and supports may use.  ``space`` is the
-    space of displacements of degree 1 or 2, on a mesh of cells of one kind, where neither ``a`` nor
-    ``L`` is a form.  ``n`` is a stress, and ``compliance`` a length over a stress, None for 1/n.
+    space of displacements of degree 1 or 2, of degree 2 where the sides of cells are curved, on a
+    mesh of cells of one kind, where neither ``a`` nor ``L`` is a form.  ``n`` is a stress, and
+    ``compliance`` a length over a stress, None for 1/n.
     ``energy`` maps u to a convex and differentiable functional J(u), which adds to the energy.
     ``limit_at`` chooses the points where quadratic displacements keep K: the "vertices" of each
     cell, which is the default on simplices, or the "gauss" points.  ``axisymmetric`` says that the
@@ -293,7 +295,8 @@ def _element_of(space: fem.FunctionSpace, limit_at: str | None, axisymmetric: bo
     if limit_at not in ("vertices", "gauss", None):
         raise InputError(f"must be vertices or gauss, not {limit_at!r}", "limit_at")
     boxes = not NAMED[space.mesh.topology.cell_name()].is_simplex
-    return element_of(degree, limit_at, axisymmetric, boxes)
+    curved = _compat.coordinate_map(space.mesh).degree > 1
+    return element_of(degree, limit_at, axisymmetric, boxes, curved)
 
 
 def _support(given: Support, on: tuple[str, ...], key: str, dim: int) -> Support:

@@ -42,13 +42,14 @@ class PatchRecovery:
     def __init__(self, mesh: dmesh.Mesh, count: int) -> None:
         self._mesh, self._dim = mesh, mesh.topology.dim
         self._corners: IndexArray = self._space(1).dofmap.list[:count]
-        nodes = _compat.cell_nodes(mesh)[:count]
-        self._x = mesh.geometry.x[nodes][:, :, : self._dim]
-        name = mesh.topology.cell_name()
-        self._points = np.einsum("qc,kcd->kqd", gauss_points.shares(name), self._x)
+        x = mesh.geometry.x[_compat.cell_nodes(mesh)[:count]][:, :, : self._dim]
+        name, of_cell = mesh.topology.cell_name(), _compat.coordinate_map(mesh).degree
+        shares = gauss_points.shares(name, of_cell=of_cell)
+        self._points = np.einsum("qn,knd->kqd", shares, x)
+        self._x = x[:, : NAMED[name].corners]
         # (n, c) what each corner counts in each node.
         self._shares = NAMED[name].basis(gauss_points.lagrange(name, 2).points)
-        self._nodes = np.einsum("nc,kcd->knd", self._shares, self._x)
+        self._nodes = x if of_cell > 1 else np.einsum("nc,kcd->knd", self._shares, self._x)
 
     def nodal(self, values: FloatArray, inside: BoolArray) -> FloatArray:
         """The recovered values (k, nodes, m) at the nodes of the cells ``inside`` (count,).

@@ -274,7 +274,8 @@ def mesh(arguments: argparse.Namespace) -> int:
         place = arguments.output
         try:
             with explained(f"cannot write {place}", place):
-                write(geometry, place, study.parameters.refined_names)
+                order = 2 if study.parameters.mesh.curved else 1
+                write(geometry, place, study.parameters.refined_names, order)
         except ImportError as error:
             raise ContactLockingError(f"Gmsh cannot be imported: {error}") from error
         except (ValueError, RuntimeError) as error:

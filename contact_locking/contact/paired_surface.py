@@ -45,6 +45,12 @@ class PairedSurface(ContactSurface):
                 "simplices",
                 key,
             )
+        if element.curved:
+            raise InputError(
+                "bodies that touch each other are not there for curved cells, as the sides are cut "
+                "into straight pieces; take mesh.curved: false",
+                key,
+            )
         super().__init__(domain, space, given.on, f"{key}.on", element, space)
         other = domain.facets(names, f"{key}.against")
         among = set(given.on) == set(names)
@@ -125,7 +131,7 @@ def _side(
     cells = domain.owners(facets)
     nodes = facet_nodes(domain, space, facets, cells)
     x = space.tabulate_dof_coordinates()[:, :dim]
-    inside = mesh.geometry.x[_compat.cell_nodes(mesh)[cells]][:, :, :dim].mean(axis=1)
+    inside = mesh.geometry.x[_compat.cell_corners(mesh)[cells]][:, :, :dim].mean(axis=1)
     outward = _outward(x[nodes[:, :dim]], inside)
     numbers = index_map.local_to_global(nodes.reshape(-1)).reshape(nodes.shape)
     every = np.concatenate(comm.allgather(numbers))

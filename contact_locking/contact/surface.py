@@ -21,7 +21,7 @@ from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.contact.surface_mesh import SurfaceMesh
 from contact_locking.fem import compiled
 from contact_locking.fem.facet_nodes import facet_nodes
-from contact_locking.fem.spaces import P1, Element
+from contact_locking.fem.spaces import P1, Element, diameter
 from contact_locking.fem.trace import PointValues
 from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.mesh.domain import Domain
@@ -88,7 +88,8 @@ class ContactSurface:
         #: The gap (k,) that the places of two sides leave.
         self.distance: FloatArray = np.zeros(len(self.nodes))
         self.ds = lengths
-        is_plain = domain.kind.facet.is_simplex and not domain.axisymmetric
+        is_plain = domain.kind.facet.is_simplex and not (domain.axisymmetric or element.curved)
+        self._is_curved = element.curved
         # Every rule is exact for the gradients of affine fields.
         is_exact = is_plain and element.degree == 1
         self._exact_ds = lengths if is_exact else domain.ds(names, key)
@@ -118,16 +119,17 @@ class ContactSurface:
     def places(self) -> FloatArray:
         """Where the nodes (k, d) are on the curved boundary that the facets are chords of.
 
-        The middle of an edge from corner 1 to 2 is off the chord by the sagitta
-        ``|x_2 - x_1| (nu_2 - nu_1) . t/8`` along the normal, with the averaged normals nu of the
-        body at the corners and the tangent t of the edge.  At a corner of the body itself, where
-        nu is more than 15 degrees off that of the edge, the edge is straight, and an edge that ends
-        at the rim of Gamma_C, where nu is that of one side, is there as curved as at its other end.
-        The middle of a quadrilateral is off by half the sum of its edges.  The first use is
+        The nodes of cells with curved sides are there.  Otherwise the middle of an edge from corner
+        1 to 2 is off the chord by the sagitta ``|x_2 - x_1| (nu_2 - nu_1) . t/8`` along the normal,
+        with the averaged normals nu of the body at the corners and the tangent t of the edge.  At a
+        corner of the body itself, where nu is more than 15 degrees off that of the edge, the edge
+        is straight, and an edge that ends at the rim of Gamma_C, where nu is that of one side, is
+        there as curved as at its other end.  The middle of a quadrilateral is off by half the sum
+        of its edges.  The first use is
         collective.
         """
         found = self.points.copy()
-        if self.limited.are_nodal:
+        if self.limited.are_nodal or self._is_curved:
             return found
         function = self.vector_function(self.body_normals())
         scalars = self.scalar_function(self.weights)
@@ -299,7 +301,7 @@ class ContactSurface:
         if sides is not None and sides.any():
             side = ufl.grad(self._side_function(sides))
             along = side - ufl.dot(side, nu) * nu
-            size = ufl.CellDiameter(self.domain.mesh)
+            size = diameter(self.domain.mesh, self._is_curved)
             density *= ufl.conditional(ufl.lt(size**2 * ufl.inner(along, along), 0.5), 1.0, 0.0)
         full = petsc.assemble_matrix(compiled.form(density * self._exact_ds))
         full.assemble()
@@ -330,11 +332,11 @@ class ContactSurface:
         """The measure of Gamma_C with exact weights; sets ``weights``; collective.
 
         The rule of the trace would give the nodes on the axis of an axisymmetric body, where r is
-        0, no weight, and is not exact for the functions of nodes on a quadrilateral that is no
-        parallelogram.  The weight of a node is therefore the integral of the function of its
-        limited value, a hat function or one of Bernstein's; ``integrals`` are those of the nodal
-        functions.  The density of the measure, which counts at the nodes alone, is the quotient of
-        both weights.
+        0, no weight, and is not exact for the functions of nodes on curved facets and on a
+        quadrilateral that is no parallelogram.  The weight of a node is therefore the integral of
+        the function of its limited value, a hat function or one of Bernstein's; ``integrals`` are
+        those of the nodal functions.  The density of the measure, which counts at the nodes alone,
+        is the quotient of both weights.
         """
         values = fem.Function(self.scalar_space)
         to_nodal = self.limited.inverse(self.nodes, np.arange(len(values.x.array)))

@@ -18,12 +18,16 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.mesh.cell_kind import NAMED
+from contact_locking.mesh.curved_cells import node_shares
 
 
 @cache
-def shares(cell: str, degree: int = 1) -> FloatArray:
-    """The values (q, c) of the corners' functions of degree 1, with a row for each point."""
-    return NAMED[cell].basis(points(cell, degree))
+def shares(cell: str, degree: int = 1, of_cell: int = 1) -> FloatArray:
+    """The values (q, n) of the functions of a cell's nodes, with a row for each point.
+
+    ``of_cell`` is the degree of the cell: 1 with its corners as nodes, or 2 with curved sides.
+    """
+    return node_shares(cell, of_cell, points(cell, degree))
 
 
 def element(cell: str, shape: tuple[int, ...] = (), degree: int = 1) -> Any:

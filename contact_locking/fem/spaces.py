@@ -39,7 +39,8 @@ class Element:
     be the points of the strains: the limit then holds at these points, with the weights of the
     rule.  ``elastic_rule`` is the rule for integrals of the elastic stress; the empty rule is exact
     for elastic coefficients that are affine in a cell.  ``trace`` tells at which points of Gamma_C
-    contact and friction act.  ``kinematics`` are those of the body.
+    contact and friction act.  ``kinematics`` are those of the body.  ``curved`` tells of cells with
+    curved sides, of the degree 2 as the displacements.
     """
 
     degree: int
@@ -50,12 +51,14 @@ class Element:
     elastic_rule: Rule = field(default_factory=dict)
     kinematics: Kinematics = STRAIGHT
     boxes: bool = False
+    curved: bool = False
 
     def __str__(self) -> str:
         """The element in words."""
         where = {"vertices": "the vertices", "gauss": "the Gauss points"}[self.limit_at]
         body = ", axisymmetric" if self.kinematics.axisymmetric else ""
         body += " on quadrilaterals or hexahedra" if self.boxes else ""
+        body += " in curved cells" if self.curved else ""
         if self.strain_degree == 0:
             return f"degree {self.degree}{body}"
         return f"degree {self.degree}{body}, the locking limit at {where} of each cell"
@@ -64,6 +67,7 @@ class Element:
         """The keys of the study file that choose the element."""
         body: dict[str, Any] = {"axisymmetric": True} if self.kinematics.axisymmetric else {}
         body |= {"cells": "box"} if self.boxes else {}
+        body |= {"curved": True} if self.curved else {}
         return {"degree": self.degree, "limit_at": self.limit_at, **body}
 
     def strain(self, u: Expr) -> Expr:
@@ -105,16 +109,18 @@ class Element:
         cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         if self.strain_degree == 0:
             return np.asarray(dmesh.compute_midpoints(mesh, dim, cells)[:, :dim].T)
-        corners = mesh.geometry.x[_compat.cell_nodes(mesh)[cells]][:, :, :dim]
         if self.limit_at == "gauss":
-            shares = gauss_points.shares(mesh.topology.cell_name(), self.strain_degree)
-            corners = np.einsum("pc,kcd->kpd", shares, corners)
+            of_cell = 2 if self.curved else 1
+            shares = gauss_points.shares(mesh.topology.cell_name(), self.strain_degree, of_cell)
+            nodes = mesh.geometry.x[_compat.cell_nodes(mesh)[cells]][:, :, :dim]
+            return np.asarray(np.einsum("pc,kcd->kpd", shares, nodes).reshape(-1, dim).T)
+        corners = mesh.geometry.x[_compat.cell_corners(mesh)[cells]][:, :, :dim]
         return np.asarray(corners.reshape(-1, dim).T)
 
     def height(self, mesh: ufl.Mesh, dim: int) -> Expr:
         """A length of the order of the height of each cell, in a measure of degree 1."""
-        if self.boxes:
-            return abs(ufl.JacobianDeterminant(mesh)) / ufl.CellDiameter(mesh) ** (dim - 1)
+        if self.boxes or self.curved:
+            return abs(ufl.JacobianDeterminant(mesh)) / diameter(mesh, self.curved) ** (dim - 1)
         return ufl.CellVolume(mesh) / ufl.Circumradius(mesh) ** (dim - 1)
 
     @property
@@ -123,7 +129,7 @@ class Element:
 
         A convex function of an affine strain is largest at a corner, and so is that of a bilinear
         or trilinear strain in a parallelogram or a parallelepiped; other boxes are near these, and
-        so are strains of degree 2.
+        so are strains of degree 2 and those in curved cells.
         This is the element itself if its strain is constant in a cell or has its points at the
         corners, and for bodies of revolution, where the hoop strain is not affine and not a number
         at a corner on the axis.
@@ -141,6 +147,14 @@ class Element:
     def elastic_dx(self, dx: ufl.Measure) -> ufl.Measure:
         """The measure ``dx`` with the elastic rule."""
         return _with_rule(dx, self.elastic_rule)
+
+
+def diameter(mesh: ufl.Mesh, curved: bool) -> Expr:
+    """A length of the order of the diameter of each cell, which UFL has for straight cells only."""
+    if not curved:
+        return ufl.CellDiameter(mesh)
+    jacobian = ufl.Jacobian(mesh)
+    return ufl.sqrt(ufl.inner(jacobian, jacobian))
 
 
 def _with_rule(dx: ufl.Measure, rule: Rule) -> ufl.Measure:
@@ -194,7 +208,7 @@ P2 = Element(
             2: ((0, 2), (2, 1)),
             3: ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5)),
         },
-        controls=True,
+        controls=(2, 3),
     ),
 )
 
@@ -212,6 +226,23 @@ _MIDPOINT: Rule = {"quadrature_degree": 1}
 #: is the quotient of the means of u_r and r.  The rule is exact for ``2 pi r Z : eps(v)`` with Z
 #: constant in a cell.
 P1_REVOLUTION = replace(P1, locking_rule=_MIDPOINT, elastic_rule=_MIDPOINT, kinematics=REVOLUTION)
+
+#: P2 in cells with curved sides.  Gauss's rule of degree 2 is exact for Z : eps(v) with constant Z
+#: in curved triangles, so that a body with constant stress is in equilibrium to rounding; the
+#: vertex rule is not.  The strain is not affine in a cell, so that limits at its corners would say
+#: nothing about the rest either.  Control values are those of displacements, and where the normal
+#: turns along an edge they are not those of the normal displacement: the pressure on a ring would
+#: scatter by a share of the order of the length of an edge.  So contact and friction limit the
+#: values at the nodes in 2D, with the weights of Simpson's rule.  In 3D these are 0 at corners.
+P2_CURVED = replace(
+    P2_GAUSS,
+    trace=replace(
+        P2.trace,
+        rules={2: {"quadrature_rule": "GLL", "quadrature_degree": 3}, 3: P2.trace.rules[3]},
+        controls=(3,),
+    ),
+    curved=True,
+)
 
 #: P2 for bodies of revolution.  Corners can lie on the axis, Gauss's points cannot.
 P2_REVOLUTION = replace(P2_GAUSS, kinematics=REVOLUTION)
@@ -256,7 +287,7 @@ Q2 = Element(
                 *((5, 8, 2), (7, 2, 8), (8, 6, 7), (3, 7, 6)),
             ),
         },
-        controls=True,
+        controls=(2, 3),
     ),
     limit_at="gauss",
     elastic_rule=_GAUSS_3,
@@ -268,15 +299,22 @@ _OF_REVOLUTION = {1: P1_REVOLUTION, 2: P2_REVOLUTION}
 
 
 def element_of(
-    degree: int, limit_at: str | None = None, axisymmetric: bool = False, boxes: bool = False
+    degree: int,
+    limit_at: str | None = None,
+    axisymmetric: bool = False,
+    boxes: bool = False,
+    curved: bool = False,
 ) -> Element:
     """The element of a degree, 1 or 2, with the points where the strain keeps the limit.
 
     ``limit_at`` is "vertices" or "gauss"; None stands for the vertices, and for the Gauss points of
-    an axisymmetric body and of ``boxes``.  Raises InputError where there is no such element.
+    an axisymmetric body, of ``boxes`` and of ``curved`` cells.  Raises InputError where there is no
+    such element.
     """
     if boxes:
         return _of_boxes(degree, limit_at, axisymmetric)
+    if curved:
+        return _of_curved_cells(degree, limit_at, axisymmetric)
     if axisymmetric:
         return _OF_REVOLUTION[degree]
     return _ELEMENTS[degree, limit_at or "vertices"]
@@ -296,3 +334,17 @@ def _of_boxes(degree: int, limit_at: str | None, axisymmetric: bool) -> Element:
             "discretisation.limit_at",
         )
     return {1: Q1, 2: Q2}[degree]
+
+
+def _of_curved_cells(degree: int, limit_at: str | None, axisymmetric: bool) -> Element:
+    if degree != 2:
+        raise InputError(
+            "must be 2 in curved cells, as their sides have the degree 2", "discretisation.degree"
+        )
+    if limit_at == "vertices":
+        raise InputError(
+            "must be gauss in curved cells, where the strain is not affine, so that a limit at the "
+            "corners would not hold in between; leave the key out, or take mesh.curved: false",
+            "discretisation.limit_at",
+        )
+    return replace(P2_REVOLUTION, curved=True) if axisymmetric else P2_CURVED

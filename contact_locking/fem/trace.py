@@ -46,11 +46,11 @@ class Trace:
     the nodes of a facet are numbered from 0, with the corners first.  The element has no contact in
     a dimension without entries.
 
-    ``controls`` tells which values of a trace the laws of contact and friction limit.  Without it
-    they are the values at the nodes.  With it, for quadratic displacements, they are the control
-    values: the value at a corner, and ``2 u_m - (u_1 + u_2)/2`` at the midpoint m of the edge
-    between the corners 1 and 2.  In the middle of a quadrilateral the control value is
-    ``4 u_m - sum u_e + (sum u_i)/4`` with the midpoints e of the edges and the corners i.
+    ``controls`` are the dimensions d in which the laws of contact and friction limit the control
+    values of a trace, which are for quadratic displacements; elsewhere they limit the values at the
+    nodes.  Control values are the value at a corner, and ``2 u_m - (u_1 + u_2)/2`` at the midpoint
+    m of the edge between the corners 1 and 2.  In the middle of a quadrilateral the control value
+    is ``4 u_m - sum u_e + (sum u_i)/4`` with the midpoints e of the edges and the corners i.
     These are the coefficients of the trace in Bernstein's basis, on a quadrilateral the products of
     those of both coordinates.  The functions are not negative, have the sum 1, and have equal
     integrals over a triangle or a parallelogram.  Therefore, on a flat facet,
@@ -62,7 +62,7 @@ class Trace:
 
     rules: Mapping[int, Rule]
     pieces: Mapping[int, tuple[tuple[int, ...], ...]]
-    controls: bool = False
+    controls: tuple[int, ...] = ()
 
     def check(self, dim: int, degree: int, key: str) -> None:
         """Raise InputError with the key if there is no contact in ``dim`` dimensions."""
@@ -80,7 +80,7 @@ class Trace:
         are the values of the field at the nodes.  All contacts of a problem share this space, as
         the arguments of a form have one space.
         """
-        return _control_space(vectors) if self.controls else vectors
+        return _control_space(vectors) if vectors.mesh.topology.dim in self.controls else vectors
 
 
 class PointValues:
@@ -104,8 +104,8 @@ class PointValues:
     ) -> None:
         self._nodes, self.blocks, self.space = nodes, blocks, limited
         #: Whether the limited values are the nodal values.
-        self.are_nodal = not trace.controls
-        self._entities = _entities(scalars, nodes) if trace.controls else []
+        self.are_nodal = limited.mesh.topology.dim not in trace.controls
+        self._entities = [] if self.are_nodal else _entities(scalars, nodes)
 
     @cached_property
     def matrix(self) -> csr_matrix:

@@ -96,7 +96,7 @@ class Entities:
         mesh, count = domain.mesh, domain.mesh.topology.index_map(domain.dim).size_local
         own = local[(local if dim == domain.dim else domain.owners(local)) < count]
         nodes = (
-            _compat.cell_nodes(mesh)[own]
+            _compat.cell_corners(mesh)[own]
             if dim == domain.dim
             else _compat.entities_to_geometry(mesh, dim, own)
         )

@@ -21,6 +21,8 @@ class CellKind:
 
     ``name`` is the name of the kind in DOLFINx, and ``plural`` that of several cells in words.
     ``gmsh`` is its number in Gmsh, and ``gmsh_order`` (c,) gives for each corner its place there.
+    ``curved`` (n,) does so for each node of a cell of second order, empty where such cells are read
+    by their corners.
     ``facets`` (f, n) are the corners of each facet.  ``simplices`` (p, dim + 1) divide the cell,
     and ``beside`` (s, dim + 1) are the simplices of each corner with its neighbours: their volumes
     are the Jacobian at the corners, and have one sign in a convex cell.
@@ -34,6 +36,7 @@ class CellKind:
     facets: tuple[tuple[int, ...], ...]
     simplices: tuple[tuple[int, ...], ...]
     beside: tuple[tuple[int, ...], ...]
+    curved: tuple[int, ...] = ()
 
     @property
     def corners(self) -> int:
@@ -102,6 +105,7 @@ TRIANGLE = CellKind(
     facets=((1, 2), (0, 2), (0, 1)),
     simplices=((0, 1, 2),),
     beside=((0, 1, 2),),
+    curved=(0, 1, 2, 4, 5, 3),
 )
 QUADRILATERAL = CellKind(
     *("quadrilateral", "quadrilaterals", 2, 3, (0, 1, 3, 2)),
@@ -114,6 +118,7 @@ TETRAHEDRON = CellKind(
     facets=((1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)),
     simplices=((0, 1, 2, 3),),
     beside=((0, 1, 2, 3),),
+    curved=(0, 1, 2, 3, 8, 9, 5, 7, 6, 4),
 )
 HEXAHEDRON = CellKind(
     *("hexahedron", "hexahedra", 3, 5, (0, 1, 3, 2, 4, 5, 7, 6)),
@@ -128,6 +133,10 @@ HEXAHEDRON = CellKind(
         *((4, 6, 5, 0), (5, 4, 7, 1), (6, 7, 4, 2), (7, 5, 6, 3)),
     ),
 )
+
+#: The ends of the edges whose middles are nodes of a simplex of degree 2, after its corners, in
+#: DOLFINx's order, by dimension.
+EDGES = {2: ((1, 2), (0, 2), (0, 1)), 3: ((2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))}
 
 #: The kinds by dimension and number of corners.
 KINDS = {

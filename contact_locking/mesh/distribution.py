@@ -45,25 +45,29 @@ def distribute(
     in the same way each time, so that solutions can be compared node by node.
     """
     dim = kind.dim
+    curved = comm.bcast(data is not None and data.curved is not None)
     points: FloatArray = np.empty((0, dim))
-    cells: IntArray = np.empty((0, kind.corners), dtype=np.int64)
+    corners: IntArray = np.empty((0, kind.corners), dtype=np.int64)
+    cells: IntArray = np.empty((0, len(kind.curved) if curved else kind.corners), dtype=np.int64)
     marked: IntArray = np.empty((0, kind.facet.corners), dtype=np.int64)
     values: IndexArray = np.empty(0, dtype=np.int32)
     marks: IndexArray = np.empty(0, dtype=np.int32)
     groups: IntArray = np.empty(0, dtype=np.int64)
     if data is not None and facets is not None:
+        nodes = data.cells.nodes if data.curved is None else data.curved
         used = np.zeros(len(data.points), dtype=bool)
-        used[data.cells.nodes] = True
+        used[nodes] = True
         row = np.cumsum(used) - 1
-        points, cells, marked = data.points[used], row[data.cells.nodes], row[facets.nodes]
+        points, cells, marked = data.points[used], row[nodes], row[facets.nodes]
+        corners = cells[:, : kind.corners]
         groups, index = np.unique(data.cells.groups, return_inverse=True)
         # One number encodes the part and the group of a cell.
         values = (parts * len(groups) + index).astype(np.int32)
         marks = facets.groups.astype(np.int32)
     groups = comm.bcast(groups)
-    mesh = mesh_of(comm, points, cells, kind)
+    mesh = mesh_of(comm, points, cells, kind, degree=2 if curved else 1)
     mesh.topology.create_connectivity(dim, 0)
-    both = _tags(mesh, dim, cells, values)
+    both = _tags(mesh, dim, corners, values)
     order = np.argsort(both.indices)
     numbers, local = both.values[order], both.indices[order]
     cell_tags = dmesh.meshtags(mesh, dim, local, groups[numbers % len(groups)].astype(np.int32))
@@ -73,14 +77,16 @@ def distribute(
     return Distributed(mesh, cell_tags, facet_tags, (numbers // len(groups)).astype(np.int32))
 
 
-def mesh_of(comm: MPI.Intracomm, points: FloatArray, cells: IntArray, kind: CellKind) -> dmesh.Mesh:
+def mesh_of(
+    comm: MPI.Intracomm, points: FloatArray, cells: IntArray, kind: CellKind, degree: int = 1
+) -> dmesh.Mesh:
     """The mesh of cells (k, c) of a kind, as numbers of points (m, d); collective.
 
-    Each rank has a share of the cells and of the points, which are numbered rank after rank.  The
-    share may be empty.
+    ``degree`` is that of the sides.  Each rank has a share of the cells and of the points, which
+    are numbered rank after rank.  The share may be empty.
     """
     shape = (kind.dim,)
-    element = basix.ufl.element("Lagrange", kind.name, 1, shape=shape, dtype=default_real_type)
+    element = basix.ufl.element("Lagrange", kind.name, degree, shape=shape, dtype=default_real_type)
     # Keyword arguments, because DOLFINx 0.10 changed the order.
     with _one_partitioning_thread():
         return dmesh.create_mesh(

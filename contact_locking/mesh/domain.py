@@ -24,7 +24,7 @@ from contact_locking.mesh.cell_kind import NAMED, CellKind
 from contact_locking.mesh.distribution import distribute
 from contact_locking.mesh.file.contiguity import Touching
 from contact_locking.mesh.file.data import MeshData
-from contact_locking.mesh.file.diagnosis import Diagnosis, check_cells, diagnose
+from contact_locking.mesh.file.diagnosis import Diagnosis, check_cells, check_curved, diagnose
 from contact_locking.mesh.file.gmsh_model import extract
 from contact_locking.mesh.file.reader import read
 from contact_locking.parallel import maximum, on_root
@@ -77,6 +77,11 @@ class Domain:
     def kind(self) -> CellKind:
         """The kind of the cells."""
         return NAMED[self.mesh.topology.cell_name()]
+
+    @property
+    def is_curved(self) -> bool:
+        """Whether the cells have curved sides, of degree 2."""
+        return bool(_compat.coordinate_map(self.mesh).degree > 1)
 
     @property
     def kinematics(self) -> Kinematics:
@@ -144,7 +149,7 @@ class Domain:
         """
         dim, middle = self.dim, self.bounding_box.mean(axis=0)
         owned = self.mesh.topology.index_map(dim).size_local
-        simplices = self.kind.split(_compat.cell_nodes(self.mesh)[:owned])
+        simplices = self.kind.split(_compat.cell_corners(self.mesh)[:owned])
         x = self.mesh.geometry.x[simplices, :dim] - middle
         volumes = np.abs(np.linalg.det(x[:, 1:] - x[:, :1]))
         sums = x.sum(axis=1)
@@ -199,18 +204,22 @@ class Domain:
         )
 
 
-def from_geometry(geometry: Any, comm: MPI.Intracomm, contact: Collection[str] = ()) -> Domain:
+def from_geometry(
+    geometry: Any, comm: MPI.Intracomm, contact: Collection[str] = (), curved: bool = False
+) -> Domain:
     """Generate a geometry of ``meshes`` with Gmsh on rank 0 and distribute it; collective.
 
-    ``contact`` names the boundary parts that ``h_contact`` refines.
+    ``contact`` names the boundary parts that ``h_contact`` refines, and ``curved`` asks for cells
+    with curved sides.
     """
     origin = type(geometry).__name__.lower()
 
     def make() -> tuple[MeshData, Diagnosis]:
         from contact_locking.meshes import build
 
-        with build(geometry, contact=contact) as model:
+        with build(geometry, contact=contact, order=2 if curved else 1) as model:
             mesh = extract(model, origin)
+        check_curved(mesh)
         if not mesh.kind.is_simplex:
             check_cells(mesh, [])
         return mesh, Diagnosis.of_sound(mesh, geometry.bodies)
@@ -218,16 +227,20 @@ def from_geometry(geometry: Any, comm: MPI.Intracomm, contact: Collection[str] =
     return with_key("mesh.builder", lambda: distributed(make, comm, origin))
 
 
-def from_file(path: Path, comm: MPI.Intracomm, touching: Touching = ()) -> Domain:
+def from_file(
+    path: Path, comm: MPI.Intracomm, touching: Touching = (), curved: bool = False
+) -> Domain:
     """Read a Gmsh file with named physical groups on rank 0 and distribute it; collective.
 
     ``touching`` are pairs of boundary parts that may touch each other without shared nodes.
-    Raises InputError if the file cannot be read, if the cells are not of one kind and first order,
-    and if the mesh is not a body (`mesh_file.diagnosis`).
+    ``curved`` keeps the curved sides of simplices of second order, which are straight otherwise.
+    Raises InputError if the file cannot be read, if the cells are not of one kind and of first or
+    second order, and if the mesh is not a body (`mesh_file.diagnosis`).
     """
 
     def make() -> tuple[MeshData, Diagnosis]:
         mesh = read(path)
+        mesh = mesh if curved else mesh.straight
         return mesh, diagnose(mesh, str(path), touching)
 
     return with_key("mesh.file", lambda: distributed(make, comm, str(path)))

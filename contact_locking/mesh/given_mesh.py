@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import mesh as dmesh
 
+from contact_locking import _compat
 from contact_locking.arrays import BoolArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.cell_kind import NAMED
@@ -34,8 +35,15 @@ class NamedFacets:
         if mesh.topology.cell_name() not in NAMED:
             known = ", ".join(kind.plural for kind in NAMED.values())
             raise InputError(f"must have cells of one kind of these: {known}", "mesh")
-        if mesh.geometry.cmap.degree != 1 or mesh.geometry.dim != mesh.topology.dim:
-            raise InputError("must have flat cells that fill the space around them", "mesh")
+        of_simplices = NAMED[mesh.topology.cell_name()].is_simplex
+        highest = 2 if of_simplices else 1
+        if mesh.geometry.dim != mesh.topology.dim:
+            raise InputError("must have cells that fill the space around them", "mesh")
+        if _compat.coordinate_map(mesh).degree > highest:
+            raise InputError(
+                "must have cells with straight sides, or triangles or tetrahedra of degree 2",
+                "mesh",
+            )
         self._mesh, self._tags, self._names = mesh, tags, dict(names or {})
         dim = mesh.topology.dim
         mesh.topology.create_entities(dim - 1)

@@ -8,6 +8,7 @@ import numpy as np
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.mesh.curved_cells import mean_normals, measures
 from contact_locking.mesh.domain import Domain
 
 # A boundary part is plane if the mean normal is longer, and closed if the mean normal is shorter.
@@ -59,10 +60,14 @@ def table(rows: list[Group]) -> list[tuple[str, str, str, str, str]]:
 def _region(domain: Domain, name: str) -> Group:
     cells = domain.cells(name)
     cells = cells[cells < domain.mesh.topology.index_map(domain.dim).size_local]
-    corners = _corners(domain, domain.dim, cells)[:, np.array(domain.kind.simplices)]
-    corners = corners.reshape(-1, domain.dim + 1, domain.dim)
-    edges = corners[:, 1:] - corners[:, :1]
-    measure = float(np.abs(np.linalg.det(edges)).sum()) / (2.0 if domain.dim == 2 else 6.0)
+    if domain.is_curved:
+        nodes = domain.mesh.geometry.x[_compat.cell_nodes(domain.mesh)[cells], : domain.dim]
+        measure = float(measures(domain.kind, nodes).sum())
+    else:
+        corners = _corners(domain, domain.dim, cells)[:, np.array(domain.kind.simplices)]
+        corners = corners.reshape(-1, domain.dim + 1, domain.dim)
+        edges = corners[:, 1:] - corners[:, :1]
+        measure = float(np.abs(np.linalg.det(edges)).sum()) / (2.0 if domain.dim == 2 else 6.0)
     count, measure = (domain.comm.allreduce(x) for x in (len(cells), measure))
     return Group(name, domain.dim, count, measure)
 
@@ -71,12 +76,17 @@ def _boundary(domain: Domain, name: str, dim: int) -> Group:
     facets = domain.facets((name,))
     facets = facets[facets < domain.mesh.topology.index_map(dim).size_local]
     corners = _corners(domain, dim, facets)
-    pieces = corners[:, np.array(domain.kind.facet.simplices)]
-    normals = _normals(pieces.reshape(-1, domain.dim, domain.dim))
-    normals = normals.reshape(*pieces.shape[:2], domain.dim).sum(axis=1)
+    if domain.is_curved:
+        nodes = domain.mesh.geometry.x[_compat.facet_nodes(domain.mesh, facets), : domain.dim]
+        normals, areas = mean_normals(domain.kind.facet, nodes)
+    else:
+        pieces = corners[:, np.array(domain.kind.facet.simplices)]
+        normals = _normals(pieces.reshape(-1, domain.dim, domain.dim))
+        normals = normals.reshape(*pieces.shape[:2], domain.dim).sum(axis=1)
+        areas = np.linalg.norm(normals, axis=1)
     inward = _corners(domain, domain.dim, domain.owners(facets)).mean(axis=1) - corners.mean(axis=1)
     normals *= -np.sign(np.einsum("ki,ki->k", normals, inward))[:, None]
-    sizes = np.linalg.norm(normals, axis=1).sum()
+    sizes = areas.sum()
     count, measure, total = (
         domain.comm.allreduce(x) for x in (len(facets), float(sizes), normals.sum(axis=0))
     )

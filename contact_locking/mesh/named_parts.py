@@ -20,7 +20,8 @@ from contact_locking.parallel import on_any_rank
 Test = Callable[[FloatArray], BoolArray]
 
 # The points of a facet are its centre and its corners, which are pulled towards the centre by this
-# share: a facet up to x = 1 is in x < 1.
+# share: a facet up to x = 1 is in x < 1.  Those of a curved facet are its nodes, as its centre is
+# off the chord.
 _PULLED = 1e-6
 
 
@@ -46,10 +47,11 @@ def with_parts(domain: Domain, places: Mapping[str, Place], key: str) -> Domain:
     mesh.topology.create_connectivity(dim - 1, dim)
     outside = marked(mesh, np.asarray(dmesh.exterior_facet_indices(mesh.topology)))
     every = np.flatnonzero(outside).astype(np.int32)
-    corners = mesh.geometry.x[_compat.entities_to_geometry(mesh, dim - 1, every), :dim]
-    centres = corners.mean(axis=1, keepdims=True)
-    pulled = corners + _PULLED * (centres - corners)
-    points = np.concatenate([pulled, centres], axis=1)
+    nodes = mesh.geometry.x[_compat.facet_nodes(mesh, every), :dim]
+    centres = nodes.mean(axis=1, keepdims=True)
+    points = nodes + _PULLED * (centres - nodes)
+    if not domain.is_curved:
+        points = np.concatenate([points, centres], axis=1)
     for name, place in places.items():
         own = f"{key}.{name}"
         if name in marks:

@@ -71,7 +71,7 @@ def gather_mesh(domain: Domain) -> WholeMesh | None:
     mesh, dim, comm = domain.mesh, domain.dim, domain.comm
     numbers = np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
     owned = mesh.topology.index_map(dim).size_local
-    cells = numbers[_compat.cell_nodes(mesh)[:owned]]
+    cells = numbers[_compat.cell_corners(mesh)[:owned]]
     facets = domain.facet_tags.indices
     is_owned = facets < mesh.topology.index_map(dim - 1).size_local
     corners = numbers[_compat.entities_to_geometry(mesh, dim - 1, facets[is_owned])]

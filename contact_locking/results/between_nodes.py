@@ -209,6 +209,7 @@ class _Facets:
         normals = _across(spans)
         normals *= np.sign(np.sum(normals * self._outward, axis=1))[:, None]
         inverse = np.linalg.pinv(spans)
+        moved = self._x + self._past
         depths, weights = (
             np.zeros(len(centres)),
             np.full((len(centres), self._dim), 1.0 / self._dim),
@@ -220,11 +221,14 @@ class _Facets:
             away = corners[some] - self._moved[number, 0]
             rest = away @ inverse[number].T
             shares = np.concatenate([1.0 - rest.sum(axis=1, keepdims=True), rest], axis=1)
-            behind = -(away @ normals[number])
+            # Above a corner the facet of a quadratic displacement is off its plane.
+            bulge = self._basis(shares[None])[0] @ moved[number] - shares @ self._moved[number]
+            behind = (bulge - away) @ normals[number]
             behind = np.where(shares.min(axis=1) >= -_ROUNDING, behind, 0.0)
             deepest = int(np.argmax(behind))
             depths[number], weights[number] = behind[deepest], shares[deepest]
-        above = obstacle.distance(np.einsum("md,mdi->im", weights, self._moved))
+        points = np.einsum("mqn,mni->im", self._basis(weights[:, None]), moved)
+        above = obstacle.distance(points)
         depths -= np.sum(weights * self._at_corners, axis=1) + self._known
         # The point above a corner may be on the side of the tool, to rounding.
         depths[above > _ROUNDING * self._radius] = 0.0
@@ -311,7 +315,7 @@ def _outward(surface: ContactSurface, corners: FloatArray, parts: int) -> FloatA
     There are as many parts of each facet, those of one number together.
     """
     domain = surface.domain
-    cells = _compat.cell_nodes(domain.mesh)[np.tile(domain.owners(surface.facets), parts)]
+    cells = _compat.cell_corners(domain.mesh)[np.tile(domain.owners(surface.facets), parts)]
     inside = domain.mesh.geometry.x[cells][:, :, : domain.dim].mean(axis=1)
     normals = _across((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
     side = np.sum(normals * (corners[:, 0] - inside), axis=1)

@@ -149,7 +149,11 @@ def assemble(
         domain = half_section(domain)
     given = parameters.discretisation
     element = element or element_of(
-        given.degree, given.limit_at, domain.axisymmetric, boxes=not domain.kind.is_simplex
+        given.degree,
+        given.limit_at,
+        domain.axisymmetric,
+        boxes=not domain.kind.is_simplex,
+        curved=domain.is_curved,
     )
     if element.kinematics is not domain.kinematics:
         raise InputError(
@@ -169,11 +173,13 @@ def _given_mesh(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
     """The mesh of a builder, or the mesh in a file; collective."""
     geometry = parameters.mesh.geometry
     if geometry is not None:
-        return domains.from_geometry(geometry, comm, parameters.refined_names)
+        curved = bool(parameters.mesh.curved)
+        return domains.from_geometry(geometry, comm, parameters.refined_names, curved)
     assert parameters.mesh.file is not None
     path = Path(parameters.mesh.file)
     if not is_xdmf(path):
-        return domains.from_file(path, comm, parameters.touching)
+        curved = parameters.mesh.curved is not False and parameters.discretisation.degree == 2
+        return domains.from_file(path, comm, parameters.touching, curved)
     # SciPy, which these meshes need, would take a tenth of the time of `check` for others.
     from contact_locking.mesh.xdmf_mesh import from_xdmf
 

@@ -148,8 +148,10 @@ class _Load:
         """The rule of integration for the form compiler."""
         if self._constant:
             # The factor 2 pi r of an axisymmetric body has the degree 1, and so has the Jacobian of
-            # a box in each coordinate.
+            # a box in each coordinate.  That of a curved cell has the degree 3 at most, and that of
+            # a curved facet is nearly such a polynomial.
             factor = int(self._domain.axisymmetric or self._element.boxes)
+            factor += 3 * self._element.curved
             return {"quadrature_degree": self._element.degree + factor}
         found: dict[str, Any] = {"quadrature_degree": _DEGREE}
         if self.halvings > 0:

@@ -19,6 +19,7 @@ from contact_locking.study_file.parameters.probes import Probe
 # A point is in a cell if it is off the reference cell by this share at most.  Rounding alone
 # must not take a point of the boundary out of the body.
 _MARGIN = 1e-9
+_BULGE = 0.25
 # The number of no cell.
 _NONE = np.iinfo(np.int64).max
 
@@ -88,6 +89,9 @@ def _first_cells(domain: Domain, x: FloatArray) -> tuple[IntArray, IndexArray]:
     original = np.asarray(mesh.topology.original_cell_index, dtype=np.int64)
     nodes = mesh.geometry.x[:, :dim]
     padding = _MARGIN * float(np.ptp(nodes, axis=0).max())
+    if domain.is_curved:
+        # Sides bulge out of the box around the nodes by less than this share of the largest cell.
+        padding += _BULGE * float(mesh.h(dim, entities).max())
     tree = geometry.bb_tree(mesh, dim, entities=entities, padding=padding)
     places = np.zeros((len(x), 3))
     places[:, :dim] = x
@@ -107,6 +111,6 @@ def _first_cells(domain: Domain, x: FloatArray) -> tuple[IntArray, IndexArray]:
 def _pulled_back(mesh: dmesh.Mesh, corners: FloatArray, place: FloatArray) -> FloatArray:
     """The point (d,) of the reference cell for a place (d,) near the cell with corners (c, d)."""
     try:
-        return np.asarray(mesh.geometry.cmap.pull_back(place[None], corners)[0])
+        return np.asarray(_compat.coordinate_map(mesh).pull_back(place[None], corners)[0])
     except RuntimeError:  # Newton's method does not converge for places far off a distorted cell
         return np.full(len(place), np.inf)

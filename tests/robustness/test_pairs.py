@@ -21,7 +21,8 @@ from sweep.pair_features import FEATURES, agree, rows
 from sweep.pair_judge import Judge, complaint
 from sweep.solve import CLAIM, NOT_SOLVED, SOLVED, WRONG, Outcome, outcome_of
 
-from contact_locking.process.solving import solve_steps
+from contact_locking.process.solving import solve_assembled, solve_steps
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial
@@ -64,6 +65,67 @@ def test_the_problems_are_study_files_and_depend_on_their_seed_alone() -> None:
 def test_a_problem_of_pairs_is_right(seed: int) -> None:
     outcome = outcome_of(PAIRS, seed)
     assert outcome.kind == SOLVED, outcome.reason
+
+
+@pytest.mark.parametrize("kind", ["ring", "half section", "ball"])
+def test_bodies_of_curved_cells_are_right(kind: str) -> None:
+    """Laws, forces and fields of curved cells, by the judge that has its own elements."""
+    dim = 3 if kind == "ball" else 2
+    squares = {"ring": "x**2 + y**2", "half section": "x**2 + (y - 1)**2"}
+    quarter: Study = {"quarter": True, "curved": True, "contact_width": 0.6, "h": 0.25}
+    meshes: dict[str, Study] = {
+        "ring": {"builder": "annulus", "quarter": True, "curved": True, "h": 0.4},
+        "half section": {"builder": "disc", "axisymmetric": True} | quarter,
+        "ball": {"builder": "ball"} | quarter | {"h": 0.6},
+    }
+    every: dict[str, dict[str, int]] = {
+        "ring": {"bottom": 1, "left": 0},
+        "half section": {"top": 1},
+        "ball": {"top": 2, "symmetry_x": 0, "symmetry_y": 1},
+    }
+    planes = every[kind]
+    rollers: list[Study] = [
+        {"on": name, "value": [0.0 if i == axis else None for i in range(dim)]}
+        for name, axis in planes.items()
+    ]
+    expression = f"{1.99 if kind == 'ring' else 0.997} - sqrt({squares.get(kind, '')})"
+    tool: Study = {"expression": expression}
+    if kind == "ball":
+        tool = {"half_space": {"point": [0.0, 0.0, 0.01], "normal": [0.0, 0.0, 1.0]}}
+    kernel = "helmholtz" if kind == "ring" else "convolution"
+    pull = [0.001, *[0.0] * (dim - 2), -0.001]
+    study: Study = {
+        "mesh": meshes[kind],
+        "material": {
+            "elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.011,
+        },
+        "loads": {
+            "displacements": rollers,
+            "pressures": [{"on": "inner" if kind == "ring" else "side", "value": 0.002}],
+            "body_force": pull,
+        },
+        "contact": {"on": "outer" if kind == "ring" else "contact", "foundation": tool},
+        "friction": {
+            "coefficient": 0.2,
+            "smoothing": {"kernel": kernel, "radius": 0.5},
+        },
+        "discretisation": {"degree": 2, "limit_at": "gauss"},
+        "penalty": {"n": math.inf},
+        "output": {"picture": False},
+    }  # fmt: skip
+    solution = solve_assembled(assemble(Parameters.model_validate(study), MPI.COMM_SELF))
+    assert solution.converged, solution.summary["reason"]
+    assert solution.summary["pressure_max"] > 0.0
+    assert solution.domain.is_curved
+    names = {*planes, study["contact"]["on"], study["loads"]["pressures"][0]["on"]}
+    mesh_here = mesh_of(solution, names, set())
+    moment = moment_of(solution, mesh_here)
+    assert complaint(Judge(study, mesh_here).violations([moment])) == ""
+    straight = copy.deepcopy(study)
+    straight["mesh"]["curved"] = False
+    if kind == "ring":
+        # The judge would limit control values.
+        assert complaint(Judge(straight, mesh_here).violations([moment])) != ""
 
 
 @pytest.mark.parametrize("dim", [1, 2, 3])

@@ -119,11 +119,8 @@ class Body:
         self.quadratic = mesh.cells.shape[1] > mesh.dim + 1
         self.at_vertices = study["discretisation"].get("limit_at") == "vertices"
         self.cells = ordered(mesh.x, mesh.cells, self.dim + 1)
-        corners = mesh.x[self.cells[:, : self.dim + 1]]
-        edges = corners[:, 1:] - corners[:, :1]
-        self.volumes = np.abs(np.linalg.det(edges)) / math.factorial(self.dim)
-        others = np.linalg.inv(edges).transpose(0, 2, 1)
-        self.slopes = np.concatenate([-others.sum(axis=1, keepdims=True), others], axis=1)
+        #: Whether the nodes at the middles of edges are off the chords.
+        self.curved = bool(study["mesh"].get("curved"))
         c = self.dim + 1
         if not self.quadratic:
             self.law = self._points(np.full((1, c), 1.0 / c), np.ones(1))
@@ -138,9 +135,13 @@ class Body:
     def _points(self, bary: Array, shares: Array) -> Points:
         dim = self.dim
         values, slopes = shapes(bary, self.quadratic)
-        places = np.einsum("qc,kcd->kqd", bary, self.mesh.x[self.cells[:, : dim + 1]])
-        grads = np.einsum("qsc,kcd->kqsd", slopes, self.slopes)
-        weights = self.volumes[:, None] * shares
+        places = np.einsum("qs,ksd->kqd", values, self.mesh.x[self.cells])
+        # J_ad, the derivative of x_d by the barycentric coordinate a + 1.
+        jacobians = self.along(self.cells, bary)
+        grads = np.einsum(
+            "qsa,kqda->kqsd", slopes[..., 1:] - slopes[..., :1], np.linalg.inv(jacobians)
+        )
+        weights = np.abs(np.linalg.det(jacobians)) / math.factorial(dim) * shares
         pairs = {2: [(0, 1)], 3: [(1, 2), (0, 2), (0, 1)]}[dim]
         hoop = int(self.mesh.axisymmetric)
         m = dim + hoop + len(pairs)
@@ -226,16 +227,26 @@ class Body:
     def facets(self, name: str) -> Index:
         return ordered(self.mesh.x, self.mesh.parts[name], self.dim)
 
-    def normals(self, facets: Index) -> Array:
-        """Outward normals (f, d) of facets, as long as the facets are large."""
+    def along(self, nodes: Index, bary: Array) -> Array:
+        """(k, q, a, d) the derivatives of x by the barycentric coordinates after the first."""
+        _, slopes = shapes(bary, self.quadratic)
+        return np.einsum("qsa,ksd->kqad", slopes[..., 1:] - slopes[..., :1], self.mesh.x[nodes])
+
+    def normals(self, facets: Index, bary: Array | None = None) -> Array:
+        """Outward normals (f, q, d) at points of facets, as long as the facets are large.
+
+        Without points they are (f, d), in the middle.
+        """
         x, dim = self.mesh.x, self.dim
-        edges = x[facets[:, 1:dim]] - x[facets[:, :1]]
+        middle = np.full((1, dim), 1.0 / dim)
+        edges = np.moveaxis(self.along(facets, middle if bary is None else bary), 2, 0)
         if dim == 2:
-            found = np.stack([edges[:, 0, 1], -edges[:, 0, 0]], axis=1)
+            found = np.stack([edges[0][..., 1], -edges[0][..., 0]], axis=-1)
         else:
-            found = 0.5 * np.cross(edges[:, 0], edges[:, 1])
+            found = 0.5 * np.cross(edges[0], edges[1])
         away = x[facets[:, 0]] - np.array([self._inner[tuple(sorted(f[:dim]))] for f in facets])
-        return found * np.sign(np.einsum("fd,fd->f", found, away))[:, None]
+        found *= np.sign(np.einsum("fqd,fd->f", found, away))[:, None, None]
+        return found[:, 0] if bary is None else found
 
     @cached_property
     def _inner(self) -> dict[tuple[int, ...], Array]:
@@ -250,25 +261,27 @@ class Body:
         """Nodal forces (k, d) of body force, tractions and pressures."""
         found, loads = np.zeros_like(self.mesh.x), self.study["loads"]
         if "body_force" in loads:
-            found += self._integrated(self.cells, self.volumes, loads["body_force"], time)
+            jacobians = self.along(self.cells, simplex_rule(self.dim)[0])
+            sizes = np.abs(np.linalg.det(jacobians)) / math.factorial(self.dim)
+            found += self._integrated(self.cells, sizes, loads["body_force"], time)
         for entry in loads.get("tractions", []):
             facets = self.facets(entry["on"])
-            sizes = np.linalg.norm(self.normals(facets), axis=1)
+            sizes = np.linalg.norm(self.normals(facets, simplex_rule(self.dim - 1)[0]), axis=2)
             found += self._integrated(facets, sizes, entry["value"], time)
         for entry in loads.get("pressures", []):
             facets = self.facets(entry["on"])
-            ways = -self.normals(facets)
+            ways = -self.normals(facets, simplex_rule(self.dim - 1)[0])
             for axis in range(self.dim):
                 vector = [entry["value"] if axis == i else 0.0 for i in range(self.dim)]
-                found += self._integrated(facets, ways[:, axis], vector, time)
+                found += self._integrated(facets, ways[..., axis], vector, time)
         return found
 
     def _integrated(self, nodes: Index, sizes: Array, vector: Any, time: float) -> Array:
         corners = {self.cells.shape[1]: self.dim + 1}.get(nodes.shape[1], self.dim)
         bary, shares = simplex_rule(corners - 1)
         values, _ = shapes(bary, self.quadratic)
-        places = np.einsum("qc,kcd->kqd", bary, self.mesh.x[nodes[:, :corners]])
-        weights = sizes[:, None] * shares
+        places = np.einsum("qs,ksd->kqd", values, self.mesh.x[nodes])
+        weights = sizes * shares
         if self.mesh.axisymmetric:
             weights = weights * 2.0 * math.pi * places[..., 0]
         found = np.zeros_like(self.mesh.x)

@@ -29,11 +29,16 @@ class Contact:
         self.nodes = np.unique(facets)
         self.facets = np.searchsorted(self.nodes, facets)
         self.x = mesh.x[self.nodes]
-        self.areas = body.normals(facets)
+        self._given = facets
+        # In 2D the nodes are those of Simpson's rule.
+        self.has_controls = body.quadratic and not (
+            body.curved and dim == 2 and not mesh.axisymmetric
+        )
         bary, shares = simplex_rule(dim - 1)
-        sizes = np.linalg.norm(self.areas, axis=1)[:, None] * shares
+        sizes = np.linalg.norm(body.normals(facets, bary), axis=2) * shares
         if mesh.axisymmetric:
-            radii = np.einsum("qc,kc->kq", bary, self.x[self.facets[:, :dim], 0])
+            values = shapes(bary, body.quadratic)[0]
+            radii = np.einsum("qs,ks->kq", values, self.x[self.facets, 0])
             sizes = sizes * 2.0 * math.pi * radii
         self._bary, self._sizes = bary, sizes
         self.weights = np.zeros(len(self.nodes))
@@ -42,7 +47,7 @@ class Contact:
     def _bernstein(self, bary: Array) -> tuple[Array, Array]:
         """Functions (q, s) of the values that contact limits, and derivatives (q, s, c)."""
         values, slopes = shapes(bary, self.body.quadratic)
-        if not self.body.quadratic:
+        if not self.has_controls:
             return values, slopes
         c = bary.shape[1]
         # The nodal functions by Bernstein's: u_m = (c_1 + c_2)/4 + c_m/2 at the middles.
@@ -55,7 +60,7 @@ class Contact:
     def controls(self) -> sp.csr_matrix:
         """Nodal values to the values that contact limits: 2 u_m - (u_1 + u_2)/2 at middles."""
         matrix, dim = sp.lil_matrix(sp.eye(len(self.nodes))), self.body.dim
-        if self.body.quadratic:
+        if self.has_controls:
             for n, (i, j) in enumerate(edges_of(dim), start=dim):
                 for facet in self.facets:
                     matrix[facet[n], [facet[i], facet[j], facet[n]]] = -0.5, -0.5, 2.0
@@ -65,7 +70,10 @@ class Contact:
     def outward(self) -> Array:
         """(k, d) the normals of the body, averaged over facets."""
         found = np.zeros_like(self.x)
-        np.add.at(found, self.facets, self.areas[:, None, :])
+        dim = self.body.dim
+        middles = [0.5 * (np.eye(dim)[i] + np.eye(dim)[j]) for i, j in edges_of(dim)]
+        nodes = np.array([*np.eye(dim), *middles])[: self.facets.shape[1]]
+        np.add.at(found, self.facets, self.body.normals(self._given, nodes))
         if self.body.mesh.axisymmetric:
             found[self.x[:, 0] <= 1e-12 * np.ptp(self.body.mesh.x[:, 0]), 0] = 0.0
         return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])
@@ -73,8 +81,10 @@ class Contact:
     @property
     def is_bent(self) -> bool:
         """Whether the middles of edges are off the curved boundary."""
-        units = self.areas / np.linalg.norm(self.areas, axis=1)[:, None]
-        return bool(self.body.quadratic and np.ptp(units, axis=0).max() > 1e-6)
+        areas = self.body.normals(self._given)
+        units = areas / np.linalg.norm(areas, axis=1)[:, None]
+        is_straight = self.body.quadratic and not self.body.curved
+        return bool(is_straight and np.ptp(units, axis=0).max() > 1e-6)
 
     def _place(self, time: float) -> tuple[Array, Array]:
         """Rotation and translation x = R X + t of the tool; at the time 0 it is at rest."""
@@ -116,7 +126,7 @@ class Contact:
         least."""
         found = self.controls @ gap
         for n, (i, j) in enumerate(edges_of(self.body.dim), start=self.body.dim):
-            if self.body.quadratic:
+            if self.has_controls:
                 edge = gap[self.facets[:, [i, j, n]]]
                 middle = self.facets[:, n]
                 found[middle] = np.clip(found[middle], edge.min(axis=1), edge.max(axis=1))
@@ -181,14 +191,13 @@ class Contact:
 
     def _filter(self, joins: Array, weights: Array, radius: float) -> Array:
         """``(m + r^2 K)^-1 m`` with the surface Laplacian K."""
-        dim, count = self.body.dim, len(self.nodes)
-        corners = self.x[self.facets[:, :dim]]
-        edges = corners[:, 1:] - corners[:, :1]
-        # Gradients of barycentric coordinates in the facet, from its metric.
-        inverse = np.linalg.inv(np.einsum("fid,fjd->fij", edges, edges))
-        others = np.einsum("fij,fjd->fid", inverse, edges)
-        slopes = np.concatenate([-others.sum(axis=1, keepdims=True), others], axis=1)
-        grads = np.einsum("qsc,fcd->fqsd", self._bernstein(self._bary)[1], slopes)
+        count = len(self.nodes)
+        # Gradients in the facet, from its metric.
+        edges = self.body.along(self._given, self._bary)
+        inverse = np.linalg.inv(np.einsum("fqid,fqjd->fqij", edges, edges))
+        slopes = self._bernstein(self._bary)[1]
+        slopes = slopes[..., 1:] - slopes[..., :1]
+        grads = np.einsum("qsi,fqij,fqjd->fqsd", slopes, inverse, edges)
         parts = np.einsum("fqsd,fqtd,fq->fst", grads, grads, self._sizes * joins[:, None])
         K = np.zeros((count, count))
         np.add.at(K, (self.facets[:, :, None], self.facets[:, None, :]), parts)

@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import ufl
 from boxes import write_lattice
 from mpi4py import MPI
 from verification_table import Row
 
 from contact_locking import StudySolution, solve
 from contact_locking.arrays import FloatArray
+from contact_locking.fem.compiled import integral
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 
@@ -39,14 +41,16 @@ def pressures(solution: StudySolution) -> Any:
     return np.concatenate(MPI.COMM_WORLD.allgather(solution.contacts[0].pressure))
 
 
-@pytest.mark.parametrize(("degree", "scatter"), [(1, 0.01), (2, 0.003)])
+@pytest.mark.parametrize(
+    ("degree", "curved", "scatter"), [(1, False, 0.01), (2, False, 0.003), (2, True, 0.0005)]
+)
 def test_a_ring_in_a_rigid_ring_has_the_pressure_of_lame_at_every_node(
-    degree: int, scatter: float, found: list[Row]
+    degree: int, curved: bool, scatter: float, found: list[Row]
 ) -> None:
     pressure = pressures(
         solved(
             {
-                "mesh": {"builder": "annulus", "h": 0.2, "quarter": True},
+                "mesh": {"builder": "annulus", "h": 0.2, "quarter": True, "curved": curved},
                 "loads": {
                     "displacements": [
                         {"on": "bottom", "value": [None, 0]},
@@ -61,7 +65,8 @@ def test_a_ring_in_a_rigid_ring_has_the_pressure_of_lame_at_every_node(
             }
         )
     )
-    where = f"ring in a rigid ring, degree {degree}, h = 0.2"
+    cells = ", curved cells" if curved else ""
+    where = f"ring in a rigid ring, degree {degree}{cells}, h = 0.2"
     found.append(Row("V28", where, "mean pressure", float(np.mean(pressure)), LAME, TEST))
     share = float(np.std(pressure)) / LAME
     found.append(Row("V28", where, "scatter of the pressure", share, None, TEST))
@@ -133,6 +138,85 @@ def test_the_middles_of_quadrilaterals_are_on_the_ball_that_they_are_parts_of(
     assert chords.max() > 4e-3
     assert np.abs(bent).max() < 0.02 * chords.max()
     problem.close()
+
+
+@pytest.mark.parametrize(("dim", "h", "share"), [(2, 0.2, 0.005), (3, 0.4, 0.02)])
+def test_a_ball_in_a_rigid_shell_has_a_hydrostatic_pressure(
+    dim: int, h: float, share: float, found: list[Row]
+) -> None:
+    squares = "x**2 + (y - 1)**2" if dim == 2 else "x**2 + y**2 + (z - 1)**2"
+    body: dict[str, Any] = (
+        {"builder": "disc", "axisymmetric": True} if dim == 2 else {"builder": "ball"}
+    )
+    planes = {"top": dim - 1} | ({} if dim == 2 else {"symmetry_x": 0, "symmetry_y": 1})
+    rollers = [
+        {"on": name, "value": [0 if i == axis else None for i in range(dim)]}
+        for name, axis in planes.items()
+    ]
+    pressure = pressures(
+        solved(
+            {
+                "mesh": body | {"quarter": True, "contact_width": 0.6, "h": h, "curved": True},
+                "loads": {"displacements": rollers},
+                "contact": {
+                    "on": ["contact", "side"],
+                    "foundation": {"expression": f"{1.0 - PRESS} - sqrt({squares})"},
+                },
+                "discretisation": {"degree": 2},
+            }
+        )
+    )
+    exact = PRESS / (1.0 - 2.0 * NU)
+    what = "half section" if dim == 2 else "3D"
+    where = f"ball in a rigid shell, {what}, degree 2, curved cells, h = {h}"
+    found.append(Row("V28", where, "mean pressure", float(np.mean(pressure)), exact, TEST))
+    scatter = float(np.std(pressure)) / exact
+    found.append(Row("V28", where, "scatter of the pressure", scatter, None, TEST))
+    assert np.mean(pressure) == pytest.approx(exact, rel=share)
+    assert scatter < share
+
+
+@pytest.mark.parametrize(("curved", "rates"), [(False, (1.8, 1.8)), (True, (2.0, 3.0))])
+def test_a_disc_in_its_own_field_of_forces_converges_at_the_rate_of_its_boundary(
+    curved: bool, rates: tuple[float, float], found: list[Row]
+) -> None:
+    # A disc of radius 1 with the force x - c per volume, as where it turns about its centre c:
+    # u = (a - b r^2) (x - c) without a traction at r = 1.
+    lame, shear = NU / ((1.0 + NU) * (1.0 - 2.0 * NU)), 1.0 / (2.0 * (1.0 + NU))
+    b = 1.0 / (8.0 * (lame + 2.0 * shear))
+    a = b * (4.0 * lame + 6.0 * shear) / (2.0 * lame + 2.0 * shear)
+    errors: list[list[float]] = []
+    for h in (0.2, 0.1):
+        solution = solved(
+            {
+                "mesh": {
+                    **{"builder": "disc", "quarter": True, "curved": curved},
+                    **{"h": h, "contact_width": 0.5},
+                },
+                "loads": {
+                    "displacements": [
+                        {"on": "top", "value": [None, 0]},
+                        {"on": "symmetry", "value": [0, None]},
+                    ],
+                    "body_force": ["x", "y - 1"],
+                },
+                "contact": {"on": []},
+                "discretisation": {"degree": 2},
+            }
+        )
+        domain = solution.domain
+        away = ufl.SpatialCoordinate(domain.mesh) - ufl.as_vector([0.0, 1.0])
+        error = solution.displacement - (a - b * ufl.inner(away, away)) * away
+        strain, dx = ufl.sym(ufl.grad(error)), domain.dx(quadrature_degree=6)
+        squares = (integral(domain, ufl.inner(e, e) * dx) for e in (strain, error))
+        errors.append([float(np.sqrt(square)) for square in squares])
+    found_rates = np.log2(np.array(errors[0]) / np.array(errors[1]))
+    where = f"turning disc, degree 2{', curved cells' if curved else ''}, h = 0.1"
+    for name, error, rate, wanted in zip(("V", "L2"), errors[1], found_rates, rates, strict=True):
+        found.append(Row("V28", where, f"error in {name}", float(error), None, TEST))
+        if curved:
+            found.append(Row("V28", where, f"rate in {name}", float(rate), wanted, TEST))
+        assert rate == pytest.approx(wanted, abs=0.15)
 
 
 def test_a_flat_body_with_quadratic_displacements_has_straight_edges() -> None:

@@ -222,6 +222,8 @@ def _require_applicable(state: SolvedState) -> None:
         raise NotApplicable("not for axisymmetric bodies, whose equilibrium has other terms")
     if state.problem.element.boxes:
         raise NotApplicable("the stresses in equilibrium are for triangles, not quadrilaterals")
+    if state.problem.element.curved:
+        raise NotApplicable("the stresses in equilibrium are for cells with straight sides")
     if not state.report.converged:
         raise NotApplicable("the solve did not converge")
     require_still_foundations(state)

@@ -29,7 +29,7 @@ class Triangles:
         mesh, topology = domain.mesh, domain.mesh.topology
         self.domain = domain
         count = topology.index_map(2).size_local
-        self.corners = mesh.geometry.x[_compat.cell_nodes(mesh)[:count], :2]
+        self.corners = mesh.geometry.x[_compat.cell_corners(mesh)[:count], :2]
         edges = self.corners[:, 1:] - self.corners[:, :1]
         self.maps = np.swapaxes(edges, 1, 2)
         self.determinants = np.abs(np.linalg.det(self.maps))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -47,8 +47,10 @@ class MeshElements:
 class MeshData:
     """Points (m, dim), the numbers (m,) of the nodes in the file, cells and facets.
 
-    ``straightened`` is by what share the measure of the body has changed where nodes on edges, of
-    cells of second order, were left out; None for a mesh of first order.
+    ``curved`` (k, n) are all nodes of cells of second order whose sides are curved, the corners
+    first and then the middles of edges as in DOLFINx; None for a mesh with straight sides.
+    ``straightened`` is by what share the measure of the body changes where nodes on edges, of cells
+    of second order, are left out; None for a mesh of first order.
     """
 
     dim: int
@@ -57,11 +59,26 @@ class MeshData:
     cells: MeshElements
     facets: MeshElements
     straightened: float | None = None
+    curved: IntArray | None = None
 
     @property
     def kind(self) -> CellKind:
         """The kind of the cells."""
         return KINDS[self.dim, self.cells.nodes.shape[1]]
+
+    @property
+    def straight(self) -> MeshData:
+        """The mesh with straight sides between the corners, without the other nodes."""
+        if self.straightened is None:
+            return self
+        parts = (self.cells, self.facets)
+        kept = np.unique(np.concatenate([elements.nodes.reshape(-1) for elements in parts]))
+        cells, facets = (
+            replace(elements, nodes=np.searchsorted(kept, elements.nodes)) for elements in parts
+        )
+        return MeshData(
+            self.dim, self.points[kept], self.numbers[kept], cells, facets, self.straightened
+        )
 
     def save(self, path: Path) -> None:
         """Write a file that `load` reads, without Python's pickle."""
@@ -71,6 +88,8 @@ class MeshData:
             for kind, elements in (("cells", self.cells), ("facets", self.facets))
             for part in ("nodes", "numbers", "groups")
         }
+        if self.curved is not None:
+            arrays["curved"] = self.curved
         np.savez(
             path,
             dim=self.dim,
@@ -103,4 +122,5 @@ class MeshData:
                 cells,
                 facets,
                 None if math.isnan(share) else share,
+                file.get("curved"),
             )

@@ -12,6 +12,8 @@ import numpy as np
 
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
+from contact_locking.mesh.cell_kind import EDGES
+from contact_locking.mesh.curved_cells import curved_jacobians
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.contiguity import Touching, check_contiguity
 from contact_locking.mesh.file.data import MeshData, MeshElements
@@ -71,6 +73,7 @@ def _diagnose(mesh: MeshData, touching: Touching) -> Diagnosis:
     check_coordinates(mesh)
     _check_groups_of_cells(mesh)
     check_cells(mesh, warnings)
+    check_curved(mesh)
     facets = Facets(mesh.cells.nodes, len(mesh.points), mesh.kind)
     _check_sharing(mesh, facets)
     _check_folds(mesh, facets)
@@ -87,15 +90,13 @@ def _diagnose(mesh: MeshData, touching: Touching) -> Diagnosis:
 
 
 def _told_of_order(mesh: MeshData) -> list[str]:
-    if mesh.straightened is None:
+    if mesh.straightened is None or mesh.curved is not None:
         return []
-    # A quadratic displacement has no affine strain in a curved cell, so that a limit at points
-    # would say nothing about the rest of the cell.
     what = "area" if mesh.dim == 2 else "volume"
     return [
         "its cells are of second order; their corners alone are taken, so that sides are straight: "
-        f"the {what} changes by {mesh.straightened:.1%}. discretisation.degree: 2 needs no nodes "
-        "on the edges"
+        f"the {what} changes by {mesh.straightened:.1%}. discretisation.degree: 2 takes the curved "
+        "sides of triangles and tetrahedra, and needs no nodes on straight edges"
     ]
 
 
@@ -169,6 +170,34 @@ def check_cells(mesh: MeshData, warnings: list[str]) -> None:
         warnings.append(
             f"{places.cell(mesh, int(np.argmax(thin)))} has nearly collapsed"
             f"{places.more(int(thin.sum()))}; digits are lost where a {kind.name} is so thin"
+        )
+
+
+def check_curved(mesh: MeshData) -> None:
+    """Raise InputError for a curved cell that is folded, and for edges that come apart."""
+    if mesh.curved is None:
+        return
+    edges = np.array(EDGES[mesh.dim])
+    ends = np.sort(mesh.curved[:, edges], axis=2).reshape(-1, 2)
+    middles = mesh.curved[:, mesh.kind.corners :].reshape(-1)
+    of_edge = np.unique(np.column_stack([ends, middles]), axis=0)
+    twice = (of_edge[1:, :2] == of_edge[:-1, :2]).all(axis=1)
+    if twice.any():
+        first = of_edge[np.argmax(twice)]
+        raise InputError(
+            f"{places.nodes(mesh, first[:2])} are the ends of an edge with two nodes in its "
+            f"middle, one of them {places.node(mesh, int(first[2]))}{places.more(int(twice.sum()))}"
+            "; neighbours have to share them (gmsh.model.mesh.removeDuplicateNodes)"
+        )
+    jacobians = curved_jacobians(mesh.kind, mesh.points[mesh.curved])
+    share = jacobians.min(axis=1) / np.abs(jacobians).max(axis=1)
+    share = np.maximum(share, (-jacobians).min(axis=1) / np.abs(jacobians).max(axis=1))
+    folded = ~(share > _COLLAPSED)
+    if folded.any():
+        raise InputError(
+            f"{places.cell(mesh, int(np.argmax(folded)))} is folded"
+            f"{places.more(int(folded.sum()))}: its curved sides meet; take smaller cells there, "
+            "or let Gmsh optimise them (gmsh.model.mesh.optimize with HighOrder)"
         )
 
 

@@ -14,13 +14,14 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh.cell_kind import KINDS, TRIANGLE, CellKind
+from contact_locking.mesh.cell_kind import EDGES, KINDS, TRIANGLE, CellKind
 from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.places import ONE_KIND
 from contact_locking.mesh.file.topology import signed_measures
 from contact_locking.meshes import empty_model
 
 _FLAT = 1e-12  # of the largest coordinate
+_SAME_PLACE = 1e-6  # of an edge
 # The name of all cells where none has a group.
 _WHOLE = "body"
 
@@ -28,7 +29,8 @@ _WHOLE = "body"
 def extract(model: Any, origin: str) -> MeshData:
     """The points, the cells and the facets of a model.
 
-    Of cells of second order the corners are taken.  Raises InputError, where ``origin`` names the
+    Of cells of second order the corners are cells with straight sides, and all nodes of curved
+    simplices are there as well.  Raises InputError, where ``origin`` names the
     mesh, unless the cells are of one kind, and those of a body in 2D in a plane z = constant.
     Cells without any group are one.
     """
@@ -58,7 +60,31 @@ def extract(model: Any, origin: str) -> MeshData:
         ones = np.ones_like(cells.groups)
         cells = MeshElements(cells.nodes, cells.numbers, ones, {_WHOLE: (1,)})
     mesh = MeshData(dim, np.ascontiguousarray(points[:, :dim]), numbers, cells, facets)
-    return mesh if number == kind.gmsh else _straight(mesh, _measure(model, number))
+    return mesh if number == kind.gmsh else _of_second_order(model, mesh, number)
+
+
+def _of_second_order(model: Any, mesh: MeshData, number: int) -> MeshData:
+    """The mesh of elements with this number in Gmsh, with their nodes if they are curved."""
+    kind = mesh.kind
+    pieces = kind.split(mesh.cells.nodes)
+    straight = np.abs(signed_measures(mesh.points, pieces)).sum() / math.factorial(mesh.dim)
+    found = replace(mesh, straightened=straight / _measure(model, number) - 1.0)
+    if kind.curved:
+        tags, nodes = model.mesh.getElementsByType(number)
+        rows = np.searchsorted(mesh.numbers, nodes.astype(np.int64)).reshape(len(tags), -1)
+        order = np.argsort(tags)
+        there = order[np.searchsorted(tags, mesh.cells.numbers, sorter=order)]
+        found = replace(found, curved=rows[there][:, list(kind.curved)])
+    return found if found.curved is not None and _bends(found) else found.straight
+
+
+def _bends(mesh: MeshData) -> bool:
+    """Whether the node of any edge is off its middle by more than the rounding of a file."""
+    assert mesh.curved is not None
+    x = mesh.points[mesh.curved]
+    ends = x[:, np.array(EDGES[mesh.dim])]
+    off = np.linalg.norm(x[:, mesh.kind.corners :] - ends.mean(axis=2), axis=2)
+    return bool(np.any(off > _SAME_PLACE * np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)))
 
 
 def _measure(model: Any, number: int) -> float:
@@ -66,21 +92,6 @@ def _measure(model: Any, number: int) -> float:
     places, weights = model.mesh.getIntegrationPoints(number, "Gauss4")
     _, determinants, _ = model.mesh.getJacobians(number, places)
     return float(np.sum(np.abs(determinants.reshape(-1, len(weights)) @ weights)))
-
-
-def _straight(mesh: MeshData, measure: float) -> MeshData:
-    """The mesh without nodes that are no corners; ``measure`` is that of the curved cells."""
-    corners = [elements.nodes.reshape(-1) for elements in (mesh.cells, mesh.facets)]
-    kept = np.unique(np.concatenate(corners))
-    cells, facets = (
-        replace(elements, nodes=np.searchsorted(kept, elements.nodes))
-        for elements in (mesh.cells, mesh.facets)
-    )
-    pieces = mesh.kind.split(mesh.cells.nodes)
-    straight = np.abs(signed_measures(mesh.points, pieces)).sum() / math.factorial(mesh.dim)
-    return MeshData(
-        mesh.dim, mesh.points[kept], mesh.numbers[kept], cells, facets, straight / measure - 1.0
-    )
 
 
 def triangles(model: Any, origin: str) -> FloatArray:

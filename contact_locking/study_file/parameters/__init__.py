@@ -294,6 +294,17 @@ class Parameters(Section):
                 "loads.tractions.0.value",
             )
         element = self.discretisation
+        if self.mesh.curved and element.degree != 2:
+            yield Fault(
+                ("discretisation", "degree"),
+                "must be 2 with mesh.curved, as the sides of curved cells have the degree 2",
+            )
+        if self.mesh.curved and self.adapt is not None:
+            yield Fault(
+                ("adapt",),
+                "does not go with mesh.curved: DOLFINx refines cells with straight sides only; "
+                "leave out one",
+            )
         if self.mesh.axisymmetric and element.degree > 1 and element.limit_at == "vertices":
             yield Fault(
                 ("discretisation", "limit_at"),

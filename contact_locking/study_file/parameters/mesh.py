@@ -21,7 +21,7 @@ from .values import Condition, Integer, Names, Number, NumberOrInfinite, Switch,
 from .wording import show, unknown_key, value_message
 
 #: The keys that are no parameters of builders.
-_SHARED = ("builder", "file", "facets", "axisymmetric", "parts")
+_SHARED = ("builder", "file", "facets", "axisymmetric", "curved", "parts")
 
 
 class Plane(Section):
@@ -88,6 +88,12 @@ class MeshParameters(Section):
         "the 2D mesh is the half section of a body of revolution, in the coordinates "
         "(r, z) = (x, y) with x >= 0",
     )
+    curved: Switch | None = entry(
+        None,
+        "the cells have curved sides, of degree 2 as the displacements (discretisation.degree: 2); "
+        "null: those of a Gmsh file of second order have, and those of a builder have not",
+        optional=True,
+    )
     parts: dict[Text, BoundaryPart] = entry(
         {}, "more parts of the boundary, by name; they may overlap", optional=True
     )
@@ -105,7 +111,7 @@ class MeshParameters(Section):
         if not isinstance(data, dict):
             return data
         own = {key: value for key, value in data.items() if key not in _SHARED}
-        shared = {key: data[key] for key in ("axisymmetric", "parts") if key in data}
+        shared = {key: data[key] for key in ("axisymmetric", "curved", "parts") if key in data}
         builder, file = data.get("builder"), data.get("file")
         if file is not None:
             refuse_if(
@@ -137,6 +143,8 @@ class MeshParameters(Section):
     @model_serializer
     def _flat(self) -> dict[str, Any]:
         shared: dict[str, Any] = {"axisymmetric": True} if self.axisymmetric else {}
+        if self.curved is not None:
+            shared["curved"] = self.curved
         if self.parts:
             shared["parts"] = {
                 name: part.model_dump(exclude_defaults=True) for name, part in self.parts.items()
@@ -152,6 +160,8 @@ class MeshParameters(Section):
         return (*self.geometry.facet_names, *self.parts)
 
     def _faults(self) -> Iterator[Fault]:
+        if self.curved:
+            yield from self._curved_faults()
         known = [] if self.geometry is None else list(self.geometry.facet_names)
         for name, part in self.parts.items():
             if not name.isprintable() or not name:
@@ -165,6 +175,14 @@ class MeshParameters(Section):
                         message = f"no part before this one is named '{wanted}'; there are {there}"
                         yield Fault(("parts", name, "on"), message)
                 known.append(name)
+
+    def _curved_faults(self) -> Iterator[Fault]:
+        if self.file is not None and is_xdmf(self.file):
+            yield Fault(("curved",), "must be false: curved cells are read from Gmsh files only")
+        if self.geometry is not None and not self.geometry.curved:
+            yield Fault(("curved",), f"must be false: {self.builder} has straight sides")
+        elif getattr(self.geometry, "cells", "simplex") != "simplex":
+            yield Fault(("curved",), "is for triangles and tetrahedra; take cells: simplex")
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The parts whose places do not fit a body of ``dim`` dimensions."""
