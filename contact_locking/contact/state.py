@@ -18,13 +18,15 @@ class ContactState:
     coefficient depends on ``s_k``.  ``place`` (k, d) is ``u_{k-1}`` and ``slip`` (k,) is
     ``s_{k-1}`` at the owned nodes of the contact.  ``travel`` (d,) is how far a force had pushed
     the foundation, and ``motion`` is where the foundation itself was.  All are zero at the
-    beginning, and in a static problem.
+    beginning, and in a static problem.  ``displacement`` are the values of ``u_{k-1}`` at all local
+    dofs, from which bodies are paired anew; it is None at the beginning, and for others.
     """
 
     place: FloatArray
     slip: FloatArray
     travel: FloatArray
     motion: RigidMotion
+    displacement: FloatArray | None = None
 
     @classmethod
     def at_rest(cls, nodes: int, dim: int) -> ContactState:

@@ -59,7 +59,15 @@ def contact_of(
     if foundation is not None:
         placed = _foundation(domain, given, foundation, clock)
     against = given.against or None
-    return Contact(given.on, placed, friction, force=force, key=given.key, against=against)
+    return Contact(
+        given.on,
+        placed,
+        friction,
+        force=force,
+        key=given.key,
+        against=against,
+        pair=given.pair,
+    )
 
 
 def friction_warnings(domain: Domain, given: ContactParameters, clock: Clock) -> list[str]:

@@ -86,7 +86,7 @@ def exported(solution: StudySolution) -> str:
     Both are sums over the same nodes, so that their order does not matter.
     """
     points = solution.contact_points
-    if points is None:
+    if points is None or len(solution.contacts) > 1:
         return ""
     listed = np.column_stack([points.pressure, points.traction])
     dim = points.dim
