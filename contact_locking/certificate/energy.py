@@ -26,8 +26,8 @@ The bounds hold for the discrete problem on every mesh, for every n up to infini
 size of the step.
 
 Bodies that are paired anew in a step have another room ``h_k`` by the new pairing, whose jump of
-``u_{k-1}`` the room has in W_k.  The lower bound holds as before.  The upper bound takes both states
-in one pairing, and is left out.
+``u_{k-1}`` the room has in W_k.  The lower bound holds as before.  The upper bound takes both
+states in one pairing, and is left out.
 
 The forces of an eigenstrain eps_0 act at the nodes as loads do.  The balance above counts their
 work, and ``a(u, u)/2``.  A history has the elastic energy ``A(eps - eps_0)^2/2`` and the work of

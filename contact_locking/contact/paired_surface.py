@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from dolfinx import fem
 from scipy.sparse import csr_matrix, diags
@@ -72,7 +74,7 @@ class PairedSurface(ContactSurface):
     def _pair(self, one: Side, two: Side) -> csr_matrix:
         """Set the distance and the weights to those of two sides; the rows of the jump."""
         found, here, domain = pair(one, two), self._here, self.domain
-        _require_facing(domain, one, found, self._given)
+        _require_facing(domain, one, two, found, self._given)
         faces, own = (found.faces & ~self._at_tip)[here], self._own
         shares = found.shares[here].tocsr()
         columns = self._theirs[shares.indices]
@@ -142,9 +144,11 @@ class PairedSurface(ContactSurface):
         ratio = (one / two) ** (1.0 / (self.domain.dim - 1))
         if ratio <= _COARSER:
             return []
+        on, against = (", ".join(names or ()) for names in (self._given.on, self._given.against))
         return [
-            f"{self._key}: the facets of on are {ratio:.2g} times as long as those of against; the "
-            "conditions of contact hold at the nodes of on: let the finer side be on"
+            f"{self._key}: the facets of {on} are {ratio:.2g} times as long as those of {against}, "
+            "and the conditions of contact hold at the nodes of on alone; let the finer side be "
+            f"on: {{on: {against}, against: {on}}}"
         ]
 
 
@@ -204,12 +208,21 @@ def _require_apart(
     )
 
 
-def _require_facing(domain: Domain, one: Side, found: Pairing, given: Contact) -> None:
+def _require_facing(domain: Domain, one: Side, two: Side, found: Pairing, given: Contact) -> None:
     """Raise InputError for sides that do not face each other, or not once, or overlap too deep."""
     key, on, against = given.key, ", ".join(given.on), ", ".join(given.against or ())
     if not found.faces.any():
         where = domain.where(one.points.mean(axis=0))
-        raise InputError(
+        behind = pair(one, replace(two, outward=-two.outward)).faces
+        if behind.any():
+            where = domain.where(one.points[np.argmax(behind)])
+            raise Misplaced(
+                f"the outward normals of {on} and {against} point the same way, as at {where}: "
+                "one side sees the other from behind, or lies inside of its body; name the two "
+                "sides that face each other, or move the bodies apart",
+                f"{key}.against",
+            )
+        raise Misplaced(
             f"the outward normals of {on}, around {where}, meet no facet of {against} that faces "
             "them; name the two parts that will touch each other",
             f"{key}.against",
@@ -227,6 +240,6 @@ def _require_facing(domain: Domain, one: Side, found: Pairing, given: Contact) -
         raise Misplaced(
             f"{on} reaches {depth:.4g} deep into {against} at "
             f"{domain.where(one.points[deepest])}: displacements are small, and so must overlaps "
-            "be",
+            "be; move the bodies apart, or name the sides that face each other",
             f"{key}.against",
         )

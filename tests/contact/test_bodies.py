@@ -240,7 +240,17 @@ def test_wrong_sides_are_refused_with_words() -> None:
     with pytest.raises(InputError, match=r"same and lower_top share the nodes of 4 facets, as at"):
         named = {"same": {"on": ["lower_top"]}}
         solve(stack(mesh__parts=named, contact={"on": "same", "against": "lower_top"}))
-    with pytest.raises(InputError, match=r"reaches 0\.4\d* deep into rim"):
+    # The outer side of the ring, which a ray from the disc meets from within, and the way back.
+    for on, against in (("rim", "outer"), ("outer", "rim")):
+        told = rf"normals of {on} and {against} point the same way, as at x = .* inside of its body"
+        with pytest.raises(InputError, match=told):
+            solve(fit(contact={"on": on, "against": against}))
+    load = [{"on": "upper_left", "value": [0.01, 0.0]}]
+    with pytest.raises(
+        InputError, match=r"top and lower_top .* as at x = .*, y = 2: one side sees"
+    ):
+        solve(stack(contact={"on": "top", "against": "lower_top"}, loads__tractions=load))
+    with pytest.raises(InputError, match=r"reaches 0\.4\d* deep into rim at x = .*; move the bod"):
         solve(fit(mesh__radius=1.4, contact={"on": "inner", "against": "rim"}))
     with pytest.raises(ValueError, match=r"'lower_top' is in on as well"):
         stack(contact={"on": ["lower_top", "left"], "against": "lower_top"})
@@ -267,7 +277,8 @@ def test_a_side_that_is_much_coarser_is_warned_of() -> None:
         stack(2, 0.25, mesh__h_upper=0.05, contact=contact, friction__coefficient=0.3)
     )
     (warning,) = solution.summary["warnings"]
-    assert "let the finer side be on" in warning
+    assert "facets of lower_top are 5 times as long as those of upper_bottom" in warning
+    assert "{on: upper_bottom, against: lower_top}" in warning
 
 
 def test_meshes_of_both_bodies_are_refined_where_they_touch() -> None:

@@ -82,7 +82,7 @@ def grains(random: Random) -> Case:
     mesh: Study = {
         "builder": "grains",
         "count": count,
-        "spread": pick(random, [0.0, 0.1, 0.3]),
+        "spread": pick(random, [0.01, 0.1, 0.3]),
         "width": between(random, 2.7, 7.0),
         "distance": pick(random, [None, None, 0.1 * size]),
         "seed": int(random.integers(100)),

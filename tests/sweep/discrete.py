@@ -37,7 +37,7 @@ class Contact:
 
     ``decides`` says where contact has a say: where the normal displacement is not prescribed.
     ``seen`` maps displacements to what contact limits at the nodes, (k d, dofs): the displacement
-    there, or the jump to another body.  Several contacts follow each other, and a node may be in each.
+    there, or the jump to another body.  A node is there once for each contact that it is in.
     """
 
     nodes: IntArray

@@ -45,9 +45,9 @@ class SavedStep:
     """A step that was solved and saved.
 
     ``memories`` are what friction remembered during the step: for each contact ``u_{k-1,tau}``
-    (k, d) and the slip ``s_{k-1}`` (k,).  ``displacement`` are the local values of ``u_{k-1}``, None
-    unless bodies are paired anew.  ``history`` ends with the row of the step, and ``halved`` tells
-    which steps were halved.
+    (k, d) and the slip ``s_{k-1}`` (k,).  ``displacement`` are the local values of ``u_{k-1}``,
+    None unless bodies are paired anew.  ``history`` ends with the row of the step, and ``halved``
+    tells which steps were halved.
     """
 
     time: float
