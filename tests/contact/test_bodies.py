@@ -454,6 +454,27 @@ def test_slender_blocks_without_slip_are_one_beam(load: float) -> None:
     assert 2.0 < ratio < 4.0
 
 
+def test_nodes_that_neither_stick_nor_slide_are_solved_with_much_friction() -> None:
+    """Two long blocks: a node at the end of the contact would open if it sticks."""
+    given: dict[str, Any] = {
+        "mesh__upper": [20.0, 1.0],
+        "mesh__size": [20.0, 1.0],
+        "loads__displacements": [{"on": ["left", "upper_left"], "value": [0.0, 0.0]}],
+        "loads__tractions": [{"on": "top", "value": [0.0, -1e-5]}],
+    }
+    found = [solved(stack(2, 0.5, **given, friction__coefficient=mu)) for mu in (1e3, 1e5)]
+    sizes = [one.summary["displacement_max"] for one in found]
+    assert sizes[0] == pytest.approx(sizes[1], rel=1e-4)
+    for one in found:
+        assert one.summary["iterations"]["tangents"] <= 15
+        assert one.summary["slip_max"] <= 2e-3 * one.summary["displacement_max"]
+    # One update of the nodes that are pressed is not enough.
+    hasty = {"max_friction_updates": 1, "max_iterations": 20}
+    fails = solve(stack(2, 0.5, **given, friction__coefficient=math.inf, solver=hasty))
+    assert not fails.converged
+    assert "take friction.coefficient: 1e3 in place of .inf" in fails.summary["suggestion"]
+
+
 def test_newton_and_the_interior_point_method_agree_on_two_bodies() -> None:
     held = [
         {"on": "bottom", "value": [0.0, 0.0]},
