@@ -108,10 +108,11 @@ class ContactSection(Section):
         "those of on: bodies touch each other; null: a foundation",
         optional=True,
     )
-    pair: Pair = entry(
-        "once",
+    pair: Pair | None = entry(
+        None,
         "with against: find the points that face each other once, on the undeformed mesh, or at "
-        "the beginning of each_step, where they are",
+        "the beginning of each_step, where they are; null: once",
+        optional=True,
     )
     gap: TimedScalar = entry(
         0.0,
@@ -155,7 +156,14 @@ class ContactSection(Section):
         own = OwnFriction() if self.friction is None else self.friction
         friction = own.over(common)
         return ContactParameters(
-            key, self.on, self.gap, self.foundation, friction, own, self.against or (), self.pair
+            key,
+            self.on,
+            self.gap,
+            self.foundation,
+            friction,
+            own,
+            self.against or (),
+            self.pair or "once",
         )
 
 
