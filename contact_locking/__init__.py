@@ -22,7 +22,14 @@ from contact_locking._version import __version__ as __version__
 
 if TYPE_CHECKING:
     from contact_locking.certificate.verdict import Extras
-    from contact_locking.contact.contact import Contact, Force, Gap, Motion
+    from contact_locking.contact.contact import (
+        Contact,
+        Force,
+        FoundationSpring,
+        Gap,
+        Motion,
+        Tilt,
+    )
     from contact_locking.contact.coulomb import Convolution, Coulomb, Helmholtz, Local
     from contact_locking.contact.friction_bound import FrictionBound
     from contact_locking.contact_problem import ContactProblem
@@ -65,6 +72,7 @@ __all__ = [
     "Elasticity",
     "Extras",
     "Force",
+    "FoundationSpring",
     "FrictionBound",
     "FrictionLaw",
     "Gap",
@@ -86,6 +94,7 @@ __all__ = [
     "StrainBall",
     "StudySolution",
     "Support",
+    "Tilt",
     "TriangulatedSurface",
     "Volume",
     "Weighted",
@@ -114,6 +123,7 @@ _HOME = {
     "Elasticity": "problem.elasticity",
     "Extras": "certificate.verdict",
     "Force": "contact.contact",
+    "FoundationSpring": "contact.contact",
     "FrictionBound": "contact.friction_bound",
     "FrictionLaw": "laws.friction",
     "Gap": "contact.contact",
@@ -135,6 +145,7 @@ _HOME = {
     "StrainBall": "problem.limits",
     "StudySolution": "results.solution",
     "Support": "supports.supports",
+    "Tilt": "contact.contact",
     "TriangulatedSurface": "laws.triangulated",
     "Volume": "problem.limits",
     "Weighted": "problem.limits",

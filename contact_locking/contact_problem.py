@@ -52,9 +52,8 @@ class ContactProblem:
     form.  ``bcs`` are conditions of DOLFINx and :class:`Support`; ``limits`` are sets of strains
     whose intersection is K, and ``contacts`` are :class:`Contact`.  ``tags`` are mesh tags of
     facets whose values have the ``names`` that contacts and supports may use.  ``space`` is the
-    space of displacements, of degree 1 or 2 on triangles or tetrahedra and of degree 1 on
-    quadrilaterals or hexahedra, where neither ``a`` nor ``L`` is a
-    form.  ``n`` is a stress, and ``compliance`` a length over a stress, None for 1/n.
+    space of displacements of degree 1 or 2, on a mesh of cells of one kind, where neither ``a`` nor
+    ``L`` is a form.  ``n`` is a stress, and ``compliance`` a length over a stress, None for 1/n.
     ``energy`` maps u to a convex and differentiable functional J(u), which adds to the energy.
     ``limit_at`` chooses the points where quadratic displacements keep K: the "vertices" of each
     cell, which is the default on simplices, or the "gauss" points.  ``axisymmetric`` says that the

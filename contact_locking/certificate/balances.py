@@ -35,8 +35,8 @@ class Equilibrium:
     relative to the largest of the three sums of nodal force magnitudes, and the moment to this sum
     times the extent of the body.  Forces as small as the rounding in ``u``, or in the reactions,
     which a strain beyond its limit makes large, count as zero.  The forces of a user's own energy
-    take part in all three.  ``tools`` has for each tool ``|F - int (sigma_tau - p nu) . d|`` with
-    its force F, relative to F.
+    take part in all three.  ``tools`` has for each free motion m of a foundation
+    ``|F - k q - int (sigma_tau - p nu) . m|`` relative to F or to the integral of the magnitudes.
 
     The radial forces on an axisymmetric body balance by symmetry, and have no resultant.  The force
     along the axis alone is balanced then, and ``moment`` is None.
@@ -140,7 +140,7 @@ def equilibrium(state: SolvedState) -> Equilibrium:
 
 
 def _tool_balances(state: SolvedState, least: float) -> tuple[float, ...]:
-    """The part of the force of each tool that nothing balances; collective.
+    """The share of the forces along each free motion that nothing balances; collective.
 
     ``least`` is the force below which forces are rounding.
     """
@@ -148,8 +148,9 @@ def _tool_balances(state: SolvedState, least: float) -> tuple[float, ...]:
     found = []
     for tool in state.problem.data.tools:
         fields = of_contact[id(tool.contact)]
-        left = abs(tool.force - tool.resultant(fields.pressure, fields.traction))
-        size = max(tool.force, least)
+        resultant, magnitude = tool.resultant(fields.pressure, fields.traction)
+        left = abs(tool.left - resultant)
+        size = max(abs(tool.force), magnitude, least * tool.reach)
         found.append(left / size if size > 0.0 else left)
     return tuple(found)
 

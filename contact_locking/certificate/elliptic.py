@@ -35,13 +35,13 @@ class NotApplicable(Exception):
 def require_still_foundations(state: SolvedState) -> None:
     """Raise NotApplicable if the place of a foundation is an unknown.
 
-    A force pushes it, or it is another body.
+    Forces move it, or it is another body.
     """
     if state.problem.data.jumps:
         raise NotApplicable("two bodies touch, and the proof is for foundations in a known place")
     if state.problem.data.tools:
         raise NotApplicable(
-            "a force pushes a foundation, and the proof is for foundations in a known place"
+            "forces decide where a foundation is, and the proof is for foundations in a known place"
         )
 
 

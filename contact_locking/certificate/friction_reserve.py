@@ -27,9 +27,10 @@ def share_against_sliding(state: SolvedState) -> float:
     space = problem.u.function_space
     fields = loose_fields(problem.domain, space, data, problem.constraints)
     everywhere = np.ones(fields.shape[1], dtype=bool)
-    normals, moves, forces, bounds = [np.zeros((0, len(fields) + len(data.tools)))], [], [], []
+    tools = data.loose_tools
+    normals, moves, forces, bounds = [np.zeros((0, len(fields) + len(tools)))], [], [], []
     for found in state.contacts:
-        at_nodes = MotionsAtContact(found.contact, fields, everywhere, data.tools)
+        at_nodes = MotionsAtContact(found.contact, fields, everywhere, tools)
         normals += comm.allgather(at_nodes.normals)
         if not found.contact.friction.frictionless:
             tangents = at_nodes.tangents()

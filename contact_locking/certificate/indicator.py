@@ -18,9 +18,7 @@ from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem import gauss_points
 from contact_locking.laws.elasticity import mandel_values
-
-# The ends of the edges whose middles are nodes of a cell, after its corners, in DOLFINx's order.
-EDGES = {2: ((1, 2), (0, 2), (0, 1)), 3: ((2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))}
+from contact_locking.mesh.cell_kind import NAMED
 
 # Where the points of a patch do not determine a quadratic polynomial, the quadratic terms vanish:
 # their squares, with this factor, are added to the squares of the differences at the points.
@@ -28,13 +26,15 @@ _REGULARISATION = 1e-4
 
 
 class PatchRecovery:
-    """Continuous piecewise quadratic fields from affine fields in each cell, by patches of cells.
+    """Continuous fields of degree 2 from fields in each cell, by patches of cells.
 
     1. For each node at a corner of cells, the patch is the set of cells around the node.
-    2. A polynomial of degree 2 is fitted to the values of the affine fields at the points of
-       Gauss's rule in the cells of the patch, by least squares.
-    3. The value at a corner is the value of its polynomial.  The value at the middle of an edge is
-       the mean of the polynomials of both ends.
+    2. A polynomial of degree 2 is fitted to the values of the fields at the points of Gauss's rule
+       of degree 2 in the cells of the patch, by least squares.
+    3. The value at a corner is the value of its polynomial.  The value in the middle of an edge, a
+       face or a cell is the mean of the polynomials of the corners around.
+
+    At the points of Gauss's rule strains of degree 2 are more accurate than elsewhere.
 
     The mesh has ``count`` owned cells (Zienkiewicz and Zhu, doi:10.1002/nme.1620330702).
     """
@@ -44,36 +44,36 @@ class PatchRecovery:
         self._corners: IndexArray = self._space(1).dofmap.list[:count]
         nodes = _compat.cell_nodes(mesh)[:count]
         self._x = mesh.geometry.x[nodes][:, :, : self._dim]
-        shares = gauss_points.shares(mesh.topology.cell_name())
-        self._points = np.einsum("qc,kcd->kqd", shares, self._x)
-        middles = [self._x[:, list(edge)].mean(axis=1) for edge in EDGES[self._dim]]
-        self._nodes = np.concatenate([self._x, np.stack(middles, axis=1)], axis=1)
+        name = mesh.topology.cell_name()
+        self._points = np.einsum("qc,kcd->kqd", gauss_points.shares(name), self._x)
+        # (n, c) what each corner counts in each node.
+        self._shares = NAMED[name].basis(gauss_points.lagrange(name, 2).points)
+        self._nodes = np.einsum("nc,kcd->knd", self._shares, self._x)
 
     def nodal(self, values: FloatArray, inside: BoolArray) -> FloatArray:
         """The recovered values (k, nodes, m) at the nodes of the cells ``inside`` (count,).
 
-        ``values`` (k, d + 1, m) are those at the Gauss points of these cells.  Patches have cells
+        ``values`` (k, q, m) are those at the Gauss points of these cells.  Patches have cells
         inside alone.  Collective.
         """
         corners, size = self._corners[inside], self._sizes(inside)
         fits = self._fits(values, inside, size)
-        result = np.zeros((len(values), self._nodes.shape[1], values.shape[2]))
-        number = np.zeros(self._nodes.shape[1])
-        for corner in range(self._dim + 1):
-            edges = [corner in edge for edge in EDGES[self._dim]]
-            at = np.flatnonzero([*(corner == other for other in range(self._dim + 1)), *edges])
+        result = np.zeros((len(values), len(self._shares), values.shape[2]))
+        for corner in range(corners.shape[1]):
+            shares = self._shares[:, corner]
+            at = np.flatnonzero(shares > 0.0)
             origin, scale = self._x[inside, None, corner], size[corners[:, corner], None, None]
             monomials = _monomials((self._nodes[inside][:, at] - origin) / scale)
-            result[:, at] += np.einsum("knf,kfm->knm", monomials, fits[corners[:, corner]])
-            number[at] += 1.0
-        return result / number[:, None]
+            found = np.einsum("knf,kfm->knm", monomials, fits[corners[:, corner]])
+            result[:, at] += shares[at, None] * found
+        return result
 
     def _sizes(self, inside: BoolArray) -> FloatArray:
         """(v,) the root mean square of the distances from each node to the points; collective."""
         apart = self._points[inside][:, :, None] - self._x[inside][:, None]
         squares = np.sum(apart**2, axis=(1, 3))
         sums = self._summed(
-            np.stack([squares, np.full_like(squares, self._dim + 1)], axis=2), inside
+            np.stack([squares, np.full_like(squares, apart.shape[1])], axis=2), inside
         )
         return np.sqrt(sums[:, 0] / np.maximum(sums[:, 1], 1.0))
 
@@ -81,7 +81,7 @@ class PatchRecovery:
         """The coefficients (v, f, m) of the polynomials of the local nodes; collective."""
         corners, points = self._corners[inside], self._points[inside]
         terms = []
-        for corner in range(self._dim + 1):
+        for corner in range(corners.shape[1]):
             origin, scale = self._x[inside, None, corner], size[corners[:, corner], None, None]
             monomials = _monomials((points - origin) / scale)
             both = np.concatenate([monomials, values], axis=2)
@@ -100,7 +100,7 @@ class PatchRecovery:
         return found
 
     def _summed(self, values: FloatArray, inside: BoolArray) -> FloatArray:
-        """(v, m) the sums over the cells around each local node of values (k, d + 1, m)."""
+        """(v, m) the sums over the cells around each local node of values (k, c, m)."""
         total = fem.Function(self._space(values.shape[2]))
         nodal = total.x.array.reshape(-1, values.shape[2])
         rows = self._corners[inside].reshape(-1)
@@ -138,9 +138,10 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
 
     For degree 1, s* and e* are continuous and of degree 1: their values at a node are the means
     over the cells around the node, weighted by volume (Zienkiewicz and Zhu,
-    doi:10.1002/nme.1620240206).  For degree 2 they are continuous and piecewise quadratic
-    (`patch_recovery`).  The cells around a node are those of one named region, because stress and
-    strain may jump between regions.
+    doi:10.1002/nme.1620240206).  For degree 2 they are continuous and of degree 2
+    (`PatchRecovery`), and s and e have the values at the points of the strains and the degree of
+    the strains, as in simplices and parallelepipeds.  The cells around a node are those of one
+    named region, because stress and strain may jump between regions.
 
     ``total`` estimates ``int (s_exact - s) : (e_exact - e)`` and is not a bound.  Because the
     locking law is monotone, this integral is at least ``a(u_exact - u, u_exact - u)``, which
@@ -163,8 +164,8 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
         means = np.einsum("kq,kqm->km", weights, values.reshape(*weights.shape, 3 * m))
         means /= weights.sum(axis=1, keepdims=True)
         defect = _recovered(state, means) - _at_corners(state, values)
-    elif element.strain_degree == 1 and not element.boxes:
-        defect = _defect_of_affine(state, values)
+    elif element.strain_degree > 0:
+        defect = _defect_of_quadratic(state, values)
     else:
         raise NotApplicable("not applicable: the points of the element do not determine the strain")
     cell_volumes = weights.sum(axis=1)
@@ -193,19 +194,25 @@ def cell_field(state: SolvedState, name: str, square: FloatArray) -> fem.Functio
     return field
 
 
-def _defect_of_affine(state: SolvedState, values: FloatArray) -> FloatArray:
+def _defect_of_quadratic(state: SolvedState, values: FloatArray) -> FloatArray:
     """The recovered minus the given fields (k, nodes, m) at the nodes of degree 2 in each cell.
 
     ``values`` are those at the points of the strains.  Collective.
     """
-    dim, m = state.dim, values.shape[1]
-    in_cells = values.reshape(-1, dim + 1, m)
-    shares = gauss_points.shares(state.problem.domain.kind.name)
-    at_corners = state.problem.element.limit_at == "vertices"
-    corners = in_cells if at_corners else np.einsum("cq,kqm->kcm", np.linalg.inv(shares), in_cells)
-    at_points = np.einsum("qc,kcm->kqm", shares, corners)
-    middles = [corners[:, list(edge)].mean(axis=1) for edge in EDGES[dim]]
-    given = np.concatenate([corners, np.stack(middles, axis=1)], axis=1)
+    element, name = state.problem.element, state.problem.domain.kind.name
+    degree = element.strain_degree
+    functions = partial(gauss_points.nodal_functions, name, degree)
+    own = gauss_points.points(name, degree)
+    if element.limit_at == "vertices":
+        own = gauss_points.lagrange(name, degree).points
+    in_cells = values.reshape(-1, len(own), values.shape[1])
+    inverse = np.linalg.inv(functions(own))
+
+    def at(places: FloatArray) -> FloatArray:
+        return np.einsum("nq,kqm->knm", functions(places) @ inverse, in_cells)
+
+    at_points = at(gauss_points.points(name, 1))
+    given = at(gauss_points.lagrange(name, 2).points)
     recovery = PatchRecovery(state.problem.domain.mesh, len(in_cells))
     defect = np.empty_like(given)
     for inside in _regions(state, len(in_cells)):
@@ -225,12 +232,8 @@ def _at_corners(state: SolvedState, values: FloatArray) -> FloatArray:
 
 def _mass(name: str, degree: int) -> FloatArray:
     """The mass matrix of the nodal basis of a degree on a cell of a kind, of volume 1."""
-    cell = basix.CellType[name]
-    element = basix.create_element(
-        basix.ElementFamily.P, cell, degree, basix.LagrangeVariant.gll_warped
-    )
-    points, weights = basix.make_quadrature(cell, 2 * degree)
-    basis = element.tabulate(0, points)[0, :, :, 0]
+    points, weights = basix.make_quadrature(basix.CellType[name], 2 * degree)
+    basis = gauss_points.nodal_functions(name, degree, points)
     return np.asarray(basis.T @ (weights[:, None] * basis) / weights.sum())
 
 

@@ -98,7 +98,7 @@ def require_coulomb(state: SolvedState) -> None:
     bounds = [contact.friction for contact in state.problem.contacts]
     if state.problem.data.tools:
         raise NotApplicable(
-            "a force pushes a foundation, and the slip is relative to the unknown travel"
+            "forces decide where a foundation is, and the slip is relative to its unknown travel"
         )
     if any(bound.stands for bound in bounds):
         raise NotApplicable("without slip there is no coefficient of friction")

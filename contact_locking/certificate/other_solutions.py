@@ -23,6 +23,7 @@ from scipy.linalg import block_diag
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.contact.free_motions import Travel
 from contact_locking.problem.motion_in_words import describe_motion, point
 from contact_locking.problem.motions_at_contact import MotionsAtContact
 from contact_locking.problem.parts import loose_by_part
@@ -79,7 +80,7 @@ class _FreeMotions:
 
     def __init__(self, state: SolvedState) -> None:
         problem, comm = state.problem, state.comm
-        self._tools, domain = problem.data.tools, problem.domain
+        self._tools, domain = problem.data.loose_tools, problem.domain
         parts = loose_by_part(domain, problem.u.function_space, problem.data, problem.constraints)
         fields = np.vstack([values for _, values in parts])
         self._part_names, self._dim = domain.part_names, domain.dim
@@ -140,8 +141,11 @@ class _FreeMotions:
         for number, tool in enumerate(self._tools):
             reach = self._reach(allowed, first + number)
             if reach is not None:
-                on, along = ", ".join(tool.contact.on), point(tool.direction, 1.0)
-                return f"the tool on {on} along {along}, {reach}"
+                on = ", ".join(tool.contact.on)
+                how = (
+                    f"along {point(tool.direction, 1.0)}" if isinstance(tool, Travel) else "turned"
+                )
+                return f"the tool on {on} {how}, {reach}"
         of_parts = (self._coefficients @ motion)[:first].reshape(-1, size)
         most = int(np.argmax(np.linalg.norm(of_parts, axis=1)))
         of_part = f"{self._part_names[most]}, " if several else ""

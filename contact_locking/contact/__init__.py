@@ -1,1 +1,1 @@
-"""Contacts: the surface, the foundation, friction with its smoothing, and pushed foundations."""
+"""Contacts: the surface, the foundation, friction with its smoothing, and free foundations."""

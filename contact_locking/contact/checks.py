@@ -12,7 +12,7 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import present
-from contact_locking.contact.contact import Contact, Gap, Motion
+from contact_locking.contact.contact import Contact, FoundationSpring, Gap, Motion, Tilt
 from contact_locking.contact.coulomb import Coulomb
 from contact_locking.contact.foundation import PlacedFoundation
 from contact_locking.contact.nodal_contact import NodalContact
@@ -76,6 +76,32 @@ def _faults(given: Contact, dim: int) -> Iterator[tuple[str, str]]:
         yield "motion", f"must be {wanted}, not {_shown(given.motion)}"
     if given.force is not None and not _has(given.force, "size"):
         yield "force", f"must be a Force, not {_shown(given.force)}"
+    yield from _of_holders(given, dim)
+
+
+def _of_holders(given: Contact, dim: int) -> Iterator[tuple[str, str]]:
+    """The faults of spring and tilt."""
+    spring: Any = given.spring
+    tilt: Any = given.tilt
+    if spring is not None:
+        if not isinstance(spring, FoundationSpring):
+            yield "spring", f"must be a FoundationSpring, not {_shown(spring)}"
+        elif (spring.along is None) == (given.force is None):
+            wanted = "give it along a line" if given.force is None else "leave out its line"
+            yield "spring", f"{wanted}: it acts along the force, or along a line without a force"
+        elif spring.along is not None and np.shape(spring.along) != (dim,):
+            yield "spring", f"along must have {dim} components in {dim}D"
+        elif spring.along is not None and not 0.0 < np.linalg.norm(spring.along) < np.inf:
+            yield "spring", "along must be a vector of finite length above zero"
+        elif not _is_number(spring.stiffness):
+            yield "spring", f"stiffness must be a number, not {_shown(spring.stiffness)}"
+    if tilt is not None:
+        if not isinstance(tilt, Tilt):
+            yield "tilt", f"must be a Tilt, not {_shown(tilt)}"
+        elif np.shape(present(tilt.about)) != (dim,):
+            yield "tilt", f"about must have {dim} components in {dim}D"
+        elif not _is_number(tilt.stiffness):
+            yield "tilt", f"stiffness must be a number, not {_shown(tilt.stiffness)}"
 
 
 def _of_foundation(body: Any, dim: int) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""The equilibrium of a pushed foundation by the penalty laws, for a displacement of the body."""
+"""The equilibrium of a free foundation by the penalty laws, for a displacement of the body."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.pushed_foundation import PushedFoundation
+from contact_locking.contact.free_motions import FreeMotion, Travel
 from contact_locking.parallel import maximum
 
 # The forces balance to this share of the force, or as rounding permits.
@@ -17,26 +17,36 @@ _TOLERANCE = 1e-14
 # Shorter ways than this share of the displacements are rounding.
 _ROUNDING = 1e-16
 _MOST_STEPS = 100
+# Newton's method for several motions has this share of the stiffness of the whole contact beside
+# that of the nodes that touch, of which one does not stop a turn.
+_FLOOR = 1e-9
+# A step ends where the slope along it is this share of that at its start, after so many trials.
+_SLOPE_SHARE, _TRIALS = 0.5, 60
 
 
-class Tools(Sequence[PushedFoundation]):
-    """The pushed foundations of a problem, with travels and equilibrium by the penalty laws."""
+class Tools(Sequence[FreeMotion]):
+    """The free motions of all foundations, with their sizes and equilibrium by the penalty laws.
 
-    def __init__(self, tools: Sequence[PushedFoundation], epsilon: fem.Constant) -> None:
-        self._tools = tuple(tools)
+    The motions of one foundation follow each other.
+    """
+
+    def __init__(self, motions: Sequence[FreeMotion], epsilon: fem.Constant) -> None:
+        self._motions = tuple(motions)
+        firsts = [item for item in self if item is item.siblings[0]]
         self.balances = [
-            ToolBalance(tool, epsilon, tool.contact.surface.domain.extent) for tool in tools
+            ToolBalance(item.siblings, epsilon, item.contact.surface.domain.extent)
+            for item in firsts
         ]
 
     def __len__(self) -> int:
-        return len(self._tools)
+        return len(self._motions)
 
     def __getitem__(self, number: Any) -> Any:
-        return self._tools[number]
+        return self._motions[number]
 
     @property
     def travels(self) -> tuple[float, ...]:
-        """The travel of each foundation; to set them is collective."""
+        """The size of each motion; to set them is collective."""
         return tuple(tool.travel for tool in self)
 
     @travels.setter
@@ -44,42 +54,84 @@ class Tools(Sequence[PushedFoundation]):
         for tool, value in zip(self, values, strict=True):
             tool.travel = value
 
+    @property
+    def forces(self) -> FloatArray:
+        """F (T,) at present."""
+        return np.array([tool.force for tool in self])
+
+    @property
+    def stiffnesses(self) -> FloatArray:
+        """K (T,) at present."""
+        return np.array([tool.stiffness for tool in self])
+
+    @property
+    def act(self) -> bool:
+        """Whether a free foundation presses on the body, if it is in the way, at present."""
+        return any(tool.acts for tool in self)
+
+    def rest(self, u: fem.Function) -> None:
+        """Let foundations that no force presses touch the body; collective."""
+        for tool in self:
+            if isinstance(tool, Travel) and not tool.acts:
+                tool.touch(u)
+
     def settle(self, u: fem.Function) -> None:
-        """Move each foundation to where the penalty laws hold its force; collective."""
+        """Move each foundation to where the penalty laws hold its forces; collective."""
         for balance in self.balances:
             balance.settle(u)
 
 
 class ToolBalance:
-    """The travel q(u) at which pressure (25) and friction (22) hold the force of a foundation.
+    """The sizes q(u) of motions at which pressure (25) and friction (22) hold a foundation.
 
-    The force of the foundation along d,
+    The forces of the contact along the motions m_i,
 
-        g(q) = -int (p nu - sigma_tau) . d,   with u - q d in the place of u,
+        g_i(q) = -int (p nu - sigma_tau) . m_i,   with u - sum q_i m_i in the place of u,
 
-    grows with q, so that ``g(q) = F`` has one solution.  With q(u) the potential of (25) less
-    ``F q`` is a function of u alone.  It is convex, its gradient is the residual of (25) at q(u),
-    and its second derivative is ``K - B B^T/c`` with the tangent K at a travel that stands still,
-    ``B = dg/du`` and ``c = dg/dq``.  Without a force the foundation keeps a distance of ``length``.
+    are the gradient of a convex function of q, so that ``g_i(q) + k_i q_i = F_i`` has a solution.
+    With q(u) the potential of (25) less ``F q - k q^2/2`` is a function of u alone.  It is convex,
+    its gradient is the residual of (25) at q(u), and its second derivative is ``K - B C^-1 B^T``
+    with the tangent K at a foundation that stands still, ``B = dg/du`` and ``C = dg/dq + k``.
+    Without a force the foundation keeps a distance of ``length``.
     """
 
-    def __init__(self, tool: PushedFoundation, epsilon: fem.Constant, length: float) -> None:
-        self.tool, self._epsilon, self._length = tool, epsilon, length
+    def __init__(self, tools: Sequence[FreeMotion], epsilon: fem.Constant, length: float) -> None:
+        self.tools, self._epsilon, self._length = tools, epsilon, length
+        self.contact = tools[0].contact
+
+    @property
+    def _acts(self) -> bool:
+        return self.tools[0].acts
 
     def settle(self, u: fem.Function) -> None:
         """Move the foundation to q(u); collective."""
-        tool = self.tool
-        if not tool.pushes:
-            return tool.touch(u, self._length)
-        state, travel = _State(self, u), tool.travel
+        first = self.tools[0]
+        if not self._acts:
+            assert isinstance(first, Travel)
+            return first.touch(u, self._length)
+        state = _State(self, u)
+        found = state.start.copy()
+        if isinstance(first, Travel):
+            found[0] = self._along(state, found)
+        if len(found) > 1 or not isinstance(first, Travel):
+            found = self._together(state, found)
+        for tool, value in zip(self.tools, found, strict=True):
+            tool.travel = value
+
+    def _along(self, state: _State, sizes: FloatArray) -> float:
+        """The travel at which the force along it is in equilibrium, at fixed turns."""
+        tool, sizes = self.tools[0], sizes.copy()
         # The solution is between low and high.
         low, high = -np.inf, np.inf
         for trial in range(_MOST_STEPS):
-            force, slope = state.at(travel)
-            left = tool.force - force
+            travel = sizes[0]
+            forces, slopes = state.at(sizes)
+            left = tool.force - tool.stiffness * travel - forces[0]
+            slope = slopes[0, 0] + tool.stiffness
+            acting = max(tool.force, tool.stiffness * abs(travel))
             low, high = (travel, high) if left > 0.0 else (low, travel)
             step = left / slope if slope > 0.0 else np.inf
-            if abs(left) <= _TOLERANCE * tool.force or abs(step) <= _ROUNDING * state.size:
+            if abs(left) <= _TOLERANCE * acting or abs(step) <= _ROUNDING * state.size:
                 break
             if not low < travel + step < high:
                 if np.isfinite(high - low):
@@ -88,37 +140,72 @@ class ToolBalance:
                     # Where all of the contact is pressed, or none, by more and more.
                     reach = 2.0**trial * state.size
                     step = state.reach(tool.force) + reach if left > 0.0 else -reach
-            travel += step
-        tool.travel = travel
+            sizes[0] += step
+        return float(sizes[0])
 
-    def border(self, u: fem.Function, floor: float) -> tuple[FloatArray, float]:
-        """The tractions (k, d) of ``B`` at the nodes, and c, at the present travel; collective.
+    def _together(self, state: _State, sizes: FloatArray) -> FloatArray:
+        """The sizes of all motions in equilibrium, by Newton's method."""
+        forces = np.array([tool.force for tool in self.tools])
+        springs = np.array([tool.stiffness for tool in self.tools])
+
+        def left_at(sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
+            found, slopes = state.at(sizes)
+            return forces - springs * sizes - found, slopes + np.diag(springs)
+
+        left, slopes = left_at(sizes)
+        for _ in range(_MOST_STEPS):
+            step = np.asarray(np.linalg.solve(slopes + _FLOOR * state.whole, left), dtype=float)
+            start = float(left @ step)
+            moved = state.way(step)
+            if not start > 0.0 or moved <= _ROUNDING * state.size:
+                break
+            t = self._length_of(lambda t: float(left_at(sizes + t * step)[0] @ step), start)  # noqa: B023
+            sizes = sizes + t * step
+            left, slopes = left_at(sizes)
+        return sizes
+
+    def _length_of(self, slope: Any, start: float) -> float:
+        """The length of a step at which the work left along it is a share of that at its start."""
+        low, high, t = 0.0, np.inf, 1.0
+        for _ in range(_TRIALS):
+            left = slope(t)
+            if abs(left) <= _SLOPE_SHARE * start:
+                break
+            low, high = (t, high) if left > 0.0 else (low, t)
+            t = 0.5 * (low + high) if np.isfinite(high) else 4.0 * t
+        return t
+
+    def border(self, u: fem.Function, floor: float) -> tuple[FloatArray, FloatArray]:
+        """The tractions (m, k, d) of ``B`` at the nodes, and C (m, m), at present; collective.
 
         ``floor`` is a stiffness of the contact that is added to that of the law.
         """
-        tool, contact = self.tool, self.tool.contact
-        if not tool.pushes:
-            return np.zeros_like(contact.normals), 0.0
-        return _State(self, u).block(floor)
+        count = len(self.tools)
+        if not self._acts:
+            return np.zeros((count, *self.contact.normals.shape)), np.zeros((count, count))
+        tractions, corner = _State(self, u).block(floor)
+        return tractions, corner + np.diag([tool.stiffness for tool in self.tools])
 
 
 class _State:
-    """The arguments of the laws at the nodes of a pushed foundation's contact; collective."""
+    """The arguments of the laws at the nodes of a free foundation's contact; collective."""
 
     def __init__(self, balance: ToolBalance, u: fem.Function) -> None:
-        tool, contact = balance.tool, balance.tool.contact
+        tools, contact = balance.tools, balance.contact
         self._contact, self._comm = contact, contact.surface.domain.comm
-        self._travel = tool.travel
+        #: The present sizes of the motions (m,).
+        self.start = np.array([tool.travel for tool in tools])
         self._epsilon = float(balance._epsilon.value)
         self._excess = contact.split(u)[0] - contact.gaps
         self._slip = contact.increment(u)
         normals = contact.normals
-        self._normals, self._along = normals, normals @ tool.direction
-        self._across = tool.direction - self._along[:, None] * normals
+        fields = np.array([tool.field for tool in tools])
+        self._normals, self._along = normals, np.einsum("mkd,kd->mk", fields, normals)
+        self._across = fields - self._along[..., None] * normals
         self._bound, self._length = contact.bounds, float(contact.regularisation.value)
         self._weights = contact.surface.weights
         self._pressed = self._weights * contact.free
-        facing = -np.minimum(self._along, 0.0)
+        facing = -np.minimum(self._along[0], 0.0)
         self._all = self._sum(self._pressed * facing**2) / self._epsilon
         towards = contact.free & (facing > 0.0)
         deepest = float(np.max(-self._excess[towards] / facing[towards], initial=0.0))
@@ -127,43 +214,58 @@ class _State:
         self.size = maximum(self._comm, np.abs(u.x.array)) + maximum(
             self._comm, np.abs(contact.gaps)
         )
+        self._fields = fields
 
     def reach(self, force: float) -> float:
         """The way until all nodes that the foundation faces carry a force without friction."""
         return self._farthest + force / (self._all or 1.0)
 
-    def at(self, travel: float) -> tuple[float, float]:
-        """The force g and its slope at a travel."""
-        step = travel - self._travel
-        excess = self._excess - step * self._along
-        slip = self._slip - step * self._across
+    def way(self, step: FloatArray) -> float:
+        """The largest displacement of the foundation by a step of the sizes."""
+        moved = np.einsum("m,mkd->kd", step, self._fields)
+        return maximum(self._comm, np.abs(moved))
+
+    @property
+    def whole(self) -> FloatArray:
+        """The slopes (m, m) of the forces if all nodes touch."""
+        found = np.einsum("ik,jk,k->ij", self._along, self._along, self._pressed) / self._epsilon
+        return np.asarray(self._comm.allreduce(found))
+
+    def at(self, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The forces g (m,) and their slopes (m, m) at sizes of the motions."""
+        step, across = sizes - self.start, self._across
+        excess = self._excess - step @ self._along
+        slip = self._slip - np.einsum("m,mkd->kd", step, across)
         size = np.sqrt(np.sum(slip**2, axis=1) + self._length**2)
-        rubbing, share = self._weights * self._bound, np.einsum("ki,ki->k", slip, self._across)
-        force = -self._pressed @ (np.maximum(excess, 0.0) * self._along) / self._epsilon
-        slope = self._pressed @ ((excess > 0.0) * self._along**2) / self._epsilon
+        rubbing, shares = self._weights * self._bound, np.einsum("kd,mkd->mk", slip, across)
+        forces = -self._along @ (self._pressed * np.maximum(excess, 0.0)) / self._epsilon
+        stiff = self._pressed * (excess > 0.0) / self._epsilon
+        slopes = np.einsum("ik,jk,k->ij", self._along, self._along, stiff)
         with np.errstate(divide="ignore", invalid="ignore"):
             slides = rubbing > 0.0
-            force -= float(np.sum((rubbing * share / size)[slides]))
-            across = np.sum(self._across**2, axis=1)
-            bends = rubbing * (across / size - share**2 / size**3)
-            slope += float(np.sum(bends[slides]))
-        force, slope = self._comm.allreduce(np.array([force, slope]))
-        return float(force), float(slope)
+            forces -= np.sum((rubbing * shares / size)[:, slides], axis=1)
+            products = np.einsum("ikd,jkd->ijk", across, across) / size
+            bends = rubbing * (products - shares[:, None] * shares[None] / size**3)
+            slopes += np.sum(bends[..., slides], axis=2)
+        whole = self._comm.allreduce(np.vstack([forces, slopes]))
+        return whole[0], whole[1:]
 
-    def block(self, floor: float) -> tuple[FloatArray, float]:
-        """The tractions that the blocks of the laws make of ``-d``, and c."""
+    def block(self, floor: float) -> tuple[FloatArray, FloatArray]:
+        """The tractions that the blocks of the laws make of ``-m``, and ``dg/dq``."""
+        across = self._across
         normal = -self._along * ((self._excess > 0.0) / self._epsilon + floor)
         size = np.sqrt(np.sum(self._slip**2, axis=1) + self._length**2)
-        share = np.einsum("ki,ki->k", self._slip, self._across)
+        shares = np.einsum("kd,mkd->mk", self._slip, across)
         with np.errstate(divide="ignore", invalid="ignore"):
             bends = self._bound[:, None] * (
-                self._across / size[:, None] - (share / size**3)[:, None] * self._slip
+                across / size[:, None] - (shares / size**3)[..., None] * self._slip
             )
-        bends[self._bound == 0.0] = 0.0
+        bends[:, self._bound == 0.0] = 0.0
         free = self._contact.free
-        tractions = (free * normal)[:, None] * self._normals - bends
-        products = -(free * normal) * self._along + np.sum(bends * self._across, axis=1)
-        return tractions, self._sum(self._weights * products)
+        tractions = (free * normal)[..., None] * self._normals - bends
+        products = -np.einsum("ik,jk,k->ij", self._along, normal, self._pressed)
+        products += np.einsum("ikd,jkd,k->ij", across, bends, self._weights)
+        return tractions, np.asarray(self._comm.allreduce(products))
 
     def _sum(self, values: FloatArray) -> float:
         return float(self._comm.allreduce(float(np.sum(values))))

@@ -19,7 +19,7 @@ from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.plausibility import about_the_gap
 from contact_locking.laws.convex import normal_part, tangential_part
-from contact_locking.laws.rigid_motion import RigidMotion
+from contact_locking.laws.rigid_motion import RigidMotion, SmallMotion
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import on_any_rank
 from contact_locking.supports.conditions import Constraints
@@ -37,8 +37,8 @@ class NodalContact:
     friction acts at the other nodes.  ``against`` are the boundary parts of the other body that
     ``on`` touches, none for a foundation; displacements are jumps then.
 
-    ``state`` is the memory of friction from earlier steps, ``travel`` (d,) the displacement that a
-    force gives to the foundation, and ``drag`` (k, d) how far the foundation has moved in the step.
+    ``state`` is the memory of friction from earlier steps, ``travel`` the motion that forces give
+    to the foundation, and ``drag`` (k, d) how far the foundation has moved in the step.
     On a foundation that moves, the slip is relative to it: ``reference`` is
     ``(u_{k-1} + drag)_tau`` as a function, for the forms.
 
@@ -76,7 +76,7 @@ class NodalContact:
         self.bound = surface.scalar_function(np.zeros(count), "friction_bound")
         self.reference = surface.vector_function(np.zeros((count, dim)), "old_slip")
         self.state = ContactState.at_rest(count, dim)
-        self.travel: FloatArray = np.zeros(dim)
+        self.travel = SmallMotion.rest(dim)
         self._gaps = self.gaps
         # How far the foundation itself has moved in the step, without its travel.
         self._moved: FloatArray = np.zeros((count, dim))
@@ -141,12 +141,13 @@ class NodalContact:
         self.normal.x.scatter_forward()
         self.move_foundation(self.travel)
 
-    def move_foundation(self, travel: FloatArray) -> None:
-        """Let the force move the foundation by ``travel`` (d,) in all; collective."""
-        self.travel, normals = travel, self.normals
-        self.gap.x.array[self.surface.nodes] = self._gaps + normals @ travel
+    def move_foundation(self, travel: SmallMotion) -> None:
+        """Let forces move the foundation by ``travel`` in all; collective."""
+        self.travel, normals, points = travel, self.normals, self.surface.points
+        way = travel.at(points)
+        self.gap.x.array[self.surface.nodes] = self._gaps + np.sum(normals * way, axis=1)
         self.gap.x.scatter_forward()
-        self.drag = self._moved + (travel - self.state.travel)
+        self.drag = self._moved + (way - self.state.travel.at(points))
         place = self.state.place + self.drag
         self._refer(place - np.sum(place * normals, axis=1)[:, None] * normals)
 
@@ -169,8 +170,8 @@ class NodalContact:
 
     @property
     def moves(self) -> bool:
-        """Whether the foundation moves, by a given motion or by a force."""
-        return self.foundation.moves or self.is_pushed
+        """Whether the foundation moves, by a given motion or by forces."""
+        return self.foundation.moves or self.is_free
 
     @property
     def pairs_anew(self) -> bool:
@@ -183,9 +184,9 @@ class NodalContact:
         return np.asarray(np.linalg.norm(along, axis=1))
 
     @property
-    def is_pushed(self) -> bool:
-        """Whether a force pushes the foundation."""
-        return self.given.force is not None
+    def is_free(self) -> bool:
+        """Whether the place of the foundation is unknown: forces and moments decide."""
+        return self.given.is_free
 
     @property
     def gaps(self) -> FloatArray:
@@ -291,7 +292,7 @@ def _surface(
     if given.against is None:
         return ContactSurface(domain, space, given.on, f"{given.key}.on", element, limited)
     is_gap = isinstance(given.foundation, Gap | GivenGap)
-    if not is_gap or given.motion is not None or given.force is not None:
+    if not is_gap or given.motion is not None or given.is_free:
         raise InputError(
             "a contact is with a foundation, which may move, or with another body; leave out one "
             "of both",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.laws.rigid_motion import RigidMotion
+from contact_locking.laws.rigid_motion import RigidMotion, SmallMotion
 
 
 @dataclass(frozen=True)
@@ -16,19 +16,21 @@ class ContactState:
 
     Friction acts on the slip of the present step, ``u_tau - u_{k-1,tau}``, and the friction
     coefficient depends on ``s_k``.  ``place`` (k, d) is ``u_{k-1}`` and ``slip`` (k,) is
-    ``s_{k-1}`` at the owned nodes of the contact.  ``travel`` (d,) is how far a force had pushed
-    the foundation, and ``motion`` is where the foundation itself was.  All are zero at the
-    beginning, and in a static problem.  ``displacement`` are the values of ``u_{k-1}`` at all local
-    dofs, from which bodies are paired anew; it is None at the beginning, and for others.
+    ``s_{k-1}`` at the owned nodes of the contact.  ``travel`` is how far forces
+    had moved the foundation, and ``motion`` is where the foundation itself was.  All are zero at
+    the beginning, and in a static problem.  ``displacement`` are the values of
+    ``u_{k-1}`` at all local dofs, from which bodies are paired anew; it is None at the beginning,
+    and for others.
     """
 
     place: FloatArray
     slip: FloatArray
-    travel: FloatArray
+    travel: SmallMotion
     motion: RigidMotion
     displacement: FloatArray | None = None
 
     @classmethod
     def at_rest(cls, nodes: int, dim: int) -> ContactState:
         """Nothing has moved."""
-        return cls(np.zeros((nodes, dim)), np.zeros(nodes), np.zeros(dim), RigidMotion.rest(dim))
+        nothing = SmallMotion.rest(dim), RigidMotion.rest(dim)
+        return cls(np.zeros((nodes, dim)), np.zeros(nodes), *nothing)

@@ -122,32 +122,50 @@ class ContactSurface:
         The middle of an edge from corner 1 to 2 is off the chord by the sagitta
         ``|x_2 - x_1| (nu_2 - nu_1) . t/8`` along the normal, with the averaged normals nu of the
         body at the corners and the tangent t of the edge.  At a corner of the body itself, where
-        nu is more than 15 degrees off that of the edge, the edge is straight, and at an end of
-        Gamma_C it is as curved as at its other end.  The first use is collective.
+        nu is more than 15 degrees off that of the edge, the edge is straight, and an edge that ends
+        at the rim of Gamma_C, where nu is that of one side, is there as curved as at its other end.
+        The middle of a quadrilateral is off by half the sum of its edges.  The first use is
+        collective.
         """
         found = self.points.copy()
         if self.limited.are_nodal:
             return found
         function = self.vector_function(self.body_normals())
-        count = fem.Function(self.scalar_space)
-        np.add.at(count.x.array, self.facet_nodes[:, : self._corners], 1.0)
-        count.x.scatter_reverse(la.InsertMode.add)
-        count.x.scatter_forward()
-        middles, ends = self.limited.edges(function)
-        nodes, corners = self.limited.edges(count)
+        scalars = self.scalar_function(self.weights)
+        edges, nodes = (self.limited.entities(each)[0] for each in (function, scalars))
+        ends, middles, corners = edges[:, :2], edges[:, 2], nodes[:, :2]
         normals = function.x.array.reshape(-1, self.domain.dim)
         x = self.scalar_space.tabulate_dof_coordinates()[corners, : self.domain.dim]
         along = x[:, 1] - x[:, 0]
         length = np.linalg.norm(along, axis=1)
         slopes = np.einsum("mni,mi->mn", normals[ends], along / length[:, None])
         slopes[np.abs(slopes) > _CORNER] = 0.0
-        if self.domain.dim == 2:
-            is_end = count.x.array[corners] == 1.0
-            slopes = np.where(is_end, -slopes[:, ::-1], slopes)
+        slopes = np.where(self._is_end(nodes), -slopes[:, ::-1], slopes)
         sagitta = length * (slopes[:, 1] - slopes[:, 0]) / 8.0
-        rows = np.searchsorted(self.nodes, nodes)
-        found[rows] += sagitta[:, None] * normals[middles]
-        return found
+        off = self.vector_function(np.zeros_like(found))
+        nodal = off.x.array.reshape(-1, self.domain.dim)
+        nodal[middles] = sagitta[:, None] * normals[middles]
+        off.x.scatter_forward()
+        for faces in self.limited.entities(off)[1:]:
+            nodal[faces[:, -1]] = 0.5 * nodal[faces[:, 4:8]].sum(axis=1)
+        return found + nodal[self.blocks]
+
+    def _is_end(self, edges: IndexArray) -> BoolArray:
+        """(m, 2) whether edges (m, 3), as nodes of the scalar space, end at the rim; collective."""
+        facets = fem.Function(self.scalar_space)
+        np.add.at(facets.x.array, self.facet_nodes, 1.0)
+        facets.x.scatter_reverse(la.InsertMode.add)
+        facets.x.scatter_forward()
+        # At a corner of Gamma_C, with one facet, the rim ends as well.
+        found = facets.x.array[edges[:, :2]] == 1.0
+        if self.domain.dim == 3:
+            is_inside = facets.x.array[edges[:, 2]] > 1.0
+            rim = fem.Function(self.scalar_space)
+            np.add.at(rim.x.array, edges[~is_inside, :2], 1.0)
+            rim.x.scatter_reverse(la.InsertMode.add)
+            rim.x.scatter_forward()
+            found |= is_inside[:, None] & (rim.x.array[edges[:, :2]] > 0.0)
+        return np.asarray(found)
 
     def free_nodes(self, normal: FloatArray, constraints: Constraints) -> BoolArray:
         """(k,) the nodes whose normal displacement is not prescribed.
@@ -238,17 +256,16 @@ class ContactSurface:
     def limited_gap(self, gap: FloatArray) -> FloatArray:
         """The limited values (k,) of a gap (k,) at the nodes; collective.
 
-        They are between the least and the largest gap at the nodes of an edge.  The control value
-        of a gap that has a kink, as beside the edge of a tool, would be far off.
+        They are between the least and the largest gap at the nodes of an edge or a quadrilateral.
+        The control value of a gap that has a kink, as beside the edge of a tool, would be far off.
         """
         if self.limited.are_nodal:
             return gap
         function = self.scalar_function(gap)
-        middles, ends = self.limited.edges(function)
-        values, found = function.x.array, self.limited_values(gap)
-        around = np.concatenate([values[ends], values[middles][:, None]], axis=1)
-        rows = np.searchsorted(self.nodes, middles)
-        found[rows] = np.clip(found[rows], around.min(axis=1), around.max(axis=1))
+        found = self.limited_values(gap)
+        for nodes in self.limited.entities(function):
+            values, rows = function.x.array[nodes], np.searchsorted(self.nodes, nodes[:, -1])
+            found[rows] = np.clip(found[rows], values.min(axis=1), values.max(axis=1))
         return found
 
     def vector_function(self, values: FloatArray, name: str = "f") -> fem.Function:
@@ -357,12 +374,13 @@ class ContactSurface:
         return np.searchsorted(numbers, np.concatenate(comm.allgather(local)))
 
     def _side_function(self, sides: IntArray) -> fem.Function:
-        """The affine function on facets whose values at the corners are the sides; collective."""
+        """The function of degree 1 on facets with the sides as values at corners; collective."""
         first = sum(self.domain.comm.allgather(len(self.nodes))[: self.domain.comm.rank])
         own = sides[first : first + len(self.nodes)].astype(float)
         function = self.scalar_function(own)
-        middles, ends = self.limited.edges(function)
-        function.x.array[middles] = function.x.array[ends].mean(axis=1)
+        values = function.x.array
+        for dim, nodes in enumerate(self.limited.entities(function), start=1):
+            values[nodes[:, -1]] = values[nodes[:, : 1 << dim]].mean(axis=1)
         function.x.scatter_forward()
         return function
 

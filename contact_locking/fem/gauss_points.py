@@ -23,7 +23,7 @@ from contact_locking.mesh.cell_kind import NAMED
 @cache
 def shares(cell: str, degree: int = 1) -> FloatArray:
     """The values (q, c) of the corners' functions of degree 1, with a row for each point."""
-    return NAMED[cell].basis(_points(cell, degree))
+    return NAMED[cell].basis(points(cell, degree))
 
 
 def element(cell: str, shape: tuple[int, ...] = (), degree: int = 1) -> Any:
@@ -35,37 +35,46 @@ def element(cell: str, shape: tuple[int, ...] = (), degree: int = 1) -> Any:
     return basix.ufl.blocked_element(scalars, shape=shape) if shape else scalars
 
 
-def nodes(cell: str, degree: int) -> FloatArray:
-    """The nodes (n, d) of Lagrange's element of a degree in the reference cell."""
-    lagrange = basix.LagrangeVariant.gll_warped
-    kind = basix.CellType[cell]
-    return np.asarray(basix.create_element(basix.ElementFamily.P, kind, degree, lagrange).points)
+@cache
+def lagrange(cell: str, degree: int) -> basix.finite_element.FiniteElement:
+    """Lagrange's element of a degree on a cell or a facet, whose ``points`` are its nodes."""
+    variant = basix.LagrangeVariant.gll_warped
+    return basix.create_element(basix.ElementFamily.P, basix.CellType[cell], degree, variant)
 
 
-def _points(cell: str, degree: int) -> FloatArray:
-    """The points (q, d) in the reference cell."""
-    points, _ = basix.make_quadrature(basix.CellType[cell], 2 * degree)
-    apart = np.linalg.norm(nodes(cell, degree)[:, None] - points, axis=2)
-    return np.asarray(points[np.argmin(apart, axis=1)])
+def nodal_functions(cell: str, degree: int, points: FloatArray) -> FloatArray:
+    """The values (q, n) of the functions of the nodes of a degree at points (q, d)."""
+    element = lagrange(cell, degree)
+    if not len(points):
+        # basix aborts without points.
+        return np.zeros((0, element.dim))
+    return np.asarray(element.tabulate(0, points)[0, :, :, 0])
+
+
+def points(cell: str, degree: int) -> FloatArray:
+    """The points (q, d) of the rule for functions of a degree, in the reference cell."""
+    found, _ = basix.make_quadrature(basix.CellType[cell], 2 * degree)
+    apart = np.linalg.norm(lagrange(cell, degree).points[:, None] - found, axis=2)
+    return np.asarray(found[np.argmin(apart, axis=1)])
 
 
 @cache
 def _element(cell: str, degree: int) -> Any:
-    kind, dim, places = basix.CellType[cell], NAMED[cell].dim, _points(cell, degree)
+    kind, dim, places = basix.CellType[cell], NAMED[cell].dim, points(cell, degree)
     number = len(places)
     # basix takes points and dual functionals for the entities of each of the dimensions 0 to 3.
-    points: list[list[Any]] = [[], [], [], []]
+    entity_points: list[list[Any]] = [[], [], [], []]
     functionals: list[list[Any]] = [[], [], [], []]
     for entity_dim, entities in enumerate(basix.topology(kind)[:dim]):
-        points[entity_dim] = [np.zeros((0, dim))] * len(entities)
+        entity_points[entity_dim] = [np.zeros((0, dim))] * len(entities)
         functionals[entity_dim] = [np.zeros((0, 1, 0, 1))] * len(entities)
-    points[dim] = [places]
+    entity_points[dim] = [places]
     functionals[dim] = [np.eye(number).reshape(number, 1, number, 1)]
     return basix.ufl.custom_element(
         kind,
         (),
         np.eye(number),
-        points,
+        entity_points,
         functionals,
         0,
         basix.MapType.identity,

@@ -217,6 +217,7 @@ P1_REVOLUTION = replace(P1, locking_rule=_MIDPOINT, elastic_rule=_MIDPOINT, kine
 P2_REVOLUTION = replace(P2_GAUSS, kinematics=REVOLUTION)
 
 _FACE = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0))
+_MIDDLES = ((0.5, 0.0), (0.0, 0.5), (1.0, 0.5), (0.5, 1.0), (0.5, 0.5))
 
 #: Bilinear or trilinear displacements on quadrilaterals and hexahedra.  The limit holds at the
 #: Gauss points, 2 in each direction.  Their rule is exact for Z : eps(v) with constant Z in every
@@ -241,14 +242,20 @@ _GAUSS_3: Rule = {"quadrature_degree": 4}
 
 #: Biquadratic or triquadratic displacements.  The limit holds at the Gauss points, 3 in each
 #: direction, where the elastic coefficients count as well.  Contact and friction limit the control
-#: values of the trace, as for P2; there are none for the faces of hexahedra.
+#: values of the trace, as for P2.
 Q2 = Element(
     degree=2,
     strain_degree=2,
     locking_rule=_GAUSS_3,
     trace=Trace(
-        rules={2: P2.trace.rules[2]},
-        pieces={2: P2.trace.pieces[2]},
+        rules={2: P2.trace.rules[2], 3: _nodes_alike(*_FACE, *_MIDDLES, measure=1.0)},
+        pieces={
+            2: P2.trace.pieces[2],
+            3: (
+                *((0, 4, 5), (8, 5, 4), (4, 1, 8), (6, 8, 1)),
+                *((5, 8, 2), (7, 2, 8), (8, 6, 7), (3, 7, 6)),
+            ),
+        },
         controls=True,
     ),
     limit_at="gauss",

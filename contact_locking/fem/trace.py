@@ -26,6 +26,17 @@ if TYPE_CHECKING:
 Rule = Mapping[str, Any]
 
 
+def _products(end: float, middle: float) -> dict[int, FloatArray]:
+    """The weights at 1, 3 or 9 nodes: of a point, of an edge, and products on a quadrilateral."""
+    on_face = [end * end] * 4 + [end * middle] * 4 + [middle * middle]
+    return {1: np.ones(1), 3: np.array([end, end, middle]), 9: np.array(on_face)}
+
+
+# What the values at the nodes of an edge or a quadrilateral count in the control value of its
+# middle, and what the control values count in the value there: corners first, the middle last.
+_CONTROL, _NODAL = _products(-0.5, 2.0), _products(0.25, 0.5)
+
+
 @dataclass(frozen=True)
 class Trace:
     """The points of a facet, which are its nodes, with positive weights, and the values there.
@@ -38,9 +49,11 @@ class Trace:
     ``controls`` tells which values of a trace the laws of contact and friction limit.  Without it
     they are the values at the nodes.  With it, for quadratic displacements, they are the control
     values: the value at a corner, and ``2 u_m - (u_1 + u_2)/2`` at the midpoint m of the edge
-    between the corners 1 and 2.  These are the coefficients of the trace in Bernstein's basis,
-    whose functions are not negative, have the sum 1, and have equal integrals over a facet.
-    Therefore, on a flat facet,
+    between the corners 1 and 2.  In the middle of a quadrilateral the control value is
+    ``4 u_m - sum u_e + (sum u_i)/4`` with the midpoints e of the edges and the corners i.
+    These are the coefficients of the trace in Bernstein's basis, on a quadrilateral the products of
+    those of both coordinates.  The functions are not negative, have the sum 1, and have equal
+    integrals over a triangle or a parallelogram.  Therefore, on a flat facet,
 
     - control values of ``u_nu - gap`` that are not positive imply ``u_nu <= gap`` everywhere, if
       the gap is quadratic,
@@ -92,15 +105,12 @@ class PointValues:
         self._nodes, self.blocks, self.space = nodes, blocks, limited
         #: Whether the limited values are the nodal values.
         self.are_nodal = not trace.controls
-        self._middles: IndexArray = np.empty(0, np.int32)
-        self._ends: IndexArray = np.empty((0, 2), np.int32)
-        if trace.controls:
-            self._middles, self._ends = _edges(scalars, nodes)
+        self._entities = _entities(scalars, nodes) if trace.controls else []
 
     @cached_property
     def matrix(self) -> csr_matrix:
         """The map (k, n) from the values of a displacement at its local blocks."""
-        return self._map(self._nodes, self.blocks, own=2.0, end=-0.5)
+        return self._map(self._nodes, self.blocks, _CONTROL)
 
     @property
     def by_blocks(self) -> csr_matrix:
@@ -114,7 +124,7 @@ class PointValues:
 
     @cached_property
     def _of_scalars(self) -> csr_matrix:
-        return self._map(self._nodes, np.arange(len(self.blocks)), own=2.0, end=-0.5)
+        return self._map(self._nodes, np.arange(len(self.blocks)), _CONTROL)
 
     def of(self, v: Expr) -> Expr:
         """A function or an argument of ``space`` with the degrees of freedom of ``v``."""
@@ -169,34 +179,42 @@ class PointValues:
             found[:, component] = work.x.array[self._nodes]
         return found
 
-    def edges(self, function: fem.Function) -> tuple[IndexArray, IndexArray]:
-        """The midpoints (m,) of edges, and the ends (m, 2), as nodes or blocks of a function."""
-        if function.ufl_shape == ():
-            return self._middles, self._ends
-        return self.blocks[self._middles], self.blocks[self._ends]
+    def entities(self, function: fem.Function) -> list[IndexArray]:
+        """The edges (m, 3) and the quadrilaterals (m, 9) whose middles have control values.
+
+        Each has its nodes, as nodes or blocks of a function: the corners first, the middle last.
+        """
+        is_scalar = function.ufl_shape == ()
+        return [around if is_scalar else self.blocks[around] for around in self._entities]
 
     def inverse(self, nodes: IndexArray, numbers: IndexArray) -> csr_matrix:
         """The map from limited to nodal values (k, m), for numbers (n,) < m of the local nodes."""
-        return self._map(nodes, numbers, own=0.5, end=0.25)
+        return self._map(nodes, numbers, _NODAL)
 
     def destroy(self) -> None:
         """Free PETSc's objects; collective."""
 
-    def _map(self, nodes: IndexArray, numbers: IndexArray, own: float, end: float) -> csr_matrix:
-        """1 at corners, and ``own`` and twice ``end`` at midpoints and the ends of their edges."""
+    def _map(
+        self, nodes: IndexArray, numbers: IndexArray, shares: Mapping[int, FloatArray]
+    ) -> csr_matrix:
+        """1 at corners, and at each middle the ``shares`` of the nodes of its entity."""
         # `check` does without SciPy, whose import takes a tenth of its time.
         from scipy.sparse import csr_matrix
 
         row = np.full(len(self.blocks), -1)
         row[nodes] = np.arange(len(nodes))
-        middles = row[self._middles]
-        diagonal = np.ones(len(nodes))
-        diagonal[middles] = own
-        rows = np.concatenate([np.arange(len(nodes)), np.repeat(middles, 2)])
-        columns = numbers[np.concatenate([nodes, self._ends.reshape(-1)])]
-        values = np.concatenate([diagonal, np.full(self._ends.size, end)])
+        middles = [around[:, -1] for around in self._entities]
+        corners = np.setdiff1d(nodes, np.concatenate([nodes[:0], *middles]))
+        rows, columns = [row[corners]], [corners]
+        values: list[FloatArray] = [np.ones(len(corners))]
+        for around in self._entities:
+            count = around.shape[1]
+            rows.append(np.repeat(row[around[:, -1]], count))
+            columns.append(around.reshape(-1))
+            values.append(np.tile(shares[count], len(around)))
         shape = (len(nodes), int(numbers.max(initial=-1)) + 1)
-        return csr_matrix((values, (rows, columns)), shape=shape)
+        places = np.concatenate(rows), numbers[np.concatenate(columns)]
+        return csr_matrix((np.concatenate(values), places), shape=shape)
 
 
 def displacement_map(rows: csr_matrix, vectors: fem.FunctionSpace) -> PETSc.Mat:
@@ -223,8 +241,9 @@ def make_nodal(function: fem.Function, places: Sequence[PointValues]) -> None:
     values = function.x.array.reshape(-1, *function.ufl_shape)
     limited = values.copy()
     for place in places:
-        middles, ends = place.edges(function)
-        values[middles] = 0.5 * limited[middles] + 0.25 * np.sum(limited[ends], axis=1)
+        for around in place.entities(function):
+            shares = _NODAL[around.shape[1]]
+            values[around[:, -1]] = np.tensordot(shares, limited[around], axes=(0, 1))
     function.x.scatter_forward()
 
 
@@ -235,32 +254,22 @@ def _control_space(vectors: fem.FunctionSpace) -> fem.FunctionSpace:
     field v are therefore ``v_m/2 + (v_1 + v_2)/4``, and ``v_1`` at a corner; collective.
     """
     mesh = vectors.mesh
-    dim, cell = mesh.topology.dim, basix.CellType[mesh.topology.cell_name()]
-    corners, topology = basix.geometry(cell), basix.topology(cell)
-    nodes = gauss_points.nodes(mesh.topology.cell_name(), 2)
+    dim, name = mesh.topology.dim, mesh.topology.cell_name()
+    lagrange = gauss_points.lagrange(name, 2)
     points: list[list[FloatArray]] = [[] for _ in range(4)]
     shares: list[list[FloatArray]] = [[] for _ in range(4)]
-
-    def add(entity: int, places: FloatArray, *weights: float) -> None:
-        points[entity].append(places)
-        dofs = 1 if weights else 0
-        shares[entity].append(np.array(weights).reshape(dofs, 1, len(places), 1))
-
-    for (corner,) in topology[0]:
-        add(0, corners[[corner]], 1.0)
-    for ends in topology[1]:
-        add(1, np.vstack([corners[ends].mean(axis=0), corners[ends]]), 0.5, 0.25, 0.25)
-    # Inside of boxes are the last nodes, one in each entity of simplices none.
-    count = len(topology[0]) + len(topology[1])
-    inner = iter(np.split(nodes[count:], max(len(nodes) - count, 1)))
-    for entity in range(2, dim + 1):
-        for _ in topology[entity]:
-            place = next(inner, nodes[:0])
-            add(entity, place, *[1.0] * len(place))
+    for entity, numbers in enumerate(lagrange.entity_dofs):
+        for number, own in enumerate(numbers):
+            # A node inside of a cell is on no facet.
+            nodes = own if entity == dim else sorted(lagrange.entity_closure_dofs[entity][number])
+            weights = _NODAL[len(nodes)] if own else np.empty(0)
+            places = lagrange.points[nodes] if own else lagrange.points[:0]
+            points[entity].append(places)
+            shares[entity].append(weights.reshape(len(own), 1, len(places), 1))
     element = basix.ufl.custom_element(
-        cell,
+        lagrange.cell_type,
         [],
-        np.eye(len(nodes)),
+        np.eye(lagrange.dim),
         points,
         shares,
         0,
@@ -273,14 +282,16 @@ def _control_space(vectors: fem.FunctionSpace) -> fem.FunctionSpace:
     return fem.functionspace(mesh, basix.ufl.blocked_element(element, shape=(dim,)))
 
 
-def _edges(scalars: fem.FunctionSpace, nodes: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """The m of ``nodes`` that are midpoints of edges, and the ends (m, 2) of these edges."""
-    layout, cell = scalars.dofmap.dof_layout, scalars.mesh.topology.cell_name()
-    local = []
-    for edge in range(len(basix.topology(basix.CellType[cell])[1])):
-        (middle,) = layout.entity_dofs(1, edge)
-        local.append([middle, *(i for i in layout.entity_closure_dofs(1, edge) if i != middle)])
-    found = scalars.dofmap.list[:, np.array(local)].reshape(-1, 3)
-    found = found[np.isin(found[:, 0], nodes)]
-    found = found[np.unique(found[:, 0], return_index=True)[1]]
-    return found[:, 0], found[:, 1:]
+def _entities(scalars: fem.FunctionSpace, nodes: IndexArray) -> list[IndexArray]:
+    """The nodes (m, 3) of edges and (m, 9) of quadrilaterals whose middles are among ``nodes``."""
+    lagrange = gauss_points.lagrange(scalars.mesh.topology.cell_name(), 2)
+    found = []
+    for dim in range(1, scalars.mesh.topology.dim):
+        of_dim = zip(lagrange.entity_dofs[dim], lagrange.entity_closure_dofs[dim], strict=True)
+        # The numbers of nodes ascend from the corners to the middle.
+        local = [sorted(closure) for own, closure in of_dim if own]
+        if local:
+            around = scalars.dofmap.list[:, np.array(local)].reshape(-1, len(local[0]))
+            around = around[np.isin(around[:, -1], nodes)]
+            found.append(around[np.unique(around[:, -1], return_index=True)[1]])
+    return found

@@ -42,6 +42,46 @@ class RigidMotion:
         return self.place(before.origin(places)) - places
 
 
+@dataclass(frozen=True)
+class SmallMotion:
+    """``w(x) = translation + turn x``: a rigid motion for small turns.
+
+    ``translation`` is (d,), and ``turn`` is a skew matrix (d, d).
+    """
+
+    translation: FloatArray
+    turn: FloatArray
+
+    @classmethod
+    def rest(cls, dim: int) -> SmallMotion:
+        """The motion that moves nothing."""
+        return cls(np.zeros(dim), np.zeros((dim, dim)))
+
+    @classmethod
+    def about(cls, pivot: FloatArray, turn: FloatArray) -> SmallMotion:
+        """``w(x) = turn (x - pivot)``."""
+        return cls(-turn @ pivot, turn)
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """The displacements of points (..., d)."""
+        return np.asarray(self.translation + points @ self.turn.T)
+
+    def times(self, size: float) -> SmallMotion:
+        """The motion of another size."""
+        return SmallMotion(size * self.translation, size * self.turn)
+
+    def __add__(self, other: SmallMotion) -> SmallMotion:
+        return SmallMotion(self.translation + other.translation, self.turn + other.turn)
+
+
+def skew(axis: FloatArray) -> FloatArray:
+    """The skew matrix of ``x -> axis x x``, for an axis (1,) across the plane or (3,) in space."""
+    if len(axis) == 1:
+        return np.array([[0.0, -axis[0]], [axis[0], 0.0]])
+    x, y, z = axis
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def rotation(angles: FloatArray) -> FloatArray:
     """The rotation R by an angle (1,) in the plane, or by a rotation vector (3,), in radians.
 
@@ -51,8 +91,7 @@ def rotation(angles: FloatArray) -> FloatArray:
         cosine, sine = np.cos(angles[0]), np.sin(angles[0])
         return np.array([[cosine, -sine], [sine, cosine]])
     angle = float(np.linalg.norm(angles))
-    x, y, z = angles
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    cross = skew(angles)
     # sin(a)/a and (1 - cos(a))/a^2, which have limits at a = 0.
     first = np.sinc(angle / np.pi)
     second = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2

@@ -11,9 +11,9 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import IndexArray
 from contact_locking.contact.contact import Contact
+from contact_locking.contact.free_motions import free_motions
 from contact_locking.contact.no_slip import NoSlip
 from contact_locking.contact.nodal_contact import NodalContact
-from contact_locking.contact.pushed_foundation import PushedFoundation
 from contact_locking.contact.state import ContactState
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
@@ -108,7 +108,7 @@ class DiscreteProblem:
             epsilon=fem.Constant(domain.mesh, epsilon),
             element=element,
             limits=tuple(replace(item.strain_set, origin=origin) for item in self.limits.others),
-            tools=tuple(PushedFoundation(item) for item in nodal if item.is_pushed),
+            tools=tuple(motion for item in nodal for motion in free_motions(item)),
             own_energy=body.own_energy,
             eigenstrain=self.material.eigenstrain,
             springs=tuple(body.springs),

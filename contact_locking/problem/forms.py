@@ -14,8 +14,8 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
+from contact_locking.contact.free_motions import FreeMotion
 from contact_locking.contact.nodal_contact import NodalContact
-from contact_locking.contact.pushed_foundation import PushedFoundation
 from contact_locking.fem.spaces import Element
 from contact_locking.laws.friction import (
     contact_energy,
@@ -40,7 +40,7 @@ class ProblemData:
     ``inverse_limit`` is 1/M of the ball.  ``loads`` is the linear form (f, .) (13), None without
     loads.  ``contacts`` is empty for a body that touches nothing.  ``n`` and ``epsilon`` are the
     penalty parameters.  ``element`` is the element of the displacements.  ``limits`` are the sets
-    of strains beside the ball.  ``tools`` are the foundations that a force pushes.  ``own_energy``
+    of strains beside the ball.  ``tools`` are the free motions of foundations.  ``own_energy``
     is for a law that this package does not have: it maps u to a convex and differentiable
     functional J(u), whose derivative is added to (25).  The work of an ``eigenstrain`` is a part of
     ``loads``, and ``springs`` on the boundary are a part of a(., .).  ``origin`` is
@@ -58,7 +58,7 @@ class ProblemData:
     epsilon: fem.Constant
     element: Element
     limits: tuple[StrainSet, ...] = ()
-    tools: tuple[PushedFoundation, ...] = ()
+    tools: tuple[FreeMotion, ...] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
     eigenstrain: Eigenstrain | None = None
     springs: tuple[Springs, ...] = ()
@@ -67,6 +67,11 @@ class ProblemData:
     def strain(self, u: Expr) -> Expr:
         """``eps(u)`` of the body."""
         return self.element.strain(u)
+
+    @property
+    def loose_tools(self) -> tuple[FreeMotion, ...]:
+        """The free motions that no spring holds back, but the body alone."""
+        return tuple(item for item in self.tools if not item.is_sprung)
 
     @property
     def jumps(self) -> tuple[JumpValues, ...]:

@@ -54,7 +54,7 @@ class LooseMotion:
         for contact in self._contacts:
             moved, stands = (contact.surface.limited.at_nodes(v) for v in (motion, u))
             distance = max(distance, self._largest(moved))
-            if contact.is_pushed:
+            if contact.is_free:
                 # The foundation follows the body, and gaps and slips are relative to its travel.
                 continue
             gaps, along = contact.gaps, contact.split_nodal(stands)[0]

@@ -10,7 +10,7 @@ import ufl
 from dolfinx import fem, la
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.contact.pushed_foundation import PushedFoundation
+from contact_locking.contact.free_motions import FreeMotion
 from contact_locking.errors import InputError
 from contact_locking.fem.joint_forms import JointForm
 from contact_locking.mesh.domain import Domain
@@ -78,7 +78,7 @@ class Motions:
         motions = np.vstack(fields)
         self._domain, self._space, self._data = domain, space, data
         self._of_body, self.of_body = motions, len(motions)
-        self._tools = [tool for tool in data.tools if _is_at(tool, part)]
+        self._tools = [tool for tool in data.loose_tools if _is_at(tool, part)]
         self.free = np.pad(free, ((0, 0), (0, len(self._tools))))
         count = self.free.shape[1]
         self.normals: FloatArray = np.zeros((0, count))
@@ -357,7 +357,7 @@ def motions_of_part(
     return free @ past, past.T @ fields
 
 
-def _is_at(tool: PushedFoundation, part: BoolArray) -> bool:
+def _is_at(tool: FreeMotion, part: BoolArray) -> bool:
     """Whether all nodes of a tool's contact are on one part of the body; collective."""
     return on_every_rank(tool.contact.surface.domain.comm, tool.contact.surface.is_of(part))
 

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.contact.free_motions import FreeMotion
 from contact_locking.contact.nodal_contact import NodalContact
-from contact_locking.contact.pushed_foundation import PushedFoundation
 
 
 class MotionsAtContact:
@@ -23,7 +23,7 @@ class MotionsAtContact:
         contact: NodalContact,
         motions: FloatArray,
         part: BoolArray,
-        tools: Sequence[PushedFoundation],
+        tools: Sequence[FreeMotion],
     ) -> None:
         self.contact, self._own = contact, contact.surface.is_of(part)
         limited, dim = contact.surface.limited, contact.surface.domain.dim
@@ -32,7 +32,7 @@ class MotionsAtContact:
         of_tools = np.zeros((len(tools), *of_body.shape[1:]))
         for number, tool in enumerate(tools):
             if tool.contact is contact:
-                of_tools[number] = -tool.direction
+                of_tools[number] = -tool.field[self._own]
         self._motions = np.concatenate([of_body, of_tools])
         #: The normal components (k, f).
         self.normals = np.einsum("fkd,kd->kf", self._motions, contact.normals[self._own])

@@ -21,7 +21,7 @@ class AdmissibilityData:
 
     ``limits`` are the inverse limits of the strain: the time does not change them, but a user who
     changes the problem between two steps may.  ``origin`` are the values of eps_0 that the limits
-    begin at, none for limits of the whole strain.  Foundations that a force pushes do not count,
+    begin at, none for limits of the whole strain.  Foundations that forces move do not count,
     because they may retreat.  Friction decides nothing here.
     """
 
@@ -36,7 +36,7 @@ class AdmissibilityData:
     @classmethod
     def of(cls, system: PenalisedSystem, time: float) -> AdmissibilityData:
         """The data of the system, which has been set to the time."""
-        contacts = [contact for contact in system.contacts if not contact.is_pushed]
+        contacts = [contact for contact in system.contacts if not contact.is_free]
         return cls(
             comm=system.comm,
             time=time,

@@ -177,10 +177,10 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
     entries: list[dict[str, Any]] = []
     for fields in state.contacts:
         found = computed("contact", Contacts(domain, (fields,)))
-        pushed = [("tool", item.summary()) for item in tools if item.contact is fields.contact]
+        moved = [item.summary() for item in tools if item.contact is fields.contact]
         against = fields.contact.against
         places = {"on": list(fields.contact.on), **({"against": list(against)} if against else {})}
-        entries.append({**places, **found, **dict(pushed)})
+        entries.append({**places, **found, **dict(moved)})
     return computed("contact", Contacts(domain, state.contacts)) | {"contacts": entries}
 
 

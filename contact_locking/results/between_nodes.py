@@ -21,6 +21,7 @@ from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.surface import ContactSurface
+from contact_locking.fem import gauss_points
 from contact_locking.parallel import maximum
 from contact_locking.problem.rounding import ROUNDING
 
@@ -49,6 +50,7 @@ _HALVES = {
     ("triangle", 1): ((0, 1, 2),),
     ("triangle", 2): ((0, 1, 2, 3, 4, 5),),
     ("quadrilateral", 1): ((0, 1, 2, 3), (3, 2, 1, 0)),
+    ("quadrilateral", 2): ((0, 1, 2, 3, 4, 5, 6, 7, 8), (3, 2, 1, 0, 7, 6, 5, 4, 8)),
 }
 # A corner above the edge of two facets is above both, to rounding.
 _ROUNDING = 1e-9
@@ -122,16 +124,17 @@ class _Facets:
         surface = contact.surface
         self._contact, self._dim = contact, surface.domain.dim
         dim, degree = self._dim, surface.degree
-        self._facet = surface.domain.kind.facet
-        halves = _HALVES[self._facet.name, degree]
+        self._kind = surface.domain.kind.facet.name, degree
+        halves = _HALVES[self._kind]
         nodes = np.concatenate([surface.facet_nodes[:, list(half)] for half in halves])
         blocks = surface.limited.blocks[nodes]
-        self._quadratic = degree > 1
         self._x = surface.scalar_space.tabulate_dof_coordinates()[nodes, :dim]
         self._u = u.x.array.reshape(-1, dim)[blocks]
         normals = contact.normal.x.array.reshape(-1, dim)[blocks]
         self._u_normal = np.sum(self._u * normals, axis=2)
-        self._moved = self._x[:, :dim] + self._u[:, :dim] - contact.travel
+        #: The displacement relative to a foundation that forces have moved.
+        self._past = self._u - contact.travel.at(self._x)
+        self._moved = self._x[:, :dim] + self._past[:, :dim]
         self._outward = _outward(surface, self._x[:, :dim], len(halves))
         away = self._moved - self._moved.mean(axis=1, keepdims=True)
         self._radius = np.linalg.norm(away, axis=2).max(axis=1, initial=0.0)
@@ -170,8 +173,8 @@ class _Facets:
         if obstacle.is_distance:
             # The distance changes by no more than the way.
             centres = self._basis(np.full((count, 1, dim), 1.0 / dim))[:, 0]
-            middles = np.einsum("mn,mni->im", centres, self._x + self._u)
-            distances = obstacle.distance(middles - self._contact.travel[:, None])
+            middles = np.einsum("mn,mni->im", centres, self._x + self._past)
+            distances = obstacle.distance(middles)
             near = np.flatnonzero(distances < 2.0 * self._radius)
         best, deepest = self._best(points[near], near)
         ways = [np.eye(dim)[i] - np.eye(dim)[j] for i, j in itertools.permutations(range(dim), 2)]
@@ -264,23 +267,15 @@ class _Facets:
         opening = self._contact.foundation.opening(
             of(self._x),
             of(self._u_normal[:, :, None])[0],
-            of(self._x + self._u) - self._contact.travel[:, None],
+            of(self._x + self._past),
         )
         return -opening.reshape(shape)
 
     def _basis(self, weights: FloatArray) -> FloatArray:
         """The nodal functions (m, q, n) of a facet at points (m, q, d)."""
-        if not self._facet.is_simplex:
-            found = self._facet.basis(weights[..., 1:].reshape(-1, 2))
-            return found.reshape(*weights.shape[:-1], self._facet.corners)
-        if not self._quadratic:
-            return weights
-        # The middles of edges stand in the order of the corners opposite to them.
-        ends = [(0, 1)] if self._dim == 2 else [(1, 2), (0, 2), (0, 1)]
-        middles = [4.0 * weights[..., i] * weights[..., j] for i, j in ends]
-        return np.concatenate(
-            [weights * (2.0 * weights - 1.0), np.stack(middles, axis=-1)], axis=-1
-        )
+        points = weights[..., 1:].reshape(-1, self._dim - 1)
+        found = gauss_points.nodal_functions(*self._kind, points)
+        return found.reshape(*weights.shape[:-1], found.shape[1])
 
     def _known_curvature(
         self, normals: FloatArray, corners: IndexArray, touches: BoolArray

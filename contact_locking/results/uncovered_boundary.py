@@ -48,7 +48,7 @@ def uncovered_entry(domain: Domain, u: fem.Function, contact: NodalContact) -> U
         nodes, places = nodes[apart], places[apart]
     moved = places + u.x.array.reshape(-1, dim)[nodes]
     # A foundation that a force has moved is entered like one at rest by a body that moved back.
-    depths = np.maximum(-contact.foundation.distance((moved - contact.travel).T), 0.0)
+    depths = np.maximum(-contact.foundation.distance((moved - contact.travel.at(places)).T), 0.0)
     found: tuple[float, list[float]] = (0.0, [])
     if len(depths):
         deepest = int(np.argmax(depths))

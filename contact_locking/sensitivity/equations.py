@@ -1,7 +1,7 @@
 """The equations of the last iterate, and how they change with the data of a problem.
 
     equilibrium     a(u, .) + int reactions . lin(.) - (f, .) = 0
-    travels         int reactions . d + F = 0
+    travels         int reactions . m + F - k q = 0
     points          x = (M + z_0/2n, L eps(u)),  g + eps p - u_nu,  (t, u_tau - u_{k-1,tau}, delta)
     bounds          G = mu(|u_tau|) |R p|
 
@@ -110,7 +110,7 @@ class Equations:
         for family in self.families:
             family.add_forces(family.reactions, vector)
             family.add_tool_forces(family.reactions, on_tools)
-        travels = comm.allreduce(on_tools) - np.array([tool.force for tool in system.tools])
+        travels = comm.allreduce(on_tools) - np.array([tool.left for tool in system.tools])
         forces = np.append(vector.array_r, travels)
         vector.destroy()
         wanted = [self._wanted(bound) - bound.friction.bound for bound in self.bounds]

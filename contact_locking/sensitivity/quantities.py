@@ -8,6 +8,7 @@ friction_force.i           ``int sigma_tau_i`` over all contacts, or contacts.N.
 reactions.PART.i           the resultant of the reactions and springs of a boundary part
 pressure_max               the pressure at the node where it is largest, and stays so
 contacts.N.tool.travel     the way of a tool that a force pushes
+contacts.N.tilt.angle      the angle of a tool that turns, in 2D
 ========================== ====================================================================
 """
 
@@ -24,6 +25,7 @@ from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.reactions import shares_by_part
+from contact_locking.contact.free_motions import Travel, Turn
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.plain_text import nearest
@@ -36,6 +38,9 @@ from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 
+# The units of the quantities of free foundations.
+_UNITS = {"travel": "length", "angle": "rad"}
+
 
 def known() -> list[str]:
     """The names, by their first components: of the registry, and those of parts and tools."""
@@ -43,7 +48,8 @@ def known() -> list[str]:
     forces = [f"{item.key}.0" for item in own if item.unit == "force"]
     scalars = [item.key for item in own if item.unit != "force"]
     each = [f"contacts.0.{name}" for name in forces]
-    return [*scalars, *forces, *each, "contacts.0.tool.travel", "reactions.PART.0"]
+    free = [f"contacts.0.{name}" for name in ("tool.travel", "tilt.angle")]
+    return [*scalars, *forces, *each, *free, "reactions.PART.0"]
 
 
 Value: TypeAlias = Callable[[Equations, Residual], float]
@@ -79,9 +85,10 @@ def scale_of(name: str, domain: Domain, system: PenalisedSystem) -> float:
     length, energy = system.largest_displacement(), abs(system.elastic_energy())
     force = energy / length if length > 0.0 else 0.0
     key = next((part for part in reversed(name.split(".")) if part in QUANTITIES), "")
-    unit = QUANTITIES[key].unit if key else "length" if name.endswith(".travel") else "force"
-    face = domain.extent ** (domain.dim - 1)
-    return {"energy": energy, "force": force, "stress": force / face, "length": length}[unit]
+    unit = QUANTITIES[key].unit if key else _UNITS.get(name.rpartition(".")[2], "force")
+    face, angle = domain.extent ** (domain.dim - 1), length / domain.extent
+    sizes = {"energy": energy, "force": force, "stress": force / face, "length": length}
+    return (sizes | {"rad": angle})[unit]
 
 
 def _maker(name: str, domain: Domain, system: PenalisedSystem) -> Callable[[Equations], Quantity]:
@@ -110,9 +117,11 @@ def _maker(name: str, domain: Domain, system: PenalisedSystem) -> Callable[[Equa
             cones = ContactCones if kind == "contact" else FrictionCones
             resultant = _Resultant(tuple(chosen), cones, axis)
             return known_as(resultant.value, resultant.gradient)
-    if found := re.fullmatch(r"contacts\.(\d+)\.tool\.travel", name):
+    if found := re.fullmatch(r"contacts\.(\d+)\.(tool\.travel|tilt\.angle)", name):
+        kind = Travel if found[2] == "tool.travel" else Turn
         for number, tool in enumerate(system.tools):
-            if system.contacts.index(tool.contact) == int(found[1]):
+            is_wanted = isinstance(tool, kind) and (kind is Travel or dim == 2)
+            if is_wanted and system.contacts.index(tool.contact) == int(found[1]):
                 travel = _Travel(number)
                 return known_as(travel.value, travel.gradient)
     if found := re.fullmatch(r"reactions\.(.+)\.(\d)", name):
@@ -217,7 +226,7 @@ def _largest_pressure(name: str, equations: Equations) -> Quantity:
 
 @dataclass(frozen=True)
 class _Travel:
-    """The travel of the tool with a number."""
+    """The travel of the free motion of tools with a number."""
 
     number: int
 

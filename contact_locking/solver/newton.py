@@ -7,7 +7,7 @@ through a locking front) nor on the energy (which has no digits left near the mi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,9 +29,9 @@ from contact_locking.solver.task import Task
 
 
 class ToolBorder:
-    """Solves ``(K - B B^T/c) y = f``, the tangent of (25) where tools travel to their equilibrium.
+    """Solves ``(K - B C^-1 B^T) y = f``, the tangent of (25) where tools are in equilibrium.
 
-    K is the tangent with tools that stand still, and a tool travels by ``-B^T y/c`` (ToolBalance).
+    K is the tangent with tools that stand still, and tools move by ``-C^-1 B^T y`` (ToolBalance).
     """
 
     def __init__(self, system: PenalisedSystem, ksp: PETSc.KSP, matrix: PETSc.Mat) -> None:
@@ -40,18 +40,19 @@ class ToolBorder:
 
     def refresh(self) -> None:
         """Take the tangent of the system at its present displacement; collective."""
-        system, corner = self._system, []
+        system, corners, columns = self._system, [], iter(self._border.columns)
         if not system.tools:
             return
         # The tangent has this stiffness beside that of the contact law.
         floor = system.CONTACT_FLOOR / float(system.data.epsilon.value)
         floor *= float(system.held_by_contact)
-        for balance, column in zip(system.tools.balances, self._border.columns, strict=True):
-            tractions, entry = balance.border(system.u, floor)
-            forces: FloatArray = balance.tool.contact.surface.nodal_forces(tractions)
-            column.array_w[:] = system.constraints.free_part(forces[: column.getLocalSize()])
-            corner.append(entry)
-        self._border.refresh(corner, self._ksp.solve)
+        for balance in system.tools.balances:
+            tractions, corner = balance.border(system.u, floor)
+            corners.append(corner)
+            for own in tractions:
+                column, forces = next(columns), balance.contact.surface.nodal_forces(own)
+                column.array_w[:] = system.constraints.free_part(forces[: column.getLocalSize()])
+        self._border.refresh(_in_blocks(corners), self._ksp.solve)
 
     def solve(self, f: PETSc.Vec, y: PETSc.Vec) -> None:
         """Solve for y; collective."""
@@ -62,6 +63,15 @@ class ToolBorder:
         """Free the PETSc objects, and the reference to the solver; collective."""
         self._border.destroy()
         self._ksp.destroy()
+
+
+def _in_blocks(parts: Sequence[FloatArray]) -> FloatArray:
+    """The matrix with square blocks on its diagonal."""
+    ends = np.cumsum([0, *map(len, parts)])
+    found = np.zeros((ends[-1], ends[-1]))
+    for part, first, last in zip(parts, ends, ends[1:], strict=False):
+        found[first:last, first:last] = part
+    return found
 
 
 ConvergedReason = PETSc.SNES.ConvergedReason

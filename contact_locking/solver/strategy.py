@@ -401,9 +401,7 @@ def solve(method: str, task: Task, saved: SavedState | None = None) -> SolverRep
     if method not in METHODS:
         raise InputError(f"no solver {method!r}; there are: {', '.join(METHODS)}", "solver.method")
     report = METHODS[method](task, saved)
-    for tool in task.system.tools:
-        if not tool.pushes:
-            tool.touch(task.system.u)
+    task.system.tools.rest(task.system.u)
     if len(report.stages) == 1:
         # The steps by which Newton's method polishes belong to the only stage too.
         report.stages[0]["tangents"] = report.tangents

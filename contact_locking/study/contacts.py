@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from contact_locking.arrays import AXES, FloatArray
-from contact_locking.contact.contact import Contact
+from contact_locking.contact.contact import Contact, FoundationSpring, Tilt
 from contact_locking.contact.coulomb import Convolution, Coulomb, Helmholtz, Kernel, Local
 from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
 from contact_locking.contact.surface import ContactSurface
@@ -58,15 +58,26 @@ def contact_of(
     placed: PlacedFoundation = GapOfStudy(domain, given, clock)
     if foundation is not None:
         placed = _foundation(domain, given, foundation, clock)
-    against = given.against or None
+    spring, tilt = _holders(foundation)
     return Contact(
         given.on,
         placed,
         friction,
         force=force,
         key=given.key,
-        against=against,
+        against=given.against or None,
         pair=given.pair,
+        spring=spring,
+        tilt=tilt,
+    )
+
+
+def _holders(given: Foundation | None) -> tuple[FoundationSpring | None, Tilt | None]:
+    """The spring and the tilt of a foundation."""
+    spring, tilt = (None, None) if given is None else (given.spring, given.tilt)
+    return (
+        None if spring is None else FoundationSpring(spring.stiffness, spring.along),
+        None if tilt is None else Tilt(tilt.about, tilt.stiffness),
     )
 
 
@@ -141,7 +152,9 @@ class TimedForce:
     """The force ``F(t) d`` of a section, along one line with the unit vector d."""
 
     def __init__(self, given: Foundation, key: str, clock: Clock, times: Sequence[float]) -> None:
-        translation = () if given.moved is None else given.moved.translation or ()
+        # Motion along a spring moves its far end.
+        moved = None if given.spring is not None else given.moved
+        translation = () if moved is None else moved.translation or ()
         self.key, self._clock = key, clock
         self._force = [_of_time(value, clock) for value in given.force or ()]
         self._translation = [_of_time(value, clock) for value in translation]

@@ -38,6 +38,12 @@ _SYMBOLS = {
     "r": "friction.smoothing.radius",
 }
 
+# Keys that users look for and that there are not, with what to do instead.
+_ABSENT = {
+    "periodic": "there are no periodic pairs: mirror planes are rollers in loads.displacements",
+    "spread": "a force is spread evenly: for a rigid plate see contact.foundation.force and tilt",
+}
+
 
 def faults_of(error: ValidationError) -> list[Fault]:
     """The faults with their places in the file; at most some 20 of them."""
@@ -79,6 +85,8 @@ def _message(details: Any, place: tuple[str | int, ...]) -> str:
 
 def _elsewhere(name: str) -> str:
     """The hint at a key of another section with this name, or for this symbol."""
+    if name in _ABSENT:
+        return f" ({_ABSENT[name]})"
     if name in _SYMBOLS:
         return f" (did you mean '{_SYMBOLS[name]}'?)"
     # A key in an entry of a list or a mapping is no single key of the file.

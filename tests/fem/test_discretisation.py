@@ -20,7 +20,7 @@ from test_verification_manufactured import problem_of
 from contact_locking import study_file
 from contact_locking.errors import InputError
 from contact_locking.fem import gauss_points
-from contact_locking.fem.spaces import P1, P2, P2_GAUSS, element_of
+from contact_locking.fem.spaces import P1, P2, P2_GAUSS, Q2, Element, element_of
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.study_file import from_mapping
 
@@ -169,9 +169,17 @@ def test_a_locking_cube_is_solved_by_a_direct_and_an_iterative_solver(
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-@POINTS
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"discretisation__limit_at": "vertices"},
+        {"discretisation__limit_at": "gauss"},
+        {"mesh__structured": True, "mesh__cells": "box"},
+    ],
+    ids=["vertices", "gauss", "boxes"],
+)
 def test_the_indicator_vanishes_for_a_quadratic_solution(
-    limit_at: str, dim: int, comm: MPI.Intracomm
+    given: dict[str, Any], dim: int, comm: MPI.Intracomm
 ) -> None:
     sides = ["left", "right", "top", "bottom", *(["front", "back"] if dim == 3 else [])]
     exact = ["0.01*x*x", "0.01*x*y", *(["0"] if dim == 3 else [])]
@@ -182,10 +190,9 @@ def test_the_indicator_vanishes_for_a_quadratic_solution(
     }
     elasticity = {"young": 1.0, "poisson": 0.25}
     material = {"elasticity": elasticity, "locking_limit": float("inf")}
-    given = {"degree": 2, "limit_at": limit_at}
-    solution = solved(
-        block(dim, 0.5, contact__on=[], loads=loads, material=material, discretisation=given), comm
-    )
+    changes = {"contact__on": [], "loads": loads, "material": material}
+    degree = {"discretisation__degree": 2}
+    solution = solved(block(dim, 0.5, **degree, **changes, **given), comm)
     assert solution.error_indicator is not None
     # At a corner with one cell the polynomial of the patch is affine.
     relative = solution.summary["certificate"]["errors"]["mesh"]["relative"]
@@ -193,9 +200,8 @@ def test_the_indicator_vanishes_for_a_quadratic_solution(
 
 
 @pytest.mark.serial
-@POINTS
-def test_the_indicator_is_near_the_error_of_a_smooth_solution(limit_at: str) -> None:
-    element = {"vertices": P2, "gauss": P2_GAUSS}[limit_at]
+@pytest.mark.parametrize("element", [P2, P2_GAUSS, Q2], ids=["vertices", "gauss", "boxes"])
+def test_the_indicator_is_near_the_error_of_a_smooth_solution(element: Element) -> None:
     given: Manufactured = dataclasses.replace(problem_of("all together"), element=element)
     solution = given.solved(1 / 8)
     errors, estimate = given.errors(solution), solution.summary["certificate"]["errors"]["mesh"]

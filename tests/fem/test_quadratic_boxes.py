@@ -8,9 +8,22 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from test_boxes import LIMIT, POISSON, PRESSURE, STIFFNESS, YOUNG, mesh, pressed, rubbed, solved
+from problems import block
+from test_boxes import (
+    DIMENSIONS,
+    LIMIT,
+    POISSON,
+    PRESSURE,
+    STIFFNESS,
+    YOUNG,
+    indicated,
+    mesh,
+    pressed,
+    rubbed,
+    solved,
+)
 
-from contact_locking import InputError, solve
+from contact_locking import solve
 from contact_locking.extras.pictures.gather import gather
 from contact_locking.parallel import maximum
 from contact_locking.process import checkpoint
@@ -28,9 +41,12 @@ def folder(tmp_path: Path, comm: MPI.Intracomm) -> Path:
     return found
 
 
+@DIMENSIONS
 @pytest.mark.parametrize("n", [1e3, np.inf])
-def test_distorted_quadrilaterals_have_constant_stress_and_pressure(n: float, folder: Path) -> None:
-    given = pressed(mesh(folder, 2), 2, penalty={"n": n, "epsilon": 1e-4}, **QUADRATIC)
+def test_distorted_boxes_have_constant_stress_and_pressure(
+    dim: int, n: float, folder: Path
+) -> None:
+    given = pressed(mesh(folder, dim), dim, penalty={"n": n, "epsilon": 1e-4}, **QUADRATIC)
     solution = solved(given)
     exact = LIMIT + (PRESSURE - STIFFNESS * LIMIT) / (STIFFNESS + 2.0 * n)
     for name in ("strain_norm_max", "strain_norm_max_in_cells"):
@@ -40,28 +56,30 @@ def test_distorted_quadrilaterals_have_constant_stress_and_pressure(n: float, fo
     points = solution.contact_points
     if points is not None:
         assert points.pressure == pytest.approx(PRESSURE, rel=accuracy)
-        assert len(points.pressure) == 7
+        assert len(points.pressure) == 7 ** (dim - 1)
 
 
-def test_an_elastic_column_is_exact_and_has_no_indicator(folder: Path) -> None:
+@DIMENSIONS
+def test_an_elastic_column_is_exact_where_the_indicator_is_zero(dim: int, folder: Path) -> None:
     soft = {"elasticity": {"young": YOUNG, "poisson": POISSON}}
-    solution = solved(pressed(mesh(folder, 2), 2, material=soft, **QUADRATIC))
-    stress = solution.elastic_stress.x.array.reshape(-1, 2, 2)
-    assert stress[:, 1, 1] == pytest.approx(-PRESSURE, rel=1e-9)
-    told = solution.summary["certificate"]["errors"]["mesh"]
-    assert told["relative"] is None and "do not determine the strain" in told["reason"]
+    solution = solved(pressed(mesh(folder, dim), dim, material=soft, **QUADRATIC))
+    stress = solution.elastic_stress.x.array.reshape(-1, dim, dim)
+    assert stress[:, -1, -1] == pytest.approx(-PRESSURE, rel=1e-9)
+    assert indicated(solution) < 1e-8
 
 
+@DIMENSIONS
 def test_friction_is_solved_alike_by_multigrid_and_by_any_number_of_ranks(
-    folder: Path, comm: MPI.Intracomm
+    dim: int, folder: Path, comm: MPI.Intracomm
 ) -> None:
-    given = rubbed(mesh(folder, 2), 2, **QUADRATIC)
+    file = mesh(folder, dim)
+    given = rubbed(file, dim, **QUADRATIC)
     solution, alone = solved(given), solve(given, MPI.COMM_SELF)
     assert solution.summary["strain_norm_max"] == pytest.approx(LIMIT, rel=1e-6)
     for name in ("contact_force", "friction_force"):
-        assert solution.summary[name] == pytest.approx(alone.summary[name], rel=1e-6)
-    iterative = {"solver": {"linear": "iterative"}}
-    other = solved(rubbed(mesh(folder, 2), 2, **QUADRATIC, **iterative))
+        assert solution.summary[name] == pytest.approx(alone.summary[name], rel=1e-6, abs=1e-12)
+    assert indicated(solution) == pytest.approx(indicated(alone), rel=1e-4)
+    other = solved(rubbed(file, dim, solver={"linear": "iterative"}, **QUADRATIC))
     apart = maximum(comm, np.abs(other.displacement.x.array - solution.displacement.x.array))
     assert apart < 1e-6 * solution.summary["displacement_max"]
 
@@ -91,10 +109,43 @@ def test_files_and_pictures_have_the_nodes_and_points_of_the_cells(
         assert body.strain_norm.max() <= solution.summary["strain_norm_max_in_cells"]
 
 
-def test_contact_on_hexahedra_of_degree_two_is_refused(folder: Path) -> None:
-    with pytest.raises(InputError, match="no contact in 3 dimensions for these") as caught:
-        solve(pressed(mesh(folder, 3), 3, **QUADRATIC))
-    assert caught.value.key == "contact.on"
+def rubbed_cube(h: float, **changes: Any) -> Any:
+    """A cube in a lattice, clamped at its left, that slides and locks."""
+    friction = {"coefficient": 0.05, "smoothing": {"radius": 0.6}}
+    lattice = {"mesh__structured": True, "penalty__n": np.inf, "friction": friction}
+    return block(3, h, **lattice, **changes)
+
+
+@pytest.mark.serial
+def test_hexahedra_of_degree_two_agree_with_tetrahedra_and_with_finer_cells_of_degree_one() -> None:
+    boxes, quadratic = {"mesh__cells": "box"}, {"discretisation__degree": 2}
+    found = solved(rubbed_cube(0.5, **boxes, **quadratic))
+    gauss = {"discretisation__limit_at": "gauss"}
+    others = rubbed_cube(0.25, **quadratic, **gauss), rubbed_cube(0.125, **boxes)
+    assert found.summary["slip_area"] > 0.1 and found.summary["limit_used"] > 0.999
+    for other in map(solved, others):
+        assert found.summary["compliance"] == pytest.approx(other.summary["compliance"], rel=0.03)
+        for name, axis, share in (("contact_force", 2, 0.04), ("friction_force", 0, 0.1)):
+            wanted = other.summary[name][axis]
+            assert found.summary[name][axis] == pytest.approx(wanted, rel=share), name
+
+
+@pytest.mark.serial
+def test_derivatives_on_hexahedra_are_those_of_differences() -> None:
+    of = ["compliance", "contact_force.2", "friction_force.0"]
+    to = ["material.locking_limit", "friction.coefficient"]
+    given = rubbed_cube(
+        0.5,
+        mesh__cells="box",
+        discretisation__degree=2,
+        solver={"tolerance": 1e-10, "friction_tolerance": 1e-11},
+        sensitivities={"of": of, "to": to, "check": True},
+    )
+    found = solved(given).summary["sensitivities"]
+    for name in of:
+        for key in to:
+            wanted = found[name][key]["checked"]
+            assert found[name][key]["derivative"] == pytest.approx(wanted, rel=1e-3), (name, key)
 
 
 @pytest.mark.slow

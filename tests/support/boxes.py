@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
 from msh import write_msh
 from small_meshes import Groups, Points
+
+from contact_locking.arrays import FloatArray
+from contact_locking.mesh.given_mesh import NamedFacets
+from contact_locking.mesh.xdmf_mesh import export
 
 # The corners of a quadrilateral and a hexahedron in Gmsh's order, as steps along the axes.
 _CORNERS: dict[int, list[tuple[int, ...]]] = {
@@ -62,3 +70,23 @@ def _with(axis: int, value: int, others: tuple[int, ...]) -> tuple[int, ...]:
 def write_distorted(path: Path, dim: int, parts: int, share: float = 0.25) -> Path:
     """The mesh in a Gmsh file."""
     return write_msh(path, *distorted(dim, parts, share))
+
+
+def write_lattice(
+    path: Path, cells: tuple[int, int, int], at: Callable[[FloatArray], FloatArray]
+) -> Path:
+    """Hexahedra in a lattice of the unit cube, moved to ``at(x)`` (k, 3), in an XDMF file.
+
+    The sides keep the names that they have in the cube.
+    """
+    kind = dmesh.CellType.hexahedron
+    mesh = dmesh.create_box(MPI.COMM_SELF, [[0.0] * 3, [1.0] * 3], list(cells), kind)
+    given = NamedFacets(mesh)
+    for (axis, end), name in zip(itertools.product(range(3), (0.0, 1.0)), SIDES[3], strict=True):
+        facets = dmesh.locate_entities_boundary(
+            mesh, 2, lambda x, axis=axis, end=end: np.isclose(x[axis], end)
+        )
+        given.add(facets, name)
+    mesh.geometry.x[:] = at(mesh.geometry.x)
+    export(dataclasses.replace(given.domain(), cell_names={"body": 0}), path)
+    return path

@@ -161,7 +161,7 @@ def test_a_tool_that_follows_the_body_asks_for_no_displacement() -> None:
     problem.u.interpolate(lambda x: np.array([2e5 + 0.0 * x[0], 1e6 + 0.0 * x[0]]))
     problem.clock.set(1.0)
     tool.advance()
-    assert not tool.pushes
+    assert not tool.acts
     system.tools.settle(problem.u)
     assert tool.travel < -1e5
     assert np.abs(system.rounding.anchored).max() < 1e-6

@@ -37,7 +37,8 @@ class Contact:
 
     ``decides`` says where contact has a say: where the normal displacement is not prescribed.
     ``seen`` maps displacements to what contact limits at the nodes, (k d, dofs): the displacement
-    there, or the jump to another body.  A node is there once for each contact that it is in.
+    there, or the jump to another body.  ``controls`` maps nodal values of a field on Gamma_C to the
+    values of contact there, (k, nodes).  A node is there once for each contact that it is in.
     """
 
     nodes: IntArray
@@ -47,6 +48,7 @@ class Contact:
     rounding: FloatArray
     decides: BoolArray
     seen: Matrix
+    controls: Matrix
 
     def of(self, u: FloatArray) -> FloatArray:
         """What contact limits (k, d)."""
@@ -293,7 +295,10 @@ def _contact(
         return parts[0] if parts else None
     fields = ("nodes", "weights", "normals", "gap", "rounding", "decides")
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in fields}
-    return Contact(**joined, seen=sp.vstack([part.seen for part in parts], "csr"))
+    seen, controls = (
+        sp.vstack([getattr(part, name) for part in parts], "csr") for name in ("seen", "controls")
+    )
+    return Contact(**joined, seen=seen, controls=controls)
 
 
 def _of_part(part: ContactParameters, geometry: Geometry, body: Body, free: BoolArray) -> Contact:
@@ -314,8 +319,11 @@ def _of_part(part: ContactParameters, geometry: Geometry, body: Body, free: Bool
         return _between(part, geometry, gap, free)
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
     decides = np.linalg.norm(normals * free.reshape(-1, dim)[nodes], axis=1) > 1e-6
-    seen = sp.kron(sp.eye(len(geometry.x), format="csr")[nodes], sp.eye(dim), "csr")
-    return Contact(nodes, weights[nodes], normals, gap, rounding, decides, seen)
+    controls = sp.eye(len(geometry.x), format="csr")
+    if isinstance(body, Boxes):
+        controls = body.controls(facets)
+    seen = sp.kron(controls[nodes], sp.eye(dim), "csr")
+    return Contact(nodes, weights[nodes], normals, gap, rounding, decides, seen, controls[nodes])
 
 
 def _between(
@@ -358,7 +366,7 @@ def _between(
     gap = np.where(found.faces, found.gap, extent) + added
     rounding = np.full(len(nodes), 1e-14 * extent)
     weights = np.where(found.faces, found.weights, extent ** (dim - 1))
-    return Contact(nodes, weights, normals, gap, rounding, decides, seen)
+    return Contact(nodes, weights, normals, gap, rounding, decides, seen, own)
 
 
 def _distance(given: Any, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -400,7 +408,6 @@ def state_of(solution: StudySolution, discrete: Discrete) -> State:
     tensors = solution.locking_stress
     cells = tensors.function_space.dofmap.list.reshape(-1)
     locking = tensors.x.array.reshape(-1, dim, dim)[cells]
-    nodes = np.zeros(0, int) if discrete.contact is None else discrete.contact.nodes
     u = solution.displacement.x.array.copy()
     if len(solution.contacts) > 1:
         # A node may be in several contacts, whose sum the fields on the mesh have.
@@ -415,18 +422,21 @@ def state_of(solution: StudySolution, discrete: Discrete) -> State:
 
         named = ("pressure", "traction", "bound")
         return State(u, mandel(locking), *map(joined, named), smoothed=joined("smoothed_stress"))
+    controls = sp.csr_matrix((0, len(discrete.geometry.x)))
+    if discrete.contact is not None:
+        controls = discrete.contact.controls
 
     def scalar(function: Any) -> FloatArray:
         # The scalar space may number the nodes in another way.
         values = np.empty(len(discrete.geometry.x))
         values[discrete.geometry.cells] = function.x.array[function.function_space.dofmap.list]
-        return values[nodes]
+        return np.asarray(controls @ values)
 
     return State(
         u=u,
         locking=mandel(locking),
         pressure=scalar(solution.contact_pressure),
-        traction=solution.tangential_traction.x.array.reshape(-1, dim)[nodes],
+        traction=controls @ solution.tangential_traction.x.array.reshape(-1, dim),
         bound=scalar(solution.friction_bound),
         smoothed=scalar(solution.smoothed_stress),
     )

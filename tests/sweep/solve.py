@@ -254,7 +254,7 @@ def _judge(
     outcome.notes = {name: float(f"{value:.3g}") for name, value in found.items()}
     missed = unseen.complaint(truth, discrete, state, solution, found)
     wrong = [missed, judge.complaint(found), *comparisons.against_truth(truth, discrete, state)]
-    wrong.append(comparisons.exported(solution))
+    wrong.append(comparisons.exported(solution, state))
     wrong.append(comparisons.about_other_solutions(truth, solution))
     wrong.append(comparisons.slip_of_truth(truth, discrete, state))
     wrong.append(comparisons.another(truth, solution.parameters, discrete, state))

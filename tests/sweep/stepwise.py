@@ -39,7 +39,7 @@ def _wrong(solution: StudySolution) -> list[str]:
     if not np.isfinite(solution.displacement.x.array).all():
         return ["the displacement is not finite"]
     # The gap of a tool is as large as the way on which the tool has followed the body.
-    gaps = [item.gap for item in solution.contacts if not item.contact.is_pushed]
+    gaps = [item.gap for item in solution.contacts if not item.contact.is_free]
     if judge.flight(u, [np.array(solution.parameters.mesh.geometry.size), *gaps]) > 1.0:
         return [f"the body has run away by {reach:.1e}"]
     exact = solution.summary["penalty"]["epsilon"] == 0.0

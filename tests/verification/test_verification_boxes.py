@@ -58,3 +58,16 @@ def test_v11_hexahedra_converge_at_the_optimal_rate(found: list[Row]) -> None:
         measured = rate(sizes, [getattr(e, norm.lower()) for e in norms])
         found.append(Row("V11", where, f"rate in {norm}, optimal", measured, wanted, TEST))
         assert measured > wanted - 0.15
+
+
+@pytest.mark.serial
+def test_v11_hexahedra_of_degree_two_converge_at_the_order_of_quadrilaterals(
+    found: list[Row],
+) -> None:
+    given, sizes = dataclasses.replace(problem_of("all together", 3), element=Q2), [1 / 2, 1 / 4]
+    norms = [given.errors(given.solved(h)) for h in sizes]
+    where = "manufactured, 3D, Q2: all together"
+    for norm in ("V", "L2"):
+        measured = rate(sizes, [getattr(e, norm.lower()) for e in norms])
+        found.append(Row("V11", where, f"rate in {norm}", measured, 2.0, TEST))
+        assert measured > 1.7

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from dolfinx import mesh as dmesh
-from mpi4py import MPI
+from boxes import write_lattice
 from problems import with_changes
 from scipy import optimize
 from verification_table import Row
 
-from contact_locking.mesh.given_mesh import NamedFacets
-from contact_locking.mesh.xdmf_mesh import export
 from contact_locking.process import solving
 
 pytestmark = pytest.mark.serial
@@ -68,22 +64,7 @@ def lattice(path: Path, size: float, finest: float, cells: int) -> None:
     """The same quarter of hexahedra, whose edges grow from the origin in a geometric sequence."""
     growth = optimize.brentq(lambda q: finest * (q**cells - 1.0) / (q - 1.0) - size, 1.01, 3.0)
     line = np.r_[0.0, np.cumsum(finest * growth ** np.arange(cells))]
-    mesh = dmesh.create_box(
-        MPI.COMM_SELF, [[0.0] * 3, [1.0] * 3], [cells] * 3, dmesh.CellType.hexahedron
-    )
-    steps = np.rint(mesh.geometry.x * cells).astype(int)
-    mesh.geometry.x[:] = line[steps]
-    sides = [("bottom", 2, 0.0), ("top", 2, size), ("left", 0, 0.0), ("front", 1, 0.0)]
-    parts = {
-        name: dmesh.locate_entities_boundary(
-            mesh, 2, lambda x, axis=axis, at=place: np.isclose(x[axis], at)
-        )
-        for name, axis, place in sides
-    }
-    given = NamedFacets(mesh)
-    for name, facets in parts.items():
-        given.add(facets, name)
-    export(replace(given.domain(), cell_names={"body": 0}), path)
+    write_lattice(path, (cells,) * 3, lambda x: line[np.rint(x * cells).astype(int)])
 
 
 def indented(
@@ -149,6 +130,18 @@ def test_v4_hexahedra_that_grow_away_from_the_indenter(tmp_path: Path, found: li
     record(found, "indented block of size 2, hexahedra", (force, half_width, peak))
     assert force == pytest.approx(FORCE, rel=0.04)
     assert half_width == pytest.approx(HALF_WIDTH, rel=0.1)
+    assert peak == pytest.approx(PEAK, rel=0.03)
+
+
+@pytest.mark.slow
+def test_v4_hexahedra_of_degree_two_with_as_many_nodes(tmp_path: Path, found: list[Row]) -> None:
+    """Between the few facets in contact the edge of the contact is known to half a facet."""
+    lattice(tmp_path / "quarter.xdmf", 2.0, 0.04, 8)
+    force, half_width, peak = indented_by(tmp_path / "quarter.xdmf", degree=2)
+    where = "indented block of size 2, hexahedra of degree 2 with facets of 0.04"
+    record(found, where, (force, half_width, peak))
+    assert force == pytest.approx(FORCE, rel=0.04)
+    assert half_width == pytest.approx(HALF_WIDTH, rel=0.3)
     assert peak == pytest.approx(PEAK, rel=0.03)
 
 

@@ -106,7 +106,7 @@ class Pieces:
 
 def _small_boxes(kind: CellKind) -> IntArray:
     """The 2^d boxes (2^d, c) between the nodes of a box of degree 2, by the numbers of nodes."""
-    steps = np.rint(2.0 * gauss_points.nodes(kind.name, 2)).astype(int)
+    steps = np.rint(2.0 * gauss_points.lagrange(kind.name, 2).points).astype(int)
     number = {tuple(step): place for place, step in enumerate(steps)}
     corners = np.rint(kind.places).astype(int)
     return np.array([[number[tuple(low + step)] for step in corners] for low in corners])

@@ -325,9 +325,7 @@ def write(solution: StudySolution, folder: Path) -> None:
             mesh=study_file.mesh_identity(parameters) | ({"refined": True} if mesh else {}),
             problem=study_file.problem_fingerprint(parameters),
             step=_about_step(solution),
-            travels=tuple(
-                entry["tool"]["travel"] for entry in solution.summary["contacts"] if "tool" in entry
-            ),
+            travels=solution.state.saved.travels,
         )
         _write_history(solution, folder)
         records.save(record, folder)

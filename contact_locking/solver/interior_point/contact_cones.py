@@ -39,8 +39,10 @@ class ContactCones(HalfLines):
     def tools(self) -> tuple[int, ...]:
         return self.nodes.tools
 
-    def add_tool_forces(self, reactions: FloatArray, forces: FloatArray) -> None:
-        self.nodes.add_tool_forces(self.nodes.normal * reactions, forces)
+    def add_tool_forces(
+        self, reactions: FloatArray, forces: FloatArray, magnitudes: bool = False
+    ) -> None:
+        self.nodes.add_tool_forces(self.nodes.normal * reactions, forces, magnitudes)
 
     @property
     def limit(self) -> FloatArray:

@@ -34,9 +34,9 @@ class ContactNodes:
         self._nodes, self._blocks = surface.nodes[self._active], surface.blocks[self._active]
         self.weights = surface.weights[self._active]
         own = [(i, tool) for i, tool in enumerate(system.tools) if tool.contact is contact]
-        #: The numbers of the tools that press here: one or none.
+        #: The numbers of the free motions of the foundation here.
         self.tools = tuple(i for i, _ in own)
-        self._directions = [(i, tool.direction) for i, tool in own]
+        self._ways = [(i, tool.field[self._active].T) for i, tool in own]
         space = system.u.function_space
         self._rows = surface.limited.by_blocks[self._active]
         self._own_blocks = space.dofmap.index_map.local_range
@@ -89,10 +89,16 @@ class ContactNodes:
         self._values.array_w[:] = (self.weights * traction).T.reshape(-1)
         self._matrix.multTransposeAdd(self._values, forces, forces)
 
-    def add_tool_forces(self, traction: FloatArray, forces: FloatArray) -> None:
-        """``forces -= int traction . d`` for the tool that presses here, on this rank."""
-        for number, direction in self._directions:
-            forces[number] -= direction @ (traction @ self.weights)
+    def add_tool_forces(
+        self, traction: FloatArray, forces: FloatArray, magnitudes: bool = False
+    ) -> None:
+        """``forces -= int traction . m`` for the motions m of the foundation here, on this rank.
+
+        With ``magnitudes`` ``forces += int |traction . m|``.
+        """
+        for number, way in self._ways:
+            along = np.einsum("ik,ik->k", traction, way)
+            forces[number] += np.abs(along) @ self.weights if magnitudes else -along @ self.weights
 
     def stiffer_than(self, stiffness: float, springs: FloatArray) -> IndexArray:
         """The owned blocks that springs (k,) per area hold more stiffly than a material.
@@ -173,6 +179,6 @@ class ContactNodes:
         self._displacement.array_w[:] = displacement[:owned]
         self._matrix.mult(self._displacement, self._values)
         values = self._values.array_r.reshape(-1, self.dim).T
-        for number, direction in self._directions:
-            values = values - displacement[owned + number] * direction[:, None]
+        for number, way in self._ways:
+            values = values - displacement[owned + number] * way
         return values

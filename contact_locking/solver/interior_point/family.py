@@ -91,11 +91,13 @@ class Family(ABC):
 
     @property
     def tools(self) -> tuple[int, ...]:
-        """The numbers of the tools whose travel the family sees."""
+        """The numbers of the free motions of tools that the family sees."""
         return ()
 
-    def add_tool_forces(self, reactions: FloatArray, forces: FloatArray) -> None:
-        """The same for the travels of the tools (T,), of this rank."""
+    def add_tool_forces(
+        self, reactions: FloatArray, forces: FloatArray, magnitudes: bool = False
+    ) -> None:
+        """The same for the travels of the tools (T,), or its magnitudes, of this rank."""
         return
 
     @property

@@ -52,8 +52,10 @@ class FrictionCones(LorentzCones):
     def tools(self) -> tuple[int, ...]:
         return self.nodes.tools
 
-    def add_tool_forces(self, reactions: FloatArray, forces: FloatArray) -> None:
-        self.nodes.add_tool_forces(reactions, forces)
+    def add_tool_forces(
+        self, reactions: FloatArray, forces: FloatArray, magnitudes: bool = False
+    ) -> None:
+        self.nodes.add_tool_forces(reactions, forces, magnitudes)
 
     def reactions_of(self, z: FloatArray) -> FloatArray:
         return -z[1 : 1 + self.nodes.dim]

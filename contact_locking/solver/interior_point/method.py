@@ -103,7 +103,7 @@ def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> 
         made = next(cones for law, cones in _CONES.items() if isinstance(operator.law, law))
         families.append(made(operator, penalty.compliance, number))
     bounds, touching = [], []
-    resting = [tool.contact for tool in system.tools if not tool.pushes]
+    resting = [tool.contact for tool in system.tools if not tool.acts]
     for number, contact in enumerate(system.contacts):
         if contact in resting:
             continue
@@ -287,8 +287,8 @@ class InteriorPoint:
 
     def _rests(self) -> bool:
         """Whether the body is at rest without multipliers; collective."""
-        is_pushed = any(tool.pushes for tool in self._task.system.tools)
-        return self.bound_moves and not is_pushed and rests(self._task, self._tangent)
+        is_free = not self._task.system.tools.act
+        return self.bound_moves and is_free and rests(self._task, self._tangent)
 
     # 1. The start.
 

@@ -40,14 +40,13 @@ class ElasticStart:
             self._carried = abs(tangent.load_work())
         push = self._set_springs()
         # The springs would shake a body without loads by their rounding.
-        is_pushed = any(tool.pushes for tool in self._system.tools)
-        is_at_rest = not is_pushed and tangent.residual_norms([])[0] == 0.0
+        is_at_rest = tangent.tools_rest and tangent.residual_norms([])[0] == 0.0
         if is_at_rest and self._is_admissible(0.0):
             return True
         self._moved, self._loaded = tangent.elastic_parts(tuning.start_accuracy, push)
         tangent.move(1.0, self._moved + self._loaded)
         self._look()
-        is_elastic = not (is_pushed or self._system.held_by_contact)
+        is_elastic = not (self._system.tools.act or self._system.held_by_contact)
         is_solution = is_elastic and self._is_admissible(tuning.start_margin)
         if is_solution:
             self._sharpen()

@@ -87,7 +87,7 @@ class StiffFamilies:
 
 
 class RightHandSide:
-    """Nodal forces, and a force along the travel of each tool, which all ranks have.
+    """Nodal forces, and a force along each free motion of tools, which all ranks have.
 
     ``vector`` holds the nodal forces, and belongs to this object.
     """
@@ -96,16 +96,16 @@ class RightHandSide:
         self._system = system
         #: The nodal forces.
         self.on_nodes = vector
-        #: The forces along the travels of the tools, (T,).
+        #: The forces along the free motions of tools, (T,).
         self.on_tools: FloatArray = np.zeros(len(system.tools))
 
-    def start(self, forces: PETSc.Vec | None = None, share: float = 0.0) -> None:
-        """Take nodal forces, or none, and a share of the forces that push the tools."""
+    def start(self, forces: PETSc.Vec | None = None, on_tools: FloatArray | float = 0.0) -> None:
+        """Take nodal forces, or none, and forces along the motions of the tools."""
         if forces is None:
             self.on_nodes.set(0.0)
         else:
             forces.copy(self.on_nodes)
-        self.on_tools = share * np.array([tool.force for tool in self._system.tools])
+        self.on_tools = np.zeros(len(self._system.tools)) + on_tools
 
     def add(self, reactions: Sequence[Reaction]) -> float:
         """Add reactions, and leave out the forces at held dofs; collective.
@@ -164,7 +164,8 @@ class Tangent:
     """``a(du, v)`` plus ``int D lin(du) . lin(v)`` of every family, and the forces it balances.
 
     Displacements are arrays of owned values, then the travels of the tools, which all ranks have;
-    these border the tangent.  Elastic forces are those of the displacement visited last.
+    these border the tangent.  Elastic forces are those of the displacement visited last, and those
+    of the springs of tools are those of the travels at that time.
     """
 
     def __init__(self, task: Task, families: Sequence[Family], tuning: Tuning) -> None:
@@ -196,6 +197,8 @@ class Tangent:
         self._step, self._answer, self._whole, self._moved = self._vectors[3:]
         self._right = RightHandSide(system, self.matrix.createVecRight())
         self._border = Border(len(system.tools), self.matrix.createVecRight)
+        self._sprung: FloatArray = np.zeros(len(system.tools))
+        self._unbalanced_tools: FloatArray = self._sprung
         self.take_loads()
         contrast, listen = task.target.largest_contrast, task.monitor.linear
         self._linear = tangent_solver(
@@ -214,6 +217,9 @@ class Tangent:
         self.acting = float(max(self._load.norm(), self._stretched.norm()))
         self.force_scale = self.system.rounding.raise_above(self.acting, self._tolerance)
         self._unbalanced.waxpy(-1.0, self._load, self._stretched)
+        tools = self.system.tools
+        self._sprung = tools.stiffnesses * np.array(tools.travels)
+        self._unbalanced_tools = self._sprung - tools.forces
 
     def load_work(self) -> float:
         """``(f, u)`` of the displacement visited last; collective."""
@@ -237,12 +243,22 @@ class Tangent:
         return left, math.sqrt(max(every**2 - left**2, 0.0))
 
     def tool_residual(self, reactions: Sequence[Reaction]) -> float:
-        """The largest ``|int (reactions) . d + F|/F`` of the tools with a force; collective."""
-        if not self.system.tools:
+        """The largest share of its forces that an acting tool leaves unbalanced; collective."""
+        tools = self.system.tools
+        if not tools:
             return 0.0
         self._find_residual(reactions)
-        pairs = zip(self.system.tools, self._right.on_tools, strict=True)
-        return max((abs(left) / tool.force for tool, left in pairs if tool.pushes), default=0.0)
+        local = np.zeros(len(tools))
+        for reaction in reactions:
+            reaction.family.add_tool_forces(reaction.values, local, magnitudes=True)
+        sizes = np.maximum(self.comm.allreduce(local), np.abs(tools.forces))
+        acting = np.array([tool.acts for tool in tools]) & (sizes > 0.0)
+        return float(np.max(np.abs(self._right.on_tools)[acting] / sizes[acting], initial=0.0))
+
+    @property
+    def tools_rest(self) -> bool:
+        """Whether no force or spring presses a tool onto the body, at the displacement visited."""
+        return not self._unbalanced_tools.any()
 
     def solve_step(
         self, reactions: Sequence[Reaction], accuracy: float, is_rough: bool = False
@@ -264,6 +280,9 @@ class Tangent:
         self._step.array_w[:] = step[: self._owned]
         self.elasticity.mult(self._step, self._stretched)
         self._unbalanced.axpy(1.0, self._stretched)
+        self._unbalanced_tools = (
+            self._unbalanced_tools + self.system.tools.stiffnesses * step[self._owned :]
+        )
         self._step.set(0.0)
         return self.solve_step(reactions, accuracy, is_rough=True)
 
@@ -274,9 +293,8 @@ class Tangent:
 
     @property
     def solves_following(self) -> bool:
-        """Whether :meth:`solve_following` is there; a tool that a force pushes excludes it."""
-        is_pushed = any(tool.pushes for tool in self.system.tools)
-        return self._linear.solves_following and not is_pushed
+        """Whether :meth:`solve_following` is there; a tool that presses excludes it."""
+        return self._linear.solves_following and not self.system.tools.act
 
     def solve_following(
         self,
@@ -313,9 +331,9 @@ class Tangent:
         The first balances the elastic forces of the displacement visited last; an iterative solver
         leaves the share ``accuracy`` of either.
         """
-        self._right.start(self._stretched)
+        self._right.start(self._stretched, self._sprung)
         moved = self._solve_for(reactions, -1.0, accuracy)
-        self._right.start(self._load, 1.0)
+        self._right.start(self._load, self.system.tools.forces)
         return moved, self._solve_for([], 1.0, accuracy)
 
     def balance(self, reactions: Sequence[Reaction], accuracy: float) -> FloatArray:
@@ -340,7 +358,8 @@ class Tangent:
         """The tangent's forces on owned dofs and travels for a displacement; collective."""
         self._moved.array_w[:] = displacement[: self._owned]
         self.elasticity.mult(self._moved, self._whole)
-        elastic = np.append(self._whole.array_r, np.zeros(len(self.system.tools)))
+        sprung = self.system.tools.stiffnesses * displacement[self._owned :]
+        elastic = np.append(self._whole.array_r, sprung)
         blocks = [
             Reaction(family, family.block(family.see(displacement))) for family in self.families
         ]
@@ -403,7 +422,7 @@ class Tangent:
 
     def _refresh_border(self) -> None:
         """Solve for the response to each travel; collective."""
-        corner = np.zeros(len(self.system.tools))
+        corner = np.diag(self.system.tools.stiffnesses)
         for number, column in enumerate(self._border.columns):
             travel = self.nothing()
             travel[self._owned + number] = 1.0
@@ -411,7 +430,7 @@ class Tangent:
             reactions = [Reaction(family, family.block(family.see(travel))) for family in pressed]
             self._right.start()
             self._right.add(reactions)
-            corner[number] = self._right.on_tools[number]
+            corner[:, number] += self._right.on_tools
             self._right.on_nodes.copy(column)
         self._border.refresh(
             corner,
@@ -432,7 +451,7 @@ class Tangent:
         return np.append(owned, np.zeros(len(self.system.tools)))
 
     def _find_residual(self, reactions: Sequence[Reaction]) -> float:
-        self._right.start(self._unbalanced, -1.0)
+        self._right.start(self._unbalanced, self._unbalanced_tools)
         return self._right.add(reactions)
 
     def _solve_for(

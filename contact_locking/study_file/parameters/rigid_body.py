@@ -12,6 +12,7 @@ from .values import (
     LIST,
     SECTION,
     TEXT,
+    NonNegative,
     Number,
     Positive,
     Switch,
@@ -168,8 +169,34 @@ SurfaceOrFile = Annotated[
 ]
 
 
+class FoundationSpring(Section):
+    """A spring that holds the rigid body: the force -k q along a line for its travel q."""
+
+    stiffness: Positive = entry(
+        ..., "k, the force per travel; in 2D for a unit of thickness", "force/length"
+    )
+    along: tuple[Number, ...] | None = entry(
+        None, "its line, of any length; null: the line of force", "1", optional=True
+    )
+
+    def _faults(self) -> Iterator[Fault]:
+        if self.along is not None:
+            yield from zero_faults("along", self.along)
+
+
+class Tilt(Section):
+    """The rigid body turns by a small angle about a point until the moments balance."""
+
+    about: tuple[Number, ...] = entry(..., "the point of the rigid body at rest", "length")
+    stiffness: NonNegative = entry(
+        0.0,
+        "moment per angle of a spring about the point; 0: the contact forces have no moment",
+        "moment/rad, in 2D for a unit of thickness",
+    )
+
+
 class Foundation(Section):
-    """A rigid body that the deformed body does not enter: one shape, its motion, or a force."""
+    """A rigid body that the deformed body does not enter: shape, motion, and forces on it."""
 
     half_space: HalfSpace | None = entry(None, "a half space", optional=True)
     sphere: Sphere | None = entry(None, "a sphere, in 2D a disc", optional=True)
@@ -207,6 +234,19 @@ class Foundation(Section):
         optional=True,
     )
 
+    spring: FoundationSpring | None = entry(
+        None,
+        "the rigid body gives way along a line by force/stiffness, beyond its motion; a force is "
+        "its preload; null: no spring",
+        optional=True,
+    )
+    tilt: Tilt | None = entry(
+        None,
+        "the rigid body is free to turn about a point, its angle is an unknown; null: it does not "
+        "turn by itself",
+        optional=True,
+    )
+
     def _faults(self) -> Iterator[Fault]:
         given = [name for name in SHAPES if getattr(self, name) is not None]
         if len(given) != 1:
@@ -216,6 +256,13 @@ class Foundation(Section):
         if self.force is not None and not any(self.force):
             message = "is zero, so that nothing pushes the foundation; leave it out for a fixed one"
             yield Fault(("force",), message)
+        if self.spring is not None and (self.spring.along is None) == (self.force is None):
+            message = (
+                "is missing: the direction in which the spring gives way"
+                if self.force is None
+                else "is given twice: the spring acts along force; leave it out"
+            )
+            yield Fault(("spring", "along"), message)
 
     @property
     def shape(self) -> tuple[str, Any]:
@@ -244,6 +291,10 @@ class Foundation(Section):
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The vectors that do not have ``dim`` components, and a shape of another dimension."""
         yield from vector_faults(("force",), self.force, dim)
+        if self.spring is not None:
+            yield from vector_faults(("spring", "along"), self.spring.along, dim)
+        if self.tilt is not None:
+            yield from vector_faults(("tilt", "about"), self.tilt.about, dim)
         name, shape = self.shape
         if isinstance(shape, Shape):
             yield from below((name,), shape.dimension_faults(dim))
@@ -265,6 +316,10 @@ class Foundation(Section):
             message = "is no body of revolution about x = 0; take sphere, or half_space"
             yield Fault(("cylinder",), message)
         yield from _radial_faults(("force",), self.force)
+        if self.spring is not None:
+            yield from _radial_faults(("spring", "along"), self.spring.along)
+        if self.tilt is not None:
+            yield Fault(("tilt",), "must be left out: it would leave the axis of the body")
         if self.moved is not None:
             where = ("motion",) if isinstance(self.motion, tuple) else ("motion", "translation")
             yield from _radial_faults(where, self.moved.translation)
@@ -280,4 +335,6 @@ def _radial_faults(place: Place, vector: tuple[float | str, ...] | None) -> Iter
 
 
 #: The keys of a foundation that describe a shape.
-SHAPES = tuple(name for name in Foundation.model_fields if name not in ("motion", "force"))
+SHAPES = tuple(
+    name for name in Foundation.model_fields if name not in ("motion", "force", "spring", "tilt")
+)
