@@ -319,10 +319,11 @@ def _values(value: Any) -> Callable[[FloatArray], FloatArray]:
     """Values (k,) at points (d, k), of a number, a constant or a function of points."""
 
     def at(x: FloatArray) -> FloatArray:
-        if callable(value):
-            found = value(x)
+        # Constants can be called as well.
+        if isinstance(value, fem.Constant):
+            found = value.value
         else:
-            found = value.value if isinstance(value, fem.Constant) else value
+            found = value(x) if callable(value) else value
         return np.broadcast_to(np.asarray(found, dtype=float), x.shape[1:]).copy()
 
     return at

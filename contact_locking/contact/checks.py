@@ -62,6 +62,10 @@ def _faults(given: Contact, dim: int) -> Iterator[tuple[str, str]]:
             yield "friction", fault
     else:
         yield "friction", f"must be Coulomb(mu) or a subclass, not {_shown(friction)}"
+    if given.pair not in ("once", "each_step"):
+        yield "pair", f"must be once or each_step, not {_shown(given.pair)}"
+    elif given.pair == "each_step" and given.against is None:
+        yield "pair", "is about two bodies; name the other one in against, or leave out pair"
     if isinstance(given.motion, Motion):
         if np.size(present(given.motion.translation)) != dim:
             yield "motion", f"translation must have {dim} components in {dim}D"

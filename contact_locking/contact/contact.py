@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from dolfinx import fem
@@ -147,7 +147,8 @@ class Contact:
     it has no node of ``on`` but at the tip of a crack.  Contact then limits the jump
     ``[u] = u - u o chi`` between the sides, with the points chi(x) of ``against`` that the normals
     of ``on`` meet.  A :class:`Gap` adds to the distance of the sides: below zero they overlap and
-    press, as in a press fit.
+    press, as in a press fit.  ``pair`` says when these points are found: "once", on the undeformed
+    mesh, or at the beginning of "each_step", on the mesh that the step before has deformed.
     """
 
     on: Where
@@ -157,6 +158,7 @@ class Contact:
     force: Pushing | None = None
     key: str = "contact"
     against: Where | None = None
+    pair: Literal["once", "each_step"] = "once"
     spring: FoundationSpring | None = None
     tilt: Tilt | None = None
 

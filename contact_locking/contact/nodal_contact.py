@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -109,19 +110,23 @@ class NodalContact:
         self.move_foundation(self.travel)
 
     def place(self) -> None:
-        """Put the foundation to its present place; collective.
+        """Put the foundation to its present place, or pair bodies where they are; collective.
 
         Raises Misplaced for a foundation that has moved behind Gamma_C.
         """
-        if not self.foundation.is_timed:
+        surface, displacement = self.surface, self.state.displacement
+        is_anew = surface.pair_at(displacement)
+        if not (self.foundation.is_timed or is_anew):
             return
-        surface = self.surface
+        if is_anew and displacement is not None:
+            place = surface.limited.at_nodes(displacement)
+            self.state = dataclasses.replace(self.state, place=place)
         gap, normals = self.foundation.at_nodes(surface)
         self._put(surface.limited_gap(gap), normals)
-        if not self.foundation.moves:
+        if not (self.foundation.moves or is_anew):
             return
         free, sides = surface.free_nodes(normals, self._constraints), surface.sides(normals)
-        is_other = on_any_rank(surface.domain.comm, free != self.free)
+        is_other = is_anew or on_any_rank(surface.domain.comm, free != self.free)
         if is_other or np.any(sides != self._sides):
             # R leaves out the nodes that are not free, and each side is averaged alone.
             self.friction.smoothing.destroy()
@@ -167,6 +172,16 @@ class NodalContact:
     def moves(self) -> bool:
         """Whether the foundation moves, by a given motion or by forces."""
         return self.foundation.moves or self.is_free
+
+    @property
+    def pairs_anew(self) -> bool:
+        """Whether bodies are paired anew in each step."""
+        return self.given.pair == "each_step"
+
+    def slid(self, u: fem.Function) -> FloatArray:
+        """How far (k,) the nodes have slid along the other body since they were paired."""
+        along = self.increment(u) if self.pairs_anew else self.split(u)[1]
+        return np.asarray(np.linalg.norm(along, axis=1))
 
     @property
     def is_free(self) -> bool:
@@ -229,13 +244,19 @@ class NodalContact:
         place = np.where(holds[:, None], self.references, tangential)
         slip = np.where(holds, self.state.slip, self.slips(u))
         place = place + along[:, None] * self.normals
-        return ContactState(place, slip, self.travel, self.foundation.motion())
+        displacement = u.x.array.copy() if self.pairs_anew else None
+        return ContactState(place, slip, self.travel, self.foundation.motion(), displacement)
 
-    def recall(self, reference: FloatArray, slip: FloatArray) -> None:
-        """Judge a step again that began with ``reference`` (k, d) and the slip (k,); collective."""
-        self.state = ContactState(
-            self.state.place, np.array(slip), self.state.travel, self.state.motion
-        )
+    def recall(
+        self, reference: FloatArray, slip: FloatArray, displacement: FloatArray | None
+    ) -> None:
+        """Judge a step again that began with ``reference`` (k, d) and the slip (k,); collective.
+
+        Bodies that are paired anew began it at the ``displacement``.
+        """
+        self.state = dataclasses.replace(self.state, slip=np.array(slip), displacement=displacement)
+        if self.pairs_anew:
+            self.place()
         self._refer(reference)
 
     @property

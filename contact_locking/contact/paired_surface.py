@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from dolfinx import fem
 from scipy.sparse import csr_matrix, diags
@@ -9,7 +11,7 @@ from scipy.sparse import csr_matrix, diags
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.contact.contact import Contact
-from contact_locking.contact.pairing import Pairing, Side, pair
+from contact_locking.contact.pairing import Pairing, Side, facet_normals, pair
 from contact_locking.contact.surface import PRESCRIBED, ContactSurface
 from contact_locking.errors import InputError, Misplaced
 from contact_locking.fem.facet_nodes import facet_nodes
@@ -31,6 +33,8 @@ class PairedSurface(ContactSurface):
     If ``against`` has the names of ``on``, the bodies that have these parts touch each other.
     The weights are those of the part that side 2 covers, and ``distance`` (k,) is the gap between
     the sides, the extent of the body where a node faces nothing.  All ranks find the whole pairing.
+    Where bodies are paired anew in each step, ``distance`` is what the jump may reach in all:
+    ``g + [u_{k-1}]_nu`` with the gap g between the deformed sides.
     Raises InputError for sides that have nodes in common, for sides that do not face each other or
     overlap too deep, and for hexahedra.  The constructor is collective.
     """
@@ -54,32 +58,66 @@ class PairedSurface(ContactSurface):
         super().__init__(domain, space, given.on, f"{key}.on", element, space)
         other = domain.facets(names, f"{key}.against")
         among = set(given.on) == set(names)
-        one, mine = _side(domain, space, self.facets, among)
-        two, theirs = _side(domain, space, other, among)
-        at_tip = np.isin(mine, theirs) & (not among)
+        self._one, self._mine = _side(domain, space, self.facets, among)
+        self._two, self._theirs = _side(domain, space, other, among)
+        self._at_tip = np.isin(self._mine, self._theirs) & (not among)
         if not among:
-            _require_apart(domain, one, two, mine, theirs, given)
-        found = pair(one, two)
-        _require_facing(domain, one, found, given)
+            _require_apart(domain, self._one, self._two, self._mine, self._theirs, given)
+        self._given, self._key = given, key
+        self._blocks = np.union1d(self._mine, self._theirs)
+        self._own, self._whole = self.limited.by_blocks, self.weights
+        self._density = self.scalar_function(np.ones(len(self.nodes)))
+        self.ds = WeightedMeasure(self.ds, self._density)
         index_map = space.dofmap.index_map
-        here = np.searchsorted(mine, index_map.local_to_global(self.blocks))
-        faces = (found.faces & ~at_tip)[here]
-        own = self.limited.by_blocks
-        shares = found.shares[here].tocsr()
-        facing = csr_matrix((shares.data, theirs[shares.indices], shares.indptr), shape=own.shape)
-        rows = diags(faces.astype(float)) @ (own - facing)
-        rows.eliminate_zeros()
-        vector_blocks = self.limited.blocks
+        self._here = np.searchsorted(self._mine, index_map.local_to_global(self.blocks))
+        self._paired_at: FloatArray | None = None
+        rows = self._pair(self._one, self._two)
         self._jump = JumpValues(
-            element.trace, self.scalar_space, space, self.nodes, vector_blocks, rows
+            element.trace, self.scalar_space, space, self.nodes, self.limited.blocks, rows
         )
         self.limited = self._jump
+
+    def _pair(self, one: Side, two: Side) -> csr_matrix:
+        """Set the distance and the weights to those of two sides; the rows of the jump."""
+        found, here, domain = pair(one, two), self._here, self.domain
+        _require_facing(domain, one, two, found, self._given)
+        faces, own = (found.faces & ~self._at_tip)[here], self._own
+        shares = found.shares[here].tocsr()
+        columns = self._theirs[shares.indices]
+        facing = csr_matrix((shares.data, columns, shares.indptr), shape=own.shape)
+        rows = diags(faces.astype(float)) @ (own - facing)
+        rows.eliminate_zeros()
         self.distance = np.where(faces, found.gap[here], domain.extent)
-        weights = np.where(faces, found.weights[here], self.weights)
-        self.ds = WeightedMeasure(self.ds, self.scalar_function(weights / self.weights))
-        self.weights = weights
-        self._coarser = float(np.median(one.sizes()) / np.median(two.sizes()))
-        self._key, self._blocks = key, np.union1d(mine, theirs)
+        self.weights = np.where(faces, found.weights[here], self._whole)
+        self._density.x.array[self.nodes] = self.weights / self._whole
+        self._density.x.scatter_forward()
+        return rows
+
+    def pair_at(self, displacement: FloatArray | None) -> bool:
+        if self._given.pair == "once" or displacement is self._paired_at:
+            return False
+        one, two = self._one, self._two
+        if displacement is not None:
+            one = one.moved(self._at_blocks(displacement, self._mine))
+            two = two.moved(self._at_blocks(displacement, self._theirs))
+        self._jump.join(self._pair(one, two))
+        self._body_normals = one.nodal_normals()[self._here]
+        self._paired_at = displacement
+        if displacement is not None:
+            before = self._jump.at_nodes(displacement)
+            self.distance = self.distance + np.sum(before * self._body_normals, axis=1)
+        return True
+
+    def _at_blocks(self, displacement: FloatArray, blocks: IntArray) -> FloatArray:
+        """The displacement (k, d) at global blocks (k,), from local values; collective."""
+        low, high = self.vector_space.dofmap.index_map.local_range
+        own = blocks[(blocks >= low) & (blocks < high)] - low
+        local = displacement.reshape(-1, self.domain.dim)[own]
+        return np.concatenate(self.domain.comm.allgather(local))
+
+    @property
+    def facing_length(self) -> float:
+        return float(np.median(self._two.sizes())) ** (1.0 / (self.domain.dim - 1))
 
     def limited_gap(self, gap: FloatArray) -> FloatArray:
         """That of the given part of the gap: :attr:`distance` has limited values."""
@@ -108,12 +146,15 @@ class PairedSurface(ContactSurface):
         return np.sqrt(sizes) > PRESCRIBED
 
     def warnings(self) -> list[str]:
-        ratio = self._coarser ** (1.0 / (self.domain.dim - 1))
+        one, two = (float(np.median(side.sizes())) for side in (self._one, self._two))
+        ratio = (one / two) ** (1.0 / (self.domain.dim - 1))
         if ratio <= _COARSER:
             return []
+        on, against = (", ".join(names or ()) for names in (self._given.on, self._given.against))
         return [
-            f"{self._key}: the facets of on are {ratio:.2g} times as long as those of against; the "
-            "conditions of contact hold at the nodes of on: let the finer side be on"
+            f"{self._key}: the facets of {on} are {ratio:.2g} times as long as those of {against}, "
+            "and the conditions of contact hold at the nodes of on alone; let the finer side be "
+            f"on: {{on: {against}, against: {on}}}"
         ]
 
 
@@ -151,13 +192,9 @@ def _side(
 
 def _outward(corners: FloatArray, inside: FloatArray) -> FloatArray:
     """The unit normals (m, d) of facets (m, d, d) that point away from ``inside`` (m, d)."""
-    edges = corners[:, 1:] - corners[:, :1]
-    if corners.shape[2] == 2:
-        normals = np.stack([edges[:, 0, 1], -edges[:, 0, 0]], axis=1)
-    else:
-        normals = np.asarray(np.cross(edges[:, 0], edges[:, 1]), dtype=float)
+    normals = facet_normals(corners)
     side = np.sign(np.sum(normals * (corners[:, 0] - inside), axis=1))
-    return np.asarray(side[:, None] * normals / np.linalg.norm(normals, axis=1)[:, None])
+    return np.asarray(side[:, None] * normals)
 
 
 def _require_apart(
@@ -177,12 +214,21 @@ def _require_apart(
     )
 
 
-def _require_facing(domain: Domain, one: Side, found: Pairing, given: Contact) -> None:
+def _require_facing(domain: Domain, one: Side, two: Side, found: Pairing, given: Contact) -> None:
     """Raise InputError for sides that do not face each other, or not once, or overlap too deep."""
     key, on, against = given.key, ", ".join(given.on), ", ".join(given.against or ())
     if not found.faces.any():
         where = domain.where(one.points.mean(axis=0))
-        raise InputError(
+        behind = pair(one, replace(two, outward=-two.outward)).faces
+        if behind.any():
+            where = domain.where(one.points[np.argmax(behind)])
+            raise Misplaced(
+                f"the outward normals of {on} and {against} point the same way, as at {where}: "
+                "one side sees the other from behind, or lies inside of its body; name the two "
+                "sides that face each other, or move the bodies apart",
+                f"{key}.against",
+            )
+        raise Misplaced(
             f"the outward normals of {on}, around {where}, meet no facet of {against} that faces "
             "them; name the two parts that will touch each other",
             f"{key}.against",
@@ -200,6 +246,6 @@ def _require_facing(domain: Domain, one: Side, found: Pairing, given: Contact) -
         raise Misplaced(
             f"{on} reaches {depth:.4g} deep into {against} at "
             f"{domain.where(one.points[deepest])}: displacements are small, and so must overlaps "
-            "be",
+            "be; move the bodies apart, or name the sides that face each other",
             f"{key}.against",
         )

@@ -24,7 +24,7 @@ product of both hat functions farther out, with the tangent t.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,6 +49,8 @@ _TRIANGLE = (
 _COVERED = 1e-3
 # A facet may be covered by this share more than once: rounding.
 _TWICE = 1e-6
+# Points nearer to the axis than this share of the extent are on it.
+_ON_AXIS = 1e-9
 # The cosine of 15 degrees.
 _SMOOTH = 0.966
 
@@ -79,6 +81,23 @@ class Side:
     def is_quadratic(self) -> bool:
         """Whether the midpoints of edges are nodes, too."""
         return self.facets.shape[1] > self.points.shape[1]
+
+    def moved(self, by: FloatArray) -> Side:
+        """The side after its points have moved by (k, d)."""
+        turn = np.sum(facet_normals(self.corners) * self.outward, axis=1)
+        there = replace(self, points=self.points + by)
+        outward = np.sign(turn)[:, None] * facet_normals(there.corners)
+        return replace(there, outward=outward)
+
+    def nodal_normals(self) -> FloatArray:
+        """The unit normals (k, d) at the points, averaged over the facets around each."""
+        found = np.zeros_like(self.points)
+        for corner in self.facets.T:
+            np.add.at(found, corner, self.sizes()[:, None] * self.outward)
+        if self.revolves:
+            # The facets around a point of the axis are those of a whole circle.
+            found[np.abs(self.points[:, 0]) <= _ON_AXIS * np.ptp(self.points[:, 0]), 0] = 0.0
+        return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])
 
     def sizes(self) -> FloatArray:
         """The lengths (m,) or areas of the facets."""
@@ -170,6 +189,16 @@ def pair(one: Side, other: Side) -> Pairing:
     several = np.flatnonzero(covered > (1.0 + _TWICE) * sizes)
     twice = one.corners[several[0]].mean(axis=0) if len(several) else None
     return Pairing(shares, gap, every, faces, twice)
+
+
+def facet_normals(corners: FloatArray) -> FloatArray:
+    """A unit normal (m, d) of each facet (m, d, d), to the side that the order of corners gives."""
+    edges = corners[:, 1:] - corners[:, :1]
+    if corners.shape[2] == 2:
+        normals = np.stack([edges[:, 0, 1], -edges[:, 0, 0]], axis=1)
+    else:
+        normals = np.asarray(np.cross(edges[:, 0], edges[:, 1]), dtype=float)
+    return np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])
 
 
 def _tangents(side: Side) -> FloatArray:

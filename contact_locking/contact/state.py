@@ -18,13 +18,16 @@ class ContactState:
     coefficient depends on ``s_k``.  ``place`` (k, d) is ``u_{k-1}`` and ``slip`` (k,) is
     ``s_{k-1}`` at the owned nodes of the contact.  ``travel`` is how far forces
     had moved the foundation, and ``motion`` is where the foundation itself was.  All are zero at
-    the beginning, and in a static problem.
+    the beginning, and in a static problem.  ``displacement`` are the values of
+    ``u_{k-1}`` at all local dofs, from which bodies are paired anew; it is None at the beginning,
+    and for others.
     """
 
     place: FloatArray
     slip: FloatArray
     travel: SmallMotion
     motion: RigidMotion
+    displacement: FloatArray | None = None
 
     @classmethod
     def at_rest(cls, nodes: int, dim: int) -> ContactState:

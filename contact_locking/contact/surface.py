@@ -7,6 +7,7 @@ values, or the control values.
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -181,6 +182,18 @@ class ContactSurface:
     def warnings(self) -> list[str]:
         """Warnings about data that the user probably did not intend."""
         return []
+
+    def pair_at(self, displacement: FloatArray | None) -> bool:
+        """Pair bodies anew, where they are, at a displacement (local values); collective.
+
+        None is the undeformed mesh.  Returns whether there is a new pairing.
+        """
+        return False
+
+    @property
+    def facing_length(self) -> float:
+        """The length of a facet of the side of another body, inf without one."""
+        return math.inf
 
     @property
     def jump(self) -> JumpValues | None:

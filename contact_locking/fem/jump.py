@@ -17,7 +17,8 @@ class JumpValues(PointValues):
     """``[u]_i = u_i - sum_k m_ik u_k`` at the k owned nodes i of side 1.
 
     ``rows`` (k, N) are the entries of the jump at each node, for all N blocks of the displacement
-    space by their global numbers.  A row without entries is a node without a jump.  Each jump has a
+    space by their global numbers.  A row without entries is a node without a jump.  They may be set
+    anew, collectively, where the sides slide along each other.  Each jump has a
     space of its own, whose functions and arguments have the jump as their values at the nodes:
     forms over Gamma_C are assembled in this space, and :class:`~.joint_forms.JointForm` carries
     them over to displacements.  The other arguments are those of :class:`PointValues`.  The
@@ -34,10 +35,18 @@ class JumpValues(PointValues):
         rows: csr_matrix,
     ) -> None:
         super().__init__(trace, scalars, vectors.clone(), nodes, blocks)
-        self._vectors, self._rows = vectors, rows
-        self._matrix = displacement_map(rows, vectors)
+        self._vectors = vectors
+        self._join(rows)
         self._at_nodes, self._values = self._matrix.createVecLeft(), self._matrix.createVecRight()
         self._jumps: list[tuple[fem.Function, fem.Function]] = []
+
+    def _join(self, rows: csr_matrix) -> None:
+        self._rows, self._matrix = rows, displacement_map(rows, self._vectors)
+
+    def join(self, rows: csr_matrix) -> None:
+        """Take other entries (k, N); collective."""
+        self._matrix.destroy()
+        self._join(rows)
 
     @property
     def by_blocks(self) -> csr_matrix:

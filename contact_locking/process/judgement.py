@@ -15,7 +15,7 @@ from contact_locking.fields import plausibility
 from contact_locking.parallel import maximum
 from contact_locking.problem.parts import describe_loose, describe_slide
 from contact_locking.results.body_fields import BodyFields
-from contact_locking.results.contact_points import STICK
+from contact_locking.results.contact_points import OPEN, STICK
 from contact_locking.results.derived import Contacts, gather_contacts, on_gamma_c
 from contact_locking.results.quantities import computed
 from contact_locking.results.solution import Differentiable, Solution
@@ -107,6 +107,11 @@ def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
         between = fields.entry
         found += plausibility.about_an_entry(
             fields.contact.key, between.depth, between.share, between.place
+        )
+        length = fields.surface.facing_length
+        slid = fields.contact.slid(problem.u)[fields.state != OPEN]
+        found += plausibility.about_the_sliding(
+            fields.contact.key, maximum(state.comm, slid), length, fields.contact.pairs_anew
         )
     for contact in data.contacts:
         entry = uncovered_entry(problem.domain, problem.u, contact)

@@ -51,6 +51,7 @@ class ContactFields:
         # The slip of the step, the accumulated slip, and what friction remembers of earlier steps.
         self.increment, self.slip = contact.increment(u), contact.slips(u)
         self.old_place, self.old_slip = contact.references, contact.state.slip
+        self.paired_at = contact.state.displacement
         domain = contact.surface.domain
         box = box_around(domain.bounding_box, domain.axisymmetric)
         shift = contact.travel.at(box.mean(axis=0))

@@ -149,6 +149,12 @@ _HELD_BY_FRICTION = (
     "more, raise friction.coefficient, or hold the body by loads.displacements.  If the friction "
     "bound does not settle, enlarge friction.smoothing.radius."
 )
+# The limit of large coefficients: such a node has a traction beside no pressure, and slides.
+_NO_SLIP_WAY_OUT = (
+    "Without slip, a node where the bodies part may press if it slides and open if it sticks, so "
+    "that neither is a solution; take friction.coefficient: 1e3 in place of .inf, with which such "
+    "a node slides a little."
+)
 _VERGE_WAY_OUT = (
     "If the strain limit only just admits the prescribed displacements and the gap, as round "
     "numbers may be chosen, change one of them by 0.1 %: then there is a solution, or a proof that "
@@ -319,6 +325,8 @@ def _friction_way_out(task: Task) -> list[str]:
     """What may help where the friction bound does not settle; nothing without friction."""
     if not task.system.rubbing:
         return []
+    if any(contact.friction.stands for contact in task.system.rubbing):
+        return [_NO_SLIP_WAY_OUT]
     return [_HELD_BY_FRICTION if task.system.held_by_friction else _BOUND_WAY_OUT]
 
 

@@ -66,6 +66,7 @@ def contact_of(
         force=force,
         key=given.key,
         against=given.against or None,
+        pair=given.pair,
         spring=spring,
         tilt=tilt,
     )

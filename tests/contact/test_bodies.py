@@ -240,7 +240,17 @@ def test_wrong_sides_are_refused_with_words() -> None:
     with pytest.raises(InputError, match=r"same and lower_top share the nodes of 4 facets, as at"):
         named = {"same": {"on": ["lower_top"]}}
         solve(stack(mesh__parts=named, contact={"on": "same", "against": "lower_top"}))
-    with pytest.raises(InputError, match=r"reaches 0\.4\d* deep into rim"):
+    # The outer side of the ring, which a ray from the disc meets from within, and the way back.
+    for on, against in (("rim", "outer"), ("outer", "rim")):
+        told = rf"normals of {on} and {against} point the same way, as at x = .* inside of its body"
+        with pytest.raises(InputError, match=told):
+            solve(fit(contact={"on": on, "against": against}))
+    load = [{"on": "upper_left", "value": [0.01, 0.0]}]
+    with pytest.raises(
+        InputError, match=r"top and lower_top .* as at x = .*, y = 2: one side sees"
+    ):
+        solve(stack(contact={"on": "top", "against": "lower_top"}, loads__tractions=load))
+    with pytest.raises(InputError, match=r"reaches 0\.4\d* deep into rim at x = .*; move the bod"):
         solve(fit(mesh__radius=1.4, contact={"on": "inner", "against": "rim"}))
     with pytest.raises(ValueError, match=r"'lower_top' is in on as well"):
         stack(contact={"on": ["lower_top", "left"], "against": "lower_top"})
@@ -267,7 +277,8 @@ def test_a_side_that_is_much_coarser_is_warned_of() -> None:
         stack(2, 0.25, mesh__h_upper=0.05, contact=contact, friction__coefficient=0.3)
     )
     (warning,) = solution.summary["warnings"]
-    assert "let the finer side be on" in warning
+    assert "facets of lower_top are 5 times as long as those of upper_bottom" in warning
+    assert "{on: upper_bottom, against: lower_top}" in warning
 
 
 def test_meshes_of_both_bodies_are_refined_where_they_touch() -> None:
@@ -441,6 +452,27 @@ def test_slender_blocks_without_slip_are_one_beam(load: float) -> None:
     slips = solved(stack(2, 0.5, **given | {"friction__coefficient": 0.0}))
     ratio = slips.summary["displacement_max"] / solution.summary["displacement_max"]
     assert 2.0 < ratio < 4.0
+
+
+def test_nodes_that_neither_stick_nor_slide_are_solved_with_much_friction() -> None:
+    """Two long blocks: a node at the end of the contact would open if it sticks."""
+    given: dict[str, Any] = {
+        "mesh__upper": [20.0, 1.0],
+        "mesh__size": [20.0, 1.0],
+        "loads__displacements": [{"on": ["left", "upper_left"], "value": [0.0, 0.0]}],
+        "loads__tractions": [{"on": "top", "value": [0.0, -1e-5]}],
+    }
+    found = [solved(stack(2, 0.5, **given, friction__coefficient=mu)) for mu in (1e3, 1e5)]
+    sizes = [one.summary["displacement_max"] for one in found]
+    assert sizes[0] == pytest.approx(sizes[1], rel=1e-4)
+    for one in found:
+        assert one.summary["iterations"]["tangents"] <= 15
+        assert one.summary["slip_max"] <= 2e-3 * one.summary["displacement_max"]
+    # One update of the nodes that are pressed is not enough.
+    hasty = {"max_friction_updates": 1, "max_iterations": 20}
+    fails = solve(stack(2, 0.5, **given, friction__coefficient=math.inf, solver=hasty))
+    assert not fails.converged
+    assert "take friction.coefficient: 1e3 in place of .inf" in fails.summary["suggestion"]
 
 
 def test_newton_and_the_interior_point_method_agree_on_two_bodies() -> None:

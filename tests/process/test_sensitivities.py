@@ -51,7 +51,10 @@ def test_a_motion_may_have_names() -> None:
         {"parameters": {"depth": 0.1}, "contact": {"on": "bottom", "foundation": tool}}
         | {"steps": {"to": 1.0, "count": 2}}
     )
-    assert body.contacts[0].foundation.moved.translation == (0.0, "depth*t")
+    foundation = body.contacts[0].foundation
+    assert foundation is not None
+    assert foundation.moved is not None
+    assert foundation.moved.translation == (0.0, "depth*t")
 
 
 @pytest.mark.parametrize(

@@ -153,11 +153,11 @@ def test_the_limit_has_neither_penalty_nor_regularisation(file: Path) -> None:
 WRONG: list[tuple[Any, str]] = [
     (
         3,
-        "contact: must be a mapping with keys among on, against, gap, foundation, friction, or",
+        "contact: must be a mapping with keys among on, against, pair, gap, foundation, friction",
     ),
     (
         [3],
-        "contact.0: must be a mapping with keys among on, against, gap, foundation, friction,",
+        "contact.0: must be a mapping with keys among on, against, pair, gap, foundation, ",
     ),
     (
         [{}, {"gapp": 1}],

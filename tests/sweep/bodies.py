@@ -1,8 +1,10 @@
-"""Two bodies that touch each other: stacks and press fits."""
+"""Bodies that touch each other: stacks, press fits, grains in a box and a grip."""
 
 from __future__ import annotations
 
 import math
+
+from contact_locking.meshes.grains import Grains
 
 from .case import (
     Case,
@@ -70,6 +72,90 @@ def _stack(random: Random) -> Case:
     other: Study = {"elasticity": {"young": young, "poisson": between(random, 0.0, 0.4)}}
     data["material"]["regions"] = {"lower": other}
     return Case(data, Truth(admissible=known))
+
+
+@family
+def grains(random: Random) -> Case:
+    """Discs between three walls, which a piston presses or their weight."""
+    count, limit = int(random.integers(2, 9)), some_limit(random)
+    size = strain_size(limit)
+    mesh: Study = {
+        "builder": "grains",
+        "count": count,
+        "spread": pick(random, [0.01, 0.1, 0.3]),
+        "width": between(random, 2.7, 7.0),
+        "distance": pick(random, [None, None, 0.1 * size]),
+        "seed": int(random.integers(100)),
+        "h": pick(random, [0.5, 0.4]),
+    }
+    kept = {key: value for key, value in mesh.items() if key not in ("builder", "h")}
+    top = max(y + radius for _, y, radius in Grains(**kept, h=0.5).discs)
+    push = pick(random, [0.0, between(random, 0.1, 2.0) * size])
+    walls: list[Study] = [
+        {"point": [0.0, 0.0], "normal": [0.0, 1.0]},
+        {"point": [0.0, 0.0], "normal": [1.0, 0.0]},
+        {"point": [mesh["width"], 0.0], "normal": [-1.0, 0.0]},
+        {"point": [0.0, top - push], "normal": [0.0, -1.0]},
+    ]
+    loads: Study = {"springs": [{"on": "grains", "stiffness": pick(random, [1e-6, 1e-4])}]}
+    if push == 0.0 or chance(random, 0.3):
+        loads["body_force"] = [0.0, -between(random, 0.01, 0.1) * size]
+    data = study(
+        mesh,
+        loads,
+        poisson=between(random, 0.0, 0.4),
+        limit=limit,
+        friction=some_friction(random),
+        smoothing={"kernel": "none"},
+        penalty=pick(random, [{"n": math.inf}, {"n": math.inf}, {"n": 1e4}]),
+    )
+    data["contact"] = [{"on": "grains", "against": "grains"}]
+    data["contact"] += [{"on": "grains", "foundation": {"half_space": wall}} for wall in walls]
+    return Case(data, Truth(admissible=True if push == 0.0 or math.isinf(limit) else None))
+
+
+@family
+def grip(random: Random) -> Case:
+    """A disc between two fingers that close on it, with its weight."""
+    limit = some_limit(random)
+    size = strain_size(limit)
+    mesh: Study = {
+        "builder": "grip",
+        "width": between(random, 0.4, 0.8),
+        "length": between(random, 1.5, 2.5),
+        "h": pick(random, [0.4, 0.3]),
+    }
+    inwards = between(random, 0.1, 2.0) * size
+    loads: Study = {
+        "displacements": [
+            {"on": "left_root", "value": [inwards, 0.0]},
+            {"on": "right_root", "value": [-inwards * pick(random, [1.0, 1.0, 0.5]), 0.0]},
+        ],
+        "springs": [{"on": "rim", "stiffness": pick(random, [1e-6, 1e-4])}],
+    }
+    if chance(random):
+        loads["body_force"] = [0.0, -between(random, 0.001, 0.03) * size]
+    data = study(
+        mesh,
+        loads,
+        poisson=between(random, 0.0, 0.4),
+        limit=limit,
+        friction=some_friction(random),
+        smoothing=some_kernel(random, 0.5),
+        penalty=pick(random, [{"n": math.inf}, {"n": math.inf}, {"n": 1e4}]),
+    )
+    young = decades(random, -1.0, 1.0)
+    other: Study = {"elasticity": {"young": young, "poisson": between(random, 0.0, 0.4)}}
+    data["material"]["regions"] = {"left": other, "right": other}
+    pads = ["left_pad", "right_pad"]
+    if chance(random):
+        data["contact"] = {"on": "rim", "against": pads}
+    elif chance(random):
+        data["contact"] = {"on": pads, "against": "rim"}
+    else:
+        data["contact"] = [{"on": pad, "against": "rim"} for pad in pads]
+        data["friction"]["smoothing"] = {"kernel": "none"}
+    return Case(data, Truth(admissible=True if math.isinf(limit) else None))
 
 
 def _fit(random: Random) -> Case:

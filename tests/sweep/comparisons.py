@@ -93,7 +93,7 @@ def exported(solution: StudySolution, state: State) -> str:
     Both are sums over the same nodes, so that their order does not matter.
     """
     points = solution.contact_points
-    if points is None:
+    if points is None or len(solution.contacts) > 1:
         return ""
     listed = np.column_stack([points.pressure, points.traction])
     fields = np.column_stack([state.pressure, state.traction])
@@ -106,8 +106,10 @@ def exported(solution: StudySolution, state: State) -> str:
 
 def is_unique(parameters: Parameters) -> bool:
     """Whether one solution is to be expected: friction neither large nor dependent on the slip."""
-    mu = parameters.friction.coefficient
-    return isinstance(mu, float) and mu <= 0.5
+    mu, contacts = parameters.friction.coefficient, parameters.contacts
+    # Bodies between others may stick in many places.
+    is_between = len(contacts) > 1 or any(len(contact.against) > 1 for contact in contacts)
+    return isinstance(mu, float) and mu <= (0.0 if is_between else 0.5)
 
 
 def against_reference(discrete: Discrete, state: State) -> str:

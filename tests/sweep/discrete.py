@@ -22,7 +22,7 @@ from contact_locking.expressions import parse
 from contact_locking.laws.elasticity import mean_young
 from contact_locking.mesh.domain import Domain
 from contact_locking.results.solution import StudySolution
-from contact_locking.study_file.parameters import Elasticity, Parameters
+from contact_locking.study_file.parameters import ContactParameters, Elasticity, Parameters
 
 from .boxes import Boxes
 from .geometry import Geometry
@@ -38,7 +38,7 @@ class Contact:
     ``decides`` says where contact has a say: where the normal displacement is not prescribed.
     ``seen`` maps displacements to what contact limits at the nodes, (k d, dofs): the displacement
     there, or the jump to another body.  ``controls`` maps nodal values of a field on Gamma_C to the
-    values of contact there, (k, nodes).
+    values of contact there, (k, nodes).  A node is there once for each contact that it is in.
     """
 
     nodes: IntArray
@@ -290,9 +290,18 @@ def _stiffness(given: Elasticity, x: FloatArray) -> FloatArray:
 def _contact(
     parameters: Parameters, geometry: Geometry, body: Body, free: BoolArray
 ) -> Contact | None:
-    if not parameters.contacts:
-        return None
-    (part,) = parameters.contacts
+    parts = [_of_part(part, geometry, body, free) for part in parameters.contacts]
+    if len(parts) <= 1:
+        return parts[0] if parts else None
+    fields = ("nodes", "weights", "normals", "gap", "rounding", "decides")
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in fields}
+    seen, controls = (
+        sp.vstack([getattr(part, name) for part in parts], "csr") for name in ("seen", "controls")
+    )
+    return Contact(**joined, seen=seen, controls=controls)
+
+
+def _of_part(part: ContactParameters, geometry: Geometry, body: Body, free: BoolArray) -> Contact:
     facets = geometry.facets(part.on)
     weights = body.nodal_areas(facets)
     nodes = np.flatnonzero(weights)
@@ -307,7 +316,7 @@ def _contact(
     else:
         gap, normals, rounding = _distance(given, x)
     if part.against:
-        return _between(geometry, facets, geometry.facets(part.against), gap, free)
+        return _between(part, geometry, gap, free)
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
     decides = np.linalg.norm(normals * free.reshape(-1, dim)[nodes], axis=1) > 1e-6
     controls = sp.eye(len(geometry.x), format="csr")
@@ -318,21 +327,24 @@ def _contact(
 
 
 def _between(
-    geometry: Geometry, facets: IntArray, others: IntArray, added: FloatArray, free: BoolArray
+    part: ContactParameters, geometry: Geometry, added: FloatArray, free: BoolArray
 ) -> Contact:
     """Contact between the sides of two bodies, with the pairing of the package.
 
     The patch tests have judged the pairing.
     """
-    dim = geometry.x.shape[1]
+    dim, domain = geometry.x.shape[1], geometry.domain
+    among = set(part.on) == set(part.against)
 
-    def side(corners: IntArray) -> tuple[Side, IntArray]:
+    def side(names: tuple[str, ...]) -> tuple[Side, IntArray]:
+        corners = geometry.facets(names)
+        bodies = domain.parts[domain.owners(domain.facets(names))] if among else None
         nodes, numbers = np.unique(corners, return_inverse=True)
         normals = geometry.normals(corners)
         outward = normals / np.linalg.norm(normals, axis=1)[:, None]
-        return Side(geometry.x[nodes], numbers.reshape(corners.shape), outward), nodes
+        return Side(geometry.x[nodes], numbers.reshape(corners.shape), outward, bodies), nodes
 
-    (one, nodes), (two, theirs) = side(facets), side(others)
+    (one, nodes), (two, theirs) = side(part.on), side(part.against)
     found = pair(one, two)
     count = len(geometry.x)
     shares = found.shares.tocoo()
@@ -396,6 +408,20 @@ def state_of(solution: StudySolution, discrete: Discrete) -> State:
     tensors = solution.locking_stress
     cells = tensors.function_space.dofmap.list.reshape(-1)
     locking = tensors.x.array.reshape(-1, dim, dim)[cells]
+    u = solution.displacement.x.array.copy()
+    if len(solution.contacts) > 1:
+        # A node may be in several contacts, whose sum the fields on the mesh have.
+        def joined(name: str) -> FloatArray:
+            found = []
+            for fields in solution.contacts:
+                values = getattr(fields, name)
+                by_node = np.zeros((len(discrete.geometry.x), *values.shape[1:]))
+                by_node[fields.surface.blocks] = values
+                found.append(by_node[np.sort(fields.surface.blocks)])
+            return np.concatenate(found)
+
+        named = ("pressure", "traction", "bound")
+        return State(u, mandel(locking), *map(joined, named), smoothed=joined("smoothed_stress"))
     controls = sp.csr_matrix((0, len(discrete.geometry.x)))
     if discrete.contact is not None:
         controls = discrete.contact.controls
@@ -407,7 +433,7 @@ def state_of(solution: StudySolution, discrete: Discrete) -> State:
         return np.asarray(controls @ values)
 
     return State(
-        u=solution.displacement.x.array.copy(),
+        u=u,
         locking=mandel(locking),
         pressure=scalar(solution.contact_pressure),
         traction=controls @ solution.tangential_traction.x.array.reshape(-1, dim),

@@ -95,10 +95,11 @@ class Transform:
             traction["value"] = self._vector(traction["value"], force)
         for condition in loads.get("displacements", []):
             condition["value"] = self._vector(condition["value"], self.length)
-        if "gap" in contact:
-            contact["gap"] = self._value(contact["gap"], self.length)
-        if "foundation" in contact:
-            self._foundation(contact["foundation"])
+        for section in contact if isinstance(contact, list) else [contact]:
+            if "gap" in section:
+                section["gap"] = self._value(section["gap"], self.length)
+            if "foundation" in section:
+                self._foundation(section["foundation"])
         friction, penalty = study["friction"], study["penalty"]
         friction["coefficient"] = self._value(friction["coefficient"], 1.0)
         lengths = ((friction["smoothing"], "radius"), (friction, "regularisation"))

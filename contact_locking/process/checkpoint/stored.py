@@ -37,7 +37,7 @@ from contact_locking.solver.multipliers import ContactForces, Multipliers, multi
 from contact_locking.solver.task import SavedState
 from contact_locking.study.assembly import StudyProblem
 
-_PLACE, _SLIP = "old_place", "old_slip"
+_PLACE, _SLIP, _DISPLACEMENT = "old_place", "old_slip", "old_displacement"
 
 
 @dataclass(frozen=True)
@@ -45,26 +45,30 @@ class SavedStep:
     """A step that was solved and saved.
 
     ``memories`` are what friction remembered during the step: for each contact ``u_{k-1,tau}``
-    (k, d) and the slip ``s_{k-1}`` (k,).  ``history`` ends with the row of the step, and ``halved``
+    (k, d) and the slip ``s_{k-1}`` (k,).  ``displacement`` are the local values of ``u_{k-1}``,
+    None unless bodies are paired anew.  ``history`` ends with the row of the step, and ``halved``
     tells which steps were halved.
     """
 
     time: float
     memories: tuple[tuple[FloatArray, FloatArray], ...]
+    displacement: FloatArray | None
     history: History
     halved: tuple[str, ...]
 
     def enter(self, contacts: Sequence[NodalContact]) -> None:
         """Give the contacts their memories of the step; collective."""
         for contact, (place, slip) in zip(contacts, self.memories, strict=True):
-            contact.recall(place, slip)
+            contact.recall(place, slip, self.displacement)
 
 
 def _about_step(solution: StudySolution) -> dict[str, Any] | None:
     """The entry of the record about the step; None for a problem without steps."""
     if not solution.history.rows:
         return None
-    return {"time": solution.time, "halved": list(solution.halved)}
+    is_paired = any(contact.paired_at is not None for contact in solution.contacts)
+    paired = {"paired_at": _DISPLACEMENT} if is_paired else {}
+    return {"time": solution.time, "halved": list(solution.halved), **paired}
 
 
 def _step_fields(solution: StudySolution) -> dict[str, fem.Function]:
@@ -73,6 +77,9 @@ def _step_fields(solution: StudySolution) -> dict[str, fem.Function]:
     for number, contact in enumerate(solution.contacts if solution.history.rows else ()):
         found[f"{_PLACE}_{number}"] = contact.surface.vector_function(contact.old_place)
         found[f"{_SLIP}_{number}"] = contact.surface.scalar_function(contact.old_slip)
+        if contact.paired_at is not None:
+            found[_DISPLACEMENT] = fem.Function(contact.surface.vector_space)
+            found[_DISPLACEMENT].x.array[:] = contact.paired_at
     return found
 
 
@@ -104,9 +111,13 @@ def _load_step(
         path = folder / HISTORY
         return read_history(path.read_text(encoding="utf-8"), str(path))
 
+    displacement = None
+    if "paired_at" in entry:
+        displacement = read(_DISPLACEMENT, problem.u.function_space).x.array
     return SavedStep(
         time=float(entry["time"]),
         memories=tuple(memories),
+        displacement=displacement,
         history=on_root(problem.domain.comm, history),
         halved=tuple(map(str, entry["halved"])),
     )

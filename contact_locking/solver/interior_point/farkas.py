@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
 import ufl
 from dolfinx import fem
 from petsc4py import PETSc
@@ -45,8 +46,8 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     ``Z - k eps(rho)`` and ``p - (k/L) rho_nu`` do, but for ``a(rho, v)``, which adds at most
     ``int c |eps(rho)| (M + |eps(u)|)`` to R, c being the largest eigenvalue of A.  Where no set
     bounds the norm of the strain 1 takes the place of M.  The sum of the forces that the linear
-    solve leaves, times the largest ``|u|`` and the length of the body, adds to R, too: no field
-    with strains below 1 is taken to be farther away.
+    solve leaves, and of those of springs at rho, times the largest ``|u|`` and the length of the
+    body, adds to R, too: no field with strains below 1 is taken to be farther away.
 
     Tools may retreat, and so the proof leaves their contacts out.
 
@@ -66,7 +67,9 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     largest = iterate.largest_multiplier()
     springs: dict[Family, float | FloatArray] = dict.fromkeys(tangent.families, 0.0)
     for family in limits:
-        if system.held_by_contact or not family.stops_rigid_motions:
+        # Springs alone would let rho become large.
+        is_held = not (system.held_by_contact or system.data.springs)
+        if not (is_held and family.stops_rigid_motions):
             most = _STIFFER * target.stiffness / family.scale
             springs[family] = family.springs(most, largest)
     for family, stiffness in springs.items():
@@ -86,9 +89,9 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     power, resistance = _power(iterate, reactions), _resistance(iterate, reactions)
     origin = _origin_work(iterate, reactions)
     resistance += _work_beyond(system, rho, _SMALL_STRAIN)
-    # The residual of the linear solve may work along any displacement that is admissible.
+    # The residual of the linear solve and springs may work along any admissible displacement.
     farthest = system.largest_displacement() + _SMALL_STRAIN * target.length
-    resistance += tangent.left_unbalanced() * farthest
+    resistance += (tangent.left_unbalanced() + _pull_of_springs(system, rho)) * farthest
     # An infinite resistance is that of a foundation that would have to pull.
     if not power - resistance > _ROUNDING * (abs(power) + abs(resistance) + abs(origin)):
         return None
@@ -120,14 +123,29 @@ def _work_beyond(system: PenalisedSystem, displacement: FloatArray, unlimited: f
     c is the largest eigenvalue of A, and ``unlimited`` takes the place of an infinite M;
     collective.
     """
-    v = fem.Function(system.u.function_space)
-    body = displacement[: len(displacement) - len(system.tools)]
-    v.x.array[: len(body)] = body
-    v.x.scatter_forward()
-    data = system.data
+    v, data = _function(system, displacement), system.data
     inverse = data.inverse_strain_bound
     limit = ufl.conditional(ufl.gt(inverse, 0.0), 1.0 / ufl.max_value(inverse, 1e-300), unlimited)
     strains = [data.strain(w) for w in (v, system.u)]
     sizes = [ufl.sqrt(ufl.inner(eps, eps)) for eps in strains]
     form = data.largest_eigenvalue * sizes[0] * (limit + sizes[1]) * data.dx
     return float(system.comm.allreduce(fem.assemble_scalar(compiled.form(form))))
+
+
+def _pull_of_springs(system: PenalisedSystem, displacement: FloatArray) -> float:
+    """The sum of the nodal forces of springs at a displacement (owned values); collective."""
+    if not system.data.springs:
+        return 0.0
+    v = _function(system, displacement)
+    owned = v.function_space.dofmap.index_map.size_local * v.function_space.dofmap.index_map_bs
+    forces = sum((item.forces(v) for item in system.data.springs), np.zeros_like(v.x.array))
+    return float(system.comm.allreduce(float(np.abs(forces[:owned]).sum())))
+
+
+def _function(system: PenalisedSystem, displacement: FloatArray) -> fem.Function:
+    """A displacement (owned values, and travels behind them) as a function; collective."""
+    v = fem.Function(system.u.function_space)
+    body = displacement[: len(displacement) - len(system.tools)]
+    v.x.array[: len(body)] = body
+    v.x.scatter_forward()
+    return v

@@ -293,6 +293,10 @@ class Parameters(Section):
                 "names no load; take friction.coefficient, loads, or the key of a load, such as "
                 "loads.tractions.0.value",
             )
+        for place, section in self._contact_sections():
+            if section.pair == "each_step":
+                for fault in self._faults_of_pairing():
+                    yield Fault((*place, "pair"), fault)
         element = self.discretisation
         if self.mesh.curved and element.degree != 2:
             yield Fault(
@@ -336,6 +340,15 @@ class Parameters(Section):
         if self.mesh.dim is not None:
             yield from self._dimension_faults(self.mesh.dim)
             yield from self._name_faults()
+
+    def _faults_of_pairing(self) -> Iterator[str]:
+        if self.steps is None:
+            yield "each_step needs steps; add a section such as steps: {to: 1, count: 20}"
+        if self.sensitivities is not None:
+            yield (
+                "each_step does not go with sensitivities, as derivatives do not see which points "
+                "face each other; leave out one of the two"
+            )
 
     def _contact_sections(self) -> list[tuple[Place, ContactSection]]:
         """The sections of contact with their places in the file."""

@@ -23,6 +23,7 @@ from .values import (
 
 Kernel = Literal["convolution", "helmholtz", "none"]
 AtSupports = Literal["keep", "vanish"]
+Pair = Literal["once", "each_step"]
 
 
 class Smoothing(Section):
@@ -107,6 +108,12 @@ class ContactSection(Section):
         "those of on: bodies touch each other; null: a foundation",
         optional=True,
     )
+    pair: Pair | None = entry(
+        None,
+        "with against: find the points that face each other once, on the undeformed mesh, or at "
+        "the beginning of each_step, where they are; null: once",
+        optional=True,
+    )
     gap: TimedScalar = entry(
         0.0,
         "distance to the foundation along nu; with against: beyond the distance in the mesh",
@@ -123,6 +130,9 @@ class ContactSection(Section):
             message = "the foundation defines the gap; give either gap or foundation"
             yield Fault(("gap",), message)
         if self.against is None:
+            if self.pair == "each_step":
+                message = "is about two bodies; name the other one in against, or leave out pair"
+                yield Fault(("pair",), message)
             return
         if not self.against:
             yield Fault(("against",), "needs the name of a boundary part; leave it out without one")
@@ -146,7 +156,14 @@ class ContactSection(Section):
         own = OwnFriction() if self.friction is None else self.friction
         friction = own.over(common)
         return ContactParameters(
-            key, self.on, self.gap, self.foundation, friction, own, self.against or ()
+            key,
+            self.on,
+            self.gap,
+            self.foundation,
+            friction,
+            own,
+            self.against or (),
+            self.pair or "once",
         )
 
 
@@ -156,7 +173,7 @@ class ContactParameters:
 
     ``key`` is that of its section in the study file: ``contact``, or ``contact.1`` in a list.
     ``own`` holds the keys of friction that the section gives itself.  ``against`` are the parts of
-    another body that it touches, empty for a foundation.
+    another body that it touches, empty for a foundation; ``pair`` says when they are paired.
     """
 
     key: str
@@ -166,6 +183,7 @@ class ContactParameters:
     friction: FrictionParameters
     own: OwnFriction
     against: tuple[str, ...] = ()
+    pair: Pair = "once"
 
     def friction_key(self, name: str) -> str:
         """Where the study file defines a value of the friction, such as ``smoothing.radius``.

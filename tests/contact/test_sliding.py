@@ -1,0 +1,187 @@
+"""Bodies that slide over several facets of each other, and are paired anew in each step."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from dolfinx import fem
+from mpi4py import MPI
+from two_bodies import POISSON, YOUNG, fit, stack
+
+import contact_locking as cl
+from contact_locking import StudySolution, assemble, save, solve, solve_steps, study_file
+from contact_locking.errors import InputError
+from contact_locking.study_file.parameters import Parameters
+
+pytest.importorskip("gmsh")
+
+LENGTH = 1.0
+
+
+def sliding(dim: int = 2, pair: str = "each_step", to: float = 1.0, **changes: Any) -> Parameters:
+    """A narrow block that is pressed on a wide one, and slides over it to the right."""
+    rest = [0.0] * (dim - 2)
+    given: dict[str, Any] = {
+        "mesh__size": [3.0, *[1.0] * (dim - 1)],
+        "mesh__upper": [0.6] * dim,
+        "contact": {"on": "upper_bottom", "against": "lower_top", "pair": pair},
+        "friction__coefficient": 0.3,
+        "loads": {
+            "displacements": [
+                {"on": "bottom", "value": [0.0] * dim},
+                {"on": "top", "value": [f"{LENGTH}*t", *rest, -0.01]},
+            ]
+        },
+        "steps": {"to": to, "count": round(8 * to)},
+    }
+    return stack(dim, 0.2 if dim == 2 else 0.5, **given | changes)
+
+
+def solved(parameters: Parameters) -> StudySolution:
+    solution = solve(parameters)
+    assert solution.converged, solution.summary["reason"]
+    return solution
+
+
+def last_forces(parameters: Parameters) -> tuple[StudySolution, Any, Any]:
+    """The last solution, the places (k, d) of all nodes when they were paired, and the forces."""
+    for solution in solve_steps(parameters):
+        assert solution.converged, solution.summary["reason"]
+        # The solver still has the map between the sides.
+        places, forces = forces_at(solution)
+    return solution, places, forces
+
+
+def forces_at(solution: StudySolution) -> tuple[Any, Any]:
+    (fields,) = solution.contacts
+    dim, space = solution.domain.dim, solution.displacement.function_space
+    tractions = fields.traction - fields.pressure[:, None] * fields.normal
+    owned = space.dofmap.index_map.size_local
+    forces = fields.surface.nodal_forces(tractions).reshape(-1, dim)[:owned]
+    before = np.zeros_like(forces)
+    if fields.paired_at is not None:
+        before = fields.paired_at.reshape(-1, dim)[:owned]
+    places = space.tabulate_dof_coordinates()[:owned, :dim] + before
+    comm = solution.domain.comm
+    return np.concatenate(comm.allgather(places)), np.concatenate(comm.allgather(forces))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_block_presses_where_it_has_slid_to(dim: int) -> None:
+    """Over five facets in 2D: forces and moments balance, and the pressure is below the block."""
+    solution, places, forces = last_forces(sliding(dim))
+    assert solution.summary["warnings"] == []
+    normal = float(np.abs(forces[:, -1]).sum()) / 2.0
+    assert np.abs(forces.sum(axis=0)).max() <= 1e-12
+    moment = places[:, 0] @ forces[:, -1] - places[:, -1] @ forces[:, 0]
+    # The arm of the gap between bent sides.
+    assert abs(moment) <= 2e-3 * normal * 0.6
+    # The nodes of the lower block with forces are below the block, or at the next facet.
+    is_lower = places[:, -1] < 1.0 - 1e-12
+    pressed = places[is_lower & (np.abs(forces[:, -1]) > 1e-9 * normal)]
+    left = 1.2 + LENGTH * 7.0 / 8.0
+    length = 0.25 if dim == 2 else 0.7
+    assert left - length <= pressed[:, 0].min() <= left + 0.05
+    assert left + 0.55 <= pressed[:, 0].max() <= left + 0.6 + length
+    # Friction has its full size all the way.
+    history = solution.history.rows
+    dissipated = sum(row["dissipated"] for row in history)
+    forces_up = [row["contact_force_y" if dim == 2 else "contact_force_z"] for row in history]
+    assert dissipated == pytest.approx(0.3 * np.mean(forces_up) * LENGTH, rel=0.1)
+
+
+def test_a_pairing_that_is_slid_over_is_told_of() -> None:
+    solution, places, forces = last_forces(sliding(pair="once"))
+    (warning,) = solution.summary["warnings"]
+    assert "along each other, 5 facets of against" in warning
+    assert "take steps and contact.pair: each_step" in warning
+    # The pressure stays where the block was.
+    assert places[forces[:, 1] < -1e-9, 0].max() < 2.1
+    few = solved(sliding(steps={"to": 1.0, "count": 2}))
+    (warning,) = few.summary["warnings"]
+    assert "2.5 facets of against; each step pairs the bodies once" in warning
+
+
+def test_a_step_after_a_pairing_anew_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
+    folder = Path(MPI.COMM_WORLD.bcast(str(tmp_path))) / "saved"
+    whole = solved(sliding())
+    save(solved(sliding(to=0.5)), folder)
+    rest = solve(sliding(), restart=folder)
+    for key in ("friction_force", "slip_max", "elastic_energy", "pressure_max"):
+        assert rest.summary[key] == pytest.approx(whole.summary[key], rel=1e-6, abs=1e-9)
+
+
+def test_small_sliding_is_the_same_with_a_pairing_anew() -> None:
+    """On a press fit that turns a little, on curved sides."""
+    turn = {"on": "outer", "value": ["-0.002*t*y", "0.002*t*x"]}
+    given: dict[str, Any] = {
+        "mesh__quarter": False,
+        "loads": {"displacements": [turn, {"on": "hole", "value": [0.0, 0.0]}]},
+        "friction__coefficient": 0.1,
+        "steps": {"to": 1.0, "count": 4},
+    }
+    contact = {"on": "rim", "against": "inner", "gap": -0.01}
+    found = [
+        solved(fit(**given, contact=contact | {"pair": pair})) for pair in ("once", "each_step")
+    ]
+    for key in ("pressure_max", "elastic_energy", "slip_max"):
+        values = [one.summary[key] for one in found]
+        assert values[0] == pytest.approx(values[1], rel=0.02)
+
+
+def test_a_script_pairs_where_the_solution_before_has_come_to() -> None:
+    forces = []
+    for pair in ("once", "each_step"):
+        study = assemble(sliding(), MPI.COMM_WORLD)
+        tags, names = study.domain.facet_tags, study.domain.facet_names
+        facets = {name: tags.find(numbers[0]) for name, numbers in names.items()}
+        way = fem.Constant(study.domain.mesh, 0.0)
+        axes = ((1.0, 0.0), (0.0, 1.0))
+        problem = cl.ContactProblem(
+            cl.Elasticity(young=YOUNG, poisson=POISSON),
+            bcs=[
+                *(cl.Support(facets["bottom"], axis, 0.0) for axis in axes),
+                cl.Support(facets["top"], (1.0, 0.0), way),
+                cl.Support(facets["top"], (0.0, 1.0), -0.01),
+            ],
+            contacts=[
+                cl.Contact(facets["upper_bottom"], against=facets["lower_top"], pair=pair)  # type: ignore[arg-type]
+            ],
+            space=study.body.space,
+        )
+        solution = None
+        for way.value in (0.0, 0.2, 0.4, 0.6, 0.8):
+            solution = problem.solve(after=solution, certificate=False)
+        assert solution is not None and solution.converged
+        places, found = forces_at(solution)
+        lower = found[:, 1] < -1e-9
+        forces.append(places[lower, 0] @ found[lower, 1] / found[lower, 1].sum())
+        problem.close()
+    # The centres of the pressure on the lower block.
+    assert forces == pytest.approx([1.5, 2.1], abs=0.05)
+    with pytest.raises(InputError, match="must be once or each_step, not str 'always'"):
+        cl.ContactProblem(
+            cl.Elasticity(young=YOUNG, poisson=POISSON),
+            contacts=[cl.Contact("a", against="b", pair="always")],  # type: ignore[arg-type]
+            space=study.body.space,
+            names={"a": 1, "b": 2},
+            tags=tags,
+        )
+
+
+def test_pairs_that_nobody_can_find_are_refused() -> None:
+    with pytest.raises(ValueError, match="each_step needs steps"):
+        sliding(steps=None)
+    with pytest.raises(ValueError, match="does not go with sensitivities"):
+        sliding(sensitivities={"of": ["contact_force.1"], "to": ["material.elasticity.young"]})
+    with pytest.raises(ValueError, match="is about two bodies"):
+        sliding(contact={"on": "upper_bottom", "pair": "each_step"})
+    assert study_file.dump(sliding()).count("each_step") == 1
+    # A block that has slid off the other one.
+    far = {"on": "top", "value": ["3*t", -0.01]}
+    held = [{"on": "bottom", "value": [0.0, 0.0]}, far]
+    with pytest.raises(InputError, match="meet no facet of lower_top"):
+        solve(sliding(loads={"displacements": held}))
