@@ -55,7 +55,7 @@ def last_forces(parameters: Parameters) -> tuple[StudySolution, Any, Any]:
     return solution, places, forces
 
 
-def forces_at(solution: StudySolution) -> tuple[Any, Any]:
+def forces_at(solution: cl.Solution) -> tuple[Any, Any]:
     (fields,) = solution.contacts
     dim, space = solution.domain.dim, solution.displacement.function_space
     tractions = fields.traction - fields.pressure[:, None] * fields.normal
@@ -147,9 +147,7 @@ def test_a_script_pairs_where_the_solution_before_has_come_to() -> None:
                 cl.Support(facets["top"], (1.0, 0.0), way),
                 cl.Support(facets["top"], (0.0, 1.0), -0.01),
             ],
-            contacts=[
-                cl.Contact(facets["upper_bottom"], against=facets["lower_top"], pair=pair)  # type: ignore[arg-type]
-            ],
+            contacts=[cl.Contact(facets["upper_bottom"], against=facets["lower_top"], pair=pair)],
             space=study.body.space,
         )
         solution = None

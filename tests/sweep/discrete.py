@@ -338,7 +338,8 @@ def _between(
 
     def side(names: tuple[str, ...]) -> tuple[Side, IntArray]:
         corners = geometry.facets(names)
-        bodies = domain.parts[domain.owners(domain.facets(names))] if among else None
+        owners = domain.owners(domain.facets(names))
+        bodies = domain.parts[owners].astype(np.int64) if among else None
         nodes, numbers = np.unique(corners, return_inverse=True)
         normals = geometry.normals(corners)
         outward = normals / np.linalg.norm(normals, axis=1)[:, None]
@@ -420,8 +421,8 @@ def state_of(solution: StudySolution, discrete: Discrete) -> State:
                 found.append(by_node[np.sort(fields.surface.blocks)])
             return np.concatenate(found)
 
-        named = ("pressure", "traction", "bound")
-        return State(u, mandel(locking), *map(joined, named), smoothed=joined("smoothed_stress"))
+        named = ("pressure", "traction", "bound", "smoothed_stress")
+        return State(u, mandel(locking), *map(joined, named))
     controls = sp.csr_matrix((0, len(discrete.geometry.x)))
     if discrete.contact is not None:
         controls = discrete.contact.controls

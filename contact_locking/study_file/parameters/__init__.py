@@ -293,8 +293,8 @@ class Parameters(Section):
                 "names no load; take friction.coefficient, loads, or the key of a load, such as "
                 "loads.tractions.0.value",
             )
-        for place, contact in self._contact_sections():
-            if contact.pair == "each_step":
+        for place, given in self._contact_sections():
+            if given.pair == "each_step":
                 for fault in self._faults_of_pairing():
                     yield Fault((*place, "pair"), fault)
         element = self.discretisation
