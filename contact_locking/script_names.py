@@ -28,6 +28,7 @@ _NAMES = {
     "mesh.cells: simplex": "triangles or tetrahedra",
     "mesh.h_contact": "smaller cells there",
     "mesh.h": "smaller cells",
+    "mesh.curved: false": "a mesh with straight sides",
     "mesh.axisymmetric": "axisymmetric",
     "discretisation.degree": "the degree of space",
     "discretisation.limit_at": "limit_at",

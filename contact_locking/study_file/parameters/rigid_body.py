@@ -190,8 +190,9 @@ class Tilt(Section):
     about: tuple[Number, ...] = entry(..., "the point of the rigid body at rest", "length")
     stiffness: NonNegative = entry(
         0.0,
-        "moment per angle of a spring about the point; 0: the contact forces have no moment",
-        "moment/rad, in 2D for a unit of thickness",
+        "moment per angle of a spring about the point, in 2D for a unit of thickness; 0: the "
+        "contact forces have no moment",
+        "moment/rad",
     )
 
 
