@@ -33,7 +33,7 @@ COARSE = {
     "indentation": ("mesh.h=0.1", "steps.count=3", *PLAIN),
     "two_foundations": ("mesh.h=0.1", *PLAIN),
     "press_fit": ("mesh.h=0.12", *PLAIN),
-    "grains": PLAIN,
+    "grains": ("mesh.count=8", *PLAIN),
     "soft_fingers": ("mesh.h=0.25", "mesh.h_contact=0.2", "steps.count=2", *PLAIN),
     "gripper": ("mesh.h=0.14", "steps.count=4", *PLAIN),
     "sensitivity": ("mesh.h=0.14", "steps.count=2", *PLAIN),
@@ -51,7 +51,7 @@ PENALISED = ("block", "block_3d", "slip_friction", "anisotropic_regions", "stiff
 ALWAYS_ON_TWO_RANKS = ("block", "adaptive")
 # A law of the user's own, several contacts, a process with tools; building the documentation runs
 # all scripts.
-ALWAYS_AS_A_SCRIPT = ("block", "stiffening", "two_foundations", "gripper")
+ALWAYS_AS_A_SCRIPT = ("block", "stiffening", "two_foundations", "pressed_tool")
 
 
 def compliance(folder: Path, ranks: int) -> float:

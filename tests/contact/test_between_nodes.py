@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from mpi4py import MPI
+from slow import slow
 from tool_files import binary_stl, box
 
 from contact_locking import StudySolution, solve_steps
@@ -81,8 +82,8 @@ def assert_missed(solution: StudySolution, depth: float, at: str) -> None:
     "foundation",
     [
         {"polyline": [[5.7, 3], [5.7, 5], [5.3, 5], [5.3, 3], [5.5, 2.7], [5.7, 3]]},
-        {"cylinder": {"centre": [5.53, 3.18], "radius": 0.2}},
-        {"expression": "sqrt((x - 5.53)**2 + (y - 3.18)**2) - 0.2"},
+        slow({"cylinder": {"centre": [5.53, 3.18], "radius": 0.2}}),
+        slow({"expression": "sqrt((x - 5.53)**2 + (y - 3.18)**2) - 0.2"}),
     ],
     ids=["wedge", "roller", "expression"],
 )

@@ -15,6 +15,7 @@ import numpy as np
 import problem_cases
 import pytest
 from mpi4py import MPI
+from slow import slow
 from sweep.case import Case, Study, clamp, study
 from sweep.solve import INFEASIBLE, SOLVED, WEDGED, outcome_of_case
 
@@ -26,6 +27,8 @@ from contact_locking.study_file.parameters import Parameters
 pytestmark = pytest.mark.serial
 
 SOLVED_CASES = problem_cases.SOLVED | friction_cases.SOLVED
+# They take a hundred tangents and more.
+LONG = ("local friction in a locked cube", "friction that falls steeply with the slip")
 
 
 def solution_of(data: Study) -> StudySolution:
@@ -34,7 +37,7 @@ def solution_of(data: Study) -> StudySolution:
     return solution
 
 
-@pytest.mark.parametrize("name", SOLVED_CASES)
+@pytest.mark.parametrize("name", [slow(name) if name in LONG else name for name in SOLVED_CASES])
 def test_this_problem_is_solved(name: str) -> None:
     outcome = outcome_of_case(SOLVED_CASES[name])
     assert outcome.kind == SOLVED, outcome.reason
@@ -93,6 +96,7 @@ def test_forces_that_grow_are_found_with_penalties_that_are_soft_enough(file: Pa
     assert outcome.kind == WEDGED, outcome.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", friction_cases.WEDGED)
 def test_this_problem_is_told_to_have_forces_that_grow_with_the_penalty(name: str) -> None:
     outcome = outcome_of_case(friction_cases.WEDGED[name], checks=False)

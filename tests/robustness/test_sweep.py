@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from slow import slow
 from sweep import judge, reference, run, unseen
 from sweep.case import Case, Study, Truth, clamp, study
 from sweep.discrete import Discrete, State, discretise, state_of
@@ -102,7 +103,7 @@ def test_the_cases_of_a_family_are_study_files_and_depend_on_their_seed_alone(fa
 
 @pytest.mark.parametrize(
     ("seed", "slides", "held"),
-    [(10009, 3.0, 8.0), (10030, 0.9, 0.5), (50003, 10.0, 5.0), (180003, 10.0, 8.0)],
+    [(10009, 3.0, 8.0), (10030, 0.9, 0.5), slow(50003, 10.0, 5.0), slow(180003, 10.0, 8.0)],
 )
 def test_a_process_that_friction_cannot_hold_is_refused_as_its_resultants_say(
     seed: int, slides: float, held: float
