@@ -15,11 +15,13 @@ from solved_by_cg import crushed_steel
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.process import solving
+from contact_locking.process.of_study import solver_of
 from contact_locking.solver.interior_point import farkas, method
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.task import Target
 from contact_locking.study.assembly import assemble
+from contact_locking.study_file import from_mapping
 from contact_locking.supports.rigid_motions import prescribed_motion
 
 _ANGLE = 1e-3
@@ -93,6 +95,37 @@ def test_forces_that_a_rough_solve_leaves_weaken_a_proof_and_never_make_it_false
     proofs = [factor for factor in factors if factor is not None]
     assert proofs
     assert min(proofs) >= 0.5
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("stiffness", [1e-6, 1.0])
+def test_no_iterate_proves_that_a_body_on_springs_cannot_give_way(
+    stiffness: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The lower body may go down with the upper one, by any factor."""
+    measure, factors = Iterate.equilibrium_residual, []
+    pressed = from_mapping(
+        {
+            "mesh": {"builder": "stack", "h": 0.25},
+            "material": {"locking_limit": 1e-3},
+            "loads": {
+                "displacements": [{"on": "top", "value": [0.0, -0.3]}],
+                "springs": [{"on": "bottom", "stiffness": stiffness}],
+            },
+            "contact": {"on": "upper_bottom", "against": "lower_top"},
+            "friction": {"coefficient": 0.0},
+        }
+    )
+    target = solver_of(assemble(pressed, MPI.COMM_SELF)).target
+
+    def noting(self: Iterate, scale: float, tolerance: float) -> float:
+        factors.append(farkas.excluded_factor(self, target))
+        return measure(self, scale, tolerance)
+
+    monkeypatch.setattr(Iterate, "equilibrium_residual", noting)
+    solution = solving.solve(pressed, MPI.COMM_SELF)
+    assert solution.converged, solution.summary["reason"]
+    assert factors and set(factors) == {None}
 
 
 def test_the_last_step_removes_what_linear_solves_have_left(
