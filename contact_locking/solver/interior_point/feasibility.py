@@ -50,7 +50,9 @@ def explain_by_friction(task: Task) -> None:
     share = share_of_friction(task)
     if share is not None:
         report.reason += f"; {share}"
-        report.suggestion = _FRICTION_WAY_OUT
+        # Without slip the suggestion names a smaller coefficient already.
+        if not any(contact.friction.stands for contact in task.system.rubbing):
+            report.suggestion = _FRICTION_WAY_OUT
 
 
 def is_impossible(task: Task) -> bool:
