@@ -131,7 +131,7 @@ def test_a_derivative_is_refused_with_its_reason(make: Make) -> None:
 
 def test_a_refusal_has_the_names_of_a_script(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(problem_solver, "_linear", lambda problem, linear: "iterative")
-    made = make(linear="iterative")
+    made = make(linear="iterative", tolerance=1e-6, friction_tolerance=1e-6)
     solution = made.problem.solve()
     with pytest.raises(cl.InputError, match="factorisation") as raised:
         solution.derivative("compliance", made.given["E"])
