@@ -100,15 +100,7 @@ def grains(random: Random) -> Case:
     loads: Study = {"springs": [{"on": "grains", "stiffness": pick(random, [1e-6, 1e-4])}]}
     if push == 0.0 or chance(random, 0.3):
         loads["body_force"] = [0.0, -between(random, 0.01, 0.1) * size]
-    data = study(
-        mesh,
-        loads,
-        poisson=between(random, 0.0, 0.4),
-        limit=limit,
-        friction=some_friction(random),
-        smoothing={"kernel": "none"},
-        penalty=pick(random, [{"n": math.inf}, {"n": math.inf}, {"n": 1e4}]),
-    )
+    data = _rubbing(random, mesh, loads, limit)
     data["contact"] = [{"on": "grains", "against": "grains"}]
     data["contact"] += [{"on": "grains", "foundation": {"half_space": wall}} for wall in walls]
     return Case(data, Truth(admissible=True if push == 0.0 or math.isinf(limit) else None))
@@ -135,15 +127,7 @@ def grip(random: Random) -> Case:
     }
     if chance(random):
         loads["body_force"] = [0.0, -between(random, 0.001, 0.03) * size]
-    data = study(
-        mesh,
-        loads,
-        poisson=between(random, 0.0, 0.4),
-        limit=limit,
-        friction=some_friction(random),
-        smoothing=some_kernel(random, 0.5),
-        penalty=pick(random, [{"n": math.inf}, {"n": math.inf}, {"n": 1e4}]),
-    )
+    data = _rubbing(random, mesh, loads, limit, 0.5)
     young = decades(random, -1.0, 1.0)
     other: Study = {"elasticity": {"young": young, "poisson": between(random, 0.0, 0.4)}}
     data["material"]["regions"] = {"left": other, "right": other}
@@ -181,3 +165,18 @@ def _fit(random: Random) -> Case:
     other: Study = {"elasticity": {"young": decades(random, -2.0, 2.0), "poisson": 0.3}}
     data["material"]["regions"] = {"ring": other}
     return Case(data, Truth(admissible=True if math.isinf(limit) else None, touches=True))
+
+
+def _rubbing(
+    random: Random, mesh: Study, loads: Study, limit: float, radius: float | None = None
+) -> Study:
+    """Bodies with friction, whose bound is smoothed if there is a radius to draw from."""
+    return study(
+        mesh,
+        loads,
+        poisson=between(random, 0.0, 0.4),
+        limit=limit,
+        friction=some_friction(random),
+        smoothing={"kernel": "none"} if radius is None else some_kernel(random, radius),
+        penalty=pick(random, [{"n": math.inf}, {"n": math.inf}, {"n": 1e4}]),
+    )
