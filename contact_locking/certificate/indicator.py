@@ -19,6 +19,7 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem import gauss_points
 from contact_locking.laws.elasticity import mandel_values
 from contact_locking.mesh.cell_kind import NAMED
+from contact_locking.mesh.lagrange import lagrange, nodal_functions
 
 # Where the points of a patch do not determine a quadratic polynomial, the quadratic terms vanish:
 # their squares, with this factor, are added to the squares of the differences at the points.
@@ -47,8 +48,8 @@ class PatchRecovery:
         shares = gauss_points.shares(name, of_cell=of_cell)
         self._points = np.einsum("qn,knd->kqd", shares, x)
         self._x = x[:, : NAMED[name].corners]
-        # (n, c) what each corner counts in each node.
-        self._shares = NAMED[name].basis(gauss_points.lagrange(name, 2).points)
+        # (n, c) the share of each corner in each node.
+        self._shares = NAMED[name].basis(lagrange(name, 2).points)
         self._nodes = x if of_cell > 1 else np.einsum("nc,kcd->knd", self._shares, self._x)
 
     def nodal(self, values: FloatArray, inside: BoolArray) -> FloatArray:
@@ -202,10 +203,10 @@ def _defect_of_quadratic(state: SolvedState, values: FloatArray) -> FloatArray:
     """
     element, name = state.problem.element, state.problem.domain.kind.name
     degree = element.strain_degree
-    functions = partial(gauss_points.nodal_functions, name, degree)
+    functions = partial(nodal_functions, name, degree)
     own = gauss_points.points(name, degree)
     if element.limit_at == "vertices":
-        own = gauss_points.lagrange(name, degree).points
+        own = lagrange(name, degree).points
     in_cells = values.reshape(-1, len(own), values.shape[1])
     inverse = np.linalg.inv(functions(own))
 
@@ -213,7 +214,7 @@ def _defect_of_quadratic(state: SolvedState, values: FloatArray) -> FloatArray:
         return np.einsum("nq,kqm->knm", functions(places) @ inverse, in_cells)
 
     at_points = at(gauss_points.points(name, 1))
-    given = at(gauss_points.lagrange(name, 2).points)
+    given = at(lagrange(name, 2).points)
     recovery = PatchRecovery(state.problem.domain.mesh, len(in_cells))
     defect = np.empty_like(given)
     for inside in _regions(state, len(in_cells)):
@@ -234,7 +235,7 @@ def _at_corners(state: SolvedState, values: FloatArray) -> FloatArray:
 def _mass(name: str, degree: int) -> FloatArray:
     """The mass matrix of the nodal basis of a degree on a cell of a kind, of volume 1."""
     points, weights = basix.make_quadrature(basix.CellType[name], 2 * degree)
-    basis = gauss_points.nodal_functions(name, degree, points)
+    basis = nodal_functions(name, degree, points)
     return np.asarray(basis.T @ (weights[:, None] * basis) / weights.sum())
 
 

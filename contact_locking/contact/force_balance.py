@@ -56,12 +56,12 @@ class Tools(Sequence[FreeMotion]):
 
     @property
     def forces(self) -> FloatArray:
-        """F (T,) at present."""
+        """The force F (T,) on the foundations at present."""
         return np.array([tool.force for tool in self])
 
     @property
     def stiffnesses(self) -> FloatArray:
-        """K (T,) at present."""
+        """The stiffness k (T,) of the springs at present."""
         return np.array([tool.stiffness for tool in self])
 
     @property

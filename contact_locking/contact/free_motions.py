@@ -56,7 +56,7 @@ class FreeMotion(ABC):
     @property
     @abstractmethod
     def motion(self) -> SmallMotion:
-        """M at present."""
+        """The motion m at present."""
 
     @property
     @abstractmethod
@@ -96,7 +96,7 @@ class FreeMotion(ABC):
 
     @property
     def field(self) -> FloatArray:
-        """M (k, d) at the nodes."""
+        """The motion m (k, d) at the nodes."""
         return self.motion.at(self.contact.surface.points)
 
     @property
@@ -316,7 +316,7 @@ def _plain(values: Any) -> float | list[float]:
 
 
 def _stiffness(given: float | fem.Constant, key: str) -> float:
-    """K at present.  Raises InputError unless it is a number from 0 up."""
+    """The stiffness k at present.  Raises InputError unless it is a number from 0 up."""
     found = float(present(given))
     if not (np.isfinite(found) and found >= 0.0):
         raise InputError(f"must be a number from 0 up, not {found:g}", f"{key}.stiffness")

@@ -11,13 +11,14 @@ from scipy.sparse import csr_matrix, diags
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.contact.contact import Contact
-from contact_locking.contact.pairing import Pairing, Side, facet_normals, pair
+from contact_locking.contact.pairing import Pairing, Side, pair
 from contact_locking.contact.surface import PRESCRIBED, ContactSurface
 from contact_locking.errors import InputError, Misplaced
 from contact_locking.fem.facet_nodes import facet_nodes
 from contact_locking.fem.jump import JumpValues
 from contact_locking.fem.spaces import Element
 from contact_locking.laws.kinematics import WeightedMeasure
+from contact_locking.mesh.cell_kind import unit_normals
 from contact_locking.mesh.domain import Domain
 from contact_locking.supports.conditions import Constraints
 
@@ -192,7 +193,7 @@ def _side(
 
 def _outward(corners: FloatArray, inside: FloatArray) -> FloatArray:
     """The unit normals (m, d) of facets (m, d, d) that point away from ``inside`` (m, d)."""
-    normals = facet_normals(corners)
+    normals = unit_normals(corners)
     side = np.sign(np.sum(normals * (corners[:, 0] - inside), axis=1))
     return np.asarray(side[:, None] * normals)
 

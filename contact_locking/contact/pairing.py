@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
+from contact_locking.mesh.cell_kind import unit_normals
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -84,9 +85,9 @@ class Side:
 
     def moved(self, by: FloatArray) -> Side:
         """The side after its points have moved by (k, d)."""
-        turn = np.sum(facet_normals(self.corners) * self.outward, axis=1)
+        turn = np.sum(unit_normals(self.corners) * self.outward, axis=1)
         there = replace(self, points=self.points + by)
-        outward = np.sign(turn)[:, None] * facet_normals(there.corners)
+        outward = np.sign(turn)[:, None] * unit_normals(there.corners)
         return replace(there, outward=outward)
 
     def nodal_normals(self) -> FloatArray:
@@ -189,16 +190,6 @@ def pair(one: Side, other: Side) -> Pairing:
     several = np.flatnonzero(covered > (1.0 + _TWICE) * sizes)
     twice = one.corners[several[0]].mean(axis=0) if len(several) else None
     return Pairing(shares, gap, every, faces, twice)
-
-
-def facet_normals(corners: FloatArray) -> FloatArray:
-    """A unit normal (m, d) of each facet (m, d, d), to the side that the order of corners gives."""
-    edges = corners[:, 1:] - corners[:, :1]
-    if corners.shape[2] == 2:
-        normals = np.stack([edges[:, 0, 1], -edges[:, 0, 0]], axis=1)
-    else:
-        normals = np.asarray(np.cross(edges[:, 0], edges[:, 1]), dtype=float)
-    return np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])
 
 
 def _tangents(side: Side) -> FloatArray:

@@ -18,7 +18,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.mesh.cell_kind import NAMED
-from contact_locking.mesh.curved_cells import node_shares
+from contact_locking.mesh.lagrange import lagrange, nodal_functions
 
 
 @cache
@@ -27,7 +27,7 @@ def shares(cell: str, degree: int = 1, of_cell: int = 1) -> FloatArray:
 
     ``of_cell`` is the degree of the cell: 1 with its corners as nodes, or 2 with curved sides.
     """
-    return node_shares(cell, of_cell, points(cell, degree))
+    return nodal_functions(cell, of_cell, points(cell, degree))
 
 
 def element(cell: str, shape: tuple[int, ...] = (), degree: int = 1) -> Any:
@@ -37,22 +37,6 @@ def element(cell: str, shape: tuple[int, ...] = (), degree: int = 1) -> Any:
     """
     scalars = _element(cell, degree)
     return basix.ufl.blocked_element(scalars, shape=shape) if shape else scalars
-
-
-@cache
-def lagrange(cell: str, degree: int) -> basix.finite_element.FiniteElement:
-    """Lagrange's element of a degree on a cell or a facet, whose ``points`` are its nodes."""
-    variant = basix.LagrangeVariant.gll_warped
-    return basix.create_element(basix.ElementFamily.P, basix.CellType[cell], degree, variant)
-
-
-def nodal_functions(cell: str, degree: int, points: FloatArray) -> FloatArray:
-    """The values (q, n) of the functions of the nodes of a degree at points (q, d)."""
-    element = lagrange(cell, degree)
-    if not len(points):
-        # basix aborts without points.
-        return np.zeros((0, element.dim))
-    return np.asarray(element.tabulate(0, points)[0, :, :, 0])
 
 
 def points(cell: str, degree: int) -> FloatArray:

@@ -17,7 +17,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
-from contact_locking.fem import gauss_points
+from contact_locking.mesh.lagrange import lagrange
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -32,8 +32,8 @@ def _products(end: float, middle: float) -> dict[int, FloatArray]:
     return {1: np.ones(1), 3: np.array([end, end, middle]), 9: np.array(on_face)}
 
 
-# What the values at the nodes of an edge or a quadrilateral count in the control value of its
-# middle, and what the control values count in the value there: corners first, the middle last.
+# The shares of the values at the nodes of an edge or a quadrilateral in the control value of its
+# middle, and those of the control values in the value there: corners first, the middle last.
 _CONTROL, _NODAL = _products(-0.5, 2.0), _products(0.25, 0.5)
 
 
@@ -255,21 +255,21 @@ def _control_space(vectors: fem.FunctionSpace) -> fem.FunctionSpace:
     """
     mesh = vectors.mesh
     dim, name = mesh.topology.dim, mesh.topology.cell_name()
-    lagrange = gauss_points.lagrange(name, 2)
+    element = lagrange(name, 2)
     points: list[list[FloatArray]] = [[] for _ in range(4)]
     shares: list[list[FloatArray]] = [[] for _ in range(4)]
-    for entity, numbers in enumerate(lagrange.entity_dofs):
+    for entity, numbers in enumerate(element.entity_dofs):
         for number, own in enumerate(numbers):
             # A node inside of a cell is on no facet.
-            nodes = own if entity == dim else sorted(lagrange.entity_closure_dofs[entity][number])
+            nodes = own if entity == dim else sorted(element.entity_closure_dofs[entity][number])
             weights = _NODAL[len(nodes)] if own else np.empty(0)
-            places = lagrange.points[nodes] if own else lagrange.points[:0]
+            places = element.points[nodes] if own else element.points[:0]
             points[entity].append(places)
             shares[entity].append(weights.reshape(len(own), 1, len(places), 1))
     element = basix.ufl.custom_element(
-        lagrange.cell_type,
+        element.cell_type,
         [],
-        np.eye(lagrange.dim),
+        np.eye(element.dim),
         points,
         shares,
         0,
@@ -284,10 +284,10 @@ def _control_space(vectors: fem.FunctionSpace) -> fem.FunctionSpace:
 
 def _entities(scalars: fem.FunctionSpace, nodes: IndexArray) -> list[IndexArray]:
     """The nodes (m, 3) of edges and (m, 9) of quadrilaterals whose middles are among ``nodes``."""
-    lagrange = gauss_points.lagrange(scalars.mesh.topology.cell_name(), 2)
+    element = lagrange(scalars.mesh.topology.cell_name(), 2)
     found = []
     for dim in range(1, scalars.mesh.topology.dim):
-        of_dim = zip(lagrange.entity_dofs[dim], lagrange.entity_closure_dofs[dim], strict=True)
+        of_dim = zip(element.entity_dofs[dim], element.entity_closure_dofs[dim], strict=True)
         # The numbers of nodes ascend from the corners to the middle.
         local = [sorted(closure) for own, closure in of_dim if own]
         if local:

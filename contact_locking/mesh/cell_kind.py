@@ -145,3 +145,20 @@ KINDS = {
 }
 #: The kinds of cells of bodies by their names in DOLFINx.
 NAMED = {kind.name: kind for kind in KINDS.values() if kind.dim > 1}
+
+
+def facet_normals(corners: FloatArray) -> FloatArray:
+    """Normals (m, d) of facets (m, d, d), whose lengths are the measures of the facets.
+
+    They point to the side that the order of the corners gives.
+    """
+    edges = corners[:, 1:] - corners[:, :1]
+    if corners.shape[2] == 2:
+        return np.stack([edges[:, 0, 1], -edges[:, 0, 0]], axis=1)
+    return np.asarray(0.5 * np.cross(edges[:, 0], edges[:, 1]), dtype=float)
+
+
+def unit_normals(corners: FloatArray) -> FloatArray:
+    """The unit normals (m, d) of facets (m, d, d), as :func:`facet_normals`."""
+    normals = facet_normals(corners)
+    return np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any
-
 import basix
 import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.mesh.cell_kind import CellKind
+from contact_locking.mesh.lagrange import lagrange
 
 # The Jacobian has the degree 2 in 2D and 3 in 3D.  It is looked at on a lattice of this degree.
 _LATTICE = 6
@@ -17,20 +15,12 @@ _LATTICE = 6
 _DEGREE = 8
 
 
-def node_shares(cell: str, degree: int, points: FloatArray) -> FloatArray:
-    """The values (q, n) of the functions of the nodes of a cell at points (q, d).
-
-    The nodes are those of Lagrange's element of the ``degree``, in the order of DOLFINx.
-    """
-    return np.asarray(_lagrange(cell, degree).tabulate(0, points)[0, :, :, 0])
-
-
 def curved_jacobians(kind: CellKind, nodes: FloatArray) -> FloatArray:
     """The Jacobians (k, q) on a lattice of points of cells with nodes (k, n, d)."""
     lattice = basix.create_lattice(
         basix.CellType[kind.name], _LATTICE, basix.LatticeType.equispaced, True
     )
-    slopes = _lagrange(kind.name, 2).tabulate(1, lattice)[1:, :, :, 0]
+    slopes = lagrange(kind.name, 2).tabulate(1, lattice)[1:, :, :, 0]
     return np.asarray(np.linalg.det(np.einsum("aqn,knd->kqda", slopes, nodes)))
 
 
@@ -49,8 +39,8 @@ def mean_normals(kind: CellKind, nodes: FloatArray) -> tuple[FloatArray, FloatAr
 
 def normals_at_nodes(kind: CellKind, nodes: FloatArray) -> FloatArray:
     """Unit normals (k, n, d) of curved facets at their nodes (k, n, d)."""
-    lagrange = _lagrange(kind.name, 2)
-    normals = _normals(lagrange.tabulate(1, lagrange.points)[1:, :, :, 0], nodes)
+    element = lagrange(kind.name, 2)
+    normals = _normals(element.tabulate(1, element.points)[1:, :, :, 0], nodes)
     return np.asarray(normals / np.linalg.norm(normals, axis=2, keepdims=True))
 
 
@@ -65,10 +55,4 @@ def _normals(slopes: FloatArray, nodes: FloatArray) -> FloatArray:
 def _slopes(kind: CellKind) -> tuple[FloatArray, FloatArray]:
     """The derivatives (dim, q, n) of the nodes' functions at Gauss's points, and their weights."""
     points, weights = basix.make_quadrature(basix.CellType[kind.name], _DEGREE)
-    return _lagrange(kind.name, 2).tabulate(1, points)[1:, :, :, 0], np.asarray(weights)
-
-
-@cache
-def _lagrange(cell: str, degree: int) -> Any:
-    variant = basix.LagrangeVariant.gll_warped
-    return basix.create_element(basix.ElementFamily.P, basix.CellType[cell], degree, variant)
+    return lagrange(kind.name, 2).tabulate(1, points)[1:, :, :, 0], np.asarray(weights)

@@ -8,6 +8,7 @@ import numpy as np
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.mesh.cell_kind import facet_normals
 from contact_locking.mesh.curved_cells import mean_normals, measures
 from contact_locking.mesh.domain import Domain
 
@@ -81,7 +82,7 @@ def _boundary(domain: Domain, name: str, dim: int) -> Group:
         normals, areas = mean_normals(domain.kind.facet, nodes)
     else:
         pieces = corners[:, np.array(domain.kind.facet.simplices)]
-        normals = _normals(pieces.reshape(-1, domain.dim, domain.dim))
+        normals = facet_normals(pieces.reshape(-1, domain.dim, domain.dim))
         normals = normals.reshape(*pieces.shape[:2], domain.dim).sum(axis=1)
         areas = np.linalg.norm(normals, axis=1)
     inward = _corners(domain, domain.dim, domain.owners(facets)).mean(axis=1) - corners.mean(axis=1)
@@ -91,14 +92,6 @@ def _boundary(domain: Domain, name: str, dim: int) -> Group:
         domain.comm.allreduce(x) for x in (len(facets), float(sizes), normals.sum(axis=0))
     )
     return Group(name, dim, count, measure, tuple(float(x) for x in total / measure))
-
-
-def _normals(corners: FloatArray) -> FloatArray:
-    """Normals (k, d) of facets (k, d, d); the length of a normal is the measure of the facet."""
-    edges = corners[:, 1:] - corners[:, :1]
-    if corners.shape[1] == 2:
-        return np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]])
-    return 0.5 * np.cross(edges[:, 0], edges[:, 1])
 
 
 def _corners(domain: Domain, dim: int, entities: IndexArray) -> FloatArray:

@@ -20,8 +20,8 @@ from contact_locking.parallel import on_any_rank
 Test = Callable[[FloatArray], BoolArray]
 
 # The points of a facet are its centre and its corners, which are pulled towards the centre by this
-# share: a facet up to x = 1 is in x < 1.  Those of a curved facet are its nodes, as its centre is
-# off the chord.
+# share: a facet up to x = 1 is in x < 1.  A curved facet has its nodes, pulled likewise, as points:
+# its centre is off the chord.
 _PULLED = 1e-6
 
 

@@ -21,7 +21,7 @@ from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.surface import ContactSurface
-from contact_locking.fem import gauss_points
+from contact_locking.mesh.lagrange import nodal_functions
 from contact_locking.parallel import maximum
 from contact_locking.problem.rounding import ROUNDING
 
@@ -278,7 +278,7 @@ class _Facets:
     def _basis(self, weights: FloatArray) -> FloatArray:
         """The nodal functions (m, q, n) of a facet at points (m, q, d)."""
         points = weights[..., 1:].reshape(-1, self._dim - 1)
-        found = gauss_points.nodal_functions(*self._kind, points)
+        found = nodal_functions(*self._kind, points)
         return found.reshape(*weights.shape[:-1], found.shape[1])
 
     def _known_curvature(

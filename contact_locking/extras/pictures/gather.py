@@ -13,11 +13,12 @@ from scipy.spatial import cKDTree
 
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot, drawn_tool
-from contact_locking.fem import compiled, gauss_points
+from contact_locking.fem import compiled
 from contact_locking.fem.facet_nodes import facet_places
 from contact_locking.laws.elasticity import strain
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.lagrange import lagrange
 from contact_locking.results.contact_points import contact_name
 from contact_locking.results.solution import StudySolution
 
@@ -106,7 +107,7 @@ class Pieces:
 
 def _small_boxes(kind: CellKind) -> IntArray:
     """The 2^d boxes (2^d, c) between the nodes of a box of degree 2, by the numbers of nodes."""
-    steps = np.rint(2.0 * gauss_points.lagrange(kind.name, 2).points).astype(int)
+    steps = np.rint(2.0 * lagrange(kind.name, 2).points).astype(int)
     number = {tuple(step): place for place, step in enumerate(steps)}
     corners = np.rint(kind.places).astype(int)
     return np.array([[number[tuple(low + step)] for step in corners] for low in corners])

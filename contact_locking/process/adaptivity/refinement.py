@@ -18,8 +18,9 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, FloatArray, IntArray
+from contact_locking.arrays import BoolArray, IntArray
 from contact_locking.errors import NotRefined
+from contact_locking.mesh.cell_kind import unit_normals
 from contact_locking.mesh.distribution import distribute
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData, MeshElements
@@ -164,17 +165,7 @@ def _bends(data: MeshData, part: MeshElements) -> bool:
         return False
     ridges = Facets(part.nodes, len(data.points), data.kind.facet)
     pairs, _ = ridges.pairs(np.flatnonzero(ridges.shared == 2))
-    normals = _normals(data.points[part.nodes])
+    normals = unit_normals(data.points[part.nodes])
     cosines = np.abs(np.einsum("kd,kd->k", *(normals[pairs[:, i]] for i in (0, 1))))
     angles = np.arccos(np.minimum(cosines, 1.0))
     return bool(np.any((angles > _PARALLEL) & (angles < _EDGE)))
-
-
-def _normals(corners: FloatArray) -> FloatArray:
-    """Unit normals (k, d) of facets (k, d, d), of either sign."""
-    edges = corners[:, 1:] - corners[:, :1]
-    if corners.shape[1] == 2:
-        normals: FloatArray = np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]])
-    else:
-        normals = np.asarray(np.cross(edges[:, 0], edges[:, 1]), dtype=float)
-    return np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])

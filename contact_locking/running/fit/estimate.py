@@ -163,7 +163,7 @@ class _Trials:
         return found.values
 
     def at(self, numbers: FloatArray) -> Residuals:
-        """What is known at numbers of a trial."""
+        """The residuals at numbers of a trial."""
         return self._known[numbers.tobytes()]
 
     def faded(self, numbers: FloatArray) -> BoolArray:
