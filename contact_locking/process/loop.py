@@ -76,6 +76,7 @@ def row_of(
     row |= {total: history.last(total) + row[one] for total, one in SUMS.items()}
     criteria = summary["certificate"]["criteria"].values()
     row |= {
+        "converged": int(solution.converged),
         "tangents": summary["iterations"]["tangents"],
         "linear": summary["iterations"]["linear"],
         "residual": summary["residual"],
@@ -88,7 +89,7 @@ def row_of(
 def totals(history: History, halvings: int, planned: int) -> dict[str, Any]:
     """The key ``steps`` of summary.json."""
     return {
-        "solved": len(history),
+        "solved": int(sum(row["converged"] for row in history)),
         "planned": planned,
         "halvings": halvings,
         "time": history.last("t"),

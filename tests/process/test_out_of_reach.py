@@ -76,6 +76,9 @@ def test_no_time_beyond_one_that_is_out_of_reach_is_tried(
     assert refused == sorted(set(refused), reverse=True)
     for number, time in enumerate(times[1:], start=1):
         assert time == 1.0 or all(time < t for t in times[:number] if t in refused)
+    # The last row is the state where the process ended; charts leave it out.
+    (*solved, failed), steps = last.history.column("converged"), last.summary["steps"]
+    assert all(solved) and not failed and steps["solved"] == len(solved)
 
 
 def test_what_is_impossible_is_not_tried_in_other_ways() -> None:

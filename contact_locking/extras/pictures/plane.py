@@ -65,6 +65,7 @@ def draw_tractions(
         axes.set_ylim(-0.5 * largest, largest)
     axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
     axes.set_ylabel("traction")
+    style.power_beside(axes)
     axes.tick_params(labelbottom=False)
     axes.margins(x=0.0)
     strip.sharex(axes)

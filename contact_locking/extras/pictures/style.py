@@ -157,6 +157,11 @@ def panel(figure: Figure, left: float, top: float, width: float, height: float) 
     return figure.add_axes(where)
 
 
+def power_beside(axes: Axes) -> None:
+    """The power of ten of the vertical scale stands left of the axis, clear of a title above it."""
+    axes.yaxis.get_offset_text().set(x=-0.01, horizontalalignment="right")
+
+
 def head(figure: Figure, body: Snapshot) -> None:
     """Write the study's title and a line of numbers into the upper `HEAD` inches of the figure."""
     numbers = f"{body.dofs:,} dofs".replace(",", "\u2009")

@@ -73,6 +73,7 @@ def _curve(above: Axes, below: Axes, curve: Mapping[str, Any], title: str, label
     above.plot(over[order], model[order], color=style.BLUE, lw=1.8, label="model", zorder=3)
     above.set_ylabel(curve["column"])
     above.set_title(title, loc="left")
+    style.power_beside(above)
     above.tick_params(labelbottom=False)
     below.axhline(0.0, color=style.BLUE, lw=1.2)
     below.vlines(over, 0.0, data - model, color=style.GREY, lw=0.8)

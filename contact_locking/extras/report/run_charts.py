@@ -129,7 +129,8 @@ _COLOURS = (style.BLUE, style.VERMILION, style.BLACK, style.ORANGE)
 
 
 def history_charts(history: History) -> list[Chart]:
-    """The charts of a process; none without two steps."""
+    """The charts of a process, without a step that did not converge; none without two steps."""
+    history = History([row for row in history if row.get("converged", 1)])
     if len(history) < 2:
         return []
     drawn: dict[str, dict[str, str]] = {}
