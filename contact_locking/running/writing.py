@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import gc
 import shutil
 from collections.abc import Iterator, Sequence
@@ -19,7 +20,6 @@ from contact_locking.files.lock import make_folders
 from contact_locking.process import checkpoint as checkpoints
 from contact_locking.process import several
 from contact_locking.results import adapted_meshes, contact_table, fields, probe_table, xdmf
-from contact_locking.results.freed_memory import return_freed_memory
 from contact_locking.results.names import (
     ANIMATION,
     BRANCHES,
@@ -263,3 +263,13 @@ def _staging(comm: MPI.Intracomm, directory: Path) -> Iterator[Path]:
             return stack.enter_context(atomic.staging(directory))
 
         yield on_root_of(comm, directory, attempt)
+
+
+def return_freed_memory() -> None:
+    """Return the free memory of the C library to the system.
+
+    The GNU C library keeps the memory of matrices and factors, in pieces that are too small for the
+    arrays of the fields.  Other C libraries lack the function, and nothing happens.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)

@@ -36,11 +36,11 @@ from .numerics import (
     EquilibriaParameters,
     OutputParameters,
     PenaltyParameters,
+    SensitivityParameters,
     SolverParameters,
     StepParameters,
 )
 from .rigid_body import Foundation
-from .sensitivities import SensitivityParameters
 from .study import StudyParameters
 from .values import NAMED, Number, Text
 
