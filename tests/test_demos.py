@@ -79,6 +79,7 @@ def of_file(name: str) -> float:
     return found
 
 
+@pytest.mark.serial
 def test_every_demo_is_a_study_file_and_a_script() -> None:
     for suffix in ("yml", "py"):
         assert {path.stem for path in DEMOS.glob(f"*.{suffix}")} == set(COARSE)

@@ -54,6 +54,7 @@ def commands(page: str) -> Iterator[list[str]]:
             yield shlex.split(words)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("page", NAMES)
 def test_links_between_pages_resolve(page: str) -> None:
     path = ROOT / page
@@ -80,6 +81,7 @@ def test_commands_are_found_in_the_pages() -> None:
     assert sum(len(list(commands(page))) for page in NAMES) > 20
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("page", NAMES)
 def test_study_files_in_the_pages_are_valid(page: str, tmp_path: Path) -> None:
     for block in blocks(page, "yaml"):
@@ -90,6 +92,7 @@ def test_study_files_in_the_pages_are_valid(page: str, tmp_path: Path) -> None:
         from_mapping(read(file).data, tmp_path)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("page", NAMES)
 def test_scripts_in_the_pages_are_python(page: str) -> None:
     for block in blocks(page, "python"):

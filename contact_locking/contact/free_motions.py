@@ -38,14 +38,13 @@ class FreeMotion(ABC):
         int (sigma_nu nu + sigma_tau) . m + k q = F.
 
     A foundation may have several of these motions, and has the sum of their displacements.  In all
-    other ways it follows its given motion, or stands still.  ``key`` names the motion in messages.
+    other ways it follows its given motion, or stands still.  ``key`` names the motion in messages,
+    and ``siblings`` are all free motions of the foundation, this one among them once it is made.
     """
 
-    def __init__(self, contact: NodalContact, key: str) -> None:
-        self.contact, self.key = contact, key
+    def __init__(self, contact: NodalContact, key: str, siblings: Sequence[FreeMotion]) -> None:
+        self.contact, self.key, self.siblings = contact, key, siblings
         self._size = 0.0
-        #: All free motions of the foundation, this one among them.
-        self.siblings: Sequence[FreeMotion] = (self,)
 
     #: F at present, and the largest F that there will be.
     force: float = 0.0
@@ -132,10 +131,10 @@ class Travel(FreeMotion):
     spring along the surface of the body.
     """
 
-    def __init__(self, contact: NodalContact) -> None:
+    def __init__(self, contact: NodalContact, siblings: Sequence[FreeMotion]) -> None:
         self._given, self._spring = contact.given.force, contact.given.spring
         key = self._given.key if self._given else f"{contact.key}.foundation.spring"
-        super().__init__(contact, key)
+        super().__init__(contact, key, siblings)
         if self._given is not None:
             self.direction, self.largest = self._given.direction, self._given.largest
         else:
@@ -213,8 +212,10 @@ class Turn(FreeMotion):
     moment about the axis.  The pivot follows the given motion of the foundation.
     """
 
-    def __init__(self, contact: NodalContact, tilt: Tilt, axis: FloatArray) -> None:
-        super().__init__(contact, f"{contact.key}.foundation.tilt")
+    def __init__(
+        self, contact: NodalContact, siblings: Sequence[FreeMotion], tilt: Tilt, axis: FloatArray
+    ) -> None:
+        super().__init__(contact, f"{contact.key}.foundation.tilt", siblings)
         self.axis, self._tilt = axis, tilt
         self.advance()
 
@@ -257,7 +258,7 @@ class Turn(FreeMotion):
             )
 
 
-def free_motions(contact: NodalContact) -> tuple[FreeMotion, ...]:
+def free_motions(contact: NodalContact) -> list[FreeMotion]:
     """The free motions of the foundation of a contact, none for one in a known place; collective.
 
     Raises InputError for those that nothing would stop.
@@ -265,12 +266,10 @@ def free_motions(contact: NodalContact) -> tuple[FreeMotion, ...]:
     given = contact.given
     found: list[FreeMotion] = []
     if given.force is not None or given.spring is not None:
-        found.append(Travel(contact))
+        found.append(Travel(contact, found))
     if given.tilt is not None:
-        found += [Turn(contact, given.tilt, axis) for axis in _axes(contact, given.tilt)]
-    for item in found:
-        item.siblings = tuple(found)
-    return tuple(found)
+        found += [Turn(contact, found, given.tilt, axis) for axis in _axes(contact, given.tilt)]
+    return found
 
 
 def _axes(contact: NodalContact, tilt: Tilt) -> FloatArray:

@@ -24,11 +24,10 @@ from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError, Misplaced
 from contact_locking.monitor import Monitor
-from contact_locking.process.admissibility_data import AdmissibilityData
 from contact_locking.process.checkpoint.restart import restored_step
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.of_study import extras_of, of_study, solver_of
-from contact_locking.process.out_of_reach import OutOfReach
+from contact_locking.process.out_of_reach import AdmissibilityData, OutOfReach
 from contact_locking.process.sensitivities import Sensitivities
 from contact_locking.process.timeline import Timeline
 from contact_locking.results.history import History, Row

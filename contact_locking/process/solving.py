@@ -59,50 +59,16 @@ def solve_steps(
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
     domain: Domain | None = None,
+    most: int | None = None,
 ) -> Iterator[StudySolution]:
     """Solve one step after the other, and yield the solution of each; collective.
 
     Without steps in the parameters the one solution is that of :func:`solve`.  A step that does not
     converge is halved, down to ``steps.least``; the last solution is then not converged.
     ``restart`` is the folder of a run that saved a step of a process: the saved steps are yielded
-    again, and the process goes on from the last of them.  Raises InputError for data that cannot be
-    used.
+    again, and the process goes on from the last of them.  With ``most`` the solutions are those of
+    :func:`find_equilibria`.  Raises InputError for data that cannot be used.
     """
-    return _judged(parameters, comm, monitor, petsc_options, restart, domain)
-
-
-def find_equilibria(
-    parameters: Parameters,
-    comm: MPI.Intracomm = MPI.COMM_WORLD,
-    monitor: Monitor | None = None,
-    petsc_options: Mapping[str, Any] | None = None,
-    domain: Domain | None = None,
-) -> list[StudySolution]:
-    """The solution of (25)/(26), and others, ``equilibria.find`` at most; collective.
-
-    The first is that of :func:`solve`.  Each is certified.  The entry ``equilibria`` of the first
-    summary has a row for each, and says by their indices whether some are missing; nothing proves
-    that none is.  Without the section ``equilibria`` there is one solution.  Raises InputError
-    for data that cannot be used, or where there is no map of the friction bounds.
-    """
-    given = parameters.equilibria
-    most = None if given is None else given.find
-    found = list(_judged(parameters, comm, monitor, petsc_options, None, domain, most))
-    if given is not None and found[0].converged:
-        found[0].summary["equilibria"] = several.entry(found)
-    return found
-
-
-def _judged(
-    parameters: Parameters,
-    comm: MPI.Intracomm,
-    monitor: Monitor | None,
-    petsc_options: Mapping[str, Any] | None,
-    restart: str | Path | None,
-    domain: Domain | None,
-    most: int | None = None,
-) -> Iterator[StudySolution]:
-    """The solutions of a study, with what is measured beside them; collective."""
     monitor = Attentive(monitor or Monitor())
     start = time.perf_counter()
     if restart is not None:
@@ -128,6 +94,27 @@ def _judged(
         solution.summary["fingerprint"] = fingerprint
         solution.summary["wall_seconds"] = time.perf_counter() - start
         yield solution
+
+
+def find_equilibria(
+    parameters: Parameters,
+    comm: MPI.Intracomm = MPI.COMM_WORLD,
+    monitor: Monitor | None = None,
+    petsc_options: Mapping[str, Any] | None = None,
+) -> list[StudySolution]:
+    """The solution of (25)/(26), and others, ``equilibria.find`` at most; collective.
+
+    The first is that of :func:`solve`.  Each is certified.  The entry ``equilibria`` of the first
+    summary has a row for each, and says by their indices whether some are missing; nothing proves
+    that none is.  Without the section ``equilibria`` there is one solution.  Raises InputError
+    for data that cannot be used, or where there is no map of the friction bounds.
+    """
+    given = parameters.equilibria
+    most = None if given is None else given.find
+    found = list(solve_steps(parameters, comm, monitor, petsc_options, most=most))
+    if given is not None and found[0].converged:
+        found[0].summary["equilibria"] = several.entry(found)
+    return found
 
 
 def solve_assembled(

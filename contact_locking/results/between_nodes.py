@@ -21,6 +21,7 @@ from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.surface import ContactSurface
+from contact_locking.mesh.cell_kind import facet_normals, unit_normals
 from contact_locking.mesh.lagrange import nodal_functions
 from contact_locking.parallel import maximum
 from contact_locking.problem.rounding import ROUNDING
@@ -206,8 +207,9 @@ class _Facets:
         corners = obstacle.corners(box, _SPACING * self._radius.min(initial=np.inf))
         tree = cKDTree(corners) if len(corners) else None
         spans = (self._moved[:, 1:] - self._moved[:, :1]).transpose(0, 2, 1)
-        normals = _across(spans)
+        normals = facet_normals(self._moved)
         normals *= np.sign(np.sum(normals * self._outward, axis=1))[:, None]
+        normals /= np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)[:, None]
         inverse = np.linalg.pinv(spans)
         moved = self._x + self._past
         depths, weights = (
@@ -300,15 +302,6 @@ class _Facets:
         return np.where(marks.min(axis=1, initial=1.0) > 0.0, known, 0.0)
 
 
-def _across(spans: FloatArray) -> FloatArray:
-    """The unit normals (m, d) of facets with the edges (m, d, d - 1) from their first corner."""
-    normals = np.stack([spans[:, 1, 0], -spans[:, 0, 0]], axis=1)
-    if spans.shape[1] == 3:
-        normals = np.asarray(np.cross(spans[:, :, 0], spans[:, :, 1]), dtype=float)
-    size = np.linalg.norm(normals, axis=1)
-    return np.asarray(normals / np.where(size > 0.0, size, 1.0)[:, None])
-
-
 def _outward(surface: ContactSurface, corners: FloatArray, parts: int) -> FloatArray:
     """The outward unit normals (m, d) of parts of facets with the corners (m, d, d) at rest.
 
@@ -317,6 +310,6 @@ def _outward(surface: ContactSurface, corners: FloatArray, parts: int) -> FloatA
     domain = surface.domain
     cells = _compat.cell_corners(domain.mesh)[np.tile(domain.owners(surface.facets), parts)]
     inside = domain.mesh.geometry.x[cells][:, :, : domain.dim].mean(axis=1)
-    normals = _across((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
+    normals = unit_normals(corners)
     side = np.sum(normals * (corners[:, 0] - inside), axis=1)
     return np.asarray(normals * np.sign(side)[:, None])

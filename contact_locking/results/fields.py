@@ -119,13 +119,6 @@ def size(functions: list[fem.Function], comm: MPI.Intracomm) -> int:
     return int(8 * (components * nodes + nodes + cells) + 32_768 * (1 + comm.size))
 
 
-def write(functions: list[fem.Function], path: Path, comm: MPI.Intracomm) -> None:
-    """Write the functions to ``path``; collective.  Raises OSError where ADIOS2 fails."""
-    file = Series(functions, path, comm)
-    file.add(0.0)
-    file.close()
-
-
 class Series:
     """A file with the functions at several times; collective.
 

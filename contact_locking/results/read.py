@@ -12,21 +12,9 @@ from typing import Any
 from contact_locking._version import __version__
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.results import contact_table
+from contact_locking.results import contact_table, names
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.history import History, read_history
-from contact_locking.results.names import (
-    ANIMATION,
-    CONTACT,
-    FACETS,
-    FIT,
-    HISTORY,
-    MESHES,
-    PARAMETERS,
-    PICTURE,
-    SUMMARY,
-    TABLE_LINES,
-)
 
 Row = dict[str, Any]
 
@@ -79,16 +67,17 @@ def read_all(folder: Path) -> list[RunResults | StudyResults]:
         there = "is no folder" if folder.exists() else "there is no such folder"
         raise InputError(f"{folder}: {there}; give the folder of a run or of a study")
     found: list[RunResults | StudyResults] = []
-    if (folder / SUMMARY).exists():
+    if (folder / names.SUMMARY).exists():
         found.append(_run(folder))
-    if (folder / TABLE_LINES).exists():
+    if (folder / names.TABLE_LINES).exists():
         found.append(_study(folder))
     if found:
         return found
-    if (folder / PARAMETERS).exists():
-        raise InputError(f"{folder}: is not finished: there is no {SUMMARY}; solve it again")
+    if (folder / names.PARAMETERS).exists():
+        raise InputError(f"{folder}: is not finished: there is no {names.SUMMARY}; solve it again")
     raise InputError(
-        f"{folder}: holds no results: neither {SUMMARY} of a run nor {TABLE_LINES} of a study"
+        f"{folder}: holds no results: neither {names.SUMMARY} of a run nor {names.TABLE_LINES} "
+        "of a study"
     )
 
 
@@ -110,7 +99,7 @@ def read_mapping(path: Path) -> dict[str, Any] | None:
 
 
 def _run(folder: Path) -> RunResults:
-    path = folder / SUMMARY
+    path = folder / names.SUMMARY
     summary = _mapping(_text(path), str(path))
     _require_version(summary, folder)
     if not isinstance(summary.get("converged"), bool):
@@ -118,25 +107,25 @@ def _run(folder: Path) -> RunResults:
     listed = summary.pop("not_finite", None)
     for key, text in listed.items() if isinstance(listed, dict) else ():
         _restore(summary, key.split("."), text)
-    picture, meshes, film = folder / PICTURE, folder / MESHES, folder / ANIMATION
-    contact, facets, history = folder / CONTACT, folder / FACETS, folder / HISTORY
+    picture, meshes, film = folder / names.PICTURE, folder / names.MESHES, folder / names.ANIMATION
+    contact, facets, history = folder / names.CONTACT, folder / names.FACETS, folder / names.HISTORY
     points = contact_table.read_points(_text(contact), str(contact))
     return RunResults(
         folder,
         summary,
-        _text(folder / PARAMETERS),
+        _text(folder / names.PARAMETERS),
         points,
         contact_table.read_facets(_text(facets), str(facets), points),
         picture if picture.is_file() else None,
         read_history(_text(history), str(history)) if history.is_file() else History(),
         meshes if meshes.is_file() else None,
         film if film.is_file() else None,
-        read_mapping(folder / FIT),
+        read_mapping(folder / names.FIT),
     )
 
 
 def _study(folder: Path) -> StudyResults:
-    path = folder / TABLE_LINES
+    path = folder / names.TABLE_LINES
     rows = read_rows(path)
     for row in rows:
         if row.get("version") is not None:
@@ -145,7 +134,7 @@ def _study(folder: Path) -> StudyResults:
             raise InputError(f"{path}: is damaged: a row does not say the state of its case")
     if all(row["state"] == "not run" for row in rows):
         raise InputError(f"{folder}: no case of the study is finished; go on with the study first")
-    return StudyResults(folder, _text(folder / PARAMETERS), rows)
+    return StudyResults(folder, _text(folder / names.PARAMETERS), rows)
 
 
 def _text(path: Path) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import gc
 import shutil
 from collections.abc import Iterator, Sequence
@@ -18,22 +19,7 @@ from contact_locking.files import atomic, ownership
 from contact_locking.files.lock import make_folders
 from contact_locking.process import checkpoint as checkpoints
 from contact_locking.process import several
-from contact_locking.results import adapted_meshes, contact_table, fields, probe_table, xdmf
-from contact_locking.results.freed_memory import return_freed_memory
-from contact_locking.results.names import (
-    ANIMATION,
-    BRANCHES,
-    CONTACT,
-    FACETS,
-    FIELDS,
-    FILES_OF_RUN,
-    HISTORY,
-    MESHES,
-    PARAMETERS,
-    PROBES,
-    SUMMARY,
-    XDMF,
-)
+from contact_locking.results import adapted_meshes, contact_table, fields, names, probe_table, xdmf
 from contact_locking.results.output_folder import (
     KEY,
     TEXTS_BYTES,
@@ -54,7 +40,7 @@ class FieldSeries(contextlib.AbstractContextManager["FieldSeries"]):
         self._series: fields.Series | None = None
 
     def __enter__(self) -> FieldSeries:
-        self._path = self._stack.enter_context(_staging(self._comm, self._target)) / FIELDS
+        self._path = self._stack.enter_context(_staging(self._comm, self._target)) / names.FIELDS
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -111,12 +97,15 @@ def write(
     on_root_of(comm, target, partial(require_own, target))
     with _staging(comm, target) as staging:
         if series is not None:
-            on_root_of(comm, target, partial(_move, series, staging / FIELDS))
+            on_root_of(comm, target, partial(series.rename, staging / names.FIELDS))
         elif wanted.fields and "vtx" in wanted.formats:
-            _write_fields(solution, target, staging / FIELDS)
+            with FieldSeries(target, comm) as own:
+                own.add(solution)
+                made = own.finish()
+                on_root_of(comm, target, partial(made.rename, staging / names.FIELDS))
         if wanted.fields and "xdmf" in wanted.formats:
             with explained_in(target) if comm.size == 1 else contextlib.nullcontext():
-                xdmf.write(solution, staging / XDMF, comm)
+                xdmf.write(solution, staging / names.XDMF, comm)
         if wanted.picture:
             try:
                 problem = pictures.picture(solution, staging)
@@ -134,12 +123,12 @@ def write(
         def finish() -> None:
             _write_texts(solution, staging)
             if animation is not None:
-                (staging / ANIMATION).write_bytes(animation)
-            adapted_meshes.save(solution.meshes, staging / MESHES)
+                (staging / names.ANIMATION).write_bytes(animation)
+            adapted_meshes.save(solution.meshes, staging / names.MESHES)
             report.discard(target)
             for other in target.glob(several.FOLDERS):
                 ownership.discard(other)
-            ownership.replace(target, staging, FILES_OF_RUN, KEY)
+            ownership.replace(target, staging, names.FILES_OF_RUN, KEY)
 
         on_root_of(comm, target, finish)
     if refused:
@@ -183,15 +172,6 @@ def save_as(solution: StudySolution, directory: Path, name: str) -> None:
         on_root_of(comm, directory, lambda: ownership.replace(directory, staging, [name], KEY))
 
 
-def _write_fields(solution: StudySolution, target: Path, path: Path) -> None:
-    """Write fields.bp, if the disk has room for the file; collective."""
-    comm, functions = solution.domain.comm, fields.discontinuous(solution)
-    size = fields.size(functions, comm)
-    on_root_of(comm, target, partial(atomic.require_room, path.parent, size))
-    with _explained_alone(target, comm):
-        fields.write(functions, path, comm)
-
-
 def _checkpoint(solution: StudySolution, target: Path, staging: Path) -> str | None:
     """Write a checkpoint and return None, or return why it failed; collective."""
     try:
@@ -222,19 +202,19 @@ def _write_checkpoint(solution: StudySolution, target: Path, folder: Path) -> No
 
 def _write_texts(solution: StudySolution, folder: Path) -> None:
     """Write the text files; for rank 0."""
-    (folder / PARAMETERS).write_text(study_file.dump(solution.parameters), encoding="utf-8")
-    (folder / SUMMARY).write_text(summary_text(solution.summary), encoding="utf-8")
+    (folder / names.PARAMETERS).write_text(study_file.dump(solution.parameters), encoding="utf-8")
+    (folder / names.SUMMARY).write_text(summary_text(solution.summary), encoding="utf-8")
     if solution.history.rows:
-        (folder / HISTORY).write_text(solution.history.text(), encoding="utf-8")
+        (folder / names.HISTORY).write_text(solution.history.text(), encoding="utf-8")
     if branches := solution.summary.get("branches"):
-        (folder / BRANCHES).write_text(several.branches_text(branches), encoding="utf-8")
+        (folder / names.BRANCHES).write_text(several.branches_text(branches), encoding="utf-8")
     if solution.probes:
-        (folder / PROBES).write_text(probe_table.text(solution.probes), encoding="utf-8")
+        (folder / names.PROBES).write_text(probe_table.text(solution.probes), encoding="utf-8")
     points, facets = solution.contact_points, solution.contact_facets
     assert points is not None and facets is not None
-    with (folder / CONTACT).open("w", encoding="utf-8", newline="") as stream:
+    with (folder / names.CONTACT).open("w", encoding="utf-8", newline="") as stream:
         contact_table.write_points(points, stream)
-    with (folder / FACETS).open("w", encoding="utf-8", newline="") as stream:
+    with (folder / names.FACETS).open("w", encoding="utf-8", newline="") as stream:
         contact_table.write_facets(facets, stream)
 
 
@@ -249,10 +229,6 @@ def _explained_alone(
     return explained_in(directory) if comm.size == 1 else contextlib.nullcontext()
 
 
-def _move(source: Path, target: Path) -> None:
-    source.rename(target)
-
-
 @contextlib.contextmanager
 def _staging(comm: MPI.Intracomm, directory: Path) -> Iterator[Path]:
     """A staging folder that rank 0 makes and all ranks use; collective."""
@@ -263,3 +239,13 @@ def _staging(comm: MPI.Intracomm, directory: Path) -> Iterator[Path]:
             return stack.enter_context(atomic.staging(directory))
 
         yield on_root_of(comm, directory, attempt)
+
+
+def return_freed_memory() -> None:
+    """Return the free memory of the C library to the system.
+
+    The GNU C library keeps the memory of matrices and factors, in pieces that are too small for the
+    arrays of the fields.  Other C libraries lack the function, and nothing happens.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)

@@ -9,7 +9,7 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from contact_locking.arrays import AXES
+from contact_locking.arrays import AXES, BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.expressions import TIME, parse
 from contact_locking.fem.spaces import Element, element_of
@@ -23,15 +23,15 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file.xdmf_grids import is_xdmf
 from contact_locking.mesh.groups import groups
 from contact_locking.mesh.half_section import half_section, require_surface
+from contact_locking.mesh.named_parts import Place, Test, with_parts
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.study.contacts import contact_of, friction_warnings
-from contact_locking.study.loads import build_loads
+from contact_locking.study.loads import build_loads, springs_of
 from contact_locking.study.material import MaterialOfStudy
-from contact_locking.study.places import with_placed_parts
 from contact_locking.study.probe_points import locate
-from contact_locking.study.springs import springs_of
 from contact_locking.study_file.named_numbers import resolved
 from contact_locking.study_file.parameters import LoadParameters, Parameters
+from contact_locking.study_file.parameters.mesh import BoundaryPart, MeshParameters
 from contact_locking.supports.conditions import ComponentCondition, constrain
 from contact_locking.supports.supports import Support
 
@@ -258,3 +258,52 @@ def _prescribed(
 
 def _quoted(names: tuple[str, ...]) -> str:
     return ", ".join(repr(name) for name in names)
+
+
+# A point is on a plane, or in a box, up to this share of the size of the body.
+_ROUNDING = 1e-6
+
+
+def with_placed_parts(domain: Domain, given: MeshParameters) -> Domain:
+    """The domain with ``mesh.parts``; collective.
+
+    Raises InputError for a value that does not fit the mesh, and for a part without facets.
+    """
+    if not given.parts:
+        return domain
+    for fault in given.dimension_faults(domain.dim):
+        raise InputError(fault.message, ".".join(map(str, ("mesh", *fault.place))))
+    rounding = _ROUNDING * float(np.ptp(domain.bounding_box, axis=0).max())
+    places = {
+        name: Place(_tests(part, domain.dim, rounding), part.on)
+        for name, part in given.parts.items()
+    }
+    return with_parts(domain, places, "mesh.parts")
+
+
+def _tests(part: BoundaryPart, dim: int, rounding: float) -> list[Test]:
+    tests: list[Test] = []
+    if part.plane is not None:
+        point, normal = np.array(part.plane.point), np.array(part.plane.normal)
+        unit = normal / np.linalg.norm(normal)
+
+        def on_plane(x: FloatArray) -> BoolArray:
+            return np.abs(unit @ x - unit @ point) <= rounding
+
+        tests.append(on_plane)
+    if part.box is not None:
+        low, high = np.array(part.box)[:, :, None]
+
+        def in_box(x: FloatArray) -> BoolArray:
+            return np.all((x >= low - rounding) & (x <= high + rounding), axis=0)
+
+        tests.append(in_box)
+    if part.expression is not None:
+        condition = parse(part.expression, AXES[:dim], condition=True)
+
+        def holds(x: FloatArray) -> BoolArray:
+            values = condition.numpy(**dict(zip(AXES, x, strict=False)))
+            return np.broadcast_to(np.asarray(values) > 0.0, x.shape[1:])
+
+        tests.append(holds)
+    return tests

@@ -1,4 +1,4 @@
-"""Body force, tractions and pressures in UFL, with rules of integration that see them.
+"""Body force, tractions, pressures and springs in UFL, with rules of integration that see them.
 
 A load is a number or an expression, which needs values at the quadrature points only.  The forms
 take the time of an expression from the clock of the problem.  Where a load is narrower than a cell
@@ -24,10 +24,12 @@ from contact_locking.fem.spaces import Element
 from contact_locking.fields.clock import Clock, LargestSoFar, is_timed
 from contact_locking.fields.lookups import Lookups
 from contact_locking.fields.plausibility import about_a_load
-from contact_locking.fields.sampling import Entities, refuse_poles, rule
+from contact_locking.fields.sampling import Entities, features, refuse_poles, rule
+from contact_locking.fields.values import evaluate
 from contact_locking.mesh.domain import Domain
-from contact_locking.parallel import agree
-from contact_locking.study_file.parameters import LoadParameters
+from contact_locking.parallel import agree, minimum
+from contact_locking.problem.springs import Springs
+from contact_locking.study_file.parameters import LoadParameters, Spring
 
 # The quadrature degree of an expression in each part of a cell or facet; test functions of degree 1
 # or 2 need no more.  The rule for comparison has a higher degree and parts half as long.
@@ -343,3 +345,56 @@ def _uncertain(values: FloatArray, places: FloatArray) -> FloatArray:
     beside = np.pad(steps, ((0, 0), (1, 1)))
     jumps = np.maximum(steps - _RESOLVED * (beside[:, :-2] + beside[:, 2:]), 0.0)
     return np.asarray(0.5 * jumps @ np.diff(places))
+
+
+# The rule of integration of an expression on a facet, beside two displacements.
+_OF_SPRINGS = 6
+
+
+def springs_of(domain: Domain, given: Sequence[Spring]) -> tuple[list[Springs], list[str]]:
+    """The springs of each boundary part, and warnings; collective.
+
+    Raises InputError for a stiffness that is not positive somewhere.
+    """
+    found, told = [], []
+    for number, item in enumerate(given):
+        key = f"loads.springs.{number}"
+        for name in item.on:
+            facets = Entities.of(domain, domain.dim - 1, domain.facets((name,), f"{key}.on"))
+            told += _spring_warnings(facets, item.stiffness, f"{key}.stiffness")
+            measure = domain.ds((name,), f"{key}.on", quadrature_degree=_OF_SPRINGS)
+            found.append(
+                Springs(name, _spring_stiffness(domain, item), _spring_along(domain, item), measure)
+            )
+    return found, told
+
+
+def _spring_warnings(facets: Entities, value: float | str, key: str) -> list[str]:
+    expression = parse(value, AXES)
+    if expression.is_constant:
+        return []
+    points, _ = rule(facets.dim, 0, _OF_SPRINGS)
+    domain = facets.domain
+    places: FloatArray = np.einsum("qc,kcd->kqd", points, facets.corners).reshape(-1, domain.dim)
+    values = evaluate(domain.comm, value, places.T, key)
+    least = minimum(domain.comm, values)
+    if not least > 0.0:
+        raise InputError(f"must be positive everywhere, and is {least:g} somewhere", key)
+    return features(facets, expression, key, "refine the mesh there")
+
+
+def _spring_stiffness(domain: Domain, item: Spring) -> ufl.core.expr.Expr:
+    expression = parse(item.stiffness, AXES)
+    if expression.is_constant:
+        return fem.Constant(domain.mesh, float(expression.numpy()))
+    x = ufl.SpatialCoordinate(domain.mesh)
+    return expression.ufl({}, **{axis: x[i] for i, axis in enumerate(AXES[: domain.dim])})
+
+
+def _spring_along(domain: Domain, item: Spring) -> ufl.core.expr.Expr | None:
+    if item.along is None:
+        return None
+    if item.along == "normal":
+        return ufl.FacetNormal(domain.mesh)
+    unit = np.array(item.along) / np.linalg.norm(item.along)
+    return ufl.as_vector(unit.tolist())

@@ -95,15 +95,24 @@ def _elsewhere(name: str) -> str:
     return f" (did you mean '{matches[0]}'?)" if matches else ""
 
 
-#: The shapes of a rigid body that may be in a file.
-_SHAPES = ("surface", "polyline")
+#: The places of all names of files.
+_FILES: tuple[Place, ...] = (
+    *(("mesh", "file"), ("mesh", "facets"), ("tables", "*", "file")),
+    *(("fit", "data"), ("fit", "data", "#"), ("fit", "data", "#", "file")),
+    *(
+        ("contact", *several, "foundation", shape, *end)
+        for several in ((), ("#",))
+        for shape in ("surface", "polyline")
+        for end in ((), ("file",))
+    ),
+)
 
 
 def with_absolute_paths(data: dict[str, Any], folder: Path) -> tuple[dict[str, Any], list[Fault]]:
     """The data of a study file with absolute paths, and a fault for each file that is not there."""
     faults = []
-    for place in _places(data):
-        file = str(folder.absolute() / _at(data, place))
+    for place, name in list(_places(data)):
+        file = str(folder.absolute() / name)
         # Not Path.is_file, which raises for a name that no file can have.
         if not os.path.isfile(file):
             if os.path.isdir(file):
@@ -124,42 +133,16 @@ def with_absolute_paths(data: dict[str, Any], folder: Path) -> tuple[dict[str, A
     return data, faults[:MOST_FAULTS]
 
 
-def _places(data: dict[str, Any]) -> Iterator[Place]:
-    """The places of all names of files."""
-    for key in ("file", "facets"):
-        if isinstance(_at(data, ("mesh", key)), str):
-            yield "mesh", key
-    tables = data.get("tables")
-    for name in tables if isinstance(tables, dict) else ():
-        if isinstance(_at(data, ("tables", name, "file")), str):
-            yield "tables", name, "file"
-    listed = _at(data, ("fit", "data"))
-    if isinstance(listed, str):
-        yield "fit", "data"
-    for index in range(len(listed) if isinstance(listed, list | tuple) else 0):
-        for end in ((), ("file",)):
-            if isinstance(_at(data, ("fit", "data", index, *end)), str):
-                yield ("fit", "data", index, *end)
-    contact = data.get("contact")
-    starts: list[Place] = [("contact",)]
-    if isinstance(contact, list | tuple):
-        starts = [("contact", index) for index in range(len(contact))]
-    for start in starts:
-        for shape in _SHAPES:
-            place = (*start, "foundation", shape)
-            for end in ((), ("file",)):
-                if isinstance(_at(data, (*place, *end)), str):
-                    yield (*place, *end)
-
-
-def _at(data: Any, place: Place) -> Any:
-    """The value at a place, None if there is none."""
-    for part in place:
-        listed = isinstance(data, list | tuple) and isinstance(part, int) and part < len(data)
-        if not listed and not (isinstance(data, dict) and part in data):
-            return None
-        data = data[part]
-    return data
+def _places(data: Any, patterns: Sequence[Place] = _FILES) -> Iterator[tuple[Place, str]]:
+    """All texts at places of the patterns: ``*`` stands for every key, ``#`` for every index."""
+    if isinstance(data, str) and () in patterns:
+        yield (), data
+    is_list = isinstance(data, list | tuple)
+    pairs = data.items() if isinstance(data, dict) else ()
+    for key, value in enumerate(data) if is_list else pairs:
+        fitting = (key,), ("#" if is_list else "*",)
+        if below := [pattern[1:] for pattern in patterns if pattern[:1] in fitting]:
+            yield from (((key, *place), text) for place, text in _places(value, below))
 
 
 def _replaced(data: Any, place: Place, value: Any) -> Any:

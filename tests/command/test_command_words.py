@@ -7,6 +7,8 @@ import pytest
 from contact_locking.command import cli
 from contact_locking.errors import InputError
 
+pytestmark = pytest.mark.serial
+
 
 def test_petsc_options_are_pairs_or_flags() -> None:
     words = ["-a", "-1e-3", "-b", "--c", "value"]
@@ -23,7 +25,6 @@ def test_several_settings_may_follow_one_flag() -> None:
     ]
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize(
     "words", [[], ["solve"], ["run"], ["run", "a", "b"], ["schema", "--", "-x"], ["mesh", "a"]]
 )

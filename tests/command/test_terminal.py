@@ -16,6 +16,8 @@ from contact_locking.command.monitors import TerminalMonitor
 from contact_locking.plain_text import per_cent
 from contact_locking.results import in_words
 
+pytestmark = pytest.mark.serial
+
 
 def test_the_monitor_of_a_terminal_ends_with_a_line_per_stage_and_warns_on_standard_error(
     capsys: pytest.CaptureFixture[str],
@@ -217,7 +219,6 @@ def test_shares_are_written_alike_everywhere() -> None:
     assert [per_cent(share) for share in shares] == words
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize(
     ("variables", "warned"),
     [

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from contact_locking.arrays import FloatArray
 from contact_locking.results.ordering import along_curves, curves, facets_of, lexicographic
+
+pytestmark = pytest.mark.serial
 
 
 def _polyline(points: FloatArray, closed: bool = False) -> FloatArray:

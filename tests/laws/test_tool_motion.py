@@ -16,6 +16,8 @@ from contact_locking.study_file import from_mapping
 from contact_locking.study_file.fingerprint import fingerprint
 from contact_locking.study_file.parameters import Foundation
 
+pytestmark = pytest.mark.serial
+
 
 @pytest.mark.parametrize("angles", [[0.7], [0.3, -0.2, 0.5], [0.0, 0.0, 0.0]])
 def test_a_rotation_is_the_exponential_of_its_vector(angles: list[float]) -> None:

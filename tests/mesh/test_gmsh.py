@@ -13,6 +13,8 @@ from gmsh_groups import make, measures, read
 
 from contact_locking.meshes import build, write
 
+pytestmark = pytest.mark.serial
+
 gmsh = pytest.importorskip("gmsh")
 
 

@@ -208,6 +208,7 @@ def test_groups_have_measure_and_normal(comm: MPI.Intracomm) -> None:
     assert quarter["outer"].facing() == "(0.637, 0.637) (curved)"  # 2/pi
 
 
+@pytest.mark.serial
 def test_large_numbers_of_nodes_are_compared_as_small_ones() -> None:
     """Three numbers above 2^21 do not fit into one of 64 bits."""
     rows = np.random.default_rng(1).integers(0, 50, (2000, 3))

@@ -9,8 +9,9 @@ import pytest
 
 from contact_locking.meshes import BUILDERS
 
+pytestmark = pytest.mark.serial
 
-@pytest.mark.serial
+
 def test_parameters_are_checked_without_importing_gmsh() -> None:
     program = (
         "import sys; from contact_locking.meshes import BUILDERS; "

@@ -15,6 +15,8 @@ from gmsh_groups import Array, make, measures, read
 
 from contact_locking.meshes import BUILDERS, build, write
 
+pytestmark = pytest.mark.serial
+
 pytest.importorskip("gmsh")
 
 PI = math.pi

@@ -57,6 +57,7 @@ def test_every_key_in_a_message_of_the_core_has_a_name_in_scripts() -> None:
     assert left == set()
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("text", "named"),
     [
@@ -74,6 +75,7 @@ def test_names_of_a_script(text: str, named: str) -> None:
     assert in_script({"warnings": [text]}) == {"warnings": [named]}
 
 
+@pytest.mark.serial
 def test_errors_have_the_names_of_a_script() -> None:
     with pytest.raises(InputError, match="a larger n is needed") as raised, script_names():
         raise InputError("a larger penalty.n is needed", "solver.linear")

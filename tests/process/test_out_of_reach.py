@@ -13,9 +13,8 @@ from rings import floor, ring
 from slow import slow
 
 from contact_locking import Parameters, solve, solve_steps
-from contact_locking.process.admissibility_data import AdmissibilityData
 from contact_locking.process.of_study import solver_of
-from contact_locking.process.out_of_reach import OutOfReach
+from contact_locking.process.out_of_reach import AdmissibilityData, OutOfReach
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver.task import SolverReport

@@ -25,9 +25,9 @@ import contact_locking
 from contact_locking.extras.pictures.gather import gather
 from contact_locking.mesh.whole_mesh import gather_mesh
 from contact_locking.process import checkpoint, solving
-from contact_locking.results.freed_memory import return_freed_memory
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing
+from contact_locking.running.writing import return_freed_memory
 
 # The direct solver of several ranks partitions the graph of its matrix, whose size is limited.
 LIMITED = ("substructuring.py", "__init__")

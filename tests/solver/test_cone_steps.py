@@ -16,6 +16,8 @@ from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.locking_cones import LockingCones
 from contact_locking.solver.interior_point.lorentz import Scaling
 
+pytestmark = pytest.mark.serial
+
 
 def _points(**given: Any) -> Any:
     """Points with weights, which is all that the algebra of a family of cones takes."""

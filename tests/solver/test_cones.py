@@ -15,6 +15,8 @@ from contact_locking.arrays import FloatArray
 from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.lorentz import Scaling, inverse, size, total
 
+pytestmark = pytest.mark.serial
+
 
 class Case(NamedTuple):
     """Points inside their cones, and any steps."""

@@ -10,6 +10,8 @@ from scipy.sparse.csgraph import maximum_bipartite_matching
 from contact_locking.arrays import IndexArray
 from contact_locking.solver.linear.direct.substructuring import least_cover
 
+pytestmark = pytest.mark.serial
+
 
 def drawn(seed: int) -> tuple[IndexArray, IndexArray]:
     """Some edges between up to 30 nodes and up to 30 others, each once."""

@@ -293,6 +293,7 @@ def test_a_filter_is_known_to_be_positive_where_no_triangle_is_obtuse(
     problem.close()
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("motion", "dim", "words"),
     [
@@ -314,6 +315,7 @@ def test_a_rigid_motion_is_told_in_words(motion: list[float], dim: int, words: s
     assert describe_motion(np.array(motion, dtype=float), _BOX[dim]) == words
 
 
+@pytest.mark.serial
 def test_the_resultant_meets_the_plane_where_the_loads_have_no_moment() -> None:
     random = np.random.default_rng(3)
     points = np.column_stack([random.uniform(size=(5, 2)), np.full(5, 0.3)])

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from contact_locking.errors import explained
+from contact_locking.errors import InputError, explained
+from contact_locking.plain_text import defect
 
 from .files import BESIDE_RUN, CHARTS, PAGE, discard, print_page, replace
 
@@ -29,17 +30,23 @@ def write_all(directory: str | Path) -> list[Path]:
     A folder with a run and a study gets ``report.html`` for the run, and ``report-study.html`` with
     ``report-study/`` for the study.
     """
+    from jinja2 import TemplateError
+
     from contact_locking.results.read import RunResults, read_all
 
     from .run_page import run_page
     from .study_page import study_page
 
+    # The errors of a page whose numbers are no numbers, or are not there.
+    damage = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, TemplateError)
     folder, pages = Path(directory), []
     with explained(f"no report can be written in {folder}", folder):
         for results in read_all(folder):
-            if isinstance(results, RunResults):
-                pages.append(replace(folder, *run_page(results)))
-            else:
-                name = BESIDE_RUN if pages else CHARTS
-                pages.append(replace(folder, *study_page(results), name))
+            name = BESIDE_RUN if pages else CHARTS
+            try:
+                made = run_page(results) if isinstance(results, RunResults) else study_page(results)
+            except damage as error:
+                what = f"{folder}: its results are damaged: {defect(error)}; solve again"
+                raise InputError(what) from error
+            pages.append(replace(folder, *made, name))
     return pages

@@ -195,9 +195,8 @@ def adapt_charts(run: RunResults) -> list[Chart]:
 
 def adapted(summary: dict[str, Any]) -> list[dict[str, Any]]:
     """The entries ``adapt.meshes`` of a summary; empty without."""
-    entry = summary.get("adapt")
-    meshes = entry.get("meshes") if isinstance(entry, dict) else None
-    return [row for row in meshes if isinstance(row, dict)] if isinstance(meshes, list) else []
+    meshes: list[dict[str, Any]] = summary.get("adapt", {}).get("meshes", [])
+    return meshes
 
 
 def _values(rows: list[dict[str, Any]], name: str) -> list[tuple[float, float]]:

@@ -12,10 +12,8 @@ from contact_locking.results.in_words import weakest
 from contact_locking.results.quantities import QUANTITIES, Quantity, look_up
 from contact_locking.results.read import RunResults
 
-from .branch_charts import branch_charts
+from .analysis_charts import branch_charts, derivative_charts, fit_chart, rows_of_derivatives
 from .charts import Chart
-from .derivative_charts import derivative_charts, rows_of_derivatives
-from .fit_charts import fit_chart, readable_fit
 from .pictures import frames, picture
 from .run_charts import adapt_charts, adapted, contact_charts, history_charts
 from .templates import render
@@ -32,11 +30,8 @@ class Part(NamedTuple):
 
 def certificate(summary: Mapping[str, Any]) -> list[Part]:
     """The parts of a summary's certificate that hold anything, whatever their names."""
-    parts = summary.get("certificate")
-    if not isinstance(parts, dict):
-        parts = {"bounds": summary.get("bounds")}
     found = []
-    for name, part in parts.items():
+    for name, part in summary.get("certificate", {"bounds": summary.get("bounds")}).items():
         if isinstance(part, dict):
             judged = {key: entry for key, entry in part.items() if _is_judged(entry)}
             others = {key: entry for key, entry in part.items() if key not in judged}
@@ -72,17 +67,17 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     summary = run.summary
     charts, adapt = contact_charts(run), adapt_charts(run)
     steps = history_charts(run.history)
-    stages = [stage for stage in _list(summary.get("stages")) if isinstance(stage, dict)]
+    stages = summary.get("stages", [])
     contact_names, contact_quantities = _by_contact(summary)
     parts, numbers = certificate(summary), _quantities(summary)
     holds = [entry["holds"] for part in parts for entry in part.judged.values()]
-    branches = branch_charts(summary)
-    derived, fit = derivative_charts(summary), readable_fit(run.fit)
-    fit_charts = [] if fit is None else [fit_chart(fit)]
+    branches, derivatives = branch_charts(summary.get("branches")), rows_of_derivatives(summary)
+    derived = derivative_charts(derivatives)
+    fit_charts = [] if run.fit is None else [fit_chart(run.fit)]
     html = render(
         "run.html.j2",
         title=shown(summary.get("title") or "Run"),
-        warnings=_list(summary.get("warnings")),
+        warnings=summary.get("warnings", []),
         quantities=[row for row in numbers if not row[0].detail],
         details=[row for row in numbers if row[0].detail],
         internals=dict(_flat({key: summary[key] for key in _OF_SOLVER if key in summary})),
@@ -94,12 +89,12 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         history_charts=steps,
         frames=frames(run.animation),
         steps=summary.get("steps"),
-        derivatives=rows_of_derivatives(summary),
+        derivatives=derivatives,
         derivative_charts=derived,
         branch=summary.get("branches"),
         branch_charts=branches,
         trust=look_up(summary, "share_at_change.in_words"),
-        fit=fit,
+        fit=run.fit,
         fit_charts=fit_charts,
         adapted=adapted(summary),
         adapt=summary.get("adapt"),
@@ -154,17 +149,16 @@ def _quantities(summary: Mapping[str, Any]) -> list[_Row]:
         for key, quantity in QUANTITIES.items()
         if quantity.of != "solver" and (value := look_up(summary, key)) is not None
     ]
-    reactions, meaning = summary.get("reactions"), "resultant of the reactions on the body"
+    reactions, meaning = summary.get("reactions", {}), "resultant of the reactions on the body"
     return found + [
         (Quantity(f"reactions.{name}", f"reaction on {name}", meaning, "force"), [(value, None)])
-        for name, value in (reactions.items() if isinstance(reactions, dict) else ())
+        for name, value in reactions.items()
     ]
 
 
 def _by_contact(summary: Mapping[str, Any]) -> tuple[list[str], list[_Row]]:
     """The names of the contacts, and each quantity with its values for them; empty for one."""
-    entries = _list(summary.get("contacts"))
-    contacts = [entry if isinstance(entry, dict) else {} for entry in entries]
+    contacts = [entry or {} for entry in summary.get("contacts", [])]
     contacts = contacts if len(contacts) > 1 else []
     return [contact_name(summary, number) for number in range(len(contacts))], [
         (quantity, [(contact.get(key), contact.get(f"{key}_at")) for contact in contacts])
@@ -177,7 +171,3 @@ def _states(contact: ContactPoints) -> list[str]:
     """How many points are open, stick and slip, in words."""
     counts = np.bincount(contact.state, minlength=len(STATE_NAMES))
     return [f"{n} {name}" for n, name in zip(counts, STATE_NAMES, strict=True) if n]
-
-
-def _list(value: Any) -> list[Any]:
-    return value if isinstance(value, list) else []

@@ -83,12 +83,6 @@ def _step_fields(solution: StudySolution) -> dict[str, fem.Function]:
     return found
 
 
-def _write_history(solution: StudySolution, folder: Path) -> None:
-    """Write the history of a process beside the record; for rank 0."""
-    if solution.history.rows:
-        (folder / HISTORY).write_text(solution.history.text(), encoding="utf-8")
-
-
 def _load_step(
     entry: Mapping[str, Any],
     folder: Path,
@@ -327,7 +321,8 @@ def write(solution: StudySolution, folder: Path) -> None:
             step=_about_step(solution),
             travels=solution.state.saved.travels,
         )
-        _write_history(solution, folder)
+        if solution.history.rows:
+            (folder / HISTORY).write_text(solution.history.text(), encoding="utf-8")
         records.save(record, folder)
 
     on_root(domain.comm, finish)

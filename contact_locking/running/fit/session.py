@@ -108,7 +108,7 @@ def _write(target: Path, content: dict[str, Any]) -> str | None:
     with atomic.staging(target) as made:
         (made / FIT).write_text(summary_text(content), encoding="utf-8")
         try:
-            from contact_locking.extras.report.fit_charts import fit_chart
+            from contact_locking.extras.report.analysis_charts import fit_chart
 
             (made / FIT_PICTURE).write_bytes(fit_chart(content).png)
         except ImportError as error:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -30,11 +31,11 @@ from contact_locking.solver.interior_point.judge import Judge
 from contact_locking.solver.interior_point.locking_cones import LockingCones
 from contact_locking.solver.interior_point.measures import Measures
 from contact_locking.solver.interior_point.principal_cones import PrincipalCones
-from contact_locking.solver.interior_point.principal_projection import PrincipalProjection
 from contact_locking.solver.interior_point.projections import (
     FrictionProjection,
     HalfLineProjection,
     LockingProjection,
+    PrincipalProjection,
     Projection,
 )
 from contact_locking.solver.interior_point.tangent import Tangent
@@ -117,7 +118,7 @@ class ActiveSet:
         self._standing = [] if bound_moves else list(bounds)
         self._laws = {family: self._law(family) for family in tangent.families}
 
-    def _law(self, family: Family) -> Projection:
+    def _law(self, family: Family) -> Projection[Any]:
         """The semismooth equation of a family."""
         stiffness, stiffest = self._task.target.stiffness, self._pieces.stiffest
         if isinstance(family, FrictionCones):

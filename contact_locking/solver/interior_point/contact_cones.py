@@ -9,13 +9,13 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.parallel import minimum
 from contact_locking.problem.rounding import ROUNDING
-from contact_locking.solver.interior_point.contact_nodes import ContactNodes
+from contact_locking.solver.interior_point.contact_nodes import ContactNodes, OnContact
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.measures import relative_rms
 from contact_locking.solver.multipliers import Multipliers
 
 
-class ContactCones(HalfLines):
+class ContactCones(OnContact, HalfLines):
     """``c = gap + eps p - u_nu >= 0``, ``p >= 0``, ``c p = 0``, node by node: ``x = c``, ``z = p``.
 
     ``compliance`` is the penalty parameter eps, 0 for the inequality itself, ``length`` the extent
@@ -32,17 +32,8 @@ class ContactCones(HalfLines):
     def see(self, displacement: FloatArray) -> FloatArray:
         return self.nodes.normal_displacements(displacement)
 
-    def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
-        self.nodes.add_pressure(reactions, forces)
-
-    @property
-    def tools(self) -> tuple[int, ...]:
-        return self.nodes.tools
-
-    def add_tool_forces(
-        self, reactions: FloatArray, forces: FloatArray, magnitudes: bool = False
-    ) -> None:
-        self.nodes.add_tool_forces(self.nodes.normal * reactions, forces, magnitudes)
+    def tractions(self, reactions: FloatArray) -> FloatArray:
+        return np.asarray(self.nodes.normal * reactions)
 
     @property
     def limit(self) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import TypeVar
 
 import numpy as np
@@ -14,6 +15,7 @@ from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.fem.trace import displacement_map
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.solver.interior_point.family import Family
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
@@ -79,10 +81,6 @@ class ContactNodes:
         axes = np.eye(self.dim)[:, steepest]
         tangents = np.where(none, self.tangential(axes), tangents)
         return np.asarray(tangents / np.linalg.norm(tangents, axis=0))
-
-    def add_pressure(self, pressure: FloatArray, forces: PETSc.Vec) -> None:
-        """``forces += int p (.)_nu``; collective."""
-        self.add_traction(pressure * self.normal, forces)
 
     def add_traction(self, traction: FloatArray, forces: PETSc.Vec) -> None:
         """``forces += int traction . (.)``; collective."""
@@ -182,3 +180,25 @@ class ContactNodes:
         for number, way in self._ways:
             values = values - displacement[owned + number] * way
         return values
+
+
+class OnContact(Family):
+    """The common part of families of cones at the nodes of a contact."""
+
+    nodes: ContactNodes
+
+    @abstractmethod
+    def tractions(self, reactions: FloatArray) -> FloatArray:
+        """The tractions (d, k) that reactions are."""
+
+    def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
+        self.nodes.add_traction(self.tractions(reactions), forces)
+
+    @property
+    def tools(self) -> tuple[int, ...]:
+        return self.nodes.tools
+
+    def add_tool_forces(
+        self, reactions: FloatArray, forces: FloatArray, magnitudes: bool = False
+    ) -> None:
+        self.nodes.add_tool_forces(self.tractions(reactions), forces, magnitudes)

@@ -9,7 +9,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.problem.rounding import ROUNDING
-from contact_locking.solver.interior_point.contact_nodes import ContactNodes
+from contact_locking.solver.interior_point.contact_nodes import ContactNodes, OnContact
 from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.lorentz import LorentzCones, Scaling, dot, inverse
 from contact_locking.solver.multipliers import Multipliers
@@ -19,7 +19,7 @@ from contact_locking.solver.multipliers import Multipliers
 _MOST = 10.0
 
 
-class FrictionCones(LorentzCones):
+class FrictionCones(OnContact, LorentzCones):
     """``x = (t, slip, eps) in L`` with cost ``G t``, node by node; ``z = (G, sigma_tau, .)``.
 
     The slip is that of the step, ``u_tau - u_{k-1,tau}``.  The last entry of the primal point is
@@ -46,17 +46,8 @@ class FrictionCones(LorentzCones):
     def look(self, displacement: FloatArray) -> None:
         self.seen = self.nodes.increments(displacement)
 
-    def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
-        self.nodes.add_traction(reactions, forces)
-
-    @property
-    def tools(self) -> tuple[int, ...]:
-        return self.nodes.tools
-
-    def add_tool_forces(
-        self, reactions: FloatArray, forces: FloatArray, magnitudes: bool = False
-    ) -> None:
-        self.nodes.add_tool_forces(reactions, forces, magnitudes)
+    def tractions(self, reactions: FloatArray) -> FloatArray:
+        return reactions
 
     def reactions_of(self, z: FloatArray) -> FloatArray:
         return -z[1 : 1 + self.nodes.dim]

@@ -7,7 +7,8 @@ from abc import abstractmethod
 import numpy as np
 from petsc4py import PETSc
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.parallel import minimum
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
@@ -57,6 +58,19 @@ class LimitsOfStrain(Family):
 
     def is_kept(self, margin: float, displacement: float) -> bool:
         return bool(np.all(self.reach <= self.limit * (1.0 + margin + ROUNDING)))
+
+    @property
+    @abstractmethod
+    def _stiffest(self) -> FloatArray:
+        """The largest eigenvalue (k,) of the block D."""
+
+    def _is_stiff(self, factor: float, material: float) -> BoolArray:
+        """Where D is stiffer than the material, and than its softest point; collective."""
+        stiffness = self._stiffest
+        return np.asarray(stiffness > factor * max(material, minimum(self.comm, stiffness)))
+
+    def stiff_nodes(self, factor: float, material: float) -> IndexArray:
+        return self._strains.nodes_at(self._is_stiff(factor, material))
 
     def beyond(self) -> FloatArray:
         return np.array([np.count_nonzero(self.reach > self.limit), len(self.limit)])

@@ -8,8 +8,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray
-from contact_locking.parallel import minimum
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
@@ -133,11 +132,8 @@ class LockingCones(LimitsOfStrain, LorentzCones):
         self._write_stiffness(self.a, self.b)
 
     def soften(self, factor: float, material: float) -> None:
-        is_stiff = self._relative_stiffness(material) > factor
+        is_stiff = self._is_stiff(factor, material)
         self._write_stiffness(*(np.where(is_stiff, 0.0, values) for values in (self.a, self.b)))
-
-    def stiff_nodes(self, factor: float, material: float) -> IndexArray:
-        return self._strains.nodes_at(self._relative_stiffness(material) > factor)
 
     def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
         is_stiff = self._is_stiff_along(factor, material)
@@ -155,10 +151,9 @@ class LockingCones(LimitsOfStrain, LorentzCones):
         self._strains.set_scalars(self._a, a)
         self._strains.set_scalars(self._b, b)
 
-    def _relative_stiffness(self, material: float) -> FloatArray:
-        """How much stiffer points are than the material, and than the softest; collective."""
-        stiffness = self.a + np.maximum(self.b, 0.0) * np.sum(self.w**2, axis=0)
-        return np.asarray(stiffness / max(material, minimum(self.comm, stiffness)))
+    @property
+    def _stiffest(self) -> FloatArray:
+        return np.asarray(self.a + np.maximum(self.b, 0.0) * np.sum(self.w**2, axis=0))
 
     # The start, and whether anything is admissible.
 
@@ -222,11 +217,8 @@ class StrainHalfLines(LimitsOfStrain, HalfLines):
         self._strains.set_scalars(self._k, self.stiffness)
 
     def soften(self, factor: float, material: float) -> None:
-        is_stiff = self._relative_stiffness(material) > factor
+        is_stiff = self._is_stiff(factor, material)
         self._strains.set_scalars(self._k, np.where(is_stiff, 0.0, self.stiffness))
-
-    def stiff_nodes(self, factor: float, material: float) -> IndexArray:
-        return self._strains.nodes_at(self._relative_stiffness(material) > factor)
 
     def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
         is_stiff = self.stiffness > factor * material
@@ -239,6 +231,6 @@ class StrainHalfLines(LimitsOfStrain, HalfLines):
         is_stiff = self.stiffness > factor * material
         self._strains.set_scalars(self._k, np.where(is_stiff, 0.0, self.stiffness))
 
-    def _relative_stiffness(self, material: float) -> FloatArray:
-        """How much stiffer points are than the material, and than the softest; collective."""
-        return np.asarray(self.stiffness / max(material, minimum(self.comm, self.stiffness)))
+    @property
+    def _stiffest(self) -> FloatArray:
+        return self.stiffness

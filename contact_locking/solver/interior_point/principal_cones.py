@@ -11,9 +11,8 @@ from dolfinx import fem
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import mandel_vector
-from contact_locking.parallel import minimum
 from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
 from contact_locking.solver.interior_point.lorentz import LorentzCones, Scaling, inverse, norm
@@ -175,11 +174,7 @@ class PrincipalCones(LimitsOfStrain, LorentzCones):
         self._write(self.factors)
 
     def soften(self, factor: float, material: float) -> None:
-        is_stiff = self.factors.max(axis=0) > factor * self._softest(material)
-        self._write(np.where(is_stiff, 0.0, self.factors))
-
-    def stiff_nodes(self, factor: float, material: float) -> IndexArray:
-        return self._strains.nodes_at(self.factors.max(axis=0) > factor * self._softest(material))
+        self._write(np.where(self._is_stiff(factor, material), 0.0, self.factors))
 
     def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
         number, point = np.nonzero(self.factors > factor * material)
@@ -195,9 +190,9 @@ class PrincipalCones(LimitsOfStrain, LorentzCones):
         matrices = np.einsum("ik,iak,ibk->kab", factors, vectors, vectors)
         self._strains.set_matrices(self._matrix, matrices)
 
-    def _softest(self, material: float) -> float:
-        """The stiffness of the softest point or of the material, if that is stiffer; collective."""
-        return max(material, minimum(self.comm, self.factors.max(axis=0)))
+    @property
+    def _stiffest(self) -> FloatArray:
+        return np.asarray(self.factors.max(axis=0))
 
     # The start, and whether anything is admissible.
 

@@ -13,6 +13,7 @@ infinite one, which acts on the change of reactions and so vanishes in the end.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.locking_cones import LockingCones
 from contact_locking.solver.interior_point.lorentz import dot, norm
+from contact_locking.solver.interior_point.principal_cones import TURN, Frame, PrincipalCones
 from contact_locking.solver.last_iterate import Pair
 
 _TINY = float(np.finfo(float).tiny)
@@ -31,20 +33,23 @@ _SLIDES_ON = 1.0 - 1e-4
 _BISECTIONS = 60
 
 
-class Projection(ABC):
+F = TypeVar("F", bound=Family)
+
+
+class Projection(ABC, Generic[F]):
     """The semismooth equation of a family; ``stiffness`` is that of the body, a stress.
 
     Reactions ``y`` have the shape of what the family sees.  ``stiffest`` is how many times stiffer
     than the body a step is where its law admits one displacement only.
     """
 
-    family: Family
     y: FloatArray
     rest: FloatArray
     #: How many points of this rank are on another piece than that of the block.
     changed = 0
 
-    def __init__(self, family: Family, stiffness: float, stiffest: float) -> None:
+    def __init__(self, family: F, stiffness: float, stiffest: float) -> None:
+        self.family = family
         self.c = stiffness / family.scale
         self.softness = 1.0 / (stiffest * self.c)
 
@@ -52,9 +57,10 @@ class Projection(ABC):
         """Begin with reactions."""
         self.y = reactions
 
-    @abstractmethod
     def recall(self, pair: Pair) -> None:
         """Begin with the point and the multiplier of an earlier solution."""
+        self.family.z = pair[1].copy()
+        self.start(self.family.reactions)
 
     @abstractmethod
     def linearise(self) -> None:
@@ -74,6 +80,10 @@ class Projection(ABC):
     def aim(self) -> Reaction:
         """The reactions that the step leads to if nothing moves."""
         return Reaction(self.family, self.y + self.rest)
+
+    def _shifted(self) -> FloatArray:
+        """``v = y + c s`` of what was seen."""
+        return np.asarray(self.y + self.c * self.family.seen)
 
     @abstractmethod
     def step(self, seen: FloatArray) -> Step:
@@ -132,7 +142,7 @@ def _below_bound(size: FloatArray, product: FloatArray) -> FloatArray:
     return np.asarray(np.exp(0.5 * (least + most)))
 
 
-class HalfLineProjection(Projection):
+class HalfLineProjection(Projection[HalfLines]):
     """``y = max(0, y + c (lin(u) - limit))/(1 + c compliance)``; ``floor`` (>= 0) is added to D.
 
     The floor keeps the tangent regular where only open contact could stop a rigid motion.
@@ -142,12 +152,7 @@ class HalfLineProjection(Projection):
         self, family: HalfLines, stiffness: float, stiffest: float, floor: float = 0.0
     ) -> None:
         super().__init__(family, stiffness, stiffest)
-        self.family: HalfLines = family
         self._floor = floor
-
-    def recall(self, pair: Pair) -> None:
-        self.start(pair[1].copy())
-        self.family.z = self.y
 
     def linearise(self) -> None:
         family = self.family
@@ -176,7 +181,7 @@ class HalfLineProjection(Projection):
         family.x = np.where(self.y > 0.0, 0.0, np.maximum(opening, 0.0))
 
 
-class FrictionProjection(Projection):
+class FrictionProjection(Projection[FrictionCones]):
     """``y = G v/max(G, |v|)`` with ``v = y + c s`` for the slip s and ``y = -sigma_tau``.
 
     The bound G follows the pressure outside of this law (:mod:`bound_step`).  Where friction is
@@ -186,7 +191,6 @@ class FrictionProjection(Projection):
 
     def __init__(self, family: FrictionCones, stiffness: float, stiffest: float) -> None:
         super().__init__(family, stiffness, stiffest)
-        self.family: FrictionCones = family
         self._rows = slice(1, 1 + family.nodes.dim)
         self._slides_at = 1.0
         self._along = np.zeros((family.nodes.dim, len(family.weights)))
@@ -242,9 +246,6 @@ class FrictionProjection(Projection):
         """Where nodes slide against the direction of the last tangent."""
         return np.asarray(dot(self._along, v) < 0.0)
 
-    def _shifted(self) -> FloatArray:
-        return np.asarray(self.y + self.c * self.family.seen)
-
     @property
     def aim(self) -> Reaction:
         followed = self.family.response(self.family.bound_step)
@@ -295,20 +296,12 @@ class FrictionProjection(Projection):
         family.touch()
 
 
-class LockingProjection(Projection):
+class LockingProjection(Projection[LockingCones]):
     """``y = l v/|v|``, ``l = (|v| - c M)_+/(1 + c compliance)`` with ``v = y + c L eps``.
 
     Along ``v`` the strain comes to its limit; across it the direction of y follows the strain,
     ``D = l/(M + compliance l)``.
     """
-
-    def __init__(self, family: LockingCones, stiffness: float, stiffest: float) -> None:
-        super().__init__(family, stiffness, stiffest)
-        self.family: LockingCones = family
-
-    def recall(self, pair: Pair) -> None:
-        self.family.z = pair[1].copy()
-        self.start(self.family.reactions)
 
     def linearise(self) -> None:
         family, (size, stress) = self.family, self._sizes()
@@ -328,9 +321,6 @@ class LockingProjection(Projection):
         along = share * size / (self.c * self._yielding) * self._along
         across = (left - size * self._along) / self._across
         self.rest = np.where(self._active, along + across, left)
-
-    def _shifted(self) -> FloatArray:
-        return np.asarray(self.y + self.c * self.family.seen)
 
     def _sizes(self) -> tuple[FloatArray, FloatArray]:
         """``|v|`` and l."""
@@ -358,6 +348,60 @@ class LockingProjection(Projection):
         family.z = np.vstack([stress, -y])
         limit = family.limit + family.compliance * stress
         family.x = np.vstack([limit, (self._shifted() - y) / self.c])
+
+
+class PrincipalProjection(Projection[PrincipalCones]):
+    """``z = [v]^+/(1 + c compliance)`` with ``v = z - c room``: the part with positive eigenvalues.
+
+    The derivative of ``[.]^+`` is diagonal in the frame of v, with the entries p that are 0 or 1
+    and, across, the difference quotient of both eigenvalues.
+    """
+
+    def linearise(self) -> None:
+        family, v = self.family, self._shifted()
+        self._active = _eigenvalues(v) > 0.0
+        first, second = _eigenvalues(v)
+        spread = first - second
+        positive = np.maximum(first, 0.0) - np.maximum(second, 0.0)
+        across = np.where(spread > 0.0, positive / np.where(spread > 0.0, spread, 1.0), first > 0.0)
+        share = np.array([*self._active.astype(float), across])
+        family.frame = Frame.of(v)
+        self._left = 1.0 + self.c * family.compliance - share * (1.0 - self.c * self.softness)
+        family.factors = self.c * share / self._left
+
+    def evaluate(self) -> None:
+        family, share = self.family, 1.0 + self.c * self.family.compliance
+        left = _positive(self._shifted()) / share - TURN @ self.y
+        factors = np.asarray(share / self._left)
+        self.rest = family.reactions_of(family.frame.apply(factors, left))
+
+    def step(self, seen: FloatArray) -> Step:
+        dz = TURN @ (self.rest + self.family.block(seen))
+        return Step(np.zeros_like(self.family.x), dz)
+
+    def advance(self, step: Step) -> None:
+        family = self.family
+        self.y = family.reactions_of(_positive(TURN @ self.y + step.dual))
+        v = self._shifted()
+        changed = (_eigenvalues(v) > 0.0) != self._active
+        self.changed = _count(changed.any(axis=0))
+        family.z = np.asarray(_positive(v) / (1.0 + self.c * family.compliance))
+        family.x = np.asarray(_positive(-v) / self.c)
+
+    def _shifted(self) -> FloatArray:
+        return np.asarray(TURN @ self.y - self.c * self.family.room)
+
+
+def _eigenvalues(v: FloatArray) -> FloatArray:
+    """``v_0 +- |v_1|`` (2, k)."""
+    length = norm(v[1:])
+    return np.array([v[0] + length, v[0] - length])
+
+
+def _positive(v: FloatArray) -> FloatArray:
+    """``[v]^+`` (3, k), the nearest point of the cone."""
+    first, second = np.maximum(_eigenvalues(v), 0.0)
+    return np.vstack([0.5 * (first + second), 0.5 * (first - second) * Frame.of(v).along])
 
 
 def _count(marked: BoolArray) -> int:

@@ -5,7 +5,6 @@ The checks need no mesh, MPI or DOLFINx, so that a file is checked before anythi
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Self
@@ -37,16 +36,21 @@ from .numerics import (
     EquilibriaParameters,
     OutputParameters,
     PenaltyParameters,
+    SensitivityParameters,
     SolverParameters,
     StepParameters,
 )
 from .rigid_body import Foundation
-from .sensitivities import SensitivityParameters
 from .study import StudyParameters
 from .values import NAMED, Number, Text
 
 # The keys of limits, whose expressions may be infinite.
 _MAY_BE_INFINITE = ("locking_limit", "at_most")
+# Values of friction that have no smooth law: the key, the value, its words, and another value.
+_NOT_BY_NEWTON = (
+    ("coefficient", math.inf, ".inf, no slip,", "a finite coefficient"),
+    ("regularisation", 0.0, "0, without a smooth law,", "a positive length"),
+)
 
 __all__ = [
     "AdaptParameters",
@@ -239,26 +243,8 @@ class Parameters(Section):
             raise InputError(fault.message, key)
 
     def _faults(self) -> Iterator[Fault]:
-        if self.penalty.n == math.inf and self.solver.method == "newton":
-            yield Fault(
-                ("penalty", "n"),
-                ".inf cannot be solved by Newton's method; "
-                "take solver.method: interior_point (or auto), or a finite n such as 1e6",
-            )
         if self.solver.method == "newton":
-            for contact in self.contacts:
-                if contact.friction.coefficient == math.inf:
-                    yield Fault(
-                        tuple(contact.friction_key("coefficient").split(".")),
-                        ".inf, no slip, cannot be solved by Newton's method; take solver.method: "
-                        "interior_point (or auto), or a finite coefficient",
-                    )
-                if contact.friction.regularisation == 0.0:
-                    yield Fault(
-                        tuple(contact.friction_key("regularisation").split(".")),
-                        "0 cannot be solved by Newton's method, which needs a smooth law; take "
-                        "solver.method: interior_point (or auto), or a positive length",
-                    )
+            yield from self._newton_faults()
         keys = {name: contact.key for contact in reversed(self.contacts) for name in contact.on}
         for place, held in self.loads.held():
             if both := [name for name in held.on if name in keys]:
@@ -273,19 +259,6 @@ class Parameters(Section):
                 "bound needs the guaranteed bound of each mesh; add certificate.error_bound: true, "
                 "or take estimate",
             )
-        if self.adapt is not None and self.steps is not None:
-            yield Fault(
-                ("adapt",),
-                "does not go with steps, whose friction remembers the slip on one mesh; leave out "
-                "one of the two sections",
-            )
-        for section, name in itertools.product(("equilibria", "branches"), ("steps", "adapt")):
-            if getattr(self, section) is not None and getattr(self, name) is not None:
-                yield Fault(
-                    (section,),
-                    f"does not go with {name}: other solutions are those of one problem on one "
-                    "mesh; leave out one of the two sections",
-                )
         over_loads = self.branches is not None and not self.branches.is_over_friction
         if over_loads and not any(self.shared_loads()):
             yield Fault(
@@ -293,39 +266,72 @@ class Parameters(Section):
                 "names no load; take friction.coefficient, loads, or the key of a load, such as "
                 "loads.tractions.0.value",
             )
+        if self.steps is None:
+            for place, given in self._contact_sections():
+                if given.pair == "each_step":
+                    needed = "needs steps; add a section such as steps: {to: 1, count: 20}"
+                    yield Fault((*place, "pair"), f"each_step {needed}")
+        yield from self._mesh_faults()
+        if self.sensitivities is not None and not self.sensitivities.to:
+            yield Fault(("sensitivities", "to"), "name the numbers, as to: [friction.coefficient]")
+        for place, go_together, other in self._pairs():
+            if go_together:
+                yield Fault(place, f"does not go with {other}; leave out one of the two")
+        yield from self._expression_faults()
+        if self.study is not None:
+            yield from below(("study",), self.study.key_faults(type(self)))
+        if self.mesh.dim is not None:
+            yield from self._dimension_faults(self.mesh.dim)
+            yield from self._name_faults()
+
+    def _pairs(self) -> Iterator[tuple[Place, bool, str]]:
+        """Sections that exclude each other: of the first the place, and the second with the reason.
+
+        The second entry says whether both are there.
+        """
+        adapts, has_steps = self.adapt is not None, self.steps is not None
+        derived = self.sensitivities is not None
+        memory = "steps, whose friction remembers the slip on one mesh"
+        yield ("adapt",), adapts and has_steps, memory
+        straight = "mesh.curved: DOLFINx refines cells with straight sides only"
+        yield ("adapt",), adapts and bool(self.mesh.curved), straight
+        changing = "adapt, whose meshes change with the numbers"
+        checks = self.sensitivities is not None and self.sensitivities.check
+        yield ("sensitivities", "check"), adapts and checks, changing
+        yield ("fit",), adapts and self.fit is not None, changing
+        for section in ("equilibria", "branches"):
+            for name, is_there in (("steps", has_steps), ("adapt", adapts)):
+                both = is_there and getattr(self, section) is not None
+                yield (section,), both, f"{name}: other solutions are those of one problem"
+        facing = "sensitivities, as derivatives do not see which points face each other"
         for place, given in self._contact_sections():
-            if given.pair == "each_step":
-                for fault in self._faults_of_pairing():
-                    yield Fault((*place, "pair"), fault)
+            yield (*place, "pair"), derived and given.pair == "each_step", facing
+
+    def _newton_faults(self) -> Iterator[Fault]:
+        """What only the interior point method solves."""
+        instead = (
+            "cannot be solved by Newton's method; take solver.method: interior_point (or auto)"
+        )
+        if self.penalty.n == math.inf:
+            yield Fault(("penalty", "n"), f".inf {instead}, or a finite n such as 1e6")
+        for contact in self.contacts:
+            for name, refused, told, other in _NOT_BY_NEWTON:
+                if getattr(contact.friction, name) == refused:
+                    place = tuple(contact.friction_key(name).split("."))
+                    yield Fault(place, f"{told} {instead}, or {other}")
+
+    def _mesh_faults(self) -> Iterator[Fault]:
         element = self.discretisation
         if self.mesh.curved and element.degree != 2:
             yield Fault(
                 ("discretisation", "degree"),
                 "must be 2 with mesh.curved, as the sides of curved cells have the degree 2",
             )
-        if self.mesh.curved and self.adapt is not None:
-            yield Fault(
-                ("adapt",),
-                "does not go with mesh.curved: DOLFINx refines cells with straight sides only; "
-                "leave out one",
-            )
         if self.mesh.axisymmetric and element.degree > 1 and element.limit_at == "vertices":
             yield Fault(
                 ("discretisation", "limit_at"),
                 "vertices does not go with mesh.axisymmetric: the hoop strain u_r/r is no number "
                 "at a vertex on the axis; take gauss, or leave the key out",
-            )
-        if self.sensitivities is not None and not self.sensitivities.to:
-            yield Fault(("sensitivities", "to"), "name the numbers, as to: [friction.coefficient]")
-        if self.sensitivities is not None and self.sensitivities.check and self.adapt is not None:
-            yield Fault(
-                ("sensitivities", "check"),
-                "does not go with adapt, whose meshes change with the numbers; leave out one",
-            )
-        if self.fit is not None and self.adapt is not None:
-            yield Fault(
-                ("fit",),
-                "does not go with adapt, whose meshes change with the numbers; leave out one",
             )
         for index, force in enumerate(self.loads.forces if self.mesh.axisymmetric else ()):
             if force.value and force.value[0] != 0.0:
@@ -334,21 +340,6 @@ class Parameters(Section):
                     "must be 0: the total force on a body of revolution acts along the axis; give "
                     "what acts along the radius in loads.pressures or loads.tractions",
                 )
-        yield from self._expression_faults()
-        if self.study is not None:
-            yield from below(("study",), self.study.key_faults(type(self)))
-        if self.mesh.dim is not None:
-            yield from self._dimension_faults(self.mesh.dim)
-            yield from self._name_faults()
-
-    def _faults_of_pairing(self) -> Iterator[str]:
-        if self.steps is None:
-            yield "each_step needs steps; add a section such as steps: {to: 1, count: 20}"
-        if self.sensitivities is not None:
-            yield (
-                "each_step does not go with sensitivities, as derivatives do not see which points "
-                "face each other; leave out one of the two"
-            )
 
     def _contact_sections(self) -> list[tuple[Place, ContactSection]]:
         """The sections of contact with their places in the file."""

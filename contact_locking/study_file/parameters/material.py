@@ -11,8 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from .base import Fault, Place, Section, below, entry, refuse_if
-from .eigenstrain import Eigenstrain, Eigenstrains
-from .material_kinds import BodyKind
+from .eigenstrain import BodyKind, Eigenstrain, Eigenstrains
 from .values import (
     NegativeScalarOrInfinite,
     PoissonScalar,

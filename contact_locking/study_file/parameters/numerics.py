@@ -1,4 +1,4 @@
-"""Discretisation, penalty, solver, steps, adaptive meshes, certificate and output."""
+"""Discretisation, penalty, solver, steps, adaptive meshes, certificate, derivatives and output."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from .probes import MOST_POINTS, Probe
 from .values import (
     Count,
     Degree,
+    Names,
     Number,
     Positive,
     PositiveOrInfinite,
@@ -258,3 +259,16 @@ class StepParameters(Section):
                     message = f"must ascend, but {show(second)} follows {show(first)}"
                     yield Fault(("times",), message)
                     return
+
+
+class SensitivityParameters(Section):
+    """How quantities of the solution change with numbers of the file, by its last tangent."""
+
+    of: Names = entry(
+        ("compliance",),
+        "the quantities, as contact_force.1, reactions.top.1, compliance or pressure_max",
+    )
+    to: Names = entry((), "the numbers, by their dotted keys, as friction.coefficient")
+    check: Switch = entry(
+        False, "compare with central differences, which take two more solves for each number"
+    )
