@@ -33,10 +33,10 @@ def fixed_point(
     with friction, and ``evaluate`` gives those of a solution.  A solve is given the last change of
     the bounds, infinity at first, than which it has to be sharper, and returns whether it was as
     sharp as the tolerances.  Changes count relative to the norm of the bound over all parts, or to
-    ``task.least_bound()`` if that is larger.  Afterwards the forms hold a bound that agrees with
-    the displacement to the tolerance, and ``report.contraction`` is the geometric mean of the
-    ratios of successive changes.  Raises NotConverged after ``max_friction_updates``, or as soon as
-    the last changes shrink too slowly to arrive by then.
+    ``task.least_bound()`` if that is larger.  Afterwards the contacts hold the bound of the last
+    solve, which agrees with that of its displacement to the tolerance, and ``report.contraction``
+    is the geometric mean of the ratios of successive changes.  Raises NotConverged after
+    ``max_friction_updates``, or as soon as the last changes shrink too slowly to arrive by then.
     """
     settings, report = task.settings, task.report
     rubbing = task.system.rubbing if contacts is None else contacts
@@ -48,8 +48,6 @@ def fixed_point(
         used = [contact.bounds for contact in rubbing]
         change = joint_norm(rubbing, [b - a for a, b in zip(used, new, strict=True)])
         relative = change / size if size > 0.0 else change
-        for contact, values in zip(rubbing, new, strict=True):
-            contact.bounds = values
         changes.append(relative)
         report.friction += 1
         report.friction_change = relative
@@ -58,6 +56,8 @@ def fixed_point(
         task.monitor.friction_update(report.friction, relative, report.contraction)
         if is_sharp and relative <= settings.friction_tolerance:
             return
+        for contact, values in zip(rubbing, new, strict=True):
+            contact.bounds = values
         left = settings.max_friction_updates - len(changes)
         if _is_too_slow(changes, settings.friction_tolerance, left):
             break

@@ -14,6 +14,9 @@ from contact_locking.solver.task import SavedState, Target, Task
 
 # The last digits of the friction bound need an equilibrium that is sharper than the bound.
 INNER_SHARE = 0.1
+# The equilibrium needs to be this much sharper than the last change of the friction bound, and at
+# the first bound this sharp.
+_SHARE_OF_CHANGE, _FIRST = 1e-2, 1e-3
 # Newton's convergence radius shrinks like n^-1/2: beyond these values of n/stiffness and
 # length/epsilon an interior point solution is too far for it, and where a few steps do not
 # arrive, many do not.
@@ -27,12 +30,15 @@ _REACH = 1e3
 def settle(newton: NewtonSolver, task: Task, least_steps: int = 0) -> None:
     """Solve to the tolerances, with the friction bound's fixed point where there is friction.
 
-    At least ``least_steps`` are taken; with friction each bound takes one.
+    At least ``least_steps`` are taken; with friction each bound takes one, and its solve is only as
+    sharp as the bound is known.
     """
     tolerance = task.settings.tolerance
 
-    def solve(_: float) -> bool:
-        newton.solve(INNER_SHARE * tolerance, least_steps=1)
+    def solve(change: float) -> bool:
+        wanted = min(_SHARE_OF_CHANGE * change, _FIRST)
+        newton.solve(max(INNER_SHARE * tolerance, wanted), least_steps=1)
+        # The last solve, below, is.
         return True
 
     if task.system.rubbing:
@@ -93,9 +99,6 @@ _MOST_STEPS, _MOST_UPDATES = 12, 12
 # Steps of 1 % of the load leave residuals (relative to the forces) of 150 at most after the first
 # step and of 6 three steps later.  With many times more Newton's method hardly arrives.
 _NEAR, _ARRIVES = 500.0, {3: 50.0}
-# The equilibrium needs to be this much sharper than the last change of the friction bound, and at
-# the first bound this sharp.
-_SHARE_OF_CHANGE, _FIRST = 1e-2, 1e-3
 
 
 def step_on(saved: SavedState, task: Task) -> bool:
@@ -119,7 +122,7 @@ def step_on(saved: SavedState, task: Task) -> bool:
         _first_step(newton, saved, task)
         if system.relative_residual(settings.tolerance) > _NEAR:
             return False
-        _settle(newton, few)
+        settle(newton, few)
     except NotConverged:
         return False
     finally:
@@ -139,17 +142,3 @@ def _first_step(newton: NewtonSolver, saved: SavedState, task: Task) -> None:
     newton.step()
     for contact, bound in zip(contacts, bounds, strict=True):
         contact.bounds = bound
-
-
-def _settle(newton: NewtonSolver, task: Task) -> None:
-    """Solve to the tolerances, at first only as sharply as the friction bound is known."""
-    tolerance = task.settings.tolerance
-
-    def solve(change: float) -> bool:
-        wanted = min(_SHARE_OF_CHANGE * change, _FIRST)
-        newton.solve(max(INNER_SHARE * tolerance, wanted), least_steps=1)
-        # The last solve, below, is.
-        return True
-
-    fixed_point(task, solve, task.system.penalty_bounds)
-    newton.solve(tolerance)

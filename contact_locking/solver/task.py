@@ -18,6 +18,11 @@ from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.multipliers import Multipliers
 
 
+# Solves for the same friction bound differ by so many times the rounding in one solution, which the
+# margin of the criteria is.
+_ROUNDING_OF_SOLVES = 100.0
+
+
 @dataclass(frozen=True)
 class Target:
     """The penalty parameters, and the scales of the problem that starting values are made from.
@@ -149,11 +154,16 @@ class Task:
         )
 
     def least_bound(self) -> float:
-        """The norm below which changes of the friction bound are judged absolutely; collective."""
+        """The norm below which changes of the friction bound are judged absolutely; collective.
+
+        Two solves for nearly the same bound differ by rounding in the displacement, which a small
+        strain of a body that moves far makes large.  The criteria permit as much.
+        """
         system, tolerance = self.system, self.settings.tolerance
         displacement = system.largest_displacement()
-        strain = self.target.mean_strain(system.energy(), displacement, tolerance)
-        return self.target.least_bound(strain)
+        strain = self.target.mean_strain(system.energy(), 0.0, tolerance)
+        rounding = self.target.mean_strain(0.0, displacement, tolerance)
+        return self.target.least_bound(max(strain, _ROUNDING_OF_SOLVES * rounding))
 
     def add_stage(self, penalty: Penalty, tangents: int) -> None:
         """Report a stage of the solve that took so many tangents."""

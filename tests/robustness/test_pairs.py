@@ -68,6 +68,13 @@ def test_a_problem_of_pairs_is_right(seed: int) -> None:
     assert outcome.kind == SOLVED, outcome.reason
 
 
+def test_updates_of_the_friction_bound_end_at_the_rounding_of_a_body_that_moves_far() -> None:
+    """The motion is a million times the strain, and the bound has no more than seven digits."""
+    outcome = outcome_of(PAIRS, 20)
+    assert outcome.kind == SOLVED, outcome.reason
+    assert outcome.tangents <= 40
+
+
 @pytest.mark.parametrize("kind", ["ring", "half section", "ball"])
 def test_bodies_of_curved_cells_are_right(kind: str) -> None:
     """Laws, forces and fields of curved cells, by the judge that has its own elements."""
