@@ -232,12 +232,14 @@ class ContactProblem:
     def _begin(self, after: Solution | None) -> None:
         problem = self._discrete
         problem.enter(problem.at_rest() if after is None else after.state.contacts)
+        problem.refresh()
         system = self._solver.system
+        # The stress of an eigenstrain is a load.
         system.assemble_loads()
-        # The linear programmes of rigid motions, which `refresh` solves, do not take NaN.
+        # The linear programmes of rigid motions do not take NaN.
         if on_any_rank(self.domain.comm, not np.all(np.isfinite(system.load))):
             raise InputError("is not finite somewhere", "L")
-        problem.refresh()
+        problem.require_held()
         self._check_friction()
         system.clear()
 

@@ -66,23 +66,16 @@ class BodyForms:
 
     @cached_property
     def _initial(self) -> fem.Form:
-        data = self._data
-        assert data.eigenstrain is not None
-        density = ufl.inner(data.eigenstrain.stress, data.strain(self._w))
-        return compiled.form(density * data.element.elastic_dx(data.dx))
+        return compiled.form(forms.initial_work(self._w, self._data))
 
     @cached_property
     def _eigen_forces(self) -> JointForm:
-        data, v = self._data, ufl.TestFunction(self._w.function_space)
-        assert data.eigenstrain is not None
-        density = ufl.inner(data.eigenstrain.stress, data.strain(v))
-        return JointForm(density * data.element.elastic_dx(data.dx))
+        test = ufl.TestFunction(self._w.function_space)
+        return JointForm(forms.initial_work(test, self._data))
 
     @cached_property
     def _eigen(self) -> fem.Form:
-        data = self._data
-        assert data.eigenstrain is not None
-        return compiled.form(data.eigenstrain.energy * data.element.elastic_dx(data.dx))
+        return compiled.form(forms.initial_energy(self._data))
 
     @cached_property
     def _square(self) -> fem.Form:

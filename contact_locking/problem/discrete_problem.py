@@ -165,11 +165,13 @@ class DiscreteProblem:
             tool.advance()
 
     def refresh(self) -> None:
-        """Take the present values of all data; collective.  Raises InputError as at first."""
+        """Take the present values of all data but loads; collective.
+
+        Raises InputError as at first, but for parts that are free to move.
+        """
         self.material.refresh()
         self.limits.refresh()
         self.place()
-        self.require_held()
 
     def close(self) -> None:
         """Destroy the PETSc objects; collective."""

@@ -136,6 +136,19 @@ def external_work(v: Expr, data: ProblemData) -> Expr:
     return work + (data.loads if v == test else ufl.replace(data.loads, {test: v}))
 
 
+def initial_work(v: Expr, data: ProblemData) -> Expr:
+    """``-(A eps_0, eps(v))`` of a body with an eigenstrain."""
+    assert data.eigenstrain is not None
+    density = ufl.inner(data.eigenstrain.stress, data.strain(v))
+    return density * data.element.elastic_dx(data.dx)
+
+
+def initial_energy(data: ProblemData) -> Expr:
+    """``(A eps_0, eps_0)/2`` of a body with an eigenstrain."""
+    assert data.eigenstrain is not None
+    return data.eigenstrain.energy * data.element.elastic_dx(data.dx)
+
+
 def pressure(u: Expr, contact: NodalContact, data: ProblemData) -> Expr:
     """The contact pressure ``p = -sigma_nu`` of the penalty law (25), for limited values u."""
     return contact_pressure(contact.parts(u)[0], contact.gap, data.epsilon)

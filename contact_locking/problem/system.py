@@ -262,6 +262,13 @@ class PenalisedSystem:
         f.destroy()
         return residual / scale if scale > 0.0 else residual
 
+    def function_of(self, values: FloatArray) -> fem.Function:
+        """A displacement field with these owned values; collective."""
+        found = fem.Function(self.u.function_space)
+        found.x.array[: self._owned] = values[: self._owned]
+        found.x.scatter_forward()
+        return found
+
     def displacement(self, x: PETSc.Vec) -> None:
         """Copy the displacement into ``x``."""
         x.array_w[:] = self.u.x.array[: self._owned]

@@ -10,12 +10,12 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from contact_locking.errors import InputError, NoDerivatives
-from contact_locking.parallel import maximum
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.script_names import script_names
 from contact_locking.sensitivity.derivatives import Derivatives
-from contact_locking.sensitivity.parameters import Entry, Frozen, Nodal, Number, refresh
+from contact_locking.sensitivity.fields import field
+from contact_locking.sensitivity.parameters import Entry, Frozen, Number, refresh
 from contact_locking.sensitivity.penalised_iterate import penalised_iterate
 from contact_locking.sensitivity.solved import require_settled
 from contact_locking.solver.task import Settings, SolverReport, Target, Task
@@ -57,7 +57,7 @@ class LazyDerivatives:
                 found = np.array([self.made.by(quantity, entry) for entry in entries])
                 return float(found[0]) if value.ndim == 0 else found.reshape(value.shape)
             case fem.Function():
-                return self._field(quantity, of)
+                return field(self.made, quantity, of)
             case Number():
                 return self.made.by(quantity, of)
         raise InputError(
@@ -65,19 +65,6 @@ class LazyDerivatives:
             f"{type(of).__name__}",
             "of",
         )
-
-    def _field(self, quantity: str, of: fem.Function) -> fem.Function:
-        """The derivatives by the values of a function, as a function in its space."""
-        found = fem.Function(of.function_space, name=f"d {quantity}")
-        size = maximum(self._problem.domain.comm, np.abs(of.x.array)) or 1.0
-        dofs = of.function_space.dofmap
-        for place in range(dofs.index_map.size_global * dofs.index_map_bs):
-            entry = Nodal(of, place, size)
-            value = self.made.by(quantity, entry)
-            if entry.here is not None:
-                found.x.array[entry.here] = value
-        found.x.scatter_forward()
-        return found
 
     @property
     def made(self) -> Derivatives:

@@ -16,6 +16,7 @@ from typing import Protocol
 import numpy as np
 from dolfinx import fem
 
+from contact_locking.arrays import FloatArray
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.sensitivity.equations import Equations
@@ -45,10 +46,8 @@ class Frozen:
 
 
 def refresh(problem: DiscreteProblem, system: PenalisedSystem) -> None:
-    """Take the present data of a problem; collective.  Data that only judge them are left out."""
-    problem.material.refresh()
-    problem.limits.refresh()
-    problem.place()
+    """Take the present data of a problem; collective."""
+    problem.refresh()
     system.assemble_loads()
 
 
@@ -118,36 +117,26 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Nodal:
-    """A value of a function of DOLFINx; ``place`` is its index over all ranks.
+class Along:
+    """The share of a direction that is added to a function of DOLFINx, counted from ``value``.
 
-    Numbers are counted from the largest of the function, which sets the width of differences.
+    ``direction`` has the local values, ghosts included, of the size of those of the function.
     """
 
     function: fem.Function
-    place: int
-    value: float
+    direction: FloatArray
+    value: float = 1.0
 
     @property
     def name(self) -> str:
         """The name in tables."""
-        return f"{self.function.name}.{self.place}"
-
-    @property
-    def here(self) -> int | None:
-        """The index on this rank; None where another one owns the value."""
-        space = self.function.function_space.dofmap
-        size = space.index_map_bs
-        first, end = (size * bound for bound in space.index_map.local_range)
-        return self.place - first if first <= self.place < end else None
+        return str(self.function.name)
 
     @contextmanager
     def equations_at(self, value: float, frozen: Frozen) -> Iterator[Equations]:
         """A context with the equations for another value; collective."""
         before = self.function.x.array.copy()
-        if self.here is not None:
-            self.function.x.array[self.here] += value - self.value
-        self.function.x.scatter_forward()
+        self.function.x.array[:] += (value - self.value) * self.direction
         try:
             with refreshed(frozen) as equations:
                 yield equations

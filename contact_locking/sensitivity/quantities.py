@@ -21,7 +21,7 @@ from functools import partial
 from typing import TypeAlias
 
 import numpy as np
-from dolfinx import fem
+import ufl
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.reactions import shares_by_part
@@ -29,6 +29,7 @@ from contact_locking.contact.free_motions import Travel, Turn
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.plain_text import nearest
+from contact_locking.problem import forms
 from contact_locking.problem.springs import Springs
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.quantities import QUANTITIES
@@ -54,6 +55,7 @@ def known() -> list[str]:
 
 Value: TypeAlias = Callable[[Equations, Residual], float]
 Slope: TypeAlias = Callable[[Equations, Residual], Gradient]
+Functional: TypeAlias = Callable[[Equations], ufl.Form]
 
 
 @dataclass(frozen=True)
@@ -61,12 +63,17 @@ class Quantity:
     """A number of an iterate: its ``value`` for the present data, and its ``gradient``.
 
     The value at other data has what the data themselves do to it; the gradient is by displacement,
-    travels and reactions.  Both are collective.
+    travels and reactions.  Both are collective.  ``functional`` is the share of the value that
+    forms of the body have, at the present displacement.
     """
 
     name: str
     value: Value
     gradient: Slope
+    functional: Functional = lambda _: ufl.Form([])
+
+
+Maker: TypeAlias = Callable[[Equations], Quantity]
 
 
 def quantity_of(name: str, domain: Domain, equations: Equations) -> Quantity:
@@ -91,12 +98,12 @@ def scale_of(name: str, domain: Domain, system: PenalisedSystem) -> float:
     return (sizes | {"rad": angle})[unit]
 
 
-def _maker(name: str, domain: Domain, system: PenalisedSystem) -> Callable[[Equations], Quantity]:
+def _maker(name: str, domain: Domain, system: PenalisedSystem) -> Maker:
     """The function that makes the quantity for equations of the system; collective."""
     parts, dim = name.split("."), domain.dim
 
-    def known_as(value: Value, gradient: Slope) -> Callable[[Equations], Quantity]:
-        return lambda equations: Quantity(name, value, gradient)
+    def known_as(value: Value, gradient: Slope, *functional: Functional) -> Maker:
+        return lambda equations: Quantity(name, value, gradient, *functional)
 
     registered = QUANTITIES.get(parts[-1])
     if registered is not None and registered.trend == "jumps":
@@ -104,9 +111,9 @@ def _maker(name: str, domain: Domain, system: PenalisedSystem) -> Callable[[Equa
             f"{name} is a count of points, which jumps: it has no derivative", "sensitivities.of"
         )
     if name == "compliance":
-        return known_as(_compliance, _of_load)
+        return known_as(_compliance, _of_load, _work_of_loads)
     if name == "elastic_energy":
-        return known_as(_energy, _of_energy)
+        return known_as(_energy, _of_energy, _stored)
     if name == "pressure_max" and system.contacts:
         return partial(_largest_pressure, name)
     if found := re.fullmatch(r"(?:contacts\.(\d+)\.)?(contact|friction)_force\.(\d)", name):
@@ -129,7 +136,7 @@ def _maker(name: str, domain: Domain, system: PenalisedSystem) -> Callable[[Equa
         lifts = _lifts(part, axis, domain, system)
         if axis < dim and (lifts is not None or _springs(part, system)):
             reaction = _Reaction(part, axis, lifts)
-            return known_as(reaction.value, reaction.gradient)
+            return known_as(reaction.value, reaction.gradient, reaction.functional)
     raise InputError(
         f"no quantity '{name}' has a derivative{nearest(name, known())}; there are "
         f"{', '.join(known())}",
@@ -166,6 +173,20 @@ def _of_energy(equations: Equations, residual: Residual) -> Gradient:
     forces = system.forms.elastic_forces(system.u) + system.forms.eigenstrain_forces()
     found[:count] = forces[:count]
     return Gradient(found, {})
+
+
+def _work_of_loads(equations: Equations) -> ufl.Form:
+    data, u = equations.system.data, equations.system.u
+    work = forms.external_work(u, data)
+    return work if data.eigenstrain is None else work + forms.initial_work(u, data)
+
+
+def _stored(equations: Equations) -> ufl.Form:
+    data, u = equations.system.data, equations.system.u
+    stored = 0.5 * forms.elastic_form(u, u, data)
+    if data.eigenstrain is None:
+        return stored
+    return stored + forms.initial_work(u, data) + forms.initial_energy(data)
 
 
 @dataclass(frozen=True)
@@ -276,19 +297,26 @@ class _Reaction:
     def gradient(self, equations: Equations, residual: Residual) -> Gradient:
         system, count = equations.system, len(equations.system.load)
         found, seen = _nothing(equations), dict[Family, FloatArray]()
-        lifted = fem.Function(system.u.function_space)
-        if _springs(self.part, system):
-            lifted.x.array[:count] = self._unit(count, system.dim)
-            lifted.x.scatter_forward()
-            found[:count] = sum(item.forces(lifted)[:count] for item in _springs(self.part, system))
+        if pulling := _springs(self.part, system):
+            unit = system.function_of(self._unit(count, system.dim))
+            found[:count] = sum(item.forces(unit)[:count] for item in pulling)
         if self.lifts is not None:
-            lifted.x.array[:count] = self.lifts
-            lifted.x.scatter_forward()
+            lifted = system.function_of(self.lifts)
             found[:count] += system.forms.elastic_forces(lifted)[:count]
             at_rest = _nothing(equations)
             at_rest[:count] = self.lifts
             seen = {family: family.see(at_rest) for family in equations.families}
         return Gradient(found, seen)
+
+    def functional(self, equations: Equations) -> ufl.Form:
+        system, data, found = equations.system, equations.system.data, ufl.Form([])
+        unit = system.function_of(self._unit(len(system.load), system.dim))
+        for item in _springs(self.part, system):
+            found -= item.form(system.u, unit)
+        if self.lifts is not None:
+            lifted = system.function_of(self.lifts)
+            found += forms.elastic_form(system.u, lifted, data) - forms.external_work(lifted, data)
+        return found
 
     def _unit(self, count: int, dim: int) -> FloatArray:
         """The owned unit displacement along the axis."""

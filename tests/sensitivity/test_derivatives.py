@@ -9,17 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-import ufl
 from differences import errors
 from differentiated_block import NAMES, Block, block, quantities
-from dolfinx import fem, mesh
-from mpi4py import MPI
 from petsc4py import PETSc
 from slow import slow
 
 import contact_locking as cl
 from contact_locking.process import problem_solver
-from contact_locking.sensitivity.parameters import Entry, Nodal
+from contact_locking.sensitivity.parameters import Entry
 from contact_locking.solver.linear.options import PREFIX
 
 CASES: dict[str, dict[str, Any]] = {
@@ -136,70 +133,6 @@ def test_a_refusal_has_the_names_of_a_script(make: Make, monkeypatch: pytest.Mon
     with pytest.raises(cl.InputError, match="factorisation") as raised:
         solution.derivative("compliance", made.given["E"])
     assert raised.value.key == "settings.linear"
-
-
-def fields_of_a_block() -> tuple[cl.ContactProblem, dict[str, fem.Function]]:
-    """A block whose modulus, limit and traction are functions, pressed onto its foundation."""
-    body = mesh.create_unit_square(MPI.COMM_WORLD, 4, 4)
-    space = fem.functionspace(body, ("Lagrange", 1, (2,)))
-    left = mesh.locate_entities_boundary(body, 1, lambda x: np.isclose(x[0], 0.0))
-    bottom = mesh.locate_entities_boundary(body, 1, lambda x: np.isclose(x[1], 0.0))
-    clamp = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(space, 1, left), space)
-    given = {
-        "E": fem.Function(fem.functionspace(body, ("DG", 0))),
-        "M": fem.Function(fem.functionspace(body, ("Lagrange", 1))),
-        "load": fem.Function(space),
-    }
-    given["E"].interpolate(lambda x: 1.0 + 0.3 * x[0])
-    given["M"].interpolate(lambda x: 0.03 + 0.01 * x[1])
-    given["load"].interpolate(lambda x: (0.02 + 0.0 * x[0], -0.05 - 0.02 * x[0]))
-    problem = cl.ContactProblem(
-        cl.Elasticity(young=given["E"], poisson=0.3),
-        ufl.inner(given["load"], ufl.TestFunction(space)) * ufl.dx,
-        [clamp],
-        [cl.StrainBall(given["M"])],
-        [cl.Contact(bottom, cl.Gap(0.002), cl.Coulomb(0.3, cl.Convolution(0.4)))],
-        space=space,
-        n=math.inf,
-        settings=cl.Settings(tolerance=1e-10, friction_tolerance=1e-11),
-    )
-    return problem, given
-
-
-@pytest.mark.parametrize("name", ["E", slow("M"), slow("load")])
-def test_a_function_has_a_field_of_derivatives(name: str) -> None:
-    """Its sum with a random direction is the difference of two solves along the direction."""
-    problem, fields = fields_of_a_block()
-    given, random = fields[name], np.random.default_rng(3)
-    solution = problem.solve()
-    quantities = ("compliance", "elastic_energy", "contact_force.1", "reactions.bcs.0.1")
-    found = [solution.derivative(quantity, given) for quantity in quantities]
-    lazy: Any = solution.differentiable
-    # A quantity has one adjoint, with friction and refinements.
-    solves = lazy.made.solves
-    lazy.made.by("compliance", Nodal(given, 0, 1.0))
-    assert lazy.made.solves == solves
-    comm, before = problem.domain.comm, given.x.array.copy()
-    direction = fem.Function(given.function_space)
-    size = given.x.index_map.size_global * given.x.block_size
-    drawn = random.uniform(0.5, 1.5, size) * float(np.mean(comm.allgather(np.mean(before))))
-    first, end = (given.x.block_size * bound for bound in given.x.index_map.local_range)
-    direction.x.array[: end - first] = drawn[first:end]
-    direction.x.scatter_forward()
-    owned = slice(0, end - first)
-    along = [
-        comm.allreduce(float(field.x.array[owned] @ direction.x.array[owned])) for field in found
-    ]
-    sides = []
-    for share in (1e-3, -1e-3):
-        given.x.array[:] = before + share * direction.x.array
-        summary = problem.solve().summary
-        values = (summary["compliance"], summary["elastic_energy"], summary["contact_force"][1])
-        sides.append(np.array([*values, summary["reactions"]["bcs.0"][1]]))
-    assert sides[0][2] > 0.01
-    assert all(field.function_space == given.function_space for field in found)
-    np.testing.assert_allclose(along, (sides[0] - sides[1]) / 2e-3, rtol=1e-3, atol=1e-6)
-    problem.close()
 
 
 def test_deriving_leaves_the_problem_as_it_was(make: Make) -> None:

@@ -170,7 +170,9 @@ def main() -> None:
         errors += [(error, found.marked) for error in found.errors.values()]
         worst = max(found.errors.values())
         mark = "marked" if found.marked else ""
-        print(f"{done:4} {name:16} {seed:4} {found.key:32} {worst:8.1e} {mark}", flush=True)
+        right = sum(error <= RIGHT for error in found.errors.values())
+        share = f"{right} of {len(found.errors)}"
+        print(f"{number:9} {name:16} {found.key:32} {share} {worst:8.1e} {mark}", flush=True)
         if done == words.problems:
             break
     within = np.mean([error <= RIGHT for error, _ in errors])

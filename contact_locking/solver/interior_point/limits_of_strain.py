@@ -10,6 +10,7 @@ from petsc4py import PETSc
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.parallel import minimum
 from contact_locking.problem.rounding import ROUNDING
+from contact_locking.problem.strain_sets import StrainSet
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
 
@@ -31,6 +32,20 @@ class LimitsOfStrain(Family):
     def limit(self) -> FloatArray:
         """M (k,)."""
         return self._strains.limit
+
+    def by_limit(self, gaps: FloatArray) -> FloatArray:
+        """The gain (k,) by M of whatever gains by ``gaps`` of the points, as `primal_gap` has M."""
+        return np.asarray(np.atleast_2d(gaps)[0])
+
+    @property
+    def limit_dofs(self) -> IndexArray:
+        """The places (k,) of the points in the values of `StrainSet.inverse_limit`."""
+        return self._strains.dofs
+
+    @property
+    def strain_set(self) -> StrainSet:
+        """The set of strains."""
+        return self._strains.law
 
     @property
     @abstractmethod

@@ -81,6 +81,9 @@ class PrincipalCones(LimitsOfStrain, LorentzCones):
         turned = TURN @ self.seen
         return np.asarray((turned[0] + norm(turned[1:])) / math.sqrt(2.0))
 
+    def by_limit(self, gaps: FloatArray) -> FloatArray:
+        return math.sqrt(2.0) * super().by_limit(gaps)
+
     @property
     def room(self) -> FloatArray:
         """``sqrt(2) M e - T eps``, the numbers of ``M I - eps``."""
