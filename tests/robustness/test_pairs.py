@@ -68,6 +68,12 @@ def test_a_problem_of_pairs_is_right(seed: int) -> None:
     assert outcome.kind == SOLVED, outcome.reason
 
 
+def test_the_filter_knows_the_sides_of_the_middles_of_curved_edges() -> None:
+    """A wide groove sees a part of the ring from behind, and pressures of both parts are apart."""
+    outcome = outcome_of("curved_cells", 24)
+    assert outcome.kind == SOLVED, outcome.reason
+
+
 @pytest.mark.parametrize("kind", ["ring", "half section", "ball"])
 def test_bodies_of_curved_cells_are_right(kind: str) -> None:
     """Laws, forces and fields of curved cells, by the judge that has its own elements."""
