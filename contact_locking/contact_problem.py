@@ -296,8 +296,10 @@ def _element_of(space: fem.FunctionSpace, limit_at: str | None, axisymmetric: bo
         )
     if limit_at not in ("vertices", "gauss", None):
         raise InputError(f"must be vertices or gauss, not {limit_at!r}", "limit_at")
-    boxes = not NAMED[space.mesh.topology.cell_name()].is_simplex
-    curved = _compat.coordinate_map(space.mesh).degree > 1
+    kind = NAMED[space.mesh.topology.cell_name()]
+    boxes, curved = not kind.is_simplex, _compat.coordinate_map(space.mesh).degree > 1
+    if curved and not kind.curved:
+        raise InputError(f"{kind.plural} have straight sides; take a mesh of degree 1", "space")
     return element_of(degree, limit_at, axisymmetric, boxes, curved)
 
 

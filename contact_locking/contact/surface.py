@@ -381,7 +381,11 @@ class ContactSurface:
         own = sides[first : first + len(self.nodes)].astype(float)
         function = self.scalar_function(own)
         values = function.x.array
-        for dim, nodes in enumerate(self.limited.entities(function), start=1):
+        entities = self.limited.entities(function)
+        if self.degree == 2 and self.limited.are_nodal:
+            # The middles of curved edges have no control values.
+            entities = [self.facet_nodes]
+        for dim, nodes in enumerate(entities, start=1):
             values[nodes[:, -1]] = values[nodes[:, : 1 << dim]].mean(axis=1)
         function.x.scatter_forward()
         return function

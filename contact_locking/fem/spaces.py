@@ -234,15 +234,12 @@ P1_REVOLUTION = replace(P1, locking_rule=_MIDPOINT, elastic_rule=_MIDPOINT, kine
 #: turns along an edge they are not those of the normal displacement: the pressure on a ring would
 #: scatter by a share of the order of the length of an edge.  So contact and friction limit the
 #: values at the nodes in 2D, with the weights of Simpson's rule.  In 3D these are 0 at corners.
-P2_CURVED = replace(
-    P2_GAUSS,
-    trace=replace(
-        P2.trace,
-        rules={2: {"quadrature_rule": "GLL", "quadrature_degree": 3}, 3: P2.trace.rules[3]},
-        controls=(3,),
-    ),
-    curved=True,
+_NODES_OF_CURVES = replace(
+    P2.trace,
+    rules={2: {"quadrature_rule": "GLL", "quadrature_degree": 3}, 3: P2.trace.rules[3]},
+    controls=(3,),
 )
+P2_CURVED = replace(P2_GAUSS, trace=_NODES_OF_CURVES, curved=True)
 
 #: P2 for bodies of revolution.  Corners can lie on the axis, Gauss's points cannot.
 P2_REVOLUTION = replace(P2_GAUSS, kinematics=REVOLUTION)
@@ -294,6 +291,10 @@ Q2 = Element(
     boxes=True,
 )
 
+#: Q2 in quadrilaterals with curved sides.  The rule of the Gauss points is exact for Z : eps(v)
+#: with constant Z.  Contact and friction limit the values at the nodes, as in curved triangles.
+Q2_CURVED = replace(Q2, trace=_NODES_OF_CURVES, curved=True)
+
 _ELEMENTS = {(1, "vertices"): P1, (1, "gauss"): P1, (2, "vertices"): P2, (2, "gauss"): P2_GAUSS}
 _OF_REVOLUTION = {1: P1_REVOLUTION, 2: P2_REVOLUTION}
 
@@ -312,7 +313,7 @@ def element_of(
     such element.
     """
     if boxes:
-        return _of_boxes(degree, limit_at, axisymmetric)
+        return _of_boxes(degree, limit_at, axisymmetric, curved)
     if curved:
         return _of_curved_cells(degree, limit_at, axisymmetric)
     if axisymmetric:
@@ -320,7 +321,7 @@ def element_of(
     return _ELEMENTS[degree, limit_at or "vertices"]
 
 
-def _of_boxes(degree: int, limit_at: str | None, axisymmetric: bool) -> Element:
+def _of_boxes(degree: int, limit_at: str | None, axisymmetric: bool, curved: bool) -> Element:
     cells = "quadrilaterals and hexahedra"
     if axisymmetric:
         raise InputError(
@@ -333,14 +334,21 @@ def _of_boxes(degree: int, limit_at: str | None, axisymmetric: bool) -> Element:
             "a body with constant stress in equilibrium; leave the key out",
             "discretisation.limit_at",
         )
+    if curved:
+        _require_degree_two(degree)
+        return Q2_CURVED
     return {1: Q1, 2: Q2}[degree]
 
 
-def _of_curved_cells(degree: int, limit_at: str | None, axisymmetric: bool) -> Element:
+def _require_degree_two(degree: int) -> None:
     if degree != 2:
         raise InputError(
             "must be 2 in curved cells, as their sides have the degree 2", "discretisation.degree"
         )
+
+
+def _of_curved_cells(degree: int, limit_at: str | None, axisymmetric: bool) -> Element:
+    _require_degree_two(degree)
     if limit_at == "vertices":
         raise InputError(
             "must be gauss in curved cells, where the strain is not affine, so that a limit at the "

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
@@ -47,6 +48,14 @@ class CellKind:
     def is_simplex(self) -> bool:
         """Whether the cell is a simplex, in which affine fields have constant gradients."""
         return self.corners == self.dim + 1
+
+    @property
+    def edges(self) -> IntArray:
+        """(e, 2) the ends of the edges in 2D and of a tetrahedron, in DOLFINx's order.
+
+        Their middles are nodes of curved cells, after the corners.
+        """
+        return np.array(self.facets if self.dim == 2 else [*combinations(range(4), 2)][::-1])
 
     @property
     def measure(self) -> float:
@@ -112,6 +121,7 @@ QUADRILATERAL = CellKind(
     facets=((0, 1), (0, 2), (1, 3), (2, 3)),
     simplices=((0, 1, 2), (3, 2, 1)),
     beside=((0, 1, 2), (1, 3, 0), (2, 0, 3), (3, 2, 1)),
+    curved=(0, 1, 3, 2, 4, 7, 5, 6, 8),
 )
 TETRAHEDRON = CellKind(
     *("tetrahedron", "tetrahedra", 3, 4, (0, 1, 2, 3)),
@@ -133,10 +143,6 @@ HEXAHEDRON = CellKind(
         *((4, 6, 5, 0), (5, 4, 7, 1), (6, 7, 4, 2), (7, 5, 6, 3)),
     ),
 )
-
-#: The ends of the edges whose middles are nodes of a simplex of degree 2, after its corners, in
-#: DOLFINx's order, by dimension.
-EDGES = {2: ((1, 2), (0, 2), (0, 1)), 3: ((2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))}
 
 #: The kinds by dimension and number of corners.
 KINDS = {

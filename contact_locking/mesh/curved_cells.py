@@ -1,4 +1,4 @@
-"""The maps of curved cells, which are simplices of degree 2, from the reference cell."""
+"""The maps of curved cells, which are of degree 2, from the reference cell."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from contact_locking.arrays import FloatArray
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.lagrange import lagrange
 
-# The Jacobian has the degree 2 in 2D and 3 in 3D.  It is looked at on a lattice of this degree.
+# The Jacobian has the degree 2 in triangles and 3 in other cells.  It is looked at on a lattice of
+# this degree.
 _LATTICE = 6
 # The rule for measures is exact for cells, and to many digits for facets.
 _DEGREE = 8

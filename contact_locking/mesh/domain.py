@@ -233,7 +233,8 @@ def from_file(
     """Read a Gmsh file with named physical groups on rank 0 and distribute it; collective.
 
     ``touching`` are pairs of boundary parts that may touch each other without shared nodes.
-    ``curved`` keeps the curved sides of simplices of second order, which are straight otherwise.
+    ``curved`` keeps the curved sides of cells of second order, which are straight otherwise; those
+    of hexahedra are straight.
     Raises InputError if the file cannot be read, if the cells are not of one kind and of first or
     second order, and if the mesh is not a body (`mesh_file.diagnosis`).
     """

@@ -75,6 +75,12 @@ def test_updates_of_the_friction_bound_end_at_the_rounding_of_a_body_that_moves_
     assert outcome.tangents <= 40
 
 
+def test_the_filter_knows_the_sides_of_the_middles_of_curved_edges() -> None:
+    """A wide groove sees a part of the ring from behind, and pressures of both parts are apart."""
+    outcome = outcome_of("curved_cells", 24)
+    assert outcome.kind == SOLVED, outcome.reason
+
+
 @pytest.mark.parametrize("kind", ["ring", "half section", "ball"])
 def test_bodies_of_curved_cells_are_right(kind: str) -> None:
     """Laws, forces and fields of curved cells, by the judge that has its own elements."""
@@ -284,6 +290,59 @@ def test_the_judge_knows_the_strain_beyond_its_limit_and_the_penalty() -> None:
     stiff = copy.deepcopy(study)
     stiff["penalty"]["n"] = 1.01e3
     assert Judge(stiff, mesh).violations(moments)["locking penalty"] > 1.0
+
+
+def _tilted(**told: Any) -> Change:
+    """What the summary says of the foundation, made one per cent larger."""
+
+    def change(m: Moment) -> Moment:
+        (entry,) = copy.deepcopy(m.summary["contacts"])
+        for part, key in told.items():
+            entry[part][key] = (1.01 * np.array(entry[part][key])).tolist()
+        return dataclasses.replace(m, summary=m.summary | {"contacts": [entry]})
+
+    return change
+
+
+def _leaning(m: Moment) -> Moment:
+    """Pressures with the same sum at two nodes, and another moment."""
+    (touch,) = m.contacts
+    pressure = touch.pressure.copy()
+    pressure[np.argsort(pressure)[-2:]] *= [0.99, 1.01]
+    return dataclasses.replace(m, contacts=(dataclasses.replace(touch, pressure=pressure),))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_judge_knows_the_forces_and_moments_of_free_foundations(dim: int) -> None:
+    down = [*[0.0] * (dim - 1), -1.0]
+    foundation: Study = {
+        "half_space": {"point": [0.5] * (dim - 1) + [1.0], "normal": down},
+        "force": [0.01 * part for part in down],
+        "spring": {"stiffness": 0.5},
+        "tilt": {"about": [0.6, *[0.45] * (dim - 2), 1.1], "stiffness": 1e-3},
+    }
+    study: Study = {
+        "mesh": {"builder": "block", "dim": dim, "h": {2: 0.25, 3: 0.5}[dim]},
+        "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
+        "loads": {"displacements": [{"on": "bottom", "value": [0.0] * dim}]},
+        "contact": [{"on": "top", "foundation": foundation}],
+        "friction": {"coefficient": 0.3, "smoothing": {"kernel": "none"}},
+        "discretisation": {"degree": 1},
+        "penalty": {"n": math.inf},
+    }
+    solution = solve_assembled(assemble(Parameters.model_validate(study), MPI.COMM_SELF))
+    mesh = mesh_of(solution, {"top", "bottom"}, set())
+    moment, judge = moment_of(solution, mesh), Judge(study, mesh)
+    assert complaint(judge.violations([moment])) == ""
+    mistakes = [
+        (_tilted(tool="travel"), "force of a tool"),
+        (_tilted(tool="direction"), "direction of a tool"),
+        (_tilted(tilt="angle"), "moment about a pivot"),
+        (_tilted(tilt="moment"), "reported moment"),
+        (_leaning, "moment about a pivot"),
+    ]
+    for change, law in mistakes:
+        assert judge.violations([change(moment)])[law] > 1.0, law
 
 
 @pytest.mark.parametrize("norm", ["strain", "deviator", "volume", "direction", "weighted"])

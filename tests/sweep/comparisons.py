@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from mpi4py import MPI
@@ -16,6 +17,7 @@ from contact_locking.study_file.parameters import Parameters
 from . import judge, reference
 from .case import Study, Truth
 from .discrete import Discrete, State
+from .observed import Moment
 from .transforms import Transform
 
 # Agreement with the conic solver in energy, and in displacement by the energy of the difference;
@@ -24,6 +26,8 @@ _ENERGY, _DIFFERENCE, _TRANSFORMED = 1e-6, 2e-6, 1e-14
 # Agreement with a slip that is known, relative to it; and the work of friction in a slip that the
 # duality gap leaves open, relative to the energy.
 _SLIP, _GAP = 1e-6, 1e-8
+# Agreement of a turned problem in the energy, and in displacements.
+_TURNED, _APART = 1e-6, 1e-4
 
 
 def against_truth(truth: Truth, discrete: Discrete, state: State) -> list[str]:
@@ -148,6 +152,28 @@ def against_transformed(
     if difference > ((2.0 * judge.FORCE) ** 2 if by_iteration else _TRANSFORMED):
         return f"{transform} differs by {difference:.1e} of the energy", difference
     return "", difference
+
+
+def unlike_turned(
+    transform: Transform, study: Study, moments: Sequence[Moment], others: Sequence[Moment]
+) -> str:
+    """How the steps of a problem differ in other units, turned or mirrored; "" if they agree.
+
+    Displacements differ by more than energies where little holds the body.
+    """
+    if [one.time for one in moments] != [other.time for other in others]:
+        return f"{transform} has steps at other times"
+    power = transform.dim + bool(study["mesh"].get("axisymmetric"))
+    scale = transform.stress * transform.length**power
+    for one, other in zip(moments, others, strict=True):
+        energy, again = (item.summary["elastic_energy"] for item in (one, other))
+        if abs(again / scale - energy) > _TURNED * energy:
+            return f"{transform} has an energy that differs by {again / scale / energy - 1.0:.1e}"
+        size = float(np.abs(one.u).max())
+        apart = float(np.abs(transform.back(other.u.ravel()) - one.u.ravel()).max())
+        if apart > _APART * size:
+            return f"{transform} has displacements that differ by {apart / size:.1e}"
+    return ""
 
 
 def _energy(discrete: Discrete, u: FloatArray) -> float:

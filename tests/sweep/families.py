@@ -12,11 +12,13 @@ from . import (
     between,
     bodies,
     cells,
+    free,
     frictions,
     held,
     materials,
     processes,
     rest,
+    rounded,
     scales,
     shapes,
     sticking,
@@ -31,8 +33,10 @@ __all__ = ["FAMILIES", "MODULES", "PAIRS", "case_of"]
 MODULES = (
     scales,
     rest,
+    rounded,
     supports,
     held,
+    free,
     frictions,
     materials,
     shapes,
@@ -42,6 +46,8 @@ MODULES = (
     thin,
     bodies,
     cells,
+    free,
+    rounded,
 )
 
 

@@ -1,4 +1,4 @@
-"""The judge of the family of pairs: NumPy and SciPy, and nothing of the package.
+"""The judge of pairs and of free foundations: NumPy and SciPy, and nothing of the package.
 
 From nodes, cells, displacements and the reported fields it writes strains, nodal forces and laws by
 itself, and compares what the package reports.  What has no check of its own:
@@ -55,12 +55,12 @@ class Judge:
         worst: Found = {}
         before, now = np.zeros_like(self.mesh.x), 0.0
         slips: list[Array] = [np.zeros(len(contact.nodes)) for contact in self.contacts]
-        travels = [0.0] * len(self.contacts)
+        ways = [np.zeros_like(contact.x) for contact in self.contacts]
         for moment in moments:
-            step = _Step(self, moment, before, now, slips, travels)
+            step = _Step(self, moment, before, now, slips, ways)
             for name, ratio in step.found.items():
                 worst[name] = max(worst.get(name, 0.0), ratio)
-            before, now, slips, travels = moment.u, moment.time, step.slips, step.travels
+            before, now, slips, ways = moment.u, moment.time, step.slips, step.ways
         return worst
 
     def rest_is_admissible(self, times: Sequence[float]) -> bool:
@@ -69,7 +69,7 @@ class Judge:
             if any(np.any(values != 0.0) for _, _, values in self.body.held(time)):
                 return False
             for contact in self.contacts:
-                if contact.is_bent or contact.section.get("foundation", {}).get("force"):
+                if contact.is_bent or contact.is_free:
                     continue
                 if contact.normals_and_gap(time)[1].min() < 0.0:
                     return False
@@ -77,7 +77,7 @@ class Judge:
 
 
 class _Step:
-    """The violations of one step, ``found``; ``slips`` and ``travels`` at its end."""
+    """The violations of one step; ``slips`` and the ``ways`` of foundations at its end."""
 
     def __init__(
         self,
@@ -86,7 +86,7 @@ class _Step:
         before: Array,
         then: float,
         slips: Sequence[Array],
-        travels: Sequence[float],
+        ways: Sequence[Array],
     ) -> None:
         self.judge, self.moment, self.found = judge, moment, dict[str, float]()
         body, u = judge.body, moment.u
@@ -99,12 +99,15 @@ class _Step:
         self.inner, self.terms, self.elastic_energy = body.elastic_forces(u)
         self.surface = np.zeros_like(u)
         self.resultants: list[tuple[Array, Array]] = []
-        tools = [entry.get("tool") for entry in moment.summary["contacts"]]
-        self.travels = [tool["travel"] if tool else 0.0 for tool in tools]
+        told = moment.summary["contacts"]
+        parts = list(zip(judge.contacts, told, strict=True))
+        self.ways = [contact.own_way(entry, moment.time) for contact, entry in parts]
+        pushes: list[Array] = []
         for contact, touch in zip(judge.contacts, moment.contacts, strict=True):
             normal = contact.weights[:, None] * -touch.pressure[:, None] * touch.normal
             along = contact.weights[:, None] * touch.traction
-            self.surface[contact.nodes] += contact.controls.T @ (normal + along)
+            pushes.append(contact.controls.T @ (normal + along))
+            self.surface[contact.nodes] += pushes[-1]
             sizes = contact.weights * (
                 np.abs(touch.pressure) + np.linalg.norm(touch.traction, axis=1)
             )
@@ -122,8 +125,9 @@ class _Step:
         self._locking()
         self.slips: list[Array] = []
         for i, contact in enumerate(judge.contacts):
-            travel = (travels[i], self.travels[i])
-            self._contact(contact, moment.contacts[i], tools[i], before, then, travel, slips[i])
+            self._free_foundation(contact, told[i], pushes[i])
+            way = (ways[i], self.ways[i])
+            self._contact(contact, moment.contacts[i], before, then, way, slips[i])
 
     def _tell(self, name: str, wrong: Any, tolerated: Any) -> None:
         """The largest of the ratios, where both may be zero; NaN is wrong."""
@@ -224,32 +228,53 @@ class _Step:
         self._tell("locking law", work, WORK * self.energy + reach)
         self._tell("direction of the locking stress", apart, WORK * self.energy + reach)
 
+    def _free_foundation(self, contact: Contact, told: dict[str, Any], pushes: Array) -> None:
+        """Force and moment on a foundation, by sums over the forces on the nodes of the body."""
+        given, now = contact.section.get("foundation", {}), self.moment.time
+        # A foundation that has turned out of the way is pressed by rounding alone.
+        rounding = 200.0 * _EPS * float(self.terms.sum())
+        size = FORCE * float(np.abs(self.surface).sum()) + rounding
+        if "tool" in told:
+            way = np.array(told["tool"]["direction"])
+            origin = np.zeros((1, len(way)))
+            force = [value(part, origin, t=now)[0] for part in given.get("force", 0.0 * way)]
+            line = np.array(force if "force" in given else given["spring"]["along"], dtype=float)
+            length = float(np.linalg.norm(line))
+            off = np.abs(way - line / length * np.sign(way @ line)) if length else 0.0 * way
+            self._tell("direction of a tool", off, 1e-9)
+            stiffness = given.get("spring", {}).get("stiffness", 0.0)
+            wanted = float(way @ force) - stiffness * told["tool"]["travel"]
+            off = abs(float(pushes.sum(axis=0) @ way) - wanted)
+            rounding = stiffness * 20.0 * _EPS * (self.size + self.judge.extent)
+            tolerated = size + 1e-12 * float(np.linalg.norm(force)) + rounding
+            self._tell("force of a tool", off, tolerated)
+        if "tilt" in told:
+            stiffness = given["tilt"].get("stiffness", 0.0)
+            moments = contact.moments(pushes, now)
+            angle, spin = np.atleast_1d(told["tilt"]["angle"]), contact.spin
+            self._tell("spin of a foundation", abs(float(angle @ spin)), 1e-9)
+            off = moments + stiffness * angle
+            off = off - (off @ spin) * spin
+            tolerated = size * self.judge.extent + stiffness * 20.0 * _EPS
+            self._tell("moment about a pivot", np.abs(off), tolerated)
+            apart = np.abs(np.atleast_1d(told["tilt"]["moment"]) + stiffness * angle)
+            self._tell("reported moment", apart, 1e-9 * stiffness * np.abs(angle).max())
+
     def _contact(
         self,
         contact: Contact,
         touch: Touch,
-        tool: dict[str, Any] | None,
         before: Array,
         then: float,
-        travels: tuple[float, float],
+        ways: tuple[Array, Array],
         slips: Array,
     ) -> None:
         judge, moment, now = self.judge, self.moment, self.moment.time
         normals, gap = contact.normals_and_gap(now)
-        way = np.zeros(self.judge.body.dim)
-        if tool is not None:
-            way = np.array(tool["direction"])
-            force = sum(self.resultants[judge.contacts.index(contact)])
-            origin = np.zeros((1, len(way)))
-            given = contact.section["foundation"]["force"]
-            wanted = np.array([value(part, origin, t=now)[0] for part in given])
-            off = abs(float(force @ way) - float(np.linalg.norm(wanted)))
-            tolerated = FORCE * float(np.abs(self.surface).sum())
-            self._tell("force of a tool", off, tolerated + 1e-12 * float(np.linalg.norm(wanted)))
         if contact.is_bent:
             normals, gap = touch.normal, touch.gap
         else:
-            gap = contact.limited_gap(gap) + travels[1] * normals @ way
+            gap = contact.limited_gap(gap) + np.einsum("kd,kd->k", normals, ways[1])
             allowed = 1e-10 * judge.extent + 1e-9 * np.abs(gap)
             self._tell("reported gap", np.abs(gap - touch.gap), allowed)
             self._tell("reported normal", np.abs(normals - touch.normal), 1e-7)
@@ -275,7 +300,7 @@ class _Step:
         self._tell("contact law", law, WORK * self.energy + floor)
         # Friction, on the slip relative to the foundation since the step before.
         slip = contact.controls @ (moment.u - before)[contact.nodes]
-        slip = slip - contact.drag(then, now) - (travels[1] - travels[0]) * way
+        slip = slip - contact.controls @ contact.drag(then, now) - (ways[1] - ways[0])
         slip = slip - np.einsum("kd,kd->k", slip, normals)[:, None] * normals
         far = np.linalg.norm(slip, axis=1)
         self.slips.append(slips + far)
@@ -289,7 +314,9 @@ class _Step:
         self._tell("friction above its bound", (size - bound)[open_], grain)
         across = np.abs(np.einsum("kd,kd->k", T, normals))
         self._tell("friction along the normal", across, grain)
-        loose = np.abs(judge.body.free[contact.nodes] - np.eye(len(way))).max(axis=(1, 2)) < 1e-9
+        loose = (
+            np.abs(judge.body.free[contact.nodes] - np.eye(judge.body.dim)).max(axis=(1, 2)) < 1e-9
+        )
         # The bound may be off within its own tolerance.
         delta, bound = judge.delta, touch.bound
         inner = np.sqrt(np.maximum(bound**2 - size**2, 0.0))

@@ -27,6 +27,7 @@ from .case import Case, Study, Truth
 from .discrete import Discrete, discretise, state_of
 from .families import case_of
 from .observed import Moment, mesh_of, moment_of
+from .own_body import Mesh
 from .resultants import cannot_balance
 from .transforms import Transform
 
@@ -112,8 +113,8 @@ def outcome_of_case(case: Case, checks: bool = True, family: str = "", seed: int
 def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
     comm = MPI.COMM_SELF
     problem = assemble(Parameters.model_validate(case.study), comm)
-    if case.row:
-        _solve_pair(case, problem, outcome)
+    if case.row or case.own_judge:
+        _solve_pair(case, problem, outcome, checks)
         return
     if case.twin is not None:
         _solve_process(case, problem, outcome, checks)
@@ -170,38 +171,60 @@ def _solve_process(case: Case, problem: StudyProblem, outcome: Outcome, checks: 
     outcome.kind, outcome.reason = (WRONG, wrong) if wrong else (SOLVED, "")
 
 
-def _solve_pair(case: Case, problem: StudyProblem, outcome: Outcome) -> None:
-    """Solve all steps of a problem of pairs, and let its own judge see what a user sees."""
-    study = case.study
-    loads = study["loads"].values()
-    entries = [entry for part in loads for entry in part if isinstance(entry, dict)]
-    names = {entry["on"] for entry in (*entries, *study["contact"])}
-    regions, moments = set(study["material"].get("regions", {})), list[Moment]()
-    own: pair_judge.Judge | None = None
+def _solve_pair(case: Case, problem: StudyProblem, outcome: Outcome, checks: bool) -> None:
+    """Let the judge with elements of its own see what a user sees of all steps.
 
-    def solutions(given: StudyProblem) -> list[StudySolution]:
-        nonlocal own
-        own, moments[:] = None, []
+    With ``checks`` a problem of no pairs is solved in other units, turned and mirrored as well.
+    """
+    seen = _Seen(case.study, problem)
+    told, wrong = str(seen.last.summary["reason"]), seen.complaint
+    outcome.tangents = seen.tangents
+    outcome.kind, outcome.reason = (WRONG, wrong) if wrong else (SOLVED, "")
+    if not wrong and not seen.last.converged:
+        is_claim = case.row and any(words in told for words in _CLAIMS)
+        outcome.kind, outcome.reason = (CLAIM if is_claim else NOT_SOLVED), told
+        times = [entry.time for entry in seen.moments] + [seen.last.time or 1.0]
+        if told.startswith("infeasible") and seen.judge.rest_is_admissible(times):
+            outcome.kind, outcome.reason = WRONG, f"the body at rest is admissible, but: {told}"
+    elif not wrong and checks and not case.row:
+        random = np.random.default_rng(outcome.seed)
+        turned = Transform.fitting(random, case.study)
+        domain = turned.moved(seen.last.domain)
+        study = turned.study(case.study)
+        other = _Seen(study, assemble(Parameters.model_validate(study), MPI.COMM_SELF, domain))
+        apart = comparisons.unlike_turned(turned, study, seen.moments, other.moments)
+        wrong = other.complaint or apart
+        if not other.last.converged:
+            wrong = f"{turned} is not solved: {other.last.summary['reason']}"
+        outcome.kind, outcome.reason = (WRONG, wrong) if wrong else (SOLVED, "")
+
+
+class _Seen:
+    """All steps of a problem, as the judge with elements of its own sees them."""
+
+    def __init__(self, study: Study, problem: StudyProblem) -> None:
+        loads = study["loads"].values()
+        entries = [entry for part in loads for entry in part if isinstance(entry, dict)]
+        self._names = {entry["on"] for entry in (*entries, *study["contact"])}
+        self._study = study
+        self.tangents = 0
+        _, (self.last,) = _solved(problem, self._solutions)
+        found = self.judge.violations(self.moments) if self.moments else {}
+        self.complaint = pair_judge.complaint(found)
+
+    def _solutions(self, given: StudyProblem) -> list[StudySolution]:
+        study, self.moments = self._study, list[Moment]()
+        regions = set(study["material"].get("regions", {}))
+        mesh: Mesh | None = None
         for solution in Steps(given) if "steps" in study else iter([solve_assembled(given)]):
             tangents = int(solution.summary["iterations"]["tangents"])
-            outcome.tangents = max(outcome.tangents, tangents)
-            mesh = mesh_of(solution, names, regions)
-            own = own or pair_judge.Judge(study, mesh)
+            self.tangents = max(self.tangents, tangents)
+            if mesh is None:
+                mesh = mesh_of(solution, self._names, regions)
+                self.judge = pair_judge.Judge(study, mesh)
             if solution.converged:
-                moments.append(moment_of(solution, mesh))
+                self.moments.append(moment_of(solution, mesh))
         return [solution]
-
-    _, (solution,) = _solved(problem, solutions)
-    assert own is not None
-    told = str(solution.summary["reason"])
-    wrong = pair_judge.complaint(own.violations(moments)) if moments else ""
-    outcome.kind, outcome.reason = (WRONG, wrong) if wrong else (SOLVED, "")
-    if not wrong and not solution.converged:
-        is_claim = any(words in told for words in _CLAIMS)
-        outcome.kind, outcome.reason = (CLAIM if is_claim else NOT_SOLVED), told
-        times = [entry.time for entry in moments] + [solution.time or 1.0]
-        if told.startswith("infeasible") and own.rest_is_admissible(times):
-            outcome.kind, outcome.reason = WRONG, f"the body at rest is admissible, but: {told}"
 
 
 def forces_grow(study: Study, problem: StudyProblem) -> bool:

@@ -47,6 +47,18 @@ class Transform:
         load = 10.0 ** random.uniform(-30.0, 0.0) if homogeneous else 1.0
         return replace(transform, load=load)
 
+    @classmethod
+    def fitting(cls, random: Random, study: Study) -> Transform:
+        """Other units, and a random orthogonal Q that keeps rollers along axes."""
+        dim = study["mesh"].get("dim") or (3 if study["mesh"]["builder"] == "ball" else 2)
+        found = cls.random(random, dim, homogeneous=False)
+        if study["mesh"].get("axisymmetric"):
+            return cls.of(np.eye(2), found.length, found.stress)
+        if any(None in item["value"] for item in study["loads"].get("displacements", [])):
+            return found
+        Q = np.linalg.qr(random.standard_normal((dim, dim)))[0]
+        return cls.of(Q, found.length, found.stress)
+
     @property
     def matrix(self) -> FloatArray:
         """Q."""
@@ -93,13 +105,16 @@ class Transform:
             loads["body_force"] = self._vector(loads["body_force"], force / self.length)
         for traction in loads.get("tractions", []):
             traction["value"] = self._vector(traction["value"], force)
+        for pressure in loads.get("pressures", []):
+            pressure["value"] = self._value(pressure["value"], force)
         for condition in loads.get("displacements", []):
             condition["value"] = self._vector(condition["value"], self.length)
         for section in contact if isinstance(contact, list) else [contact]:
             if "gap" in section:
                 section["gap"] = self._value(section["gap"], self.length)
             if "foundation" in section:
-                self._foundation(section["foundation"])
+                around = bool(study["mesh"].get("axisymmetric"))
+                self._foundation(section["foundation"], self.dim - 1 + around)
         friction, penalty = study["friction"], study["penalty"]
         friction["coefficient"] = self._value(friction["coefficient"], 1.0)
         lengths = ((friction["smoothing"], "radius"), (friction, "regularisation"))
@@ -164,13 +179,23 @@ class Transform:
 
         return f"{factor!r}*({_COORDINATE.sub(old, value)})"
 
-    def _foundation(self, given: Study) -> None:
-        for body in given.values():
-            for key, factor in (("point", self.length), ("centre", self.length), ("normal", 1.0)):
-                if key in body:
-                    body[key] = self._vector(body[key], factor)
-            if "radius" in body:
-                body["radius"] *= self.length
+    def _foundation(self, given: Study, power: int) -> None:
+        factors = {"point": self.length, "centre": self.length, "about": self.length}
+        factors |= {"normal": 1.0, "along": 1.0}
+        force = self.stress * self.length**power
+        for key, body in given.items():
+            if key == "expression":
+                given[key] = self._value(body, self.length)
+            elif key in ("force", "motion"):
+                given[key] = self._vector(body, force if key == "force" else self.length)
+            else:
+                for name in factors.keys() & body.keys():
+                    body[name] = self._vector(body[name], factors[name])
+                for name in {"radius"} & body.keys():
+                    body[name] *= self.length
+                for name in {"stiffness"} & body.keys():
+                    turn = self.length**2 if key == "tilt" else 1.0
+                    body[name] *= force / self.length * turn
         if "cylinder" in given and self.dim == 3:
             body = given["cylinder"]
             body["axis"] = self._vector(body.get("axis", [0.0, 1.0, 0.0]), 1.0)

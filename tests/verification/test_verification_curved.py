@@ -42,15 +42,22 @@ def pressures(solution: StudySolution) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("degree", "curved", "scatter"), [(1, False, 0.01), (2, False, 0.003), (2, True, 0.0005)]
+    ("degree", "curved", "cells", "scatter"),
+    [
+        (1, False, "simplex", 0.01),
+        (2, False, "simplex", 0.003),
+        (2, True, "simplex", 0.0005),
+        (2, True, "box", 0.0008),
+    ],
 )
 def test_a_ring_in_a_rigid_ring_has_the_pressure_of_lame_at_every_node(
-    degree: int, curved: bool, scatter: float, found: list[Row]
+    degree: int, curved: bool, cells: str, scatter: float, found: list[Row]
 ) -> None:
     pressure = pressures(
         solved(
             {
-                "mesh": {"builder": "annulus", "h": 0.2, "quarter": True, "curved": curved},
+                "mesh": {"builder": "annulus", "h": 0.2, "quarter": True}
+                | {"curved": curved, "cells": cells},
                 "loads": {
                     "displacements": [
                         {"on": "bottom", "value": [None, 0]},
@@ -65,8 +72,8 @@ def test_a_ring_in_a_rigid_ring_has_the_pressure_of_lame_at_every_node(
             }
         )
     )
-    cells = ", curved cells" if curved else ""
-    where = f"ring in a rigid ring, degree {degree}{cells}, h = 0.2"
+    kind = {"simplex": "cells", "box": "quadrilaterals"}[cells]
+    where = f"ring in a rigid ring, degree {degree}{f', curved {kind}' * curved}, h = 0.2"
     found.append(Row("V28", where, "mean pressure", float(np.mean(pressure)), LAME, TEST))
     share = float(np.std(pressure)) / LAME
     found.append(Row("V28", where, "scatter of the pressure", share, None, TEST))
@@ -176,9 +183,12 @@ def test_a_ball_in_a_rigid_shell_has_a_hydrostatic_pressure(
     assert scatter < share
 
 
-@pytest.mark.parametrize(("curved", "rates"), [(False, (1.8, 1.8)), (True, (2.0, 3.0))])
+@pytest.mark.parametrize(
+    ("curved", "cells", "rates"),
+    [(False, "simplex", (1.8, 1.8)), (True, "simplex", (2.0, 3.0)), (True, "box", (2.0, 3.0))],
+)
 def test_a_disc_in_its_own_field_of_forces_converges_at_the_rate_of_its_boundary(
-    curved: bool, rates: tuple[float, float], found: list[Row]
+    curved: bool, cells: str, rates: tuple[float, float], found: list[Row]
 ) -> None:
     # A disc of radius 1 with the force x - c per volume, as where it turns about its centre c:
     # u = (a - b r^2) (x - c) without a traction at r = 1.
@@ -186,11 +196,12 @@ def test_a_disc_in_its_own_field_of_forces_converges_at_the_rate_of_its_boundary
     b = 1.0 / (8.0 * (lame + 2.0 * shear))
     a = b * (4.0 * lame + 6.0 * shear) / (2.0 * lame + 2.0 * shear)
     errors: list[list[float]] = []
+    sizes: list[float] = []
     for h in (0.2, 0.1):
         solution = solved(
             {
                 "mesh": {
-                    **{"builder": "disc", "quarter": True, "curved": curved},
+                    **{"builder": "disc", "quarter": True, "curved": curved, "cells": cells},
                     **{"h": h, "contact_width": 0.5},
                 },
                 "loads": {
@@ -205,18 +216,22 @@ def test_a_disc_in_its_own_field_of_forces_converges_at_the_rate_of_its_boundary
             }
         )
         domain = solution.domain
+        # Gmsh's quadrilaterals, pieces of triangles, are not of half the size for half of h.
+        sizes.append(h if cells == "simplex" else domain.num_cells**-0.5)
         away = ufl.SpatialCoordinate(domain.mesh) - ufl.as_vector([0.0, 1.0])
         error = solution.displacement - (a - b * ufl.inner(away, away)) * away
         strain, dx = ufl.sym(ufl.grad(error)), domain.dx(quadrature_degree=6)
         squares = (integral(domain, ufl.inner(e, e) * dx) for e in (strain, error))
         errors.append([float(np.sqrt(square)) for square in squares])
-    found_rates = np.log2(np.array(errors[0]) / np.array(errors[1]))
-    where = f"turning disc, degree 2{', curved cells' if curved else ''}, h = 0.1"
+    found_rates = np.log(np.array(errors[0]) / np.array(errors[1])) / np.log(sizes[0] / sizes[1])
+    kind = {"simplex": "cells", "box": "quadrilaterals"}[cells]
+    where = f"turning disc, degree 2{f', curved {kind}' * curved}, h = 0.1"
     for name, error, rate, wanted in zip(("V", "L2"), errors[1], found_rates, rates, strict=True):
         found.append(Row("V28", where, f"error in {name}", float(error), None, TEST))
         if curved:
             found.append(Row("V28", where, f"rate in {name}", float(rate), wanted, TEST))
-        assert rate == pytest.approx(wanted, abs=0.15)
+        # The shapes of quadrilaterals differ between both meshes.
+        assert wanted - 0.15 < rate < wanted + (0.15 if cells == "simplex" else 0.4)
 
 
 def test_a_flat_body_with_quadratic_displacements_has_straight_edges() -> None:

@@ -12,7 +12,6 @@ import numpy as np
 
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh.cell_kind import EDGES
 from contact_locking.mesh.curved_cells import curved_jacobians
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.contiguity import Touching, check_contiguity
@@ -96,7 +95,7 @@ def _told_of_order(mesh: MeshData) -> list[str]:
     return [
         "its cells are of second order; their corners alone are taken, so that sides are straight: "
         f"the {what} changes by {mesh.straightened:.1%}. discretisation.degree: 2 takes the curved "
-        "sides of triangles and tetrahedra, and needs no nodes on straight edges"
+        "sides of triangles, quadrilaterals and tetrahedra, and needs no nodes on straight edges"
     ]
 
 
@@ -177,16 +176,16 @@ def check_curved(mesh: MeshData) -> None:
     """Raise InputError for a curved cell that is folded, and for edges that come apart."""
     if mesh.curved is None:
         return
-    edges = np.array(EDGES[mesh.dim])
+    first, edges = mesh.kind.corners, mesh.kind.edges
     ends = np.sort(mesh.curved[:, edges], axis=2).reshape(-1, 2)
-    middles = mesh.curved[:, mesh.kind.corners :].reshape(-1)
+    middles = mesh.curved[:, first : first + len(edges)].reshape(-1)
     of_edge = np.unique(np.column_stack([ends, middles]), axis=0)
     twice = (of_edge[1:, :2] == of_edge[:-1, :2]).all(axis=1)
     if twice.any():
-        first = of_edge[np.argmax(twice)]
+        found = of_edge[np.argmax(twice)]
         raise InputError(
-            f"{places.nodes(mesh, first[:2])} are the ends of an edge with two nodes in its "
-            f"middle, one of them {places.node(mesh, int(first[2]))}{places.more(int(twice.sum()))}"
+            f"{places.nodes(mesh, found[:2])} are the ends of an edge with two nodes in its "
+            f"middle, one of them {places.node(mesh, int(found[2]))}{places.more(int(twice.sum()))}"
             "; neighbours have to share them (gmsh.model.mesh.removeDuplicateNodes)"
         )
     jacobians = curved_jacobians(mesh.kind, mesh.points[mesh.curved])

@@ -14,7 +14,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh.cell_kind import EDGES, KINDS, TRIANGLE, CellKind
+from contact_locking.mesh.cell_kind import KINDS, TRIANGLE, CellKind
 from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.places import ONE_KIND
 from contact_locking.mesh.file.topology import signed_measures
@@ -30,7 +30,7 @@ def extract(model: Any, origin: str) -> MeshData:
     """The points, the cells and the facets of a model.
 
     Of cells of second order the corners are cells with straight sides, and all nodes of curved
-    simplices are there as well.  Raises InputError, where ``origin`` names the
+    cells are there as well.  Raises InputError, where ``origin`` names the
     mesh, unless the cells are of one kind, and those of a body in 2D in a plane z = constant.
     Cells without any group are one.
     """
@@ -74,16 +74,29 @@ def _of_second_order(model: Any, mesh: MeshData, number: int) -> MeshData:
         rows = np.searchsorted(mesh.numbers, nodes.astype(np.int64)).reshape(len(tags), -1)
         order = np.argsort(tags)
         there = order[np.searchsorted(tags, mesh.cells.numbers, sorter=order)]
+        if rows.shape[1] == 2 * kind.corners == 8:
+            found, rows = _with_middles(found, rows)
         found = replace(found, curved=rows[there][:, list(kind.curved)])
     return found if found.curved is not None and _bends(found) else found.straight
+
+
+def _with_middles(mesh: MeshData, cells: IntArray) -> tuple[MeshData, IntArray]:
+    """Quadrilaterals of 8 nodes with the node (k, 9) in the middle that their functions give."""
+    x, count = mesh.points[cells], len(mesh.points)
+    middles = 0.5 * x[:, 4:].sum(axis=1) - 0.25 * x[:, :4].sum(axis=1)
+    added = np.arange(len(cells))
+    numbers = np.append(mesh.numbers, mesh.numbers.max() + 1 + added)
+    points = np.vstack([mesh.points, middles])
+    return replace(mesh, points=points, numbers=numbers), np.column_stack([cells, count + added])
 
 
 def _bends(mesh: MeshData) -> bool:
     """Whether the node of any edge is off its middle by more than the rounding of a file."""
     assert mesh.curved is not None
     x = mesh.points[mesh.curved]
-    ends = x[:, np.array(EDGES[mesh.dim])]
-    off = np.linalg.norm(x[:, mesh.kind.corners :] - ends.mean(axis=2), axis=2)
+    first, edges = mesh.kind.corners, mesh.kind.edges
+    ends = x[:, edges]
+    off = np.linalg.norm(x[:, first : first + len(edges)] - ends.mean(axis=2), axis=2)
     return bool(np.any(off > _SAME_PLACE * np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)))
 
 

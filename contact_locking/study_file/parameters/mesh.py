@@ -181,8 +181,6 @@ class MeshParameters(Section):
             yield Fault(("curved",), "must be false: curved cells are read from Gmsh files only")
         if self.geometry is not None and not self.geometry.curved:
             yield Fault(("curved",), f"must be false: {self.builder} has straight sides")
-        elif getattr(self.geometry, "cells", "simplex") != "simplex":
-            yield Fault(("curved",), "is for triangles and tetrahedra; take cells: simplex")
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The parts whose places do not fit a body of ``dim`` dimensions."""
