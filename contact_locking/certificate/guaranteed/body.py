@@ -194,7 +194,7 @@ class Body:
         first_bar = np.maximum(_THICKNESS * bars.lengths * self._zeta[bars.cells], least_bar[:, 0])
         # The first round has no bars but by rounding: a body without locked zones needs none.
         of_bars = np.repeat(_NOTHING * first_bar[:, None], 2, axis=1)
-        best, least_value = None, np.inf
+        best, least_value, before = None, np.inf, np.inf
         for step in range(_ROUNDS):
             compliance = self.elasticity.compliance(zeta)
             found = system.solve(compliance, strains, lifted, moments, of_bars)
@@ -207,11 +207,12 @@ class Body:
             stress = np.asarray(lifted + found.stress)
             gap = self.gap(stress, w, element)
             value = state.sum(gap.values) + state.sum(bars.gap(found.forces, along))
-            is_last = not self._locks or (step > 1 and value > _ENOUGH * least_value)
+            is_last = not self._locks or (step > 1 and value > _ENOUGH * before)
             if value < least_value:
                 best, least_value = Balanced(stress, bars, found.forces), value
             if is_last:
                 break
+            before = value
             # Steps beyond the best zeta need fewer rounds.
             power = 1.0 if step < 3 else _BEYOND
             zeta = np.maximum(zeta, least[:, None, None])
