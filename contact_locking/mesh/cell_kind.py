@@ -40,7 +40,6 @@ class CellKind:
 
     @property
     def corners(self) -> int:
-        """The number of corners."""
         return len(self.gmsh_order)
 
     @property
@@ -55,7 +54,6 @@ class CellKind:
 
     @property
     def facet(self) -> CellKind:
-        """The kind of the facets."""
         return KINDS[self.dim - 1, len(self.facets[0])]
 
     @cached_property
