@@ -107,6 +107,16 @@ def test_packages_import_only_from_those_below_them() -> None:
     assert not upwards and not pairs & set(FORBIDDEN)
 
 
+def test_the_guide_for_contributors_lists_every_part_of_the_tree() -> None:
+    guide = (PACKAGE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    tree = guide.partition("    contact_locking/\n")[2].partition("\n\n")[0]
+    rows = re.findall(r"^ {6}((?:\S+ )+) ", tree, re.MULTILINE)
+    listed = [name.removesuffix("/").removesuffix(".py") for row in rows for name in row.split()]
+    level = {name: number for number, names in enumerate(LAYERS) for name in names}
+    assert {*listed, "__main__"} == {*level}
+    assert sorted(listed, key=lambda name: level[name]) == listed
+
+
 def test_no_module_is_named_for_odds_and_ends() -> None:
     names = {path.stem for path in FILES.values()}
     assert not {"utils", "helpers", "util", "helper", "misc", "common"} & names

@@ -35,8 +35,6 @@ class FrictionBound:
     ) -> None:
         self.surface, self.smoothing, self.frictionless = surface, smoothing, frictionless
         self.law = law if isinstance(law, FrictionLaw) else FrictionLaw(law)
-        #: The factor of mu; a solver lowers the factor to find how much friction has a solution.
-        self.share = 1.0
 
     def evaluate(self, pressure: FloatArray, slip: FloatArray) -> FloatArray:
         """The friction bound (k,) at the owned nodes; collective.
@@ -47,7 +45,7 @@ class FrictionBound:
 
     def coefficient(self, slip: FloatArray) -> FloatArray:
         """``mu(x, s)`` (k,) at the nodes; collective."""
-        return self.share * self.law(self.surface.points, slip)
+        return self.law(self.surface.points, slip)
 
     def slope(self, slip: FloatArray) -> FloatArray:
         """``d mu/ds`` (k,) at the nodes, by central differences; collective."""

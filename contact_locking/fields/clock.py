@@ -39,11 +39,9 @@ class Clock:
 
     @property
     def now(self) -> float:
-        """The present time."""
         return float(self.constant.value)
 
     def set(self, time: float) -> None:
-        """Put the clock to a time."""
         self.constant.value = time
 
 

@@ -1,12 +1,14 @@
-"""CSV files of users, with what is wrong with them in words."""
+"""Tables as CSV: those of this program, and files of users with what is wrong in words."""
 
 from __future__ import annotations
 
 import contextlib
 import csv
+import io
 import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 from contact_locking.errors import InputError
 from contact_locking.plain_text import nearest
@@ -15,6 +17,13 @@ from contact_locking.plain_text import nearest
 _MOST_BYTES, _LONGEST_LINE = 50_000_000, 100_000
 
 _SEPARATORS = {";": "semicolons", "\t": "tabs"}
+
+
+def csv_text(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+    """A table as text, numbers with all their digits."""
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerows([columns, *rows])
+    return stream.getvalue()
 
 
 @contextlib.contextmanager

@@ -41,7 +41,6 @@ class CellKind:
 
     @property
     def corners(self) -> int:
-        """The number of corners."""
         return len(self.gmsh_order)
 
     @property
@@ -64,7 +63,6 @@ class CellKind:
 
     @property
     def facet(self) -> CellKind:
-        """The kind of the facets."""
         return KINDS[self.dim - 1, len(self.facets[0])]
 
     @cached_property

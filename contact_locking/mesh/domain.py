@@ -75,7 +75,6 @@ class Domain:
 
     @property
     def kind(self) -> CellKind:
-        """The kind of the cells."""
         return NAMED[self.mesh.topology.cell_name()]
 
     @property

@@ -50,7 +50,6 @@ class Estimate:
     kind: Literal["about", "at most", "at least"] = "about"
 
     def words(self) -> str:
-        """The estimate in words."""
         about = "about" if self.kind == "about" else f"{self.kind} about"
         return f"{about} {gigabytes(self.memory)} in all, on {count(self.ranks, 'rank')}"
 

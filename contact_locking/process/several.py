@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from contact_locking.files.csv_file import csv_text
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver.equilibria.diagram import NO_START, Diagram, DiagramPoint
@@ -84,8 +85,7 @@ def branches_entry(over: str, found: Diagram) -> dict[str, Any]:
 def branches_text(entry: Mapping[str, Any]) -> str:
     """branches.csv: a row for each point in the order of the branch, numbers with all digits."""
     columns = entry["points"]
-    rows = [columns, *zip(*columns.values(), strict=True)]
-    return "".join(",".join(map(str, row)) + "\n" for row in rows)
+    return csv_text(columns, zip(*columns.values(), strict=True))
 
 
 def _missing(total: int) -> str:

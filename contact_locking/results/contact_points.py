@@ -53,13 +53,11 @@ class ContactPoints:
         return ContactPoints(*(getattr(self, column.name)[rows] for column in fields(self)))
 
     def rows(self) -> list[slice]:
-        """The rows of each contact."""
         starts = np.unique(self.contact, return_index=True)[1]
         ends = itertools.pairwise([*map(int, starts), len(self)])
         return [slice(start, end) for start, end in ends]
 
     def parts(self) -> list[ContactPoints]:
-        """The points of each contact."""
         return [self[rows] for rows in self.rows()]
 
 

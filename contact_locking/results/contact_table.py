@@ -5,12 +5,13 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
 from contact_locking.arrays import AXES, IntArray
 from contact_locking.errors import InputError
+from contact_locking.files.csv_file import csv_text
 from contact_locking.results.contact_points import STATE_NAMES, ContactPoints
 
 _Row = tuple[int, list[str]]
@@ -36,31 +37,27 @@ def _columns(axes: Sequence[str]) -> dict[str, list[str]]:
     }
 
 
-def write_points(points: ContactPoints, stream: TextIO) -> None:
-    """Write the header and a row for each point, numbers with all their digits."""
+def points_text(points: ContactPoints) -> str:
+    """The header and a row for each point."""
     columns = _columns(AXES[: points.dim])
     cells: list[Any] = []
     for field, names in columns.items():
         values: Any = getattr(points, field).reshape(len(points), len(names)).T
         cells += [[STATE_NAMES[i] for i in values[0]]] if field == "state" else values.tolist()
-    table = csv.writer(stream, lineterminator="\n")
-    table.writerow([name for names in columns.values() for name in names])
-    table.writerows(zip(*cells, strict=True))
+    return csv_text((name for own in columns.values() for name in own), zip(*cells, strict=True))
 
 
-def write_facets(facets: IntArray, stream: TextIO) -> None:
-    """Write the header and a row for each facet (m, d): its corners as point numbers from 0."""
-    table = csv.writer(stream, lineterminator="\n")
-    table.writerow([f"point_{corner}" for corner in range(facets.shape[1])])
+def facets_text(facets: IntArray) -> str:
+    """The header and a row for each facet (m, d): its corners as point numbers from 0."""
     rows: Any = facets.tolist()
-    table.writerows(rows)
+    return csv_text((f"point_{corner}" for corner in range(facets.shape[1])), rows)
 
 
 def read_points(text: str, name: str) -> ContactPoints:
     """The points in the text of the file ``name``.
 
     Without a column ``contact`` all points belong to contact 0.  Raises InputError with the line
-    for a table that `write_points` has not written.
+    for a table that `points_text` has not written.
     """
     header, rows = _table(text, name)
     axes = tuple(axis for axis in AXES if axis in header)
@@ -96,7 +93,7 @@ def read_points(text: str, name: str) -> ContactPoints:
 def read_facets(text: str, name: str, points: ContactPoints) -> IntArray:
     """The facets (m, d) in the text of the file ``name``, as numbers of ``points``.
 
-    Raises InputError with the line for a table that `write_facets` has not written for these
+    Raises InputError with the line for a table that `facets_text` has not written for these
     points.
     """
     rows = _table(text, name)[1]

@@ -12,6 +12,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
+from contact_locking.files.csv_file import csv_text
 
 #: The columns of a step with their numbers; counts are integers.
 Row: TypeAlias = Mapping[str, float]
@@ -46,11 +47,7 @@ class History:
 
     def text(self) -> str:
         """The table as CSV, numbers with all their digits."""
-        stream = io.StringIO()
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerow(self.columns)
-        table.writerows([repr(value) for value in row.values()] for row in self.rows)
-        return stream.getvalue()
+        return csv_text(self.columns, (row.values() for row in self.rows))
 
 
 def read_history(text: str, name: str) -> History:

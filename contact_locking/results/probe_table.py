@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import AXES, FloatArray
+from contact_locking.files.csv_file import csv_text
 from contact_locking.study.probe_points import ProbePoints
 
 
@@ -73,19 +73,16 @@ def sample(
 
 def text(samples: Sequence[ProbeSample]) -> str:
     """The table as CSV, numbers with all their digits: a row for each point and step."""
-    stream = io.StringIO()
-    table = csv.writer(stream, lineterminator="\n")
     timed = any(taken.step for taken in samples)
     axes = AXES[: samples[0].points.x.shape[1]]
-    table.writerow([*(["step", "t"] if timed else []), "probe", "point", *axes, *samples[0].values])
+    rows: list[list[Any]] = []
     for taken in samples:
-        points = taken.points
-        when = [taken.step, repr(float(taken.time))] if timed else []
-        numbers = np.column_stack([points.x, *taken.values.values()])
-        for index in range(len(points)):
-            place = [int(points.probe[index]), int(points.number[index])]
-            table.writerow([*when, *place, *(repr(float(x)) for x in numbers[index])])
-    return stream.getvalue()
+        when = [taken.step, float(taken.time)] if timed else []
+        places = zip(taken.points.probe.tolist(), taken.points.number.tolist(), strict=True)
+        numbers = np.column_stack([taken.points.x, *taken.values.values()]).tolist()
+        rows += [[*when, *place, *own] for place, own in zip(places, numbers, strict=True)]
+    columns = [*(["step", "t"] if timed else []), "probe", "point", *axes, *samples[0].values]
+    return csv_text(columns, rows)
 
 
 def _own(points: ProbePoints, field: fem.Function) -> FloatArray:

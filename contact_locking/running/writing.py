@@ -202,20 +202,22 @@ def _write_checkpoint(solution: StudySolution, target: Path, folder: Path) -> No
 
 def _write_texts(solution: StudySolution, folder: Path) -> None:
     """Write the text files; for rank 0."""
-    (folder / names.PARAMETERS).write_text(study_file.dump(solution.parameters), encoding="utf-8")
-    (folder / names.SUMMARY).write_text(summary_text(solution.summary), encoding="utf-8")
-    if solution.history.rows:
-        (folder / names.HISTORY).write_text(solution.history.text(), encoding="utf-8")
-    if branches := solution.summary.get("branches"):
-        (folder / names.BRANCHES).write_text(several.branches_text(branches), encoding="utf-8")
-    if solution.probes:
-        (folder / names.PROBES).write_text(probe_table.text(solution.probes), encoding="utf-8")
     points, facets = solution.contact_points, solution.contact_facets
     assert points is not None and facets is not None
-    with (folder / names.CONTACT).open("w", encoding="utf-8", newline="") as stream:
-        contact_table.write_points(points, stream)
-    with (folder / names.FACETS).open("w", encoding="utf-8", newline="") as stream:
-        contact_table.write_facets(facets, stream)
+    texts = {
+        names.PARAMETERS: study_file.dump(solution.parameters),
+        names.SUMMARY: summary_text(solution.summary),
+        names.CONTACT: contact_table.points_text(points),
+        names.FACETS: contact_table.facets_text(facets),
+    }
+    if solution.history.rows:
+        texts[names.HISTORY] = solution.history.text()
+    if branches := solution.summary.get("branches"):
+        texts[names.BRANCHES] = several.branches_text(branches)
+    if solution.probes:
+        texts[names.PROBES] = probe_table.text(solution.probes)
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
 
 
 def _explained_alone(

@@ -73,7 +73,6 @@ def contact_of(
 
 
 def _holders(given: Foundation | None) -> tuple[FoundationSpring | None, Tilt | None]:
-    """The spring and the tilt of a foundation."""
     spring, tilt = (None, None) if given is None else (given.spring, given.tilt)
     return (
         None if spring is None else FoundationSpring(spring.stiffness, spring.along),

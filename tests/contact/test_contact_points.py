@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 
 import numpy as np
@@ -31,10 +30,7 @@ def table(dim: int, kind: str = "with two contacts") -> tuple[ContactPoints, Int
 
 
 def text(points: ContactPoints, facets: IntArray) -> tuple[str, str]:
-    streams = io.StringIO(), io.StringIO()
-    contact_table.write_points(points, streams[0])
-    contact_table.write_facets(facets, streams[1])
-    return streams[0].getvalue(), streams[1].getvalue()
+    return contact_table.points_text(points), contact_table.facets_text(facets)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -121,6 +121,7 @@ def test_a_body_without_contact_has_a_report_too(tmp_path: Path) -> None:
     assert "no contact boundary" in page(run_folder(tmp_path, kind="without contact"))
 
 
+@quick
 @pytest.mark.parametrize("dim", [2, 3])
 def test_each_of_two_contacts_has_a_heading_charts_and_numbers(dim: int, tmp_path: Path) -> None:
     text = page(run_folder(tmp_path, dim, "with two contacts"))
@@ -193,6 +194,7 @@ def test_the_report_of_an_earlier_run_goes_with_its_results(tmp_path: Path) -> N
     }
 
 
+@quick
 def test_a_folder_of_the_same_name_that_is_no_report_is_left_alone(tmp_path: Path) -> None:
     run_folder(tmp_path)
     own = tmp_path / "report" / "thesis.tex"

@@ -67,6 +67,7 @@ STUDIES: dict[str, dict[str, Any]] = {
             },
         },
         "friction": {"coefficient": 0.3, "smoothing": {"radius": 1.5}},
+        "output": {"picture": False},
     },
 }
 

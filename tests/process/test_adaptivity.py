@@ -191,6 +191,7 @@ def test_loop_goes_on_from_the_checkpoint_of_its_last_mesh(
 
 
 @pytest.mark.serial
+@pytest.mark.usefixtures("unrendered")
 @pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_files_and_report_of_an_adaptive_run_tell_the_sequence(dim: int, tmp_path: Path) -> None:
     limits = {"tolerance": 0.01, "max_meshes": 2}

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from problems import block
 from sheared_block import all_of, sheared
 
-from contact_locking import assemble, solve, solve_steps
+from contact_locking import Coulomb, assemble, solve, solve_steps
 from contact_locking.certificate import energy
 from contact_locking.monitor import Monitor
 from contact_locking.process.loop import Steps
@@ -215,7 +215,7 @@ def test_a_monitor_hears_of_each_step_and_of_the_time_left() -> None:
 def test_a_script_may_change_the_problem_between_steps() -> None:
     steps = Steps(assemble(sheared(3), MPI.COMM_WORLD))
     next(steps)
-    steps.problem.contacts[0].friction.share = 0.0
+    steps.problem.contacts[0].friction.law = Coulomb(0.0).law
     second = next(steps)
     steps.close()
     assert second.converged

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block
+from report_folder import quick
 from slow import slow
 
 from contact_locking import InputError, Parameters, save, solve_steps, study_file
@@ -144,9 +145,10 @@ def test_a_stopped_run_goes_on_from_its_last_complete_step(fields: bool, tmp_pat
     assert np.allclose(whole, cut, rtol=1e-5, atol=1e-8)
 
 
+@quick
 @pytest.mark.serial
 def test_a_killed_run_goes_on_from_its_last_complete_step(tmp_path: Path) -> None:
-    parameters = sheared()
+    parameters = sheared(output={"picture": False, "fields": False})
     file, folder = tmp_path / "study.yml", tmp_path / "out"
     file.write_text(study_file.dump(parameters))
     folder.mkdir()

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block, column, with_changes
+from report_folder import quick
 from sheared_block import sheared
 
 from contact_locking import solve
@@ -149,6 +150,7 @@ def test_the_centre_of_pressure_is_below_the_resultant_of_the_load(dim: int) -> 
     assert found["pressure_centre"] == pytest.approx(wanted, abs=1e-6)
 
 
+@quick
 @pytest.mark.serial
 def test_the_centre_of_pressure_is_not_known_before_the_body_touches(tmp_path: Path) -> None:
     down = {"displacements": [{"on": "top", "value": [0.0, "-0.05*t"]}]}

@@ -121,6 +121,7 @@ def test_a_study_refuses_a_folder_with_a_file_of_the_user(
     assert mine.read_text() == "years of work\n"
 
 
+@pytest.mark.usefixtures("unrendered")
 @pytest.mark.parametrize("name", ["report.html", "report/photo.png"])
 def test_a_report_refuses_to_replace_a_file_of_the_user(name: str, tmp_path: Path) -> None:
     run_folder(tmp_path)

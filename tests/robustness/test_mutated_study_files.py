@@ -63,7 +63,7 @@ def block_data(folder: Path) -> Any:
     return read(path).data
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(st.data())
 def test_mutated_data_are_accepted_or_refused(block_data: Any, data: st.DataObject) -> None:
     mutated = copy.deepcopy(block_data)

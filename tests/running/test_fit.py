@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from report_folder import quick
 
 from contact_locking import load
 from contact_locking.command import cli
@@ -99,23 +100,20 @@ def test_a_modulus_is_fitted_to_a_line(folder: Folder) -> None:
     assert "<h2>Fit</h2>" in (results / "report.html").read_text()
 
 
-def test_a_run_in_the_folder_takes_the_place_of_the_fit(folder: Folder) -> None:
-    folder.write(COLUMN + FIT, curve=LINE)
-    folder.fit()
-    output = str(folder.path / "results")
-    assert cli.main(["run", str(folder.path / "study.yml"), "--quiet", "--output", output]) == 0
-    assert not (folder.path / "results/fit.json").exists()
-
-
-def test_a_fit_finds_its_evaluations_again(folder: Folder) -> None:
+@quick
+def test_a_fit_finds_its_evaluations_again_and_a_run_takes_its_place(folder: Folder) -> None:
     folder.write(COLUMN + FIT, curve=LINE)
     folder.fit()
     before, found = folder.evaluations, folder.found
     assert len(before) == 2 * found["evaluations"]
     assert folder.fit() == 0
     assert folder.evaluations == before and folder.found == found
+    output = str(folder.path / "results")
+    assert cli.main(["run", str(folder.path / "study.yml"), "--quiet", "--output", output]) == 0
+    assert not (folder.path / "results/fit.json").exists()
 
 
+@quick
 def test_a_fit_that_was_killed_goes_on(folder: Folder) -> None:
     folder.write(COLUMN + FIT, curve=LINE)
     study = str(folder.path / "study.yml")
@@ -132,6 +130,7 @@ def test_a_fit_that_was_killed_goes_on(folder: Folder) -> None:
     assert before.items() <= folder.evaluations.items()
 
 
+@quick
 def test_several_experiments_share_their_numbers(folder: Folder) -> None:
     """The second column is half as high; its force is twice that of the same depth."""
     several = FIT.replace(
@@ -147,6 +146,7 @@ def test_several_experiments_share_their_numbers(folder: Folder) -> None:
     assert (folder.path / "results/1-low/summary.json").exists()
 
 
+@quick
 def test_differences_serve_where_derivatives_are_refused(
     folder: Folder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -164,6 +164,7 @@ def test_differences_serve_where_derivatives_are_refused(
     assert told == "there are no derivatives; without them each number takes one more solve"
 
 
+@quick
 def test_bodies_that_touch_each_other_are_fitted(folder: Folder) -> None:
     """Two like blocks that are pressed together have the force of one block of their height."""
     folder.write(
@@ -183,6 +184,7 @@ output: {directory: results, fields: false, picture: false}
     assert folder.found["words"] == [] and folder.found["evaluations"] <= 5
 
 
+@quick
 def test_several_searches_are_cases_of_a_study(
     folder: Folder, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -223,6 +225,7 @@ def test_several_searches_in_python_are_refused(folder: Folder) -> None:
 STEPS = COLUMN.replace("[0, -0.01]", '[0, "-0.03*t"]') + "steps: {to: 1, count: 3}\n"
 
 
+@quick
 def test_times_between_the_steps_are_interpolated(folder: Folder) -> None:
     folder.write(STEPS + FIT, curve="t,force\n0,0\n0.2,0.012\n0.5,0.03\n1,0.06\n")
     assert folder.fit() == 0
@@ -231,6 +234,7 @@ def test_times_between_the_steps_are_interpolated(folder: Folder) -> None:
     assert (folder.path / "results/history.csv").exists()
 
 
+@quick
 def test_a_limit_that_nothing_reaches_is_told_before_the_search(
     folder: Folder, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -303,6 +307,7 @@ def test_more_parameters_than_data_are_refused(folder: Folder) -> None:
         ("parameters: {material.elasticity.young: {bounds: [2, 3]}}", "which its bounds exclude"),
     ],
 )
+@quick
 def test_a_fit_that_cannot_be_done_is_refused(
     folder: Folder, capfd: pytest.CaptureFixture[str], given: str, said: str
 ) -> None:
@@ -316,6 +321,7 @@ def test_a_fit_that_cannot_be_done_is_refused(
     assert code == 2 and said in told and "study.yml" in told
 
 
+@quick
 def test_units_that_are_off_are_told(folder: Folder) -> None:
     folder.write(COLUMN + FIT, curve=f"{KEY},force\n-0.01,20200\n-0.03,59900\n")
     folder.fit()

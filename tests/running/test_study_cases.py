@@ -45,7 +45,7 @@ ENTRIES = st.lists(st.sampled_from(list(VALUES)).flatmap(_lists), max_size=2).ma
 STUDIES = st.fixed_dictionaries({}, optional={"vary": ENTRIES, "zip": ENTRIES})
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(study=STUDIES)
 def test_any_study_has_cases_or_is_refused(
     study: Any, tmp_path_factory: pytest.TempPathFactory

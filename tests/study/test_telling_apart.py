@@ -71,7 +71,7 @@ def test_the_label_of_a_case_names_every_key_that_varies() -> None:
     assert len(set(labels(rows))) == 4
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(values=st.lists(VALUES, max_size=6), writer=st.sampled_from([None, shown]))
 def test_different_values_have_different_texts_and_equal_values_the_same(
     values: list[Any], writer: Any

@@ -60,7 +60,6 @@ class ContactMap:
         ]
 
     def on_foundations(self) -> list[ContactMap]:
-        """The maps of the contacts with foundations."""
         return [part for part in self.parts() if not any(part.bodies)]
 
     def titled(self, title: str) -> str:

@@ -6,7 +6,7 @@ import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,14 +14,11 @@ from matplotlib.colors import Colormap, ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from contact_locking.arrays import FloatArray
 from contact_locking.extras.pictures.snapshot import Snapshot
 from contact_locking.results.contact_points import STATE_NAMES
 from contact_locking.results.in_words import value_in_words
 from contact_locking.results.quantities import QUANTITIES
-
-if TYPE_CHECKING:
-    from contact_locking.arrays import FloatArray
-    from contact_locking.extras.pictures.snapshot import Snapshot
 
 # Okabe and Ito's palette.
 BLUE, SKY, ORANGE, VERMILION, BLACK = "#0072B2", "#56B4E9", "#E69F00", "#D55E00", "#1a1a1a"

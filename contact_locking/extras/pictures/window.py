@@ -55,7 +55,6 @@ class Window:
 
     @property
     def title(self) -> str:
-        """The title of the view in the window."""
         return self._views[self._number].title
 
     def next(self) -> None:

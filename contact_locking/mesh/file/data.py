@@ -31,7 +31,6 @@ class MeshElements:
         return len(self.nodes)
 
     def name(self, group: int) -> str:
-        """The name of a group."""
         return next(name for name, values in self.names.items() if group in values)
 
     def named(self, name: str) -> BoolArray:
@@ -63,7 +62,6 @@ class MeshData:
 
     @property
     def kind(self) -> CellKind:
-        """The kind of the cells."""
         return KINDS[self.dim, self.cells.nodes.shape[1]]
 
     @property

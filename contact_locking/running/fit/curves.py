@@ -43,7 +43,6 @@ class Experiment:
     unused: tuple[str, ...]
 
     def __len__(self) -> int:
-        """The rows."""
         return len(next(iter(self.data.values())))
 
     @property

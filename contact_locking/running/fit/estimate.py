@@ -163,7 +163,6 @@ class _Trials:
         return found.values
 
     def at(self, numbers: FloatArray) -> Residuals:
-        """The residuals at numbers of a trial."""
         return self._known[numbers.tobytes()]
 
     def faded(self, numbers: FloatArray) -> BoolArray:

@@ -102,7 +102,6 @@ class Case:
 
     @property
     def times(self) -> FloatArray | None:
-        """The times of the rows."""
         return None if self.experiment.times is None else self.experiment.times[self.rows]
 
 

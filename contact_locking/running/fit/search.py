@@ -30,7 +30,6 @@ class Compared:
 
     @property
     def name(self) -> str:
-        """For messages."""
         return f"{self.experiment.path.name}, {self.column}"
 
     @property

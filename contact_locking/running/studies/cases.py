@@ -127,7 +127,6 @@ class Outcome:
 
     @property
     def warnings(self) -> list[str]:
-        """The warnings of the run."""
         listed = (self.summary or {}).get("warnings")
         return [str(text) for text in listed] if isinstance(listed, list) else []
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from contact_locking.files.csv_file import csv_text
 from contact_locking.files.ownership import write_text
 from contact_locking.plain_text import spreadsheet_cell
 from contact_locking.results.names import TABLE_CSV, TABLE_LINES
@@ -25,12 +24,8 @@ def write(directory: Path, cases: Sequence[Case], outcomes: Sequence[Outcome]) -
     """Write both tables: a row per case in the order of the file. Raises OSError."""
     rows = [row(case, outcome) for case, outcome in zip(cases, outcomes, strict=True)]
     columns = list(dict.fromkeys(name for entry in rows for name in entry))
-    stream = io.StringIO()
-    table = csv.writer(stream, lineterminator="\n")
-    table.writerow(columns)
-    for entry in rows:
-        table.writerow([_cell(entry.get(name)) for name in columns])
-    write_text(directory / TABLE_CSV, stream.getvalue())
+    cells = ([_cell(entry.get(name)) for name in columns] for entry in rows)
+    write_text(directory / TABLE_CSV, csv_text(columns, cells))
     lines = [
         json.dumps({name: entry.get(name) for name in columns}, ensure_ascii=False, allow_nan=False)
         for entry in rows

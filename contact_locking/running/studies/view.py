@@ -53,7 +53,6 @@ class View:
         self._console.print(Text(printable(text)), style=style, soft_wrap=True)
 
     def ended(self, case: Case, outcome: Outcome, seconds: float) -> None:
-        """Print the outcome of a case that has ended."""
         self._states[outcome.state] += 1
         self._seconds += seconds
         width = len(str(self._total))

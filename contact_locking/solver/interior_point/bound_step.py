@@ -44,8 +44,8 @@ from contact_locking.solver.interior_point.tuning import Tuning
 class MovingBound:
     """``G = mu(|u_tau|) |R p|`` of ``contact``, from the pressure p of the cones ``pressing``.
 
-    The cones ``friction`` use the bound.  No bound is smaller than the share ``least`` of the
-    largest, so that the friction cones have an inside.
+    The cones ``friction`` use the bound, times ``share``.  No bound is smaller than the share
+    ``least`` of the largest, so that the friction cones have an inside.
     """
 
     u: fem.Function
@@ -53,6 +53,7 @@ class MovingBound:
     pressing: ContactCones
     friction: FrictionCones
     least: float
+    share: float = 1.0
 
     @property
     def stands(self) -> bool:
@@ -100,7 +101,8 @@ class MovingBound:
 
     def under(self, pressure: FloatArray) -> FloatArray:
         """``mu |R p|`` at all nodes of the contact for a pressure (k,) at those of the cones."""
-        new = self.contact.friction_bound(self.u, self.pressing.nodes.at_all(pressure))
+        at_all = self.pressing.nodes.at_all(pressure)
+        new = self.share * self.contact.friction_bound(self.u, at_all)
         least = self.least * maximum(self.pressing.comm, new)
         return self.contact.acting(np.maximum(new, least))
 
@@ -113,7 +115,8 @@ class MovingBound:
         if not (bound.is_coulomb and bound.depends_on_slip):
             return np.zeros(len(nodes.weights))
         smoothed = bound.smoothing.apply(nodes.at_all(self.pressing.z))
-        return nodes.of_all(bound.slope(self.contact.slips(self.u)) * np.abs(smoothed))
+        slope = self.share * bound.slope(self.contact.slips(self.u))
+        return nodes.of_all(slope * np.abs(smoothed))
 
     def used(self, elsewhere: FloatArray) -> FloatArray:
         """The bound at all nodes of the contact: of the cones, or ``elsewhere`` without cones."""
@@ -303,10 +306,12 @@ class BoundLaw:
         self._contact, self.friction = moving.pressing, moving.friction
         self._nodes, self._smoothing = self.friction.nodes, bound.smoothing
         slips = contact.slips(moving.u)
-        mu = bound.coefficient(slips)
+        mu = moving.share * bound.coefficient(slips)
         pressure = self._nodes.at_all(self._contact.z)
         smoothed = bound.smoothing.apply(pressure)
-        wanted = mu * np.abs(smoothed) if bound.is_coulomb else bound.evaluate(pressure, slips)
+        wanted = mu * np.abs(smoothed)
+        if not bound.is_coulomb:
+            wanted = moving.share * bound.evaluate(pressure, slips)
         self._wanted = self._nodes.of_all(wanted)
         self._mu = float(bound.is_coulomb) * self._nodes.of_all(mu)
         slip = self.friction.seen

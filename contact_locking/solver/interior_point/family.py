@@ -32,7 +32,6 @@ class Step:
 
     @property
     def pair(self) -> tuple[FloatArray, FloatArray]:
-        """Both."""
         return self.primal, self.dual
 
     def plus(self, other: Step, share: float) -> Step:
@@ -321,7 +320,6 @@ class Reaction:
 
     @classmethod
     def of(cls, families: Iterable[Family]) -> list[Reaction]:
-        """The present ones."""
         return [cls(family, family.reactions) for family in families]
 
     @classmethod

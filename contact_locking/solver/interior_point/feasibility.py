@@ -147,34 +147,29 @@ def share_of_friction(task: Task) -> str | None:
         return None
     prescribed = system.constraints.held_part(system.u.x.array)
     with _tries(task) as tries:
-        solver = InteriorPoint(task.aside(tries))
 
         def contact_force(share: float) -> float | None:
             """The sum of all pressures with this share of the coefficient, None if not solved."""
             system.u.x.array[:] = prescribed
-            for contact in rubbing:
-                contact.friction.share = share
+            solver = InteriorPoint(task.aside(tries), share=share)
             try:
                 return _contact_force(system, solver.solve())
             except NotConverged:
                 return None
+            finally:
+                solver.destroy()
 
-        try:
-            low, high, last = 0.0, 1.0, contact_force(_LITTLE)
-            if last is None:
-                return None
-            first = last
-            for _ in range(_HALVINGS):
-                middle = 0.5 * (low + high)
-                found = contact_force(middle)
-                if found is None:
-                    high = middle
-                else:
-                    low, last = middle, found
-        finally:
-            for contact in rubbing:
-                contact.friction.share = 1.0
-            solver.destroy()
+        low, high, last = 0.0, 1.0, contact_force(_LITTLE)
+        if last is None:
+            return None
+        first = last
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            found = contact_force(middle)
+            if found is None:
+                high = middle
+            else:
+                low, last = middle, found
     growth = f" (and {last / first:.3g} times the contact force of none)" if first else ""
     wedged = f"; {words}" if (words := growth_with_the_penalty(task)) else ""
     return (

@@ -88,12 +88,15 @@ class Families:
             item.destroy()
 
 
-def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> Families:
+def families_of(
+    system: PenalisedSystem, target: Target, least_bound: float, share: float = 1.0
+) -> Families:
     """A family for each set of strains, and contact and friction for each part of Gamma_C.
 
     Without friction on a part there is no family for it, and there is none at all for the contact
     of a tool without a force, which does not touch the body.  ``least_bound`` is the share of the
-    largest friction bound that no bound is smaller than.  Collective.
+    largest friction bound that no bound is smaller than, and ``share`` that of friction that acts.
+    Collective.
     """
     penalty = target.penalty
     data, space = system.data, system.u.function_space
@@ -115,7 +118,7 @@ def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> 
             regularisation = penalty.regularisations[number]
             rubbing = FrictionCones(nodes, regularisation, target.length)
             families.append(rubbing)
-            bounds.append(MovingBound(system.u, contact, pressing, rubbing, least_bound))
+            bounds.append(MovingBound(system.u, contact, pressing, rubbing, least_bound, share))
     return Families(families, bounds, strains, touching)
 
 
@@ -124,14 +127,15 @@ class InteriorPoint:
 
     At most 2 of some 20 tangents are saved by the displacement of the next smaller n or mu.
     ``bound_moves`` lets the friction bounds follow the pressure; otherwise they stay as they are.
-    For other bounds that stay, :meth:`solve_on` goes on inside of the cones.
+    For other bounds that stay, :meth:`solve_on` goes on inside of the cones.  ``share`` is that of
+    the friction that acts.
     """
 
-    def __init__(self, task: Task, bound_moves: bool = True) -> None:
+    def __init__(self, task: Task, bound_moves: bool = True, share: float = 1.0) -> None:
         self._task, self.bound_moves = task, bound_moves
         self._tuning = tuning = Tuning()
         self.approach = tuning.approaches[0]
-        self._families = families_of(task.system, task.target, tuning.least_bound)
+        self._families = families_of(task.system, task.target, tuning.least_bound, share)
         self._tangent = Tangent(task, self._families.every, tuning)
         self._iterate = Iterate(self._tangent, tuning.band)
         self._search = Search(self._iterate, [], tuning, task.settings)

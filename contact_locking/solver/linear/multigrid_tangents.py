@@ -100,7 +100,6 @@ class MultigridTangents(TangentSolver):
                 self._multigrid.smooth_more()
 
     def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """That of :class:`FilteredMultigrid`."""
         self._multigrid.multiply(x, y)
 
     def solve(
@@ -119,7 +118,6 @@ class MultigridTangents(TangentSolver):
 
     @property
     def filters(self) -> bool:
-        """Whether the filter or the projection takes part at present."""
         return self._multigrid.filters
 
     @property
@@ -130,7 +128,6 @@ class MultigridTangents(TangentSolver):
     def solve_following(
         self, follow: Follow, right: PETSc.Vec, step: PETSc.Vec, residual: float
     ) -> None:
-        """As :meth:`solve`, with forces that follow the displacement beside the matrix."""
 
         def attempt(enough: float, most: int) -> tuple[int, float]:
             return self._gmres.solve_following(follow, right, step, enough, most)
@@ -138,7 +135,6 @@ class MultigridTangents(TangentSolver):
         self._improve(attempt, right, residual, _LOOSEST)
 
     def destroy(self) -> None:
-        """Free the PETSc objects."""
         self._gmres.destroy()
         self._multigrid.destroy()
         self._user_options.remove()

@@ -105,7 +105,6 @@ class KspTangents(TangentSolver):
         self._unblocked = Unblocked()
 
     def refresh(self, assemble: Assemble, split: Callable[[], StiffPart]) -> None:
-        """The tangent has new values."""
         assemble(self._matrix)
         self._ksp.setOperators(self._unblocked.of(self._matrix))
 
@@ -124,6 +123,5 @@ class KspTangents(TangentSolver):
         return self._ksp if self._is_direct else None
 
     def destroy(self) -> None:
-        """Free the PETSc objects."""
         self._unblocked.destroy()
         destroy_ksp(self._ksp)

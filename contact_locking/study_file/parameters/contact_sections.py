@@ -147,7 +147,6 @@ class ContactSection(Section):
             )
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """The faults of the foundation in ``dim`` dimensions."""
         if self.foundation is not None:
             yield from below(("foundation",), self.foundation.dimension_faults(dim))
 

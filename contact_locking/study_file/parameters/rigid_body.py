@@ -276,7 +276,6 @@ class Foundation(Section):
 
     @property
     def file(self) -> str | None:
-        """The file with the shape, if it is in a file."""
         _, value = self.shape
         if isinstance(value, Surface):
             return value.file
