@@ -17,7 +17,6 @@ from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.multipliers import Multipliers
 
-
 # Solves for the same friction bound differ by so many times the rounding in one solution, which the
 # margin of the criteria is.
 _ROUNDING_OF_SOLVES = 100.0
