@@ -12,6 +12,7 @@ from contact_locking.certificate.friction_reserve import share_against_sliding
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fields import plausibility
+from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum
 from contact_locking.problem.parts import describe_loose, describe_slide
 from contact_locking.results.body_fields import BodyFields
@@ -29,12 +30,9 @@ _WAY_OUT_OF_SLIDING = (
 _WAY_OUT_OF_COMPLAINTS = (
     "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
 )
-_WAY_OUT_OF_ENTRY = {
-    True: "Refine the mesh where the foundation enters: mesh.h_contact, or adapt; or take a "
-    "rounder foundation.",
-    False: "Quadrilaterals and hexahedra are not refined where a foundation enters: take "
-    "mesh.cells: simplex, which a run refines, a smaller mesh.h, or a rounder foundation.",
-}
+_OUT_OF_ENTRY = "mesh.h_contact or mesh.h"
+_OUT_OF_ENTRY_OF_BOXES = "mesh.h_contact or mesh.h, or mesh.cells: simplex, which a run refines"
+_OUT_OF_ENTRY_OF_CURVED = "mesh.h_contact or mesh.h, or mesh.curved: false, which a run refines"
 
 
 def solution_of(
@@ -202,7 +200,7 @@ def _judged(
         most = f"{100.0 * load['load_factor'][1]:.3g}"
         summary["reason"] += f"; on no mesh can more than {most} % of them be followed"
     solved = certificate.criteria[ENTRY].holds if state.contacts else True
-    out_of_entry = _WAY_OUT_OF_ENTRY[state.problem.domain.kind.is_simplex]
+    out_of_entry = _way_out_of_entry(state.problem.domain)
     if report.converged and certificate.complaint:
         summary |= {
             "converged": False,
@@ -210,3 +208,11 @@ def _judged(
             "suggestion": _WAY_OUT_OF_COMPLAINTS if solved else out_of_entry,
         }
     return summary
+
+
+def _way_out_of_entry(domain: Domain) -> str:
+    """What helps where a foundation enters between the nodes of this mesh."""
+    smaller = _OUT_OF_ENTRY_OF_CURVED if domain.is_curved else _OUT_OF_ENTRY
+    if not domain.kind.is_simplex:
+        smaller = _OUT_OF_ENTRY_OF_BOXES
+    return f"Refine the mesh where the foundation enters: {smaller}; or take a rounder foundation."

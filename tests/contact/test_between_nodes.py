@@ -9,16 +9,28 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from dolfinx import fem
 from mpi4py import MPI
 from slow import slow
 from tool_files import binary_stl, box
 
-from contact_locking import StudySolution, solve_steps
+from contact_locking import (
+    Contact,
+    ContactProblem,
+    Elasticity,
+    NotConverged,
+    Sphere,
+    StudySolution,
+    solve_steps,
+)
 from contact_locking.process import adaptivity
 from contact_locking.process.adaptivity import missed
 from contact_locking.process.solving import solve
+from contact_locking.running.fit import session
 from contact_locking.running.process import run_steps
+from contact_locking.study.assembly import mesh_of
 from contact_locking.study_file import from_mapping
 
 # The top of a strip [10, 3] has a node at each whole number, and a block in space at each half.
@@ -121,15 +133,59 @@ def test_a_thin_wire_that_the_refined_meshes_miss_fails_a_criterion(
     assert any("the mesh was refined there" in text for text in found.summary["warnings"])
 
 
+ROLLER = {"foundation": {"cylinder": {"centre": [5.53, 3.18], "radius": 0.2}}}
+ARCH = {"builder": "annulus", "outer_radius": 2.0, "h": 0.5, "quarter": True, "curved": True}
+
+
 @pytest.mark.serial
 def test_boxes_are_not_refined_and_the_criterion_fails() -> None:
-    roller = {"foundation": {"cylinder": {"centre": [5.53, 3.18], "radius": 0.2}}}
-    found = adaptivity.solve(given(STRIP | {"cells": "box"}, roller))
+    found = adaptivity.solve(given(STRIP | {"cells": "box"}, ROLLER))
     assert not found.converged and not found.domain.is_refined
     assert "mesh.cells: simplex" in found.summary["suggestion"]
     # What it advises helps.
     for advised in ({"cells": "simplex"}, {"cells": "box", "h": 0.1}):
-        assert adaptivity.solve(given(STRIP | advised, roller)).converged
+        assert adaptivity.solve(given(STRIP | advised, ROLLER)).converged
+
+
+@pytest.mark.serial
+def test_curved_cells_are_not_refined_and_the_criterion_fails() -> None:
+    """The tip of a wedge is between two nodes of a quarter of a ring."""
+    tip = [1.9 * math.cos(0.7), 1.9 * math.sin(0.7)]
+    wedge = [tip, [2.0, 1.42], [1.68, 1.68], tip]
+    contact = {"on": "outer", "foundation": {"polyline": wedge}}
+    degree = {"degree": 2, "limit_at": "gauss"}
+    found = adaptivity.solve(given(ARCH, contact, discretisation=degree))
+    assert not found.converged and not found.domain.is_refined
+    assert "depth of a foundation that the nodes miss" in found.summary["reason"]
+    assert "or mesh.curved: false, which a run refines" in found.summary["suggestion"]
+    assert adaptivity.solve(given(ARCH | {"curved": False}, contact)).converged
+
+
+def test_a_script_is_told_to_refine_its_own_mesh() -> None:
+    domain = mesh_of(given(STRIP, {}), MPI.COMM_WORLD)
+    space = fem.functionspace(domain.mesh, ("Lagrange", 1, (2,)))
+    foot = fem.locate_dofs_topological(space, 1, domain.facets(("bottom",)))
+    contact = Contact(domain.facets(("top",)), Sphere((5.53, 3.18), 0.2))
+    held = [fem.dirichletbc(np.zeros(2), foot, space)]
+    problem = ContactProblem(Elasticity(5.0, 0.45), None, held, [], [contact], space=space)
+    found = problem.solve()
+    problem.close()
+    assert not found.converged
+    assert "depth of a foundation that the nodes miss" in found.summary["reason"]
+    wanted = "Refine the mesh where the foundation enters: smaller cells; or take a rounder"
+    assert wanted in found.summary["suggestion"]
+
+
+@pytest.mark.serial
+def test_a_fit_is_told_to_refine_its_mesh(tmp_path: Path) -> None:
+    (tmp_path / "curve.csv").write_text("loads.displacements.0.value.1,force\n0.1,1\n0.2,2\n")
+    fit = {
+        "data": str(tmp_path / "curve.csv"),
+        "quantities": {"force": "contact_force.1"},
+        "parameters": {"material.elasticity.young": {"start": 5.0, "bounds": [1.0, 9.0]}},
+    }
+    with pytest.raises(NotConverged, match=r"start; the depth of a foundation.*mesh\.h_contact"):
+        session.fit(given(STRIP, ROLLER, fit=fit), tmp_path / "results")
 
 
 @pytest.mark.serial

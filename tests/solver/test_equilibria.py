@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from petsc4py import PETSc
 from sweep.case import Study, clamp, study
 
 from contact_locking import find_equilibria, study_file
@@ -28,6 +29,7 @@ from contact_locking.solver.equilibria.diagram import diagram
 from contact_locking.solver.equilibria.newton import Deflation, MapNewton
 from contact_locking.solver.equilibria.paths import OverFriction
 from contact_locking.solver.equilibria.search import Equilibria, has_map, solve_on_branch
+from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.strategy import solve
 from contact_locking.solver.task import Task
 from contact_locking.study.assembly import assemble
@@ -79,6 +81,16 @@ def test_the_derivative_of_the_map_is_that_of_its_values(n: float) -> None:
     error = vectors.norm(wrong)
     # Iterates end on the central path, whose laws are smooth where those of the problem are not.
     assert error <= 1e-3 * vectors.norm(difference)
+    problem.destroy()
+
+
+def test_a_tangent_that_rounding_makes_singular_ends_a_branch(task: Task, monkeypatch: Any) -> None:
+    def singular(*_: Any) -> FloatArray:
+        raise PETSc.Error(81)
+
+    monkeypatch.setattr(Tangent, "respond", singular)
+    problem = BoundMap(task)
+    assert [point.share for point in Branch(OverFriction(problem)).points()] == [0.0]
     problem.destroy()
 
 

@@ -199,7 +199,8 @@ class Model:
         for solution in solve_steps(parameters, self._comm, domain=self._domains.get(mesh)):
             self._domains[mesh] = solution.domain
             if not solution.converged:
-                self.failure = solution.summary["reason"]
+                told = (solution.summary["reason"], solution.summary["suggestion"])
+                self.failure = ".  ".join(filter(None, told))
                 return None
             times.append(solution.time)
             values.append([value_of(name, solution) for name in names])

@@ -84,8 +84,8 @@ class Search:
         at_start = self._misfit(start)
         if at_start is None:
             raise NotConverged(
-                f"the process has no solution at the start of the fit: {self._model.failure}; give "
-                "another start"
+                "the process has no solution at the start of the fit, and may have one at another "
+                f"start; {self._model.failure}"
             )
         compared = self.compared(start)
         for one in compared:

@@ -29,8 +29,9 @@ _LITTLE = 1e-3
 _HALVINGS = 4
 # The penalties over the stiffness to find out with whether forces grow, each compared with one that
 # is softer by the last factor.  Softer ones are easier to solve for.
-_SMOOTH_STIFFNESSES, _SOFTER = (_STIFF, 1e5, 1e4, 3e3), 10.0
-# Forces without a limit grow in proportion to the penalty, and forces with a limit hardly grow.
+_SMOOTH_STIFFNESSES, _SOFTER = (1e7, 1e6, 1e5, 1e4, 3e3), 10.0
+# Forces without a limit grow in proportion to the penalty, some only from 1e6 on, and forces with a
+# limit hardly grow.
 _GROWTH = 5.0
 
 _INFEASIBLE_WAY_OUT = (

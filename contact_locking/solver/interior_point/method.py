@@ -220,8 +220,15 @@ class InteriorPoint:
         return [BoundLaw(bound, 1.0) for bound in bounds]
 
     def respond(self, reactions: Sequence[Reaction]) -> FloatArray:
-        """The displacement that answers reactions, by the tangent linearised last; collective."""
-        return self._tangent.respond(reactions, self._task.settings.tolerance)
+        """The displacement that answers reactions, by the tangent linearised last; collective.
+
+        Raises NotConverged where rounding makes that tangent singular.
+        """
+        try:
+            return self._tangent.respond(reactions, self._task.settings.tolerance)
+        except PETSc.Error as error:
+            raise_callback_error(error)
+            raise NotConverged(LINEAR_FAILURE) from error
 
     def _last(self) -> LastIterate:
         if self._pieces is not None:
