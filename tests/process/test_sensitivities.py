@@ -333,6 +333,24 @@ def test_forces_of_springs_have_derivatives_with_those_of_conditions_beside_them
         assert np.abs(checked).max() > 0.0
 
 
+def test_a_support_that_turns_takes_its_reaction_along() -> None:
+    of = ["reactions.left.0", "reactions.left.1", "contact_force.1", "compliance"]
+    key = "loads.supports.0.along.1"
+    support = {"on": "left", "along": [1.0, 0.4], "value": 0.002}
+    held = study(
+        loads={
+            "displacements": [{"on": "right", "value": [0.0, 0.0]}],
+            "supports": [support],
+            "tractions": [{"on": "top", "value": [0.0, -0.05]}],
+        },
+        sensitivities={"of": of, "to": [key], "check": True},
+    )
+    summary = solve(held).summary
+    for name in of:
+        found = summary["sensitivities"][name][key]
+        assert found["derivative"] == pytest.approx(found["checked"], rel=1e-3), name
+
+
 def test_steps_before_the_first_touch_leave_a_body_at_rest() -> None:
     """Nothing acts in two steps, so that no energy is there to judge by; the third one presses."""
     solution = solve(
