@@ -32,11 +32,14 @@ from contact_locking.solver.task import Target
 class Residual:
     """The residual: forces on owned dofs and along travels, and gaps of the points.
 
-    ``gaps`` has an array for each family that takes part, and ``bounds`` one for each friction
-    bound.  ``values`` are quantities at the iterate.
+    ``free`` are the forces without their part along what is held at present: with the direction of
+    a support, the part of its reaction that is free changes.  ``gaps`` has an array for each family
+    that takes part, and ``bounds`` one for each friction bound.  ``values`` are quantities at the
+    iterate.
     """
 
     forces: FloatArray
+    free: FloatArray
     gaps: tuple[FloatArray, ...]
     bounds: tuple[FloatArray, ...]
     values: FloatArray
@@ -52,6 +55,7 @@ class Residual:
 
         return Residual(
             np.asarray((self.forces - other.forces) / width),
+            np.asarray((self.free - other.free) / width),
             rates(self.gaps, other.gaps),
             rates(self.bounds, other.bounds),
             np.asarray((self.values - other.values) / width),
@@ -112,10 +116,11 @@ class Equations:
             family.add_tool_forces(family.reactions, on_tools)
         travels = comm.allreduce(on_tools) - np.array([tool.left for tool in system.tools])
         forces = np.append(vector.array_r, travels)
+        free = np.append(system.constraints.free_part(vector.array_r), travels)
         vector.destroy()
         wanted = [self._wanted(bound) - bound.friction.bound for bound in self.bounds]
         gaps = tuple(family.primal_gap() for family in self.families)
-        return Residual(forces, gaps, tuple(wanted), np.array(values, dtype=float))
+        return Residual(forces, free, gaps, tuple(wanted), np.array(values, dtype=float))
 
     def _wanted(self, bound: MovingBound) -> FloatArray:
         """``mu(s) |R p|`` (k,) with the slip of the points, whose gaps move them; collective."""

@@ -129,7 +129,7 @@ class Linearisation:
             Reaction(family, family.reactions_of(family.step(np.zeros_like(family.seen)).dual))
             for family in families
         ]
-        return self._moved(-residual.forces - self.tangent.forces(rest), residual.bounds)
+        return self._moved(-residual.free - self.tangent.forces(rest), residual.bounds)
 
     def centring(self, product: float) -> Change:
         """The step to products that are ``product`` in all cones and equations that hold.
@@ -142,7 +142,7 @@ class Linearisation:
             Reaction(family, family.aim(product * family.scale) - family.reactions)
             for family in self.equations.families
         ]
-        return self._moved(-residual.forces - self.tangent.forces(rest), residual.bounds)
+        return self._moved(-residual.free - self.tangent.forces(rest), residual.bounds)
 
     def _moved(self, forces: FloatArray, wanted: Sequence[FloatArray]) -> Change:
         """The change by forces; bounds move by ``wanted``, and with what they follow."""
@@ -235,12 +235,12 @@ class Linearisation:
 
     def gained(self, adjoint: Adjoint, residual: Residual) -> float:
         """The gain by a residual of the quantity of an adjoint, beside its own change."""
-        local = -float(adjoint.displacement[: self._owned] @ residual.forces[: self._owned])
+        local = -float(adjoint.displacement[: self._owned] @ residual.free[: self._owned])
         for family, gap in zip(self.equations.families, residual.gaps, strict=True):
             local += family.power(adjoint.gaps[family], gap)
         for law, part, change in zip(self._laws, adjoint.bounds, residual.bounds, strict=True):
             local += float(law.friction.weights @ (part * change))
-        tools = -float(adjoint.displacement[self._owned :] @ residual.forces[self._owned :])
+        tools = -float(adjoint.displacement[self._owned :] @ residual.free[self._owned :])
         return float(self._comm.allreduce(local)) + tools
 
     def paired(self, gradient: Gradient, change: Change) -> float:

@@ -133,9 +133,8 @@ def _maker(name: str, domain: Domain, system: PenalisedSystem) -> Maker:
                 return known_as(travel.value, travel.gradient)
     if found := re.fullmatch(r"reactions\.(.+)\.(\d)", name):
         part, axis = found[1], int(found[2])
-        lifts = _lifts(part, axis, domain, system)
-        if axis < dim and (lifts is not None or _springs(part, system)):
-            reaction = _Reaction(part, axis, lifts)
+        reaction = _Reaction(part, axis, domain)
+        if axis < dim and (reaction.lifts(system) is not None or _springs(part, system)):
             return known_as(reaction.value, reaction.gradient, reaction.functional)
     raise InputError(
         f"no quantity '{name}' has a derivative{nearest(name, known())}; there are "
@@ -260,20 +259,6 @@ class _Travel:
         return Gradient(found, {})
 
 
-def _lifts(part: str, axis: int, domain: Domain, system: PenalisedSystem) -> FloatArray | None:
-    """The owned displacement whose work with reactions is the resultant of a part; collective."""
-    constraints, dim, count = system.constraints, domain.dim, len(system.load)
-    found = np.zeros((count // dim, dim))
-    for direction in range(dim):
-        unit = np.zeros((count // dim, dim))
-        unit[:, direction] = 1.0
-        shares = shares_by_part(domain, constraints, unit.reshape(-1))
-        if part not in shares or axis >= dim:
-            return None
-        found[:, direction] = shares[part].reshape(-1, dim)[:, axis]
-    return found.reshape(-1)
-
-
 def _springs(part: str, system: PenalisedSystem) -> list[Springs]:
     return [item for item in system.data.springs if item.on == part]
 
@@ -284,14 +269,14 @@ class _Reaction:
 
     part: str
     axis: int
-    lifts: FloatArray | None
+    domain: Domain
 
     def value(self, equations: Equations, residual: Residual) -> float:
         system, count = equations.system, len(equations.system.load)
         pulled = sum(item.forces(system.u)[:count] for item in _springs(self.part, system))
         local = float(np.sum(pulled * self._unit(count, system.dim)))
-        if self.lifts is not None:
-            local += float(self.lifts @ residual.forces[:count])
+        if (lifts := self.lifts(system)) is not None:
+            local += float(lifts @ residual.forces[:count])
         return _sum(equations, local)
 
     def gradient(self, equations: Equations, residual: Residual) -> Gradient:
@@ -300,11 +285,11 @@ class _Reaction:
         if pulling := _springs(self.part, system):
             unit = system.function_of(self._unit(count, system.dim))
             found[:count] = sum(item.forces(unit)[:count] for item in pulling)
-        if self.lifts is not None:
-            lifted = system.function_of(self.lifts)
+        if (lifts := self.lifts(system)) is not None:
+            lifted = system.function_of(lifts)
             found[:count] += system.forms.elastic_forces(lifted)[:count]
             at_rest = _nothing(equations)
-            at_rest[:count] = self.lifts
+            at_rest[:count] = lifts
             seen = {family: family.see(at_rest) for family in equations.families}
         return Gradient(found, seen)
 
@@ -313,10 +298,26 @@ class _Reaction:
         unit = system.function_of(self._unit(len(system.load), system.dim))
         for item in _springs(self.part, system):
             found -= item.form(system.u, unit)
-        if self.lifts is not None:
-            lifted = system.function_of(self.lifts)
+        if (lifts := self.lifts(system)) is not None:
+            lifted = system.function_of(lifts)
             found += forms.elastic_form(system.u, lifted, data) - forms.external_work(lifted, data)
         return found
+
+    def lifts(self, system: PenalisedSystem) -> FloatArray | None:
+        """The owned displacement whose work with reactions is the resultant; collective.
+
+        It follows the directions of supports; None for a part that holds nothing.
+        """
+        dim, count = system.dim, len(system.load)
+        found = np.zeros((count // dim, dim))
+        for direction in range(dim):
+            unit = np.zeros((count // dim, dim))
+            unit[:, direction] = 1.0
+            shares = shares_by_part(self.domain, system.constraints, unit.reshape(-1))
+            if self.part not in shares:
+                return None
+            found[:, direction] = shares[self.part].reshape(-1, dim)[:, self.axis]
+        return found.reshape(-1)
 
     def _unit(self, count: int, dim: int) -> FloatArray:
         """The owned unit displacement along the axis."""

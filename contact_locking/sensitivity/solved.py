@@ -20,7 +20,7 @@ _POINTS, _FORCES = 1e-4, 1e-3
 def require_solved(equations: Equations) -> None:
     """Raise InputError if the equations do not hold at their iterate; collective."""
     residual, system = equations.residual(), equations.system
-    left = system.constraints.free_part(residual.forces[: len(system.load)])
+    left = residual.free[: len(system.load)]
     force = float(np.sqrt(system.comm.allreduce(float(left @ left))))
     holds = force <= _FORCES * system.force_scale(1.0)
     moved = system.largest_displacement()

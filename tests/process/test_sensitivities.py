@@ -333,6 +333,47 @@ def test_forces_of_springs_have_derivatives_with_those_of_conditions_beside_them
         assert np.abs(checked).max() > 0.0
 
 
+def test_a_support_that_turns_takes_its_reaction_along() -> None:
+    of = ["reactions.left.0", "reactions.left.1", "contact_force.1", "compliance"]
+    key = "loads.supports.0.along.1"
+    support = {"on": "left", "along": [1.0, 0.4], "value": 0.002}
+    held = study(
+        loads={
+            "displacements": [{"on": "right", "value": [0.0, 0.0]}],
+            "supports": [support],
+            "tractions": [{"on": "top", "value": [0.0, -0.05]}],
+        },
+        sensitivities={"of": of, "to": [key], "check": True},
+    )
+    summary = solve(held).summary
+    for name in of:
+        found = summary["sensitivities"][name][key]
+        assert found["derivative"] == pytest.approx(found["checked"], rel=1e-3), name
+
+
+def test_normals_that_turn_take_friction_along() -> None:
+    """Of nodes that stick, rounding along the normal would be enlarged by their stiffness."""
+    of = ["contact_force.0", "contact_force.1", "friction_force.0", "pressure_max"]
+    keys = ["contact.foundation.cylinder.centre.0", "contact.foundation.cylinder.radius"]
+    pressed = study(
+        material={},
+        friction__coefficient=0.3,
+        friction__smoothing={"kernel": "none"},
+        loads={"displacements": [{"on": "top", "value": [0.01, -0.03]}]},
+        contact={
+            "on": "bottom",
+            "foundation": {"cylinder": {"centre": [0.45, -1.12], "radius": 1.127}},
+        },
+        sensitivities={"of": of, "to": keys, "check": True},
+    )
+    summary = solve(pressed).summary
+    assert summary["slip_area"] == 0.0 < summary["contact_area"]
+    for name in of:
+        for key in keys:
+            found = summary["sensitivities"][name][key]
+            assert found["derivative"] == pytest.approx(found["checked"], rel=1e-3), (name, key)
+
+
 def test_steps_before_the_first_touch_leave_a_body_at_rest() -> None:
     """Nothing acts in two steps, so that no energy is there to judge by; the third one presses."""
     solution = solve(

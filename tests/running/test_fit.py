@@ -114,20 +114,28 @@ def test_a_fit_finds_its_evaluations_again_and_a_run_takes_its_place(folder: Fol
 
 
 @quick
-def test_a_fit_that_was_killed_goes_on(folder: Folder) -> None:
-    folder.write(COLUMN + FIT, curve=LINE)
-    study = str(folder.path / "study.yml")
-    command = [sys.executable, "-m", "contact_locking", "fit", study, "--output"]
-    process = subprocess.Popen([*command, str(folder.path / "results")])
+@pytest.mark.parametrize("starts", [1, 2])
+def test_a_fit_that_was_killed_goes_on(folder: Folder, starts: int) -> None:
+    """One search, or several as the cases of a study."""
+    folder.write(COLUMN + FIT.replace("data: c", f"starts: {starts}\n  data: c"), curve=LINE)
+    study, results = str(folder.path / "study.yml"), folder.path / "results"
+    jobs = ["--jobs", "2"] if starts > 1 else []
+    command = [sys.executable, "-m", "contact_locking", "fit", study, "--output", str(results)]
+
+    def kept() -> dict[Path, float]:
+        found = results.glob("**/evaluations/[0-9a-f]*.json")
+        return {path: path.stat().st_mtime for path in found if "files" not in path.name}
+
+    process = subprocess.Popen([*command, *jobs])
     deadline = time.monotonic() + 120.0
-    while not folder.evaluations and process.poll() is None and time.monotonic() < deadline:
+    while not kept() and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.01)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    before = folder.evaluations
-    assert before and not (folder.path / "results/fit.json").exists()
-    assert folder.fit() == 0
-    assert before.items() <= folder.evaluations.items()
+    before = kept()
+    assert before and not (results / "fit.json").exists()
+    assert folder.fit(*jobs) == 0
+    assert before.items() <= kept().items()
 
 
 @quick

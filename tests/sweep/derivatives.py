@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import copy
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -23,6 +22,7 @@ from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.process.sensitivities import value_of
 from contact_locking.process.solving import solve
 from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.dump import plain
 from contact_locking.study_file.named_numbers import number_at, with_number
 from contact_locking.study_file.parameters import Parameters
 
@@ -41,23 +41,6 @@ LEAST = 1e-2
 NOTHING = 1e-3
 # Differences show what solves leave, divided by their width.
 SHARP = {"tolerance": 1e-10, "friction_tolerance": 1e-11}
-_PLACES = (
-    "material.elasticity.young",
-    "material.elasticity.poisson",
-    "material.locking_limit",
-    "friction.coefficient",
-    "contact.gap",
-    "contact.foundation.cylinder.radius",
-    "contact.foundation.sphere.radius",
-    "loads.tractions.0.value.0",
-    "loads.tractions.0.value.1",
-    "loads.displacements.0.value.0",
-    "loads.displacements.0.value.1",
-    "loads.displacements.1.value.0",
-    "loads.displacements.1.value.1",
-    "loads.pressures.0.value",
-    "penalty.n",
-)
 
 
 @dataclass
@@ -136,11 +119,20 @@ def _values(parameters: Parameters, names: list[str]) -> Any:
 
 
 def _keys(parameters: Parameters) -> Iterator[str]:
-    """The keys of the study that are numbers other than zero."""
-    for key in _PLACES:
+    """The keys of the study that are numbers other than zero, and that have a derivative."""
+    for key in _numbers(plain(parameters)):
         with contextlib.suppress(InputError):
-            if number_at(parameters, key) not in (0.0, math.inf):
+            if number_at(parameters, key) != 0.0:
                 yield key
+
+
+def _numbers(data: Any) -> Iterator[str]:
+    """The dotted keys of all numbers."""
+    for key, value in data.items() if isinstance(data, dict) else enumerate(data):
+        if isinstance(value, dict | list):
+            yield from (f"{key}.{rest}" for rest in _numbers(value))
+        elif isinstance(value, int | float):
+            yield str(key)
 
 
 def _names(parameters: Parameters) -> list[str]:

@@ -20,6 +20,8 @@ def centred(family: Family, cones: tuple[FloatArray, FloatArray]) -> tuple[Float
     by the root of the ratio of the two products of its cone.
     """
     if isinstance(family, FrictionCones):
+        # Data that turn the normal of a foundation turn slips and tractions with it.
+        cones = family.tangential(cones[0]), family.tangential(cones[1])
         slips, bounds = (values[0] / (maximum(family.comm, values[0]) or 1.0) for values in cones)
         return aligned(cones, slips >= bounds)
     if isinstance(family, LockingCones | PrincipalCones):

@@ -79,9 +79,13 @@ class FrictionCones(OnContact, LorentzCones):
         super().advance(t, step)
         # A normal part that rounding leaves in a long step is not small beside a slip that vanishes
         # later, and the stiffness of sticking makes a force of it.
-        rows = slice(1, 1 + self.nodes.dim)
-        for values in (self.x, self.z):
-            values[rows] = self.nodes.tangential(values[rows])
+        self.x, self.z = self.tangential(self.x), self.tangential(self.z)
+
+    def tangential(self, values: FloatArray) -> FloatArray:
+        """Points or multipliers with the parts of their vectors along the foundation."""
+        found, rows = values.copy(), slice(1, 1 + self.nodes.dim)
+        found[rows] = self.nodes.tangential(values[rows])
+        return found
 
     def least_product(self) -> float:
         # In a slip that is long beside the strain of the body, G t is large beside its energy.
@@ -165,7 +169,8 @@ class FrictionCones(OnContact, LorentzCones):
         return self._fixed_rows() - self.x[1:]
 
     def move(self, gap: FloatArray) -> None:
-        super().move(gap[1:])
+        # The stiffness of sticking enlarges a normal part that rounding leaves.
+        super().move(self.tangential(gap)[1:])
 
     def move_adjoint(self, seen: FloatArray) -> FloatArray:
         rest, dim = np.zeros_like(self.x[1:]), self.nodes.dim
@@ -174,7 +179,7 @@ class FrictionCones(OnContact, LorentzCones):
         back = -self._step_under(rest, np.zeros(len(self.weights))).dual
         back[0] = 0.0
         back[1 : 1 + dim] += self.grown_adjoint(self.response_adjoint(seen))
-        return back
+        return self.tangential(back)
 
     def settle(self, product: float) -> None:
         rows = self._fixed_rows()
