@@ -106,7 +106,7 @@ class PlacedFoundation(Protocol):
         """Where it has moved from rest."""
 
     def drag(self, surface: ContactSurface, before: RigidMotion) -> FloatArray:
-        """How far (k, d) it has moved at the nodes since it was at ``before``."""
+        """How far (k, d) it has moved since it was at ``before``, in limited values."""
 
     def outline(self, box: FloatArray) -> FloatArray:
         """The facets (t, d, d) of its surface at present, by their corners, if it has any.
@@ -236,7 +236,7 @@ class RigidFoundation:
         return MovedFoundation(self._body, self.motion()) if self.moves else self._body
 
     def drag(self, surface: ContactSurface, before: RigidMotion) -> FloatArray:
-        return self.motion().step_from(before, surface.points.T).T
+        return self.motion().step_from(before, surface.arms.T).T
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         body, points, comm = self.now, surface.places.T, self._comm

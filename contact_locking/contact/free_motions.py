@@ -95,8 +95,8 @@ class FreeMotion(ABC):
 
     @property
     def field(self) -> FloatArray:
-        """The motion m (k, d) at the nodes."""
-        return self.motion.at(self.contact.surface.points)
+        """The limited values (k, d) of the motion m."""
+        return self.motion.at(self.contact.surface.arms)
 
     @property
     def facing(self) -> FloatArray:

@@ -143,7 +143,7 @@ class NodalContact:
 
     def move_foundation(self, travel: SmallMotion) -> None:
         """Let forces move the foundation by ``travel`` in all; collective."""
-        self.travel, normals, points = travel, self.normals, self.surface.points
+        self.travel, normals, points = travel, self.normals, self.surface.arms
         way = travel.at(points)
         self.gap.x.array[self.surface.nodes] = self._gaps + np.sum(normals * way, axis=1)
         self.gap.x.scatter_forward()

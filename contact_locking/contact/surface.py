@@ -152,6 +152,17 @@ class ContactSurface:
             nodal[faces[:, -1]] = 0.5 * nodal[faces[:, 4:8]].sum(axis=1)
         return found + nodal[self.blocks]
 
+    @cached_property
+    def arms(self) -> FloatArray:
+        """The limited values (k, d) of the coordinates, the arms of the moments of tractions.
+
+        An affine field m has the limited values ``m(arms)``.  They are the nodes, and beside the
+        nodes where control values are those of curved edges.  The first use is collective.
+        """
+        if self.limited.are_nodal or not self._is_curved:
+            return self.points
+        return self.limited.at_nodes(self.vector_function(self.points).x.array)
+
     def _is_end(self, edges: IndexArray) -> BoolArray:
         """(m, 2) whether edges (m, 3), as nodes of the scalar space, end at the rim; collective."""
         facets = fem.Function(self.scalar_space)

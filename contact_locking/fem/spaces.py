@@ -57,8 +57,11 @@ class Element:
         """The element in words."""
         where = {"vertices": "the vertices", "gauss": "the Gauss points"}[self.limit_at]
         body = ", axisymmetric" if self.kinematics.axisymmetric else ""
-        body += " on quadrilaterals or hexahedra" if self.boxes else ""
-        body += " in curved cells" if self.curved else ""
+        if self.boxes:
+            body += " in curved quadrilaterals" * self.curved
+            body += " on quadrilaterals or hexahedra" * (not self.curved)
+        elif self.curved:
+            body += " in curved cells"
         if self.strain_degree == 0:
             return f"degree {self.degree}{body}"
         return f"degree {self.degree}{body}, the locking limit at {where} of each cell"

@@ -15,6 +15,7 @@ from dolfinx import fem, la
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
+from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.lagrange import lagrange
@@ -148,9 +149,14 @@ class PointValues:
         """Take the present values of displacements; collective."""
 
     def at_nodes(self, values: FloatArray) -> FloatArray:
-        """The displacement or the jump (k, d) at the nodes, for local values; collective."""
-        dim = self.space.dofmap.index_map_bs
-        return np.asarray(values.reshape(-1, dim)[self.blocks[self._nodes]])
+        """The displacement or the jump (k, d) at the nodes, for local values; collective.
+
+        In curved cells these are limited values, which are others also for a rigid motion.
+        """
+        nodal = values.reshape(-1, self.space.dofmap.index_map_bs)
+        if self.are_nodal or _compat.coordinate_map(self.space.mesh).degree == 1:
+            return np.asarray(nodal[self.blocks[self._nodes]])
+        return np.asarray(self.matrix @ nodal)
 
     def forces(self, at_nodes: FloatArray) -> FloatArray:
         """The forces at all local dofs of displacements for forces (k, d) on limited values.

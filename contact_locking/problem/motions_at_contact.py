@@ -43,8 +43,8 @@ class MotionsAtContact:
 
     @property
     def points(self) -> FloatArray:
-        """The positions (k, d) of the nodes."""
-        return np.asarray(self.contact.surface.points[self._own])
+        """The positions (k, d) of the nodes, as limited values."""
+        return np.asarray(self.contact.surface.arms[self._own])
 
     @property
     def contact_normals(self) -> FloatArray:

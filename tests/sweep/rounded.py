@@ -9,8 +9,8 @@ from .free import Scale
 @family
 def curved_cells(random: Random) -> Case:
     """A ring, a disc, a body of revolution or a ball, with friction and sometimes a limit."""
-    kind = pick(random, ["ring", "ring", "disc", "disc", "half section", "ball"])
-    scale = Scale.draw(random, 3 if kind == "ball" else 2)
+    kind = pick(random, ["ring", "ring", "disc", "disc", "half section", "ball", "half ball"])
+    scale = Scale.draw(random, 3 if "ball" in kind else 2)
     mesh, loads, contact = (_ring if kind == "ring" else _round)(scale, kind)
     mesh["curved"] = True
     study = scale.study(mesh, loads, contact, pick(random, [0.0, 0.2, 0.5]))
@@ -52,7 +52,7 @@ def _ring(scale: Scale, kind: str) -> tuple[Study, Study, Study]:
 def _round(scale: Scale, kind: str) -> tuple[Study, Study, Study]:
     """The lower half of a disc or a ball, or a quarter, pressed down or by its foundation."""
     random, dim = scale.random, scale.dim
-    around, quarter = kind == "half section", kind != "disc"
+    around, quarter = kind == "half section", kind in ("half section", "ball")
     mesh: Study = {"builder": "ball" if dim == 3 else "disc", "radius": scale.at(1.0)[0]}
     width, h = scale.at(0.6, 0.6 if dim == 3 else 0.3)
     mesh |= {"contact_width": width, "h": h, "quarter": quarter}
@@ -78,10 +78,14 @@ def _round(scale: Scale, kind: str) -> tuple[Study, Study, Study]:
         radius = between(random, 1.0, 4.0)
         ball = scale.at(*[0.0] * (dim - 1), -room - radius)
         tool = {"sphere": {"centre": ball, "radius": scale.at(radius)[0]}}
-    pushed = pick(random, ["no", "force", "spring"])
+    pushed = pick(random, ["no", "force", "spring"] + ["tilt"] * (not quarter))
     size = scale.force * between(random, 0.02, 0.1)
     if pushed == "force":
         tool["force"] = scale.over_time(*[0.0] * (dim - 1), size)
+    elif pushed == "tilt":
+        pivot = scale.at(*vector(random, dim - 1, 0.03), -room)
+        tool["tilt"] = {"about": pivot, "stiffness": 0.1 * scale.young * scale.length**dim}
+        tool["motion"] = scale.over_time(*vector(random, dim - 1, 0.5 * way), way)
     elif pushed == "spring":
         stiffness = decades(random, -1.0, 2.0) * scale.young * scale.length ** (dim - 2 + around)
         tool["spring"] = {"stiffness": stiffness, "along": [0.0] * (dim - 1) + [1.0]}
