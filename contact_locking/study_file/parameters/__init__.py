@@ -279,6 +279,8 @@ class Parameters(Section):
                 "does not go with steps, whose friction remembers the slip on one mesh; leave out "
                 "one of the two sections",
             )
+        if self.certificate.bound_meshes is not None:
+            yield from self._faults_of_bound_meshes()
         for section, name in itertools.product(("equilibria", "branches"), ("steps", "adapt")):
             if getattr(self, section) is not None and getattr(self, name) is not None:
                 yield Fault(
@@ -340,6 +342,18 @@ class Parameters(Section):
         if self.mesh.dim is not None:
             yield from self._dimension_faults(self.mesh.dim)
             yield from self._name_faults()
+
+    def _faults_of_bound_meshes(self) -> Iterator[Fault]:
+        place = ("certificate", "bound_meshes")
+        if not self.certificate.error_bound:
+            yield Fault(place, "needs the bound of the mesh; add certificate.error_bound: true")
+        for name in ("steps", "adapt", "equilibria", "branches"):
+            if getattr(self, name) is not None:
+                yield Fault(
+                    place,
+                    f"does not go with {name}: the bound is that of one solution on the mesh of "
+                    "the study; leave out one of the two",
+                )
 
     def _faults_of_pairing(self) -> Iterator[str]:
         if self.steps is None:
