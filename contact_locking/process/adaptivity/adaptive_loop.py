@@ -57,11 +57,13 @@ def solve(
             saved = restart if domain is first else None
             return solving.solve(parameters, comm, monitor, petsc_options, saved, domain)
 
+        began = time.perf_counter()
         saved_at = None if restart is None else saved_steps(Path(restart))[-1]
         first = None if saved_at is None else checkpoint.refined_mesh(saved_at, comm)
         solution = solved_with_nodes(attempt, first)
         if parameters.certificate.bound_meshes is not None and solution.converged:
             sharpen(solution, monitor or Monitor(), petsc_options)
+            solution.summary["wall_seconds"] = time.perf_counter() - began
         return solution
     # Only the last solution is kept in memory.
     solutions = solve_adaptively(parameters, comm, monitor, petsc_options, restart)
