@@ -4,10 +4,11 @@ For the affine function g on each facet of Gamma_C, let s_g be a stress with ``d
 traction ``g t`` along the tangent t of Gamma_C, and no other traction where none is free.  With the
 affine function P v_tau on each facet that is nearest to v_tau in L2,
 
-    |P v_tau|^2 = int s_g : eps(v) <= c_0 |P v_tau| |v|_a,   c_0 = max |s_g|/|g| in the norm of A^-1,
+    |P v_tau|^2 = int s_g : eps(v) <= c_0 |P v_tau| |v|_a,    c_0 = max |s_g|/|g|,
 
-for g = P v_tau and all v that are zero on Gamma_D.  The trace of a rigid motion r is affine, so that
-``|v_tau - P v_tau|_F <= |v - r|_F <= C_F |eps(v)|_K`` on a facet F of a triangle K.  Together
+with ``|s_g|`` in the norm of A^-1, for g = P v_tau and all v that are zero on Gamma_D.  The trace
+of a rigid motion r is affine, so that ``|v_tau - P v_tau|_F <= |v - r|_F <= C_F |eps(v)|_K`` on a
+facet F of a triangle K.  Together
 
     c^2 <= c_0^2 + max_K sum_F C_F^2/alpha_K.
 
@@ -40,7 +41,7 @@ _DEGREE = 1
 def slip_constant(
     state: SolvedState, elasticity: Elasticity, contacts: list[ContactTractions]
 ) -> float:
-    """c for the contacts together, from above but for the accuracy of one eigenvalue; collective.
+    """The c of the contacts together, up to the accuracy of one eigenvalue; collective.
 
     Raises NotApplicable if a linear solve or the eigenvalue solver fails.
     """
