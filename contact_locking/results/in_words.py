@@ -286,7 +286,7 @@ def _at_most(change: str, bound: float, what: str, under: str) -> str:
 
 
 def _moving(entry: Mapping[str, Any] | None) -> str | None:
-    """The estimate of the whole error with the friction bound that moves."""
+    """The bound of the whole error with the friction bound that moves."""
     if entry is None or entry["relative"] is None:
         return None if entry is None else str(entry["reason"])
     return f"bound of the whole error {per_cent(entry['relative'])}, {entry['reason']}"

@@ -1,4 +1,4 @@
-"""The estimated bound of the whole error with the friction bound that moves."""
+"""The bound of the whole error with the friction bound that moves."""
 
 from __future__ import annotations
 
@@ -9,16 +9,27 @@ import numpy as np
 import pytest
 import ufl
 from certified import certificate, solved
+from mpi4py import MPI
 from test_kappa import POISSON, YOUNG, block
 
+from contact_locking.certificate.guaranteed.body import Body
+from contact_locking.certificate.guaranteed.contact_tractions import contact_tractions
+from contact_locking.certificate.guaranteed.data_oscillation import trace_constants
+from contact_locking.certificate.guaranteed.macro_element import macro_element
+from contact_locking.certificate.guaranteed.slip_constant import slip_constant
+from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.convergence import on_mesh_of
 from contact_locking.fem.compiled import integral
 from contact_locking.laws.elasticity import isotropic_stress, lame_from_young, strain
+from contact_locking.process.of_study import solver_of
+from contact_locking.study.assembly import assemble
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("coefficient", [0.1, 0.2])
-def test_the_estimate_is_above_the_distance_to_a_finer_solution(coefficient: float) -> None:
+@pytest.mark.parametrize(("coefficient", "proved"), [(0.1, True), (0.2, False)])
+def test_the_bound_is_above_the_distance_to_a_finer_solution(
+    coefficient: float, proved: bool
+) -> None:
     changes = {"friction__coefficient": coefficient, "friction__smoothing__radius": 0.2}
     reference = solved(block(1 / 32, 2, **changes))
     for degree, largest in ((1, 3.0), (2, 6.0)):
@@ -30,20 +41,39 @@ def test_the_estimate_is_above_the_distance_to_a_finer_solution(coefficient: flo
         energy = ufl.inner(stress, strain(apart))
         error = math.sqrt(integral(reference.domain, energy * ufl.dx))
         found, kappa = errors["moving_friction"], _kappa(solution.summary["certificate"])
-        assert "estimated" in found["reason"]
+        assert found["proved"] is proved and ("estimated" in found["reason"]) is not proved
         assert found["energy_norm"] > errors["guaranteed"]["energy_norm"] >= error
-        assert found["energy_norm"] < largest * error / (1.0 - kappa)
+        assert found["energy_norm"] < largest * error / (1.0 - found["kappa"])
+        assert found["kappa"] > kappa if proved else found["kappa"] == kappa
 
 
-def test_the_estimate_follows_from_its_parts() -> None:
+def test_the_constant_of_the_slip_is_that_of_simple_shear_and_what_facets_do_not_resolve() -> None:
+    # Between rollers and under a clamped top the largest slip is that of simple shear: c_0^2 is
+    # the height over the shear modulus.
+    rollers = [{"on": side, "value": [None, 0.0]} for side in ("left", "right")]
+    held = [*rollers, {"on": "top", "value": [0.0, 0.0]}]
+    solver = solver_of(assemble(block(loads={"displacements": held}), MPI.COMM_WORLD))
+    state = solver.state(solver.solve())
+    triangles = Triangles(state.problem.domain)
+    contacts = [contact_tractions(fields, triangles) for fields in state.contacts]
+    elasticity = Body(state, triangles, macro_element(1)).elasticity
+    found = slip_constant(state, elasticity, contacts)
+    shear = lame_from_young(YOUNG, POISSON)[1]
+    # All triangles are alike, and alpha is twice the shear modulus.
+    (facet,) = np.unique(np.round(triangles.lengths.min(axis=1), 12))
+    rest = trace_constants(triangles)[triangles.lengths < facet * 1.01].max() ** 2 / (2.0 * shear)
+    assert found**2 == pytest.approx(1.0 / shear + rest, rel=1e-5)
+
+
+def test_the_bound_follows_from_its_parts() -> None:
     proofs = certificate(block(certificate__error_bound=True))
-    errors, constants = proofs["errors"], proofs["constants"]["uniqueness"]
-    found, kappa = errors["moving_friction"], _kappa(proofs)
-    assert kappa == pytest.approx(constants["c"] * constants["rho"])
+    errors, rho = proofs["errors"], proofs["constants"]["uniqueness"]["rho"]
+    found = errors["moving_friction"]
+    kappa = found["kappa"]
     # The loads are polynomials, and in an elastic body the bound is that of Prager and Synge, but
     # for the slack of contact.
     frozen = errors["guaranteed"]["energy_norm"]
-    most = frozen + (kappa * frozen + constants["c"] * found["residual"]) / (1.0 - kappa)
+    most = frozen + (kappa * frozen + kappa / rho * found["residual"]) / (1.0 - kappa)
     assert found["energy_norm"] == pytest.approx(most, rel=0.02)
 
 

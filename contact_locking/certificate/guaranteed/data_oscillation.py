@@ -64,14 +64,15 @@ class BalancedLoads:
 
     def oscillation(self, triangles: Triangles) -> FloatArray:
         """(n,) o_K with ``|(f, v) - (balanced part, v)| <= sum_K o_K |eps(v)|_K``."""
-        korn = korn_constants(triangles.lengths)
-        h = triangles.diameters
-        found = h / np.pi * korn * self.body_rest
-        trace = np.sqrt(
-            triangles.lengths / triangles.areas[:, None] * (1.0 / np.pi**2 + 1.0 / np.pi)
-        )
-        found += h * korn * np.sum(trace * self.rest, axis=1)
-        return np.asarray(found)
+        inside = triangles.diameters / np.pi * korn_constants(triangles.lengths) * self.body_rest
+        return np.asarray(inside + np.sum(trace_constants(triangles) * self.rest, axis=1))
+
+
+def trace_constants(triangles: Triangles) -> FloatArray:
+    """(n, 3) C with ``|v - r|_F <= C |eps(v)|_K`` on each facet F, for a rigid motion r of K."""
+    share = triangles.lengths / triangles.areas[:, None] * (1.0 / np.pi**2 + 1.0 / np.pi)
+    size = triangles.diameters * korn_constants(triangles.lengths)
+    return np.asarray(size[:, None] * np.sqrt(share))
 
 
 def korn_constants(lengths: FloatArray) -> FloatArray:

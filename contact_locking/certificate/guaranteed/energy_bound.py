@@ -28,7 +28,7 @@ from scipy.optimize import minimize_scalar
 
 from contact_locking.arrays import BoolArray, FloatArray, flattened
 from contact_locking.certificate.elliptic import Lifting, NotApplicable, require_still_foundations
-from contact_locking.certificate.guaranteed.body import Body, Gap
+from contact_locking.certificate.guaranteed.body import Body, Elasticity, Gap
 from contact_locking.certificate.guaranteed.boundary_conditions import (
     held_components,
     require_exact_gaps,
@@ -115,14 +115,15 @@ class FrozenBound:
 
     ``energy_norm`` bounds ``sqrt(a(u - u_h, u - u_h))``, and ``stress`` the distance of the stress
     s to that of u in the norm of A^-1 where the body does not lock, with the oscillation of the
-    loads.  ``squares`` (n,) are the contributions of the owned cells, and ``contacts`` have the
-    tractions of s.
+    loads.  ``squares`` (n,) are the contributions of the owned cells, ``contacts`` have the
+    tractions of s, and ``elasticity`` is A.
     """
 
     energy_norm: float
     stress: float
     squares: FloatArray
     contacts: list[ContactTractions]
+    elasticity: Elasticity
 
 
 def guaranteed_error(
@@ -192,7 +193,7 @@ def _bound(state: SolvedState, lifting: Lifting) -> FrozenBound:
     bound = share * rough + np.sqrt((share * rough) ** 2 + most) + apart
     stress = rough + np.sqrt(rough**2 + 2.0 * square)
     shares = np.maximum(squares, 0.0) + oscillation
-    return FrozenBound(float(bound), float(stress), shares, contacts)
+    return FrozenBound(float(bound), float(stress), shares, contacts, body.elasticity)
 
 
 def _sharpened(state: SolvedState, gap: Gap, square: float) -> tuple[float, float]:

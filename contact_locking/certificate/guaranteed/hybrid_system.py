@@ -12,6 +12,8 @@ Bars in the boundary add unknowns at the vertices that balance the forces of bar
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -118,13 +120,9 @@ class HybridSystem:
         the bars.  Raises NotApplicable if the linear solver fails.
         """
         element, triangles, bars = self.element, self.triangles, self.bars
-        transforms, areas = triangles.transforms[:, None, None], triangles.areas / 3.0
+        areas = triangles.areas / 3.0
         size, count = len(areas), len(element.basis)
-        # H_K = |K|/3 sum_tsab (P^T C P)_tsab G_tsab over the quarters s of the parts t.
-        gram = np.einsum("itpa,spq,jtqb->tsabij", element.basis, element.quarters, element.basis)
-        inner = np.swapaxes(transforms, 3, 4) @ compliance @ transforms
-        inner *= areas[:, None, None, None, None]
-        stiffness = (flattened(inner) @ gram.reshape(-1, count**2)).reshape(-1, count, count)
+        stiffness = self._stiffness(compliance)
         pull = element.mass @ strains
         for share, part in zip(element.quarters, np.moveaxis(compliance, 2, 0), strict=True):
             pull -= share @ lifted @ part
@@ -138,15 +136,42 @@ class HybridSystem:
         along = bars.along(strains)
         stretched = bars.solved(stiffening, along)
         pulled = bars.constraints @ stretched
-        at_cells, at_bars = self._global(
-            (local[:, :, 1:], pulled[:, :, 1:]), given, -pulled[:, :, 0]
-        )
+        with self._factored(local[:, :, 1:], pulled[:, :, 1:]) as multipliers:
+            at_cells, at_bars = multipliers(given, -pulled[:, :, 0])
         coefficients = solved[:, :, 0] + (solved[:, :, 1:] @ at_cells[:, :, None])[:, :, 0]
         tension = stretched[:, :, 0] + (stretched[:, :, 1:] @ at_bars[:, :, None])[:, :, 0]
         found = flattened(moments) + (self._tractions @ coefficients[:, :, None])[:, :, 0]
         jump = self._jump(found, (bars.constraints @ tension[:, :, None])[:, :, 0])
         stress = coefficients @ element.basis.reshape(count, -1)
         return Found(triangles.moved(stress.reshape(size, *strains.shape[1:])), tension, jump)
+
+    @contextmanager
+    def traces(self, compliance: FloatArray) -> Iterator[Callable[[FloatArray], FloatArray]]:
+        """A function from prescribed moments m to L (n, 3, k + 1, 2), with no bars; collective.
+
+        L are the multipliers of the stress s without divergence that has the moments and minimises
+        ``int C s : s``.  This integral is the sum of L m, and L is the trace of a displacement, of
+        which C s is the strain, weakly.
+        """
+        stiffness, none = self._stiffness(compliance), np.zeros((0, 3 * self._block))
+        local = self._tractions @ np.linalg.solve(stiffness, np.swapaxes(self._tractions, 1, 2))
+        with self._factored(local, np.zeros((0, *local.shape[1:]))) as multipliers:
+
+            def apply(moments: FloatArray) -> FloatArray:
+                given = np.where(self._held, 0.0, moments.reshape(self._held.shape))
+                found = multipliers(flattened(given), none)[0]
+                return found.reshape(moments.shape)
+
+            yield apply
+
+    def _stiffness(self, compliance: FloatArray) -> FloatArray:
+        """``H_K = |K|/3 sum_tsab (P^T C P)_tsab G_tsab`` over the quarters s of the parts t."""
+        element, count = self.element, len(self.element.basis)
+        transforms = self.triangles.transforms[:, None, None]
+        gram = np.einsum("itpa,spq,jtqb->tsabij", element.basis, element.quarters, element.basis)
+        inner = np.swapaxes(transforms, 3, 4) @ compliance @ transforms
+        inner *= self.triangles.areas[:, None, None, None, None] / 3.0
+        return (flattened(inner) @ gram.reshape(-1, count**2)).reshape(-1, count, count)
 
     def _number(self) -> None:
         """Number the blocks of unknowns: on each rank those of facets before those of vertices."""
@@ -173,21 +198,29 @@ class HybridSystem:
         ends = np.where(bars.tied, tied.array[bars.vertices], here[:, None])
         self._bar_blocks = np.column_stack([here, ends]).astype(PETSc.IntType)
 
-    def _global(
-        self, blocks: tuple[FloatArray, FloatArray], given: FloatArray, of_bars: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """The multipliers (n, 3 b) of the triangles and (m, 3 b) of the bars; collective."""
-        matrix = self._matrix(*blocks)
+    @contextmanager
+    def _factored(
+        self, blocks: FloatArray, bar_blocks: FloatArray
+    ) -> Iterator[Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]]:
+        """A function from what is given to the multipliers, which it factorises once; collective.
+
+        Both are (n, 3 b) of the triangles and (m, 3 b) of the bars.
+        """
+        matrix = self._matrix(blocks, bar_blocks)
         comm = self.triangles.domain.comm
         b, x = matrix.createVecLeft(), matrix.createVecRight()
-        at_facets, at_vertices = self._summed(given, of_bars)
-        b.array_w[:] = np.concatenate([at_facets.reshape(-1), at_vertices.reshape(-1)])
         options = default_options(self._linear, 2, matrix.getSize()[0], comm)
         ksp = create_ksp(comm, options | {"ksp_rtol": _RTOL}, prefix=_PREFIX)
-        try:
-            ksp.setOperators(matrix)
+
+        def solve(given: FloatArray, of_bars: FloatArray) -> tuple[FloatArray, FloatArray]:
+            at_facets, at_vertices = self._summed(given, of_bars)
+            b.array_w[:] = np.concatenate([at_facets.reshape(-1), at_vertices.reshape(-1)])
             ksp.solve(b, x)
             return self._spread(x.array_r.reshape(-1, self._block))
+
+        try:
+            ksp.setOperators(matrix)
+            yield solve
         except PETSc.Error as error:
             raise_callback_error(error)
             raise NotApplicable("the linear solve for the stress failed") from error

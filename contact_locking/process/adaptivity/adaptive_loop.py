@@ -29,6 +29,7 @@ from contact_locking.process.adaptivity.marking import cells_at, entered_places,
 from contact_locking.process.adaptivity.mesh_sequence import MEASURES, ErrorMeasure, MeshSequence
 from contact_locking.process.adaptivity.missed import solved_with_nodes
 from contact_locking.process.adaptivity.refinement import singular_place
+from contact_locking.process.adaptivity.sharper_bound import sharpen
 from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import StudySolution
@@ -46,8 +47,9 @@ def solve(
     """Solve (25)/(26) for the given parameters; collective.
 
     With a section ``adapt`` this is the last solution of `solve_adaptively`.  Without it the mesh
-    is refined where a foundation enters between the nodes, see `missed`.  For the arguments and the
-    errors see `contact_locking.process.solving.solve`.
+    is refined where a foundation enters between the nodes, see `missed`, and
+    ``certificate.bound_meshes`` sharpens the guaranteed bound, see `sharper_bound`.  For the
+    arguments and the errors see `contact_locking.process.solving.solve`.
     """
     if parameters.adapt is None:
 
@@ -55,9 +57,14 @@ def solve(
             saved = restart if domain is first else None
             return solving.solve(parameters, comm, monitor, petsc_options, saved, domain)
 
+        began = time.perf_counter()
         saved_at = None if restart is None else saved_steps(Path(restart))[-1]
         first = None if saved_at is None else checkpoint.refined_mesh(saved_at, comm)
-        return solved_with_nodes(attempt, first)
+        solution = solved_with_nodes(attempt, first)
+        if parameters.certificate.bound_meshes is not None and solution.converged:
+            sharpen(solution, monitor or Monitor(), petsc_options)
+            solution.summary["wall_seconds"] = time.perf_counter() - began
+        return solution
     # Only the last solution is kept in memory.
     solutions = solve_adaptively(parameters, comm, monitor, petsc_options, restart)
     return deque(solutions, maxlen=1)[0]

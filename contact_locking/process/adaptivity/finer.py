@@ -26,13 +26,15 @@ def finer_mesh(
     most: int,
     name: str,
     may_stay_straight: bool = False,
+    is_nested: bool = False,
 ) -> Domain:
     """The mesh of a solution with the cells ``marks`` (k,) refined; collective.
 
     ``marks`` is called on rank 0.  ``most`` is the largest number of unknowns, and ``name`` its
-    name in words.  Curved sides of a builder stay curved, and default radii of smoothing those of
-    the first mesh.  Where a cell would collapse at a curved side, the sides keep the facets of the
-    mesh if they ``may_stay_straight``, with a warning.  Raises NotRefined, on all ranks.
+    name in words.  Default radii of smoothing stay those of the first mesh.  Curved sides of a
+    builder stay curved, unless the mesh ``is_nested`` in that of the solution.  Where a cell would
+    collapse at a curved side, the sides keep the facets of the mesh if they ``may_stay_straight``,
+    with a warning.  Raises NotRefined, on all ranks.
     """
     domain, geometry = solution.domain, solution.parameters.mesh.geometry
     mesh, radii = gather_mesh(domain), smoothing_radii(solution)
@@ -40,7 +42,8 @@ def finer_mesh(
 
     def work() -> None:
         assert mesh is not None
-        told, curved = mesh.diagnosis.warnings, () if geometry is None else geometry.curved
+        told = mesh.diagnosis.warnings
+        curved = () if geometry is None or is_nested else geometry.curved
         marked, news = marks(mesh), list[str]()
         try:
             finer = refinement.refined(mesh, marked, curved)

@@ -113,6 +113,13 @@ class CertificateParameters(Section):
         "a proved bound of the error of mesh and penalty in the energy norm, for the friction "
         "bound of the solution; in 2D",
     )
+    bound_meshes: Count | None = entry(
+        None,
+        "solve for n = .inf on so many finer meshes, refined where the proved bound comes from, "
+        "for a sharper one",
+        "1",
+        optional=True,
+    )
     critical_friction: Switch = entry(
         False,
         "the least multiple of the friction coefficient at which the linearised problem at the "
