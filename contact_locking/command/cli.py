@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import functools
+import gc
 import os
 import re
 import sys
@@ -202,6 +203,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             return terminal.abort(UNEXPECTED, text, error)
         return terminal.abort(UNEXPECTED, f"{text}\n{hint}")
     terminal.leave_together()
+    if argv is None:
+        # The interpreter would look for garbage among all objects before it frees them.
+        gc.freeze()
     return code
 
 

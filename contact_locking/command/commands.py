@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import gc
 import json
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -52,12 +53,13 @@ def new(arguments: argparse.Namespace) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Solve, write the results, and print the summary."""
-    study = _load(arguments.file, _overrides(arguments))
-    comm = world_with_dolfinx(arguments)
-    from contact_locking.process import adaptivity, solving
-    from contact_locking.results import in_words, output_folder
-    from contact_locking.running import writing
-    from contact_locking.running.process import run_steps
+    with _importing() if arguments.program else contextlib.nullcontext():
+        study = _load(arguments.file, _overrides(arguments))
+        comm = world_with_dolfinx(arguments)
+        from contact_locking.process import adaptivity, solving
+        from contact_locking.results import in_words, output_folder
+        from contact_locking.running import writing
+        from contact_locking.running.process import run_steps
 
     parameters, restart = study.parameters, arguments.restart
     directory = parameters.output.directory
@@ -300,6 +302,17 @@ _ALL = (new, run, study, fit, report, view, check, mesh, schema)
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     command.__name__: command for command in _ALL
 }
+
+
+@contextlib.contextmanager
+def _importing() -> Iterator[None]:
+    """Import modules without collections of garbage, now and later: their objects stay."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def _overrides(arguments: argparse.Namespace) -> list[str]:
