@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from petsc4py import PETSc
 from problems import block, column, with_changes
 from slow import slow
 from solved_by_cg import crushed_steel
@@ -16,6 +17,8 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.process import solving
 from contact_locking.results.contact_points import OPEN
+from contact_locking.solver.interior_point.measures import Measures
+from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
 from contact_locking.solver.linear.multigrid_tangents import MultigridTangents
 from contact_locking.study_file.parameters import Parameters
@@ -95,6 +98,26 @@ def test_nested_friction_finds_the_same_bound_and_its_contraction() -> None:
     # After two solves from nothing each bound goes on from the cones of the one before.
     found = nested["iterations"]
     assert found["tangents"] < found["friction"] + 25
+
+
+def test_softer_steps_follow_a_tangent_that_rounding_makes_singular(monkeypatch: Any) -> None:
+    def solve() -> dict[str, Any]:
+        return solving.solve(block(penalty__n=math.inf, solver={"linear": "direct"})).summary
+
+    step, failed = Search.step, list[float]()
+
+    def singular(search: Search, measures: Measures) -> Any:
+        if measures.gap < 1e-6 and len(failed) < 2:
+            failed.append(measures.gap)
+            raise PETSc.Error(81)
+        return step(search, measures)
+
+    wanted = solve()
+    monkeypatch.setattr(Search, "step", singular)
+    found = solve()
+    assert found["converged"] and len(failed) == 2
+    assert found["compliance"] == pytest.approx(wanted["compliance"], rel=1e-7)
+    assert found["iterations"]["tangents"] <= wanted["iterations"]["tangents"] + 3
 
 
 def _stretched(by: float, n: float) -> Parameters:

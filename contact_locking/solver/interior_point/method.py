@@ -10,7 +10,8 @@ back-substitutions more than one with known bounds.
    solution.  Else each family of cones puts its points near the central path around it.
 2. Measure equilibrium, the laws, the duality gap and the friction bound (:mod:`measures`); stop at
    the tolerances, or with a proof that nothing is admissible (:mod:`farkas`).  Where rounding has
-   unbalanced the forces, bound the stiffness of the steps that follow.
+   unbalanced the forces, or makes the tangent of 3 singular, bound the stiffness of the steps that
+   follow.
 3. Linearise: scale each cone by Nesterov and Todd (doi:10.1287/moor.22.1.1), eliminate it, and
    assemble and factorise the tangent.  Everything up to 8 uses that factorisation.
 4. Predictor: the direction towards products of zero; it foresees the step of the friction bound.
@@ -42,7 +43,7 @@ from contact_locking.solver.interior_point.bound_step import BoundLaw, MovingBou
 from contact_locking.solver.interior_point.centred import centred
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
-from contact_locking.solver.interior_point.family import Family, Reaction
+from contact_locking.solver.interior_point.family import Direction, Family, Reaction
 from contact_locking.solver.interior_point.farkas import excluded_factor
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.iterate import Iterate
@@ -449,9 +450,13 @@ class InteriorPoint:
         if self._tangent.direct is None or unbalanced <= self._task.settings.tolerance:
             return
         if unbalanced > tuning.rounded * self._left:
-            least, most = tuning.stiffest
-            self._stiffest = min(max(0.1 * self._stiffest, least), most)
-            self._iterate.soften(1.0 / (self._stiffest * self._task.target.stiffness))
+            self._bound_stiffness()
+
+    def _bound_stiffness(self) -> None:
+        """Bound the stiffness of the steps that follow, by less than it was bounded before."""
+        least, most = self._tuning.stiffest
+        self._stiffest = min(max(0.1 * self._stiffest, least), most)
+        self._iterate.soften(1.0 / (self._stiffest * self._task.target.stiffness))
 
     # 3 to 9. One iteration.
 
@@ -461,9 +466,7 @@ class InteriorPoint:
         try:
             for bound in self._moving:
                 bound.friction.growth = np.maximum(bound.slope(), 0.0)
-            iterate.linearise()
-            report.tangents += 1
-            direction, t = self._search.step(measures)
+            direction, t = self._searched(measures)
         except PETSc.Error as error:
             raise_callback_error(error)
             raise NotConverged(LINEAR_FAILURE) from error
@@ -480,6 +483,23 @@ class InteriorPoint:
             self._follow(t)
             report.friction += 1
         return True
+
+    def _searched(self, measures: Measures) -> tuple[Direction, float]:
+        """A direction and its length; of softer steps where rounding makes a tangent singular.
+
+        Collective.
+        """
+        while True:
+            try:
+                self._iterate.linearise()
+                self._task.report.tangents += 1
+                return self._search.step(measures)
+            except PETSc.Error as error:
+                raise_callback_error(error)
+                least = self._tuning.stiffest[0]
+                if self._tangent.direct is None or self._stiffest <= least:
+                    raise
+                self._bound_stiffness()
 
     def _follow(self, t: float) -> None:
         """Note how far a step of length t left the friction bounds from ``mu |R p|``; collective.

@@ -182,7 +182,7 @@ class Tuning:
     #: smaller.
     least_energy: float = 1e-18
     #: Forces that are unbalanced by more than this multiple, > 1, of what a step should have left
-    #: are those of rounding, where the linear solver is direct.
+    #: are those of rounding, where the linear solver is direct.  So is a tangent that is singular.
     rounded: float = 10.0
     #: Steps are then no stiffer than the material by the second of these factors, and where that
     #: does not help by a tenth of it, and so on to the first.  Softer steps take more tangents.
