@@ -79,6 +79,7 @@ def test_an_unknown_name_is_refused() -> None:
         ("penalty.n", "infinite"),
         ("contact.on", "no number"),
         ("contact.gaps", "not given"),
+        ("mu0", "did you mean 'parameters.mu0'"),
     ],
 )
 def test_a_key_without_a_derivative_is_refused(key: str, reason: str) -> None:
@@ -232,6 +233,8 @@ def test_what_has_no_derivative_is_refused_before_the_solve(
     with pytest.raises(cl.InputError, match=reason):
         solve(asked, monitor=told)
     assert not [text for text in told.messages if "certificate" in text]
+    with pytest.raises(cl.InputError, match=reason):
+        cl.check(asked)
 
 
 def test_a_result_that_is_zero_has_no_elasticity_but_a_reason() -> None:
