@@ -202,8 +202,6 @@ def check(arguments: argparse.Namespace) -> int:
     from contact_locking.mesh import groups
     from contact_locking.process import forecast
     from contact_locking.results import output_folder
-    from contact_locking.running.fit.curves import read_experiments
-    from contact_locking.running.fit.starts import variables_of
     from contact_locking.study import assembly
 
     with _explained(study):
@@ -214,6 +212,9 @@ def check(arguments: argparse.Namespace) -> int:
             of_study.require_usable_options(parameters)
         experiments, judged = [], []
         if parameters.fit is not None:
+            from contact_locking.running.fit.curves import read_experiments
+            from contact_locking.running.fit.starts import variables_of
+
             experiments = read_experiments(parameters)
             variables_of(parameters)
         if parameters.fit is not None or parameters.sensitivities is not None:
