@@ -204,7 +204,6 @@ def check(arguments: argparse.Namespace) -> int:
     from contact_locking.mesh import groups
     from contact_locking.process import forecast
     from contact_locking.results import output_folder
-    from contact_locking.running.fit.curves import read_experiments
     from contact_locking.study import assembly
 
     with _explained(study):
@@ -213,8 +212,19 @@ def check(arguments: argparse.Namespace) -> int:
             from contact_locking.process import of_study
 
             of_study.require_usable_options(parameters)
-        experiments = read_experiments(parameters) if parameters.fit is not None else []
-        facts = forecast.completed(assembly.check(parameters, comm), parameters, comm)
+        experiments, judged = [], []
+        if parameters.fit is not None:
+            from contact_locking.running.fit.curves import read_experiments
+            from contact_locking.running.fit.starts import variables_of
+
+            experiments = read_experiments(parameters)
+            variables_of(parameters)
+        if parameters.fit is not None or parameters.sensitivities is not None:
+            from contact_locking.process.sensitivities import require_known
+
+            judged.append(require_known)
+        facts = assembly.check(parameters, comm, *judged)
+        facts = forecast.completed(facts, parameters, comm)
     for warning in facts.pop("warnings"):
         terminal.complain(f"warning: {warning}")
     if comm.rank == 0:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from contact_locking.errors import InputError, NoDerivatives
 from contact_locking.parallel import maximum
 from contact_locking.process.of_study import settings_of
 from contact_locking.process.problem_solver import ProblemSolver
@@ -21,6 +22,25 @@ from contact_locking.sensitivity.parameters import Frozen, width
 from contact_locking.study.assembly import StudyProblem
 from contact_locking.study_file.named_numbers import number_at, with_number
 from contact_locking.study_file.parameters import Parameters
+
+
+def require_known(problem: StudyProblem) -> None:
+    """Raise InputError, without a solve, for what sensitivities or a fit cannot ask; collective."""
+    parameters = problem.parameters
+    if parameters.sensitivities is None and parameters.fit is None:
+        return
+    solver = ProblemSolver(problem, settings_of(parameters))
+    if (given := parameters.sensitivities) is not None:
+        for name in given.to:
+            number_at(parameters, name)
+        solver.require_derivatives(given.of)
+    if parameters.fit is not None:
+        try:
+            solver.require_derivatives(tuple(parameters.fit.quantities.values()))
+        except NoDerivatives:
+            return  # the fit takes differences
+        except InputError as error:
+            raise InputError(str(error), "fit.quantities") from error
 
 
 class StudyNumber:

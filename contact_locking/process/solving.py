@@ -23,7 +23,12 @@ from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.loop import Steps
 from contact_locking.process.of_study import extras_of, of_study, require_usable_options, solver_of
-from contact_locking.process.sensitivities import Sensitivities, central_differences, value_of
+from contact_locking.process.sensitivities import (
+    Sensitivities,
+    central_differences,
+    require_known,
+    value_of,
+)
 from contact_locking.results.solution import StudySolution
 from contact_locking.study import assembly
 from contact_locking.study.assembly import StudyProblem, assemble
@@ -199,7 +204,7 @@ def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[
     ``estimate`` is what the solve would take (:class:`contact_locking.process.forecast.Estimate`).
     """
     require_usable_options(parameters)
-    return forecast.completed(assembly.check(parameters, comm), parameters, comm)
+    return forecast.completed(assembly.check(parameters, comm, require_known), parameters, comm)
 
 
 def _check_derivatives(

@@ -83,6 +83,7 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"])),
         ("solutions found", _several(summary.get("equilibria"))),
         ("branch of solutions", _branch(summary.get("branches"))),
+        ("derivatives", (summary.get("share_at_change") or {}).get("in_words")),
         ("size", f"{', '.join(sizes)}; elements of degree {element['degree']}{body}"),
         ("iterations", ", ".join(counts)),
         ("time", f"{summary['wall_seconds']:.1f} s"),
@@ -167,7 +168,7 @@ def sensitivities(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
             checked = entry.get("checked")
             told = "" if checked is None else f"by solves {checked:.4g}"
             rows.append((f"d {quantity}/d {key}", f"{entry['derivative']:.4g}", share, told))
-    return [*rows, ("derivatives", summary["share_at_change"]["in_words"], "", "")]
+    return rows
 
 
 def _may_adapt(summary: Mapping[str, Any]) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -126,9 +127,14 @@ class StudyProblem(DiscreteProblem):
         return facts
 
 
-def check(parameters: Parameters, comm: MPI.Intracomm) -> dict[str, Any]:
-    """The facts and warnings of the assembled problem, for any solver; collective."""
+def check(
+    parameters: Parameters,
+    comm: MPI.Intracomm,
+    judged: Callable[[StudyProblem], None] = lambda _: None,
+) -> dict[str, Any]:
+    """The facts and warnings of the assembled problem, which ``judged`` may refuse; collective."""
     problem = assemble(parameters, comm)
+    judged(problem)
     problem.close()
     return {**problem.facts(), "warnings": problem.warnings}
 

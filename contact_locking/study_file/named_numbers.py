@@ -58,7 +58,9 @@ def number_at(parameters: Parameters, key: str, asked: str = "sensitivities.to")
         elif isinstance(value, list) and part.isdecimal() and int(part) < len(value):
             value = value[int(part)]
         else:
-            raise InputError(f"{key} is not given in the file", asked)
+            named = key in (parameters.parameters or {})
+            meant = f" (did you mean 'parameters.{key}'?)" if named else ""
+            raise InputError(f"{key} is not given in the file{meant}", asked)
     if isinstance(value, str):
         raise InputError(
             f"{key} is {value!r}, and no number: give its numbers names in the section parameters, "

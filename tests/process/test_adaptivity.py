@@ -87,6 +87,21 @@ def test_an_early_end_is_said_in_the_summary_and_in_a_warning(
     assert solution.converged and solution.summary["dofs"] <= adapt.get("max_dofs", 10**6)
 
 
+def test_derivatives_are_those_on_the_last_mesh() -> None:
+    """Without a limit, a gap and a regularisation the compliance is proportional to 1/E."""
+    asked = {"of": ["compliance"], "to": ["material.elasticity.young"]}
+    elastic = adaptive(
+        h=0.5,
+        adapt={"tolerance": 0.2},
+        material__locking_limit=float("inf"),
+        sensitivities=asked,
+    )
+    summary = solve(elastic).summary
+    assert len(summary["adapt"]["meshes"]) > 1
+    found = summary["sensitivities"]["compliance"]["material.elasticity.young"]
+    assert found["derivative"] == pytest.approx(-summary["compliance"], rel=1e-6)
+
+
 @pytest.mark.serial
 def test_an_error_that_does_not_fall_ends_the_loop_where_the_cells_are_smallest(
     monkeypatch: pytest.MonkeyPatch,

@@ -79,6 +79,7 @@ def test_an_unknown_name_is_refused() -> None:
         ("penalty.n", "infinite"),
         ("contact.on", "no number"),
         ("contact.gaps", "not given"),
+        ("mu0", "did you mean 'parameters.mu0'"),
     ],
 )
 def test_a_key_without_a_derivative_is_refused(key: str, reason: str) -> None:
@@ -232,6 +233,8 @@ def test_what_has_no_derivative_is_refused_before_the_solve(
     with pytest.raises(cl.InputError, match=reason):
         solve(asked, monitor=told)
     assert not [text for text in told.messages if "certificate" in text]
+    with pytest.raises(cl.InputError, match=reason):
+        cl.check(asked)
 
 
 def test_a_result_that_is_zero_has_no_elasticity_but_a_reason() -> None:
@@ -284,15 +287,21 @@ def test_a_check_stands_beside_the_derivative() -> None:
     assert "change" in solution.summary["share_at_change"]["in_words"]
 
 
-def test_a_block_that_slides_has_the_derivative_of_coulombs_law() -> None:
-    """A plate drags a block over its foundation: the friction is mu times the pressing force."""
+@pytest.mark.parametrize(
+    ("drag", "steps", "sign"), [(0.5, None, -1.0), ("1 - abs(2*t - 1)", {"times": [0.5, 1.0]}, 1.0)]
+)
+def test_a_block_that_slides_has_the_derivative_of_coulombs_law(
+    drag: float | str, steps: dict[str, Any] | None, sign: float
+) -> None:
+    """A plate drags a block, there or there and back: friction is mu times the pressing force."""
     parameters = with_changes_of(
         study(
             friction__coefficient="mu0",
             friction__smoothing={"kernel": "none"},
-            loads={"displacements": [{"on": "top", "value": [0.5, -0.01]}]},
+            loads={"displacements": [{"on": "top", "value": [drag, -0.01]}]},
             material={},
             contact__gap=0.0,
+            steps=steps,
         ),
         {"of": ["friction_force.0", "contact_force.1"], "to": ["parameters.mu0"]},
     )
@@ -301,10 +310,10 @@ def test_a_block_that_slides_has_the_derivative_of_coulombs_law() -> None:
     assert summary["slip_area"] == pytest.approx(1.0)
     friction, force = summary["friction_force"][0], summary["contact_force"][1]
     found = {name: entry["parameters.mu0"] for name, entry in summary["sensitivities"].items()}
-    # F = -mu N, of which N changes with mu as well.
-    expected = -force - 0.3 * found["contact_force.1"]["derivative"]
-    assert friction == pytest.approx(-0.3 * force, rel=1e-6)
-    assert found["friction_force.0"]["derivative"] == pytest.approx(expected, rel=1e-5)
+    # F = -mu N on the way there, of which N changes with mu as well.
+    expected = sign * (force + 0.3 * found["contact_force.1"]["derivative"])
+    assert friction == pytest.approx(sign * 0.3 * force, rel=1e-6)
+    assert found["friction_force.0"]["derivative"] == pytest.approx(expected, rel=1e-6)
 
 
 # Differences take a minute on two ranks.

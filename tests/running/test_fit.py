@@ -342,6 +342,9 @@ def test_check_reads_the_curves(folder: Folder, capfd: pytest.CaptureFixture[str
     assert "1 to 2 measured numbers" in capfd.readouterr().out
     folder.write(COLUMN + FIT, curve="t,Force\n1,2\n")
     assert cli.main(["check", str(folder.path / "study.yml")]) == 2
+    folder.write(COLUMN + FIT.replace("contact_force.1", "reactions.botom.1"), curve=LINE)
+    assert cli.main(["check", str(folder.path / "study.yml")]) == 2
+    assert "fit.quantities: no quantity 'reactions.botom.1'" in capfd.readouterr().err
 
 
 def test_a_file_without_a_fit_is_refused(folder: Folder, capfd: pytest.CaptureFixture[str]) -> None:

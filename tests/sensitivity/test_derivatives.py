@@ -104,6 +104,17 @@ def test_few_solves_serve_many_parameters(make: Make) -> None:
     assert lazy.made.solves - before <= 5
 
 
+def test_a_moving_friction_bound_takes_fewer_solves_than_the_solution_took(make: Make) -> None:
+    made = make()
+    solution = made.problem.solve()
+    lazy: Any = solution.differentiable
+    lazy.made.adjoint("compliance")
+    adjoint = lazy.made.solves
+    lazy.made.forward(NAMES, [Entry(made.given["E"], 0, "E")])
+    assert 0 < adjoint <= 0.5 * solution.summary["iterations"]["linear"]
+    assert lazy.made.solves - adjoint <= 0.5 * solution.summary["iterations"]["linear"]
+
+
 def test_a_derivative_is_refused_with_its_reason(make: Make) -> None:
     made = make()
     solution = made.problem.solve()

@@ -45,13 +45,13 @@ def derivative_charts(rows: Sequence[tuple[str, str, Any, Any]]) -> list[Chart]:
             f"elasticities-{position}",
             f"What 1 % more of each number does to {result}, in per cent",
             1.0 + 0.3 * min(len(own), _MOST_BARS),
-            partial(_bars, result=result, bars=own[:_MOST_BARS]),
+            partial(_bars, bars=own[:_MOST_BARS]),
         )
         for position, (result, own) in enumerate(list(bars.items())[:_MOST_CHARTS], start=1)
     ]
 
 
-def _bars(figure: Figure, result: str, bars: Sequence[tuple[str, float]]) -> None:
+def _bars(figure: Figure, bars: Sequence[tuple[str, float]]) -> None:
     axes = figure.add_subplot()
     names = [key if len(key) <= _LONGEST else f"…{key[1 - _LONGEST :]}" for key, _ in bars]
     values = [value for _, value in bars]
@@ -61,7 +61,7 @@ def _bars(figure: Figure, result: str, bars: Sequence[tuple[str, float]]) -> Non
     axes.set_yticks(places, names)
     axes.invert_yaxis()
     axes.axvline(0.0, color=style.BLACK, lw=0.8)
-    axes.set_xlabel(f"change of {result} in % for 1 % more", loc="left")
+    axes.set_xlabel("change in % for 1 % more", loc="left")
     axes.margins(x=0.08)
 
 
