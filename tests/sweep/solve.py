@@ -203,6 +203,10 @@ def _solve_pair(case: Case, problem: StudyProblem, outcome: Outcome, checks: boo
 class _Seen:
     """All steps of a problem, as the judge with elements of its own sees them."""
 
+    complaint: str
+    judge: pair_judge.Judge
+    moments: list[Moment]
+
     def __init__(self, study: Study, problem: StudyProblem) -> None:
         loads = study["loads"].values()
         entries = [entry for part in loads for entry in part if isinstance(entry, dict)]
@@ -214,7 +218,7 @@ class _Seen:
         self.complaint = pair_judge.complaint(found)
 
     def _solutions(self, given: StudyProblem) -> list[StudySolution]:
-        study, self.moments = self._study, list[Moment]()
+        study, self.moments = self._study, []
         regions = set(study["material"].get("regions", {}))
         mesh: Mesh | None = None
         for solution in Steps(given) if "steps" in study else iter([solve_assembled(given)]):
