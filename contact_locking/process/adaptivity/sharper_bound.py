@@ -92,7 +92,7 @@ def sharpen(
 def _rank(entry: Mapping[str, Any]) -> tuple[bool, float]:
     """The less, the better: an estimate comes after every proof."""
     size = entry["energy_norm"]
-    return not entry.get("proved", True), math.inf if size is None else size
+    return (True, math.inf) if size is None else (bool(entry.get("estimated")), size)
 
 
 def _inequality(given: Parameters) -> Parameters:
