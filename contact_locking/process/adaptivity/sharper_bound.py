@@ -97,10 +97,8 @@ def _rank(entry: Mapping[str, Any]) -> tuple[bool, float]:
 
 def _inequality(given: Parameters) -> Parameters:
     """The inequality with limits at all points of the strain, and with the bound alone."""
-    changed = {
-        "certificate": CertificateParameters(error_bound=True),
-        "sensitivities": None,
-    }
+    alone = CertificateParameters(error_bound=True)
+    changed: dict[str, Any] = {"certificate": alone, "sensitivities": None}
     if given.discretisation.degree == 2:
         limited = given.discretisation.model_copy(update={"limit_at": "vertices"})
         changed["discretisation"] = limited
