@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,36 @@ def test_the_verdict_says_kappa_or_which_hypothesis_fails(
     found = uniqueness(block(**changes))
     assert found["verdict"] == verdict and why in found["why"], found
     assert (found["kappa"] is not None) == ("below 1" in why)
+
+
+SLIDING = {"displacements": [{"on": "left", "value": [0.0, None]}], "body_force": [0.0, -0.01]}
+PUSHED = {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}, "force": [0.0, 0.01]}
+STACKED = {
+    "mesh": {"builder": "stack", "size": [1.0, 0.5], "upper": [1.0, 0.5], "h": 0.5},
+    "loads": {
+        "displacements": [
+            {"on": "bottom", "value": [0.0, 0.0]},
+            {"on": "top", "value": [0.0, -0.01]},
+        ]
+    },
+    "contact": {"on": "upper_bottom", "against": "lower_top"},
+}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"loads": SLIDING}, "displacement conditions alone do not hold the body"),
+        ({"contact": [{"on": "bottom"}, {"on": "left"}]}, "two contacts acts at one node"),
+        ({"friction__coefficient": math.inf}, "without slip there is no coefficient"),
+        ({"contact__foundation": PUSHED}, "forces decide where a foundation is"),
+        (STACKED, "two bodies touch"),
+    ],
+)
+def test_other_hypotheses_that_fail_are_named(changes: dict[str, Any], why: str) -> None:
+    found = uniqueness(block(**changes))
+    assert found["verdict"] == UNKNOWN and why in found["why"] and found["kappa"] is None
 
 
 def test_the_terminal_says_kappa() -> None:

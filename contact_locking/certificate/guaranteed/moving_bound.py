@@ -33,14 +33,14 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.nodal_contact import joint_norm
 from contact_locking.parallel import on_every_rank
 
-_MOVES = "with the friction bound that moves and R by its values at the nodes"
 _PROVED = (
-    f"proved {_MOVES}, on the polygon of the mesh, with a material that is constant in each cell; "
-    "up to rounding, 1e-6 of two eigenvalues and the tolerance of the solver"
+    "proved with the friction bound that moves and R by its values at the nodes, on the polygon of "
+    "the mesh, with a material that is constant in each cell; up to rounding, 1e-6 of two "
+    "eigenvalues and the tolerance of the solver"
 )
 _ESTIMATED = (
-    f"estimated, {_MOVES}: c is that of the displacements on this mesh, from below; "
-    "with {above:.3g}, from above, kappa is {kappa:.3g}"
+    "estimated, with the friction bound that moves and R by its values at the nodes: c is that of "
+    "the displacements on this mesh, from below; with {above:.3g}, from above, kappa is {kappa:.3g}"
 )
 # The room for what two eigenvalues to a relative 1e-6 may lack.
 _ROOM = 1e-5
@@ -51,14 +51,14 @@ def moving_error(
 ) -> dict[str, Any]:
     """``energy_norm``, ``relative``, and ``reason``: of what the bound is, or why there is none.
 
-    Collective.  ``proved`` is false for an estimate, ``kappa`` is that of the bound, and
+    Collective.  ``estimated`` says whether it is an estimate, ``kappa`` is that of the bound, and
     ``residual`` is r.
     """
     try:
         return _bound(state, frozen, small)
     except NotApplicable as failure:
-        none = dict.fromkeys(("relative", "energy_norm", "kappa", "residual"))
-        return {**none, "proved": False, "reason": f"not applicable: {failure}"}
+        none = dict.fromkeys(("relative", "energy_norm", "kappa", "residual", "estimated"))
+        return {**none, "reason": f"not applicable: {failure}"}
 
 
 def _bound(
@@ -84,7 +84,7 @@ def _bound(
         "energy_norm": found,
         "kappa": used.value,
         "residual": residual,
-        "proved": above.is_small,
+        "estimated": not above.is_small,
         "reason": _PROVED if above.is_small else estimated,
     }
 

@@ -92,15 +92,13 @@ def sharpen(
 def _rank(entry: Mapping[str, Any]) -> tuple[bool, float]:
     """The less, the better: an estimate comes after every proof."""
     size = entry["energy_norm"]
-    return not entry.get("proved", True), math.inf if size is None else size
+    return (True, math.inf) if size is None else (bool(entry.get("estimated")), size)
 
 
 def _inequality(given: Parameters) -> Parameters:
     """The inequality with limits at all points of the strain, and with the bound alone."""
-    changed = {
-        "certificate": CertificateParameters(error_bound=True),
-        "sensitivities": None,
-    }
+    alone = CertificateParameters(error_bound=True)
+    changed: dict[str, Any] = {"certificate": alone, "sensitivities": None}
     if given.discretisation.degree == 2:
         limited = given.discretisation.model_copy(update={"limit_at": "vertices"})
         changed["discretisation"] = limited
