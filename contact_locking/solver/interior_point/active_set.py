@@ -181,7 +181,7 @@ class ActiveSet:
         moved = system.constraints.held_part(held[0] - last.displacement)
         # Where nodes that have slid slide on from the beginning, a motion of the supports strains
         # the surface beside the contact more, and more points at their limit change sides.
-        slides_on = not on_any_rank(self._tangent.comm, moved.any())
+        slides_on = not on_any_rank(self._tangent.comm, moved != 0.0)
         system.u.x.array[:] = last.displacement
         if len(last.travels) == len(system.tools):
             system.tools.travels = last.travels

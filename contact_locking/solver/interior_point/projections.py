@@ -188,7 +188,8 @@ class FrictionProjection(Projection):
         super().__init__(family, stiffness, stiffest)
         self.family: FrictionCones = family
         self._rows = slice(1, 1 + family.nodes.dim)
-        self._slides_at, self._slipped = 1.0, 0.0
+        self._slides_at = 1.0
+        self._slipped: FloatArray | float = 0.0
         self._along = np.zeros((family.nodes.dim, len(family.weights)))
         self._turned: BoolArray = np.zeros(len(family.weights), dtype=bool)
 
