@@ -223,15 +223,16 @@ def test_a_script_may_change_the_problem_between_steps() -> None:
     assert second.history.rows[-1]["dissipated"] == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("n", [1e2, 1e4])
-def test_a_step_of_one_percent_of_the_load_takes_at_most_eight_tangents_on_average(
-    n: float,
-) -> None:
+@pytest.mark.parametrize(("n", "most"), [(1e2, 4.0), (1e4, 7.0), (math.inf, 4.0)])
+def test_a_step_of_one_percent_of_the_load_takes_few_tangents(n: float, most: float) -> None:
     loads = {
-        "tractions": [{"on": "top", "value": ["0.03*t", "-0.05*t"]}],
+        "tractions": [
+            {"on": "top", "value": [0, "-0.08*(1 - x)*t"]},
+            {"on": "right", "value": [0, "0.007*t"]},
+        ],
         "displacements": [{"on": "left", "value": [0, 0]}],
     }
     times = [1.0, 1.01, 1.02, 1.03]
     *_, last = solve_steps(block(h=1 / 32, loads=loads, penalty__n=n, steps={"times": times}))
     assert last.converged
-    assert last.history.column("tangents")[1:].mean() <= 8.0
+    assert last.history.column("tangents")[1:].mean() <= most

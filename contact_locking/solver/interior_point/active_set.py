@@ -65,7 +65,7 @@ class Pieces:
     kept_gain: float = 0.2
     #: With more than this left (relative to the forces) after the first step the way leads away.
     far: float = 10.0
-    #: Two or three steps have to reduce either what is left or the number of points on another
+    #: One, two or three steps have to reduce either what is left or the number of points on another
     #: piece by this factor.
     gain: float = 0.5
     #: The most steps.
@@ -179,6 +179,10 @@ class ActiveSet:
         """
         system = self._task.system
         held = system.u.x.array.copy(), system.tools.travels
+        moved = system.constraints.held_part(held[0] - last.displacement)
+        # Where nodes that have slid slide on from the beginning, a motion of the supports strains
+        # the surface beside the contact more, and more points at their limit change sides.
+        slides_on = not on_any_rank(self._tangent.comm, moved != 0.0)
         system.u.x.array[:] = last.displacement
         if len(last.travels) == len(system.tools):
             system.tools.travels = last.travels
@@ -188,7 +192,8 @@ class ActiveSet:
             family = law.family
             family.takes_part = True
             family.look(self._tangent.present())
-            law.recall((np.zeros_like(family.x), np.zeros_like(family.z)) if pair is None else pair)
+            x, z = (np.zeros_like(family.x), np.zeros_like(family.z)) if pair is None else pair
+            law.recall((slides_on * x, z))
             for bound in self._standing:
                 if bound.friction is family:
                     family.z[0] = bound.friction.nodes.of_all(bound.contact.bounds)
@@ -345,6 +350,6 @@ class ActiveSet:
         pieces, last = self._pieces, left[-1]
         if not np.isfinite(last.worst) or (len(left) > 1 and last.worst > pieces.far):
             return True
-        if len(left) == 3:
-            return not last.is_less_than(left[0], pieces.gain)
-        return len(left) > 3 and not last.is_less_than(left[-4], pieces.gain)
+        return len(left) > 2 and not any(
+            last.is_less_than(before, pieces.gain) for before in left[-4:-1]
+        )

@@ -193,16 +193,17 @@ class FrictionProjection(Projection[FrictionCones]):
         super().__init__(family, stiffness, stiffest)
         self._rows = slice(1, 1 + family.nodes.dim)
         self._slides_at = 1.0
+        self._slipped: FloatArray | float = 0.0
         self._along = np.zeros((family.nodes.dim, len(family.weights)))
         self._turned: BoolArray = np.zeros(len(family.weights), dtype=bool)
 
     def recall(self, pair: Pair) -> None:
-        z = pair[1].copy()
         # The foundation may have turned since.
-        z[self._rows] = self.family.nodes.tangential(z[self._rows])
-        self.family.z = z
+        slip, traction = (self.family.nodes.tangential(part[self._rows]) for part in pair)
+        self.family.z = pair[1].copy()
+        self.family.z[self._rows] = traction
         self.start(self.family.reactions)
-        self._slides_at = _SLIDES_ON
+        self._slides_at, self._slipped = _SLIDES_ON, self.c * slip
 
     def linearise(self) -> None:
         family, slip = self.family, self.family.seen
@@ -215,13 +216,13 @@ class FrictionProjection(Projection[FrictionCones]):
             used = np.clip(dot(self.y, along), 0.0, bound)
             family.set_block(bound / self._m, -used * size / self._m**2, along, slip / self._m)
             return
-        v = self._shifted()
+        v = self._shifted() + self._slipped
         size = norm(v)
         # A node that would turn round in each step sticks instead.
         turns_again = self._turned & self._turns(v)
         self._turned = np.asarray(self._turns(v) & ~turns_again)
         self._sticks = np.asarray((size <= self._slides_at * bound) | turns_again)
-        self._slides_at = 1.0
+        self._slides_at, self._slipped = 1.0, 0.0
         self._along = v / np.maximum(size, _TINY)
         share = np.where(self._sticks, 0.0, bound / np.maximum(size, _TINY))
         self._left = np.maximum(1.0 - share, self.c * self.softness)
