@@ -65,7 +65,8 @@ class Equilibria:
         self.end = ""
         settings = task.settings
         aside = task.aside(self.report).with_settings(
-            tolerance=_SHARPER * settings.tolerance, max_iterations=_LONGER * settings.max_iterations
+            tolerance=_SHARPER * settings.tolerance,
+            max_iterations=_LONGER * settings.max_iterations,
         )
         self.map = BoundMap(aside)
         self._newton = MapNewton(self.map, settings.friction_tolerance)
