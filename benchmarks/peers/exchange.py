@@ -22,12 +22,12 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Problem:
-    """A body of linear triangles above the rigid foundation y <= 0, in plane strain.
+    """A body of linear triangles above the rigid foundation y <= 0, in plane strain, or two bodies.
 
     ``parts`` holds the facets (f, 2) of each boundary part as numbers of nodes.  ``tractions`` are
     forces per length by part.  ``held`` are the components that are zero on each part.  The part
-    ``contact`` may touch the foundation with Coulomb's coefficient ``friction``.  ``study`` is the
-    same problem as a study file has it.
+    ``contact`` may touch the foundation with Coulomb's coefficient ``friction``, or the part
+    ``against`` of a second body.  ``study`` is the same problem as a study file has it.
     """
 
     x: Any
@@ -38,6 +38,7 @@ class Problem:
     limit: float
     friction: float
     contact: str
+    against: str | None
     tractions: dict[str, list[float]]
     held: dict[str, list[int]]
     study: dict[str, Any]
@@ -74,8 +75,8 @@ class Problem:
 
     def save(self, path: Path) -> None:
         """Write the arrays and the numbers."""
-        kept = ("young", "poisson", "limit", "friction", "contact", "tractions", "held", "study")
-        facts = json.dumps({name: getattr(self, name) for name in kept})
+        kept = ("young", "poisson", "limit", "friction", "contact", "against", "tractions", "held")
+        facts = json.dumps({name: getattr(self, name) for name in (*kept, "study")})
         arrays = {f"part_{name}": facets for name, facets in self.parts.items()}
         np.savez(path, x=self.x, cells=self.cells, bound=self.bound, facts=facts, **arrays)
 

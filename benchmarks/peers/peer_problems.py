@@ -2,7 +2,8 @@
 
 ``hertz``: a cylinder on a plane (V6).  ``block``: a block pressed and dragged with Coulomb friction
 of the local pressure.  ``locking``: the same block with a strain limit.  ``smooth``: that one
-without friction.  ``plate``: SSNV128.
+without friction.  ``plate``: SSNV128.  ``stack``: a block on another
+one, whose mesh does not match.
 """
 
 from __future__ import annotations
@@ -65,6 +66,19 @@ STUDIES: dict[str, dict[str, Any]] = {
         "friction": {"coefficient": 1.0, "smoothing": {"kernel": "none"}},
     },
 }
+STUDIES["stack"] = {
+    "mesh": {"builder": "stack", "h": 1.0 / 32.0},
+    "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
+    "loads": {
+        "tractions": [{"on": "top", "value": [0.03, -0.05]}],
+        "displacements": [
+            {"on": "bottom", "value": [0.0, 0.0]},
+            {"on": "upper_left", "value": [0.0, 0.0]},
+        ],
+    },
+    "contact": {"on": "upper_bottom", "against": "lower_top"},
+    "friction": {"coefficient": 0.3, "smoothing": {"kernel": "none"}},
+}
 STUDIES["locking"] = STUDIES["block"] | {
     "material": STUDIES["block"]["material"] | {"locking_limit": 0.02}
 }
@@ -91,6 +105,7 @@ def problem(name: str, solution: StudySolution) -> Problem:
         limit=given["material"].get("locking_limit", math.inf),
         friction=given.get("friction", {}).get("coefficient", 0.0),
         contact=given["contact"]["on"],
+        against=given["contact"].get("against"),
         tractions={item["on"]: item["value"] for item in given["loads"]["tractions"]},
         held={
             item["on"]: [j for j, value in enumerate(item["value"]) if value is not None]

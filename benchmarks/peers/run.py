@@ -59,6 +59,7 @@ NODAL = Peer("GetFEM, augmented Lagrangian, nodal", "getfem_contact", ("contact=
 INTEGRAL = Peer("GetFEM, augmented Lagrangian, integral", "getfem_contact", ("contact=integral",))
 CLARABEL = Peer("Clarabel", "clarabel_conic")
 BOUNDS = Peer("PETSc, vinewtonrsls", "petsc_bounds")
+TWO_BODIES = Peer("GetFEM, augmented Lagrangian, integral", "getfem_two_bodies")
 PROXIMAL = Peer("proximal Galerkin", "proximal")
 
 
@@ -72,6 +73,7 @@ RUNS: dict[str, tuple[Peer, ...]] = {
     "hertz": (OURS, NEWTON, PENALTY, STEPPED, NODAL, INTEGRAL, CLARABEL, BOUNDS, PROXIMAL),
     "block": (OURS, NEWTON, PENALTY, STEPPED, NODAL, INTEGRAL, CLARABEL),
     "plate": (OURS, NEWTON, PENALTY, STEPPED, NODAL, INTEGRAL, CLARABEL),
+    "stack": (OURS, NEWTON, TWO_BODIES),
     "locking": (OURS, NEWTON, locking(10), locking(2), CLARABEL),
     "smooth": (
         *(OURS, NEWTON, locking(10), locking(2), CLARABEL),
@@ -154,7 +156,7 @@ def rows_of(name: str, folder: Path) -> list[list[str]]:
                     str(facts["iterations"]),
                     f"{facts['seconds']:.2f}",
                     f"{measure.error(u):.0e}",
-                    f"{measure.penetration(u):.0e}",
+                    "" if measure.problem.against else f"{measure.penetration(u):.0e}",
                     *([f"{max(0.0, over):.0e}"] if np.isfinite(limit) else []),
                 ]
             )
@@ -219,7 +221,7 @@ def main() -> None:
         "--divisions", type=int, default=32, help="1/h of the blocks, not the plate"
     )
     given = parser.parse_args()
-    for name in ("block", "locking", "smooth"):
+    for name in ("block", "stack", "locking", "smooth"):
         problems.STUDIES[name]["mesh"]["h"] = 1.0 / given.divisions
     machine = f"{os.cpu_count()} cores, {platform.machine()}, load {os.getloadavg()[0]:.1f}"
     lines = ["# Measured by `benchmarks/peers/run.py`", ""]
@@ -243,7 +245,8 @@ def main() -> None:
             ]
     if {"plate", "hertz"} <= set(solutions):
         lines += ["## Beside published numbers", "", *published(solutions), ""]
-    scripts = ("getfem_contact", "clarabel_conic", "petsc_bounds", "proximal", "dolfinx_body")
+    others = ("clarabel_conic", "petsc_bounds", "proximal", "dolfinx_body")
+    scripts = ("getfem_contact", "getfem_two_bodies", *others)
     counts = [[f"{name}.py", str(code_lines(name))] for name in scripts]
     lines += ["## Lines of code", "", *table(["script", "lines"], counts), ""]
     (HERE / "results.md").write_text("\n".join(lines), encoding="utf-8")

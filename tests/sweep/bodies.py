@@ -128,9 +128,10 @@ def grip(random: Random) -> Case:
     if chance(random):
         loads["body_force"] = [0.0, -between(random, 0.001, 0.03) * size]
     data = _rubbing(random, mesh, loads, limit, 0.5)
-    young = decades(random, -1.0, 1.0)
-    other: Study = {"elasticity": {"young": young, "poisson": between(random, 0.0, 0.4)}}
-    data["material"]["regions"] = {"left": other, "right": other}
+    young, poisson = decades(random, -1.0, 1.0), between(random, 0.0, 0.4)
+    data["material"]["regions"] = {
+        side: {"elasticity": {"young": young, "poisson": poisson}} for side in ("left", "right")
+    }
     pads = ["left_pad", "right_pad"]
     if chance(random):
         data["contact"] = {"on": "rim", "against": pads}

@@ -42,6 +42,8 @@ _DERIVED = 10
 _EXCESS = 1e-7
 # Penalties over Young's modulus, and how much larger the next makes a pressure without a limit.
 _PENALTIES, _GROWTH = (1e3, 1e4, 1e5, 1e6, 1e7), 5.0
+# Words of what the program tells of forces that grow without a limit.
+_GROWS = ("grow with the penalty", "of the pressure without friction, and grows")
 # Words of what the program claims about a problem that it does not solve.
 _CLAIMS = (
     "infeasible",
@@ -130,7 +132,7 @@ def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
     discrete = unseen.with_band(case.truth, discrete)
     outcome.tangents = int(solution.summary["iterations"]["tangents"])
     _judge(case.truth, solution, discrete, outcome, checks)
-    if outcome.kind == NOT_SOLVED and "grow with the penalty" in outcome.reason:
+    if outcome.kind == NOT_SOLVED and any(words in outcome.reason for words in _GROWS):
         outcome.kind = WEDGED if forces_grow(outcome.study, problem) else NOT_SOLVED
 
 

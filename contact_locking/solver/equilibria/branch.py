@@ -23,6 +23,9 @@ from contact_locking.solver.equilibria.paths import Path
 _ACCURACY, _MOST, _FEW = 1e-4, 8, 4
 # The first step, in shares of friction, the longest and the shortest.
 _FIRST, _LONGEST, _SHORTEST = 0.1, 0.25, 1e-5
+# Where the bounds are large, a step changes them by this share of themselves, and a bold one by the
+# next where they are so many times those without friction: there they mostly grow along a line.
+_GROWTH, _BOLD_GROWTH, _FAR = 0.125, 0.5, 10.0
 _LONGER, _SHORTER = 1.5, 0.5
 # So often is the step to a fold halved.
 _BISECTIONS = 8
@@ -58,7 +61,7 @@ class Branch:
     def __init__(self, path: Path, bold: bool = False, locates_folds: bool = False) -> None:
         self._locates_folds = locates_folds
         self._path, self._vectors = path, path.vectors
-        self._aside = math.inf if bold else _ASIDE
+        self._bold, self._aside = bold, math.inf if bold else _ASIDE
         self._size, self._side, self.reach = 1.0, 1.0, 0.0
 
     def points(
@@ -99,8 +102,11 @@ class Branch:
             if at[-1] < 0.0:
                 return
             if count <= _FEW:
-                length = min(_LONGER * length, _LONGEST * max(1.0, 0.5 * self.reach))
+                length = min(_LONGER * length, max(_LONGEST, self._growth() * self.reach))
             yield BranchPoint(at[:-1], float(at[-1]), sign)
+
+    def _growth(self) -> float:
+        return _BOLD_GROWTH if self._bold and self.reach > _FAR else _GROWTH
 
     def _fold(self, before: FloatArray, length: float, tangent: FloatArray) -> BranchPoint:
         """The last point before the share turns, within a step that leads beyond it."""

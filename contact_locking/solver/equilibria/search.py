@@ -18,8 +18,9 @@ from contact_locking.solver.equilibria.newton import Deflation, MapNewton
 from contact_locking.solver.equilibria.paths import OverFriction
 from contact_locking.solver.task import SolverReport, Task
 
-# Tresca's problems need to be solved this much more sharply than the bounds.
-_SHARPER = 0.1
+# Tresca's problems need to be solved this much more sharply than the bounds, and those with bounds
+# far above the pressure without friction take so many times the iterations.
+_SHARPER, _LONGER = 0.1, 3
 # The most nodes with friction that the dense derivative is made for, and the most points of the
 # branch from no friction and of one from a solution.
 _MOST_NODES, _MOST_POINTS, _FEWER_POINTS = 1500, 100, 40
@@ -62,9 +63,13 @@ class Equilibria:
         self._task, self.report, self._most_tangents = task, SolverReport(), most_tangents
         #: How the branch ends that has no more solutions, in words.
         self.end = ""
-        aside = task.aside(self.report).with_settings(tolerance=_SHARPER * task.settings.tolerance)
+        settings = task.settings
+        aside = task.aside(self.report).with_settings(
+            tolerance=_SHARPER * settings.tolerance,
+            max_iterations=_LONGER * settings.max_iterations,
+        )
         self.map = BoundMap(aside)
-        self._newton = MapNewton(self.map, task.settings.friction_tolerance)
+        self._newton = MapNewton(self.map, settings.friction_tolerance)
 
     def on_branch(
         self, start: FloatArray | None = None, direction: float = 1.0, bold: bool = False
