@@ -50,19 +50,6 @@ def test_this_problem_has_no_solution(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("file", sorted(Path(__file__).with_name("unsolved").glob("*.yml")))
-def test_what_is_left_unsolved_says_so_and_how_much_friction_has_a_solution(file: Path) -> None:
-    """A file of this folder that is solved one day moves to the problems that are.
-
-    Its forces are not in proportion to the penalty, and are told no otherwise.
-    """
-    solution = solving.solve(study_file.load(file).parameters, MPI.COMM_SELF)
-    assert not solution.converged
-    assert "a solution was found with" in solution.summary["reason"]
-    assert "grow with the penalty" not in solution.summary["reason"]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "file", sorted(Path(__file__).with_name("unsolved").glob("processes/*.yml"))
 )
