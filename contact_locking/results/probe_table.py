@@ -78,8 +78,8 @@ def text(samples: Sequence[ProbeSample]) -> str:
     rows: list[list[Any]] = []
     for taken in samples:
         when = [taken.step, float(taken.time)] if timed else []
-        places = zip(taken.points.probe.tolist(), taken.points.number.tolist(), strict=True)
-        numbers = np.column_stack([taken.points.x, *taken.values.values()]).tolist()
+        places: Any = np.column_stack([taken.points.probe, taken.points.number]).tolist()
+        numbers: Any = np.column_stack([taken.points.x, *taken.values.values()]).tolist()
         rows += [[*when, *place, *own] for place, own in zip(places, numbers, strict=True)]
     columns = [*(["step", "t"] if timed else []), "probe", "point", *axes, *samples[0].values]
     return csv_text(columns, rows)

@@ -35,7 +35,7 @@ def _points(**given: Any) -> Any:
     return SimpleNamespace(comm=MPI.COMM_SELF, weights=np.ones(POINTS), **given)
 
 
-def _half_lines(compliance: float) -> tuple[Projection, Any]:
+def _half_lines(compliance: float) -> tuple[Projection[Any], Any]:
     family: HalfLines = StrainHalfLines(
         _points(limit=np.full(POINTS, 0.7), rows=1), compliance, number=0
     )
@@ -47,7 +47,7 @@ def _half_lines(compliance: float) -> tuple[Projection, Any]:
     return law, projected
 
 
-def _locking(compliance: float) -> tuple[Projection, Any]:
+def _locking(compliance: float) -> tuple[Projection[Any], Any]:
     family = LockingCones(_points(limit=np.full(POINTS, 0.7), rows=3), compliance, 0)
     law = LockingProjection(family, 2.0, STIFFEST)
 
@@ -59,7 +59,7 @@ def _locking(compliance: float) -> tuple[Projection, Any]:
     return law, projected
 
 
-def _friction(bound: float) -> tuple[Projection, Any]:
+def _friction(bound: float) -> tuple[Projection[Any], Any]:
     family = FrictionCones(_points(dim=3), 0.0, 1.0)
     family.z[0] = bound
     law = FrictionProjection(family, 2.0, STIFFEST)

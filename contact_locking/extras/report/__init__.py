@@ -39,7 +39,7 @@ def write_all(directory: str | Path) -> list[Path]:
 
     # The errors of a page whose numbers are no numbers, or are not there.
     damage = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, TemplateError)
-    folder, pages = Path(directory), []
+    folder, pages = Path(directory), list[Path]()
     with explained(f"no report can be written in {folder}", folder):
         for results in read_all(folder):
             name = BESIDE_RUN if pages else CHARTS
