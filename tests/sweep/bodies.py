@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 
 from contact_locking.meshes.grains import Grains
@@ -130,7 +131,8 @@ def grip(random: Random) -> Case:
     data = _rubbing(random, mesh, loads, limit, 0.5)
     young = decades(random, -1.0, 1.0)
     other: Study = {"elasticity": {"young": young, "poisson": between(random, 0.0, 0.4)}}
-    data["material"]["regions"] = {"left": other, "right": other}
+    # A change of the one is none of the other.
+    data["material"]["regions"] = {"left": other, "right": copy.deepcopy(other)}
     pads = ["left_pad", "right_pad"]
     if chance(random):
         data["contact"] = {"on": "rim", "against": pads}
