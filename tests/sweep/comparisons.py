@@ -110,10 +110,8 @@ def exported(solution: StudySolution, state: State) -> str:
 
 def is_unique(parameters: Parameters) -> bool:
     """Whether one solution is to be expected: friction neither large nor dependent on the slip."""
-    mu, contacts = parameters.friction.coefficient, parameters.contacts
-    # Bodies between others may stick in many places.
-    is_between = len(contacts) > 1 or any(len(contact.against) > 1 for contact in contacts)
-    return isinstance(mu, float) and mu <= (0.0 if is_between else 0.5)
+    mu = parameters.friction.coefficient
+    return isinstance(mu, float) and mu <= 0.5
 
 
 def against_reference(discrete: Discrete, state: State) -> str:
