@@ -29,8 +29,9 @@ from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_any_rank
 from contact_locking.problem import own_energy
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
-from contact_locking.problem.elasticity import Elasticity, elasticity_of
+from contact_locking.problem.elasticity import Elasticity, elasticity_of, split
 from contact_locking.problem.limits import Limit
+from contact_locking.problem.springs import OwnSprings
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Solution
@@ -125,14 +126,23 @@ class ContactProblem:
         if energy is not None:
             own_energy.check(energy, space)
         given = [item for item in bcs if not isinstance(item, Support)]
+        form: ufl.Form | None = None
+        springs: list[OwnSprings] = []
+        if isinstance(a, Elasticity):
+            elasticity = a
+        else:
+            form, others = split(a)
+            elasticity = elasticity_of(form)
+            springs = [] if others is None else [OwnSprings(others)]
         body = Body(
             domain=domain,
             element=element,
             space=space,
-            elasticity=a if isinstance(a, Elasticity) else elasticity_of(a),
+            elasticity=elasticity,
             constraints=constrain(domain, space, [], held, given),
             loads=L,
-            form=None if isinstance(a, Elasticity) else a,
+            form=form,
+            springs=springs,
             limits=limits,
             own_energy=energy,
             supports=[name for support in held for name in support.on],

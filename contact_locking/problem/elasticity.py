@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
+from ufl.algorithms.analysis import extract_arguments, extract_type
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 from ufl.core.expr import Expr
@@ -266,25 +267,47 @@ def _unit(pair: tuple[int, int], size: int) -> Expr:
     return ufl.as_tensor(entries.tolist())
 
 
+def split(a: ufl.Form) -> tuple[ufl.Form, ufl.Form | None]:
+    """The work of stresses in ``a(u, v)``, and the integrals on facets and of u and v themselves.
+
+    The second form is None without any.  Raises InputError for an integral over cells with both.
+    """
+    v, u = a.arguments()
+    eye = ufl.Identity(u.ufl_shape[0])
+    of_stress, others = [], []
+    for integral in a.integrals():
+        density = apply_derivatives(apply_algebra_lowering(integral.integrand()))
+        itself = extract_arguments(ufl.replace(density, {ufl.grad(u): eye, ufl.grad(v): eye}))
+        if integral.integral_type() == "cell" and not itself:
+            of_stress.append(integral)
+            continue
+        others.append(integral)
+        strained = {item.ufl_operands[0] for item in extract_type(density, ufl.classes.Grad)}
+        if integral.integral_type() == "cell" and strained & {u, v}:
+            raise InputError(
+                "has strains and the displacement itself in one integral; give each an integral "
+                "of its own, as inner(sigma(u), eps(v))*dx + k*inner(u, v)*dx",
+                "a",
+            )
+    return ufl.Form(of_stress), ufl.Form(others) if others else None
+
+
 def elasticity_of(a: ufl.Form) -> Elasticity:
     """The elasticity in a bilinear form ``a(u, v)``: its density at strains of u and v.
 
-    Terms with u or v themselves, and those on facets, take part in the form alone.  ``rotational``
-    is the density at rotations, which no stress has.
+    ``a`` is the first form of :func:`split`.  ``rotational`` is the density at rotations, which no
+    stress has.
     """
     v, u = a.arguments()
     mesh = u.ufl_function_space().mesh
     size = mesh.topology.dim
     densities = []
     for integral in a.integrals():
-        if integral.integral_type() != "cell":
-            continue
         density = apply_derivatives(apply_algebra_lowering(integral.integrand()))
         densities.append(_on_subdomain(integral, mesh) * density)
-    nothing = ufl.classes.Zero((size,))
 
     def density_at(of_u: Expr, of_v: Expr) -> Expr:
-        given = {ufl.grad(u): of_u, ufl.grad(v): of_v, u: nothing, v: nothing}
+        given = {ufl.grad(u): of_u, ufl.grad(v): of_v}
         return sum(ufl.replace(density, given) for density in densities)
 
     pairs = [(i, j) for i in range(size) for j in range(i, size)]

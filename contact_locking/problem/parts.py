@@ -13,6 +13,7 @@ from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.problem import forms
 from contact_locking.problem.motions import Motions, dofs_of, motions_of_part
+from contact_locking.problem.springs import Springs
 from contact_locking.supports.conditions import Constraints
 from contact_locking.supports.rigid_motions import (
     free_motions,
@@ -66,6 +67,7 @@ def parts_held(
     """
     found = {}
     touching = [part for contact in data.contacts for part in (*contact.on, *contact.against)]
+    springs = dict.fromkeys(item.on for item in data.springs if isinstance(item, Springs))
     for group in _groups(domain, data):
         motions = Motions(domain, space, data, constraints, group)
         sliding = sliding_motions(motions.normals).shape[1]
@@ -79,7 +81,7 @@ def parts_held(
                 free.shape[1],
                 # Bodies that touch each other may slide together: they count once.
                 sliding if number == loosest else 0,
-                _touching(domain, number, list(dict.fromkeys(item.on for item in data.springs))),
+                _touching(domain, number, list(springs)),
                 free_motions(domain, space, constraints, dofs_of(domain, space, number)).shape[1]
                 - free.shape[1],
             )

@@ -46,8 +46,34 @@ class Springs:
         return -_assembled(self.form(u, ufl.TestFunction(u.function_space)), u)
 
 
+@dataclass(frozen=True)
+class OwnSprings:
+    """The terms ``given`` of a user's ``a(u, v)`` on facets, and in cells with u and v themselves.
+
+    They hold the body, and act from outside, as `Springs` do.
+    """
+
+    given: ufl.Form
+    on: str = "a"
+
+    def form(self, u: Expr, v: Expr) -> ufl.Form:
+        """The share of ``a(u, v)``."""
+        test, trial = self.given.arguments()
+        return ufl.replace(self.given, {trial: u, test: v})
+
+    def all_around(self, u: Expr, v: Expr) -> ufl.Form:
+        """The same with each component of u and v in all directions."""
+        size = u.ufl_shape[0]
+        axes = [ufl.as_vector(axis) for axis in np.eye(size).tolist()]
+        return sum(self.form(u[i] * e, v[i] * e) for i in range(size) for e in axes)
+
+    def forces(self, u: fem.Function) -> FloatArray:
+        """The forces on the body at local dofs, ghosts included; collective."""
+        return -_assembled(self.form(u, ufl.TestFunction(u.function_space)), u)
+
+
 def motions_past(
-    springs: Sequence[Springs], space: fem.FunctionSpace, motions: FloatArray
+    springs: Sequence[Springs | OwnSprings], space: fem.FunctionSpace, motions: FloatArray
 ) -> FloatArray:
     """Coefficients (f, g) of the g motions, of some (f, n) at local dofs, that stretch no spring.
 

@@ -263,17 +263,20 @@ def _criteria(criteria: Mapping[str, Mapping[str, Any]]) -> str:
 
 def _proved(summary: Mapping[str, Any]) -> str:
     bounds = summary["bounds"]
-    under = ", for the friction bound reached" if _has_friction(summary) else ""
+    reached = ", for the friction bound reached" if _has_friction(summary) else ""
     broken = [_spaced(name) for name, entry in bounds.items() if entry["holds"] is False]
     if broken:
         return f"violated: {', '.join(broken)}"
     held = sum(entry["holds"] is True for entry in bounds.values())
     parts = []
     if (whole := _relative(summary, "guaranteed")) is not None:
+        is_finer = look_up(summary, "certificate.errors.guaranteed.finer_cells") is not None
+        under = ", for the friction bound of the solution on a finer mesh"
+        under = under if reached and is_finer else reached
         parts.append(_at_most("the whole error is", whole, "the whole error", under))
     if distance := _relative(summary, "penalty"):
         change = "the penalty changes the solution on this mesh by"
-        parts.append(_at_most(change, distance, "what the penalty changes", under))
+        parts.append(_at_most(change, distance, "what the penalty changes", reached))
     if held:
         parts.append(f"{count(held, 'bound')} of the theory, which the result keeps")
     return "; ".join(parts) or "no bound applies"

@@ -13,6 +13,7 @@ from test_kappa import block as clamped_on_top
 from contact_locking import StudySolution, solve
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.convergence import on_mesh_of
+from contact_locking.results.in_words import rows
 from contact_locking.study.assembly import assemble
 
 QUADRATIC = {"discretisation__degree": 2, "material__locking_limit": 0.02}
@@ -42,6 +43,10 @@ def test_finer_meshes_make_the_bound_sharper_and_keep_it_above_the_error() -> No
     size = math.sqrt(2.0 * sharper.summary["elastic_energy"])
     assert bound(sharper)["relative"] == pytest.approx(bound(sharper)["energy_norm"] / size)
     assert "the solution for n = .inf on" in bound(sharper)["reason"]
+    assert (
+        "for the friction bound of the solution on a finer mesh"
+        in dict(rows(sharper.summary))["proved"]
+    )
 
 
 def test_limits_at_gauss_points_get_a_bound_from_limits_at_the_vertices() -> None:

@@ -119,6 +119,7 @@ def test_a_tilted_interface_with_friction_carries_a_uniform_pressure(
             penalty__n=n,
             discretisation__degree=degree,
             solver__tolerance=1e-8 if n == math.inf else 1e-12,
+            solver__friction_tolerance=1e-8 if n == math.inf else 1e-12,
         )
     )
     exact = np.zeros((dim, dim))

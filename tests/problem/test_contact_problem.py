@@ -508,3 +508,43 @@ def test_data_of_a_script_that_cannot_be_used_are_refused_with_their_place(
         ).solve()
     assert caught.value.key == key
     assert f"This is about {key}." in caught.value.__notes__
+
+
+def held_by_form(terms: Callable[[Domain, Any, Any], ufl.Form]) -> cl.Solution:
+    """A block that a force lifts off its foundation, held by terms of ``a`` alone."""
+    study = assemble(block(h=0.5), MPI.COMM_WORLD)
+    domain, space = study.domain, study.u.function_space
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    load = fem.Constant(domain.mesh, (0.02, 0.02))
+    contact = cl.Contact(domain.facets(("bottom",)), friction=rubbing())
+    problem = cl.ContactProblem(
+        elastic(space) + terms(domain, u, v), pulled(domain, space, load), [], LIMITS, [contact]
+    )
+    found = problem.solve()
+    problem.close()
+    return found
+
+
+@pytest.mark.parametrize("place", ["facets", "cells"])
+def test_terms_of_a_form_with_the_displacement_itself_hold_the_body(place: str) -> None:
+    def springs(domain: Domain, u: Any, v: Any) -> ufl.Form:
+        measure = domain.ds(("top",)) if place == "facets" else ufl.dx
+        return 0.5 * ufl.inner(u, v) * measure
+
+    found = held_by_form(springs)
+    assert found.converged
+    parts = found.summary["certificate"]["resultants"]
+    assert parts["loads"] == pytest.approx([0.02, 0.02])
+    assert np.add(parts["loads"], parts["contact"]) == pytest.approx(-np.array(parts["reactions"]))
+
+
+def test_a_spring_along_one_axis_leaves_the_motion_along_the_other_free() -> None:
+    with pytest.raises(cl.InputError, match="rigid motion free"):
+        held_by_form(lambda domain, u, v: u[0] * v[0] * domain.ds(("top",)))
+
+
+def test_strains_and_the_displacement_itself_need_integrals_of_their_own() -> None:
+    with pytest.raises(cl.InputError, match="an integral of its own"):
+        held_by_form(
+            lambda domain, u, v: (ufl.inner(strain(u), strain(v)) + ufl.inner(u, v)) * ufl.dx
+        )

@@ -229,7 +229,7 @@ def test_the_advice_after_a_failed_solve_is_about_what_the_problem_has(
 
 def test_a_solve_that_stops_early_says_how_far_the_friction_bound_was() -> None:
     # The foundation overlaps the body, so that feasibility is tried, too.
-    given = {"max_iterations": 6}
+    given = {"max_iterations": 3}
     summary = solving.solve(block(contact__gap=-5e-4, penalty__n=math.inf, solver=given)).summary
     assert not summary["converged"]
     assert 1e-8 < summary["friction_fixed_point"]["change"] < 1.0

@@ -84,6 +84,7 @@ def sharpen(
                 errors[name] = new | {
                     "energy_norm": total,
                     "relative": None if size is None else total / size,
+                    "finer_cells": domain.num_cells,
                 }
                 if name == "guaranteed":
                     errors[name]["reason"] = _PROVED.format(cells=domain.num_cells)
