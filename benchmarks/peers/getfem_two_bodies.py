@@ -62,6 +62,7 @@ for name, inside in (("u1", first), ("u2", ~first)):
             model.add_source_term_brick(rule, name, f"load_{key}", region[key])
 
 # Contact and friction
+assert problem.against is not None
 model.add_filtered_fem_variable("force", fields["u1"], region[problem.contact])
 model.add_integral_contact_between_nonmatching_meshes_brick(
     *(rules["u1"], "u1", "u2", "force", "r", "mu", region[problem.contact]),

@@ -64,7 +64,7 @@ class OwnSprings:
     def all_around(self, u: Expr, v: Expr) -> ufl.Form:
         """The same with each component of u and v in all directions."""
         size = u.ufl_shape[0]
-        axes = [ufl.as_vector(axis) for axis in np.eye(size).tolist()]
+        axes = [ufl.unit_vector(i, size) for i in range(size)]
         return sum(self.form(u[i] * e, v[i] * e) for i in range(size) for e in axes)
 
     def forces(self, u: fem.Function) -> FloatArray:
