@@ -27,6 +27,7 @@ back-substitutions more than one with known bounds.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -293,6 +294,7 @@ class InteriorPoint:
         if is_found:
             return self.multipliers()
         limit, tuning = settings.max_iterations, self._tuning
+        steps_left = tuning.steps_for_law if self._wants_law else 0
         for iteration in range(limit + 1):
             measures = self._measure()
             task.monitor.iteration(iteration, measures.worst())
@@ -305,8 +307,11 @@ class InteriorPoint:
                 break
             # Other bounds ask for another displacement, however near they are.
             is_enough = iteration > 0 or not self._goes_on
-            if is_enough and measures.reached(settings, tuning.gap_tolerance, self._loosened):
+            reached = is_enough and measures.reached(settings, tuning.gap_tolerance, self._loosened)
+            is_last = steps_left == 0 or iteration == limit
+            if reached and (is_last or self._judge.keeps_penalty_law(self._iterate)):
                 break
+            steps_left -= reached
             self._stop_if_infeasible(measures)
             self._soften(measures)
             if iteration == limit:
@@ -314,12 +319,23 @@ class InteriorPoint:
                 raise NotConverged(
                     f"{limit} interior point iterations did not suffice ({measures})"
                 )
-            if not self._step(measures):
-                self.require_feasible()
-                raise NotConverged(f"the interior point step vanished ({measures})")
+            if self._leads_on(measures, reached):
+                continue
+            if reached:
+                break
+            self.require_feasible()
+            raise NotConverged(f"the interior point step vanished ({measures})")
         task.report.duality_gap = measures.gap
         self._goes_on = not (self.is_elastic or self.bound_moves)
         return self.multipliers()
+
+    @property
+    def _wants_law(self) -> bool:
+        """Whether locking stresses shall keep their penalty law, which no polishing gives them."""
+        target, polishes = self._task.target, self._tangent.direct is not None
+        has_digits = target.penalty.n <= self._tuning.stiffest_law * target.stiffness
+        is_wanted = has_digits and bool(self._families.strains)
+        return is_wanted and not polishes and self._loosened == 1.0
 
     def _rests(self) -> bool:
         """Whether the body is at rest without multipliers; collective."""
@@ -391,7 +407,13 @@ class InteriorPoint:
         ]
         settings, foresees = self._task.settings, self.approach.foresees
         self._search = Search(
-            self._iterate, self._moving, tuning, settings, foresees, self._loosened
+            self._iterate,
+            self._moving,
+            tuning,
+            settings,
+            foresees,
+            self._loosened,
+            self._wants_law,
         )
 
     def _pieces_of_laws(self, goes_on: bool) -> ActiveSet | None:
@@ -459,6 +481,12 @@ class InteriorPoint:
         self._iterate.soften(1.0 / (self._stiffest * self._task.target.stiffness))
 
     # 3 to 9. One iteration.
+
+    def _leads_on(self, measures: Measures, reached: bool) -> bool:
+        """Take a step, or none from where all is ``reached`` and the linear solve fails."""
+        with contextlib.suppress(*[NotConverged] * reached):
+            return self._step(measures)
+        return False
 
     def _step(self, measures: Measures) -> bool:
         """Take a step; False if there is none that leads anywhere; collective."""

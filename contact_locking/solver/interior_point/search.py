@@ -18,7 +18,8 @@ class Search:
     """Finds the steps of an iterate whose tangent is assembled.
 
     The numbers are those of the steps of the algorithm in :mod:`method`.  ``foresees`` is that of
-    the approach, and ``loosened`` the multiple of the tolerances that is enough.
+    the approach, ``loosened`` the multiple of the tolerances that is enough, and ``for_law`` asks
+    for the penalty law of locking at each point.
     """
 
     def __init__(
@@ -29,8 +30,10 @@ class Search:
         settings: Settings,
         foresees: bool = False,
         loosened: float = 1.0,
+        for_law: bool = False,
     ) -> None:
         self._foresees, self._loosened = foresees, loosened
+        self._gap_aim = tuning.gap_aim_of_law if for_law else tuning.gap_aim * loosened
         self._iterate, self._bounds = iterate, bounds
         self._tuning, self._tolerance = tuning, settings.tolerance
         self._last_length, self._bounds_contract = 0.0, False
@@ -212,5 +215,5 @@ class Search:
         tuning = self._tuning
         if measures.gap < tuning.gap_ahead * measures.equilibrium:
             return 1.0
-        least = tuning.gap_aim * self._loosened * tuning.gap_tolerance / measures.gap
+        least = self._gap_aim * tuning.gap_tolerance / measures.gap
         return max(centring, min(tuning.gap_growth, least))
