@@ -84,7 +84,7 @@ class Judge:
         """
         limited = [f for f in iterate.families if isinstance(f, LimitsOfStrain)]
         comm, target = iterate.comm, self._task.target
-        size = target.stiffness * self.mean_strain(self._task.settings.tolerance)
+        size = target.ellipticity * self.mean_strain(self._task.settings.tolerance)
         size = max([size, *(maximum(comm, np.abs(f.reactions)) for f in limited)])
         return all(
             maximum(comm, np.abs(f.reactions - f.penalised)) <= self._tuning.off_law * size

@@ -9,9 +9,10 @@ back-substitutions more than one with known bounds.
 1. Start: the elastic displacement (:mod:`start`).  If it is admissible and rubs nowhere, it is the
    solution.  Else each family of cones puts its points near the central path around it.
 2. Measure equilibrium, the laws, the duality gap and the friction bound (:mod:`measures`); stop at
-   the tolerances, or with a proof that nothing is admissible (:mod:`farkas`).  Where rounding has
-   unbalanced the forces, or makes the tangent of 3 singular, bound the stiffness of the steps that
-   follow.
+   the tolerances, or with a proof that nothing is admissible (:mod:`farkas`).  Where nobody polishes
+   the solution of a penalised problem, go on until each locking stress keeps its law.  Where
+   rounding has unbalanced the forces, or makes the tangent of 3 singular, bound the stiffness of
+   the steps that follow.
 3. Linearise: scale each cone by Nesterov and Todd (doi:10.1287/moor.22.1.1), eliminate it, and
    assemble and factorise the tangent.  Everything up to 8 uses that factorisation.
 4. Predictor: the direction towards products of zero; it foresees the step of the friction bound.
@@ -27,7 +28,6 @@ back-substitutions more than one with known bounds.
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -311,7 +311,9 @@ class InteriorPoint:
             is_last = steps_left == 0 or iteration == limit
             if reached and (is_last or self._judge.keeps_penalty_law(self._iterate)):
                 break
-            steps_left -= reached
+            if reached:
+                steps_left -= 1
+                self._search.aim_at_law()
             self._stop_if_infeasible(measures)
             self._soften(measures)
             if iteration == limit:
@@ -407,13 +409,7 @@ class InteriorPoint:
         ]
         settings, foresees = self._task.settings, self.approach.foresees
         self._search = Search(
-            self._iterate,
-            self._moving,
-            tuning,
-            settings,
-            foresees,
-            self._loosened,
-            self._wants_law,
+            self._iterate, self._moving, tuning, settings, foresees, self._loosened
         )
 
     def _pieces_of_laws(self, goes_on: bool) -> ActiveSet | None:
@@ -483,10 +479,13 @@ class InteriorPoint:
     # 3 to 9. One iteration.
 
     def _leads_on(self, measures: Measures, reached: bool) -> bool:
-        """Take a step, or none from where all is ``reached`` and the linear solve fails."""
-        with contextlib.suppress(*[NotConverged] * reached):
+        """As :meth:`_step`; a step that fails where all is ``reached`` leads nowhere; collective."""
+        try:
             return self._step(measures)
-        return False
+        except NotConverged:
+            if not reached:
+                raise
+            return False
 
     def _step(self, measures: Measures) -> bool:
         """Take a step; False if there is none that leads anywhere; collective."""

@@ -18,8 +18,7 @@ class Search:
     """Finds the steps of an iterate whose tangent is assembled.
 
     The numbers are those of the steps of the algorithm in :mod:`method`.  ``foresees`` is that of
-    the approach, ``loosened`` the multiple of the tolerances that is enough, and ``for_law`` asks
-    for the penalty law of locking at each point.
+    the approach, and ``loosened`` the multiple of the tolerances that is enough.
     """
 
     def __init__(
@@ -30,15 +29,18 @@ class Search:
         settings: Settings,
         foresees: bool = False,
         loosened: float = 1.0,
-        for_law: bool = False,
     ) -> None:
         self._foresees, self._loosened = foresees, loosened
-        self._gap_aim = tuning.gap_aim_of_law if for_law else tuning.gap_aim * loosened
+        self._gap_aim = tuning.gap_aim * loosened
         self._iterate, self._bounds = iterate, bounds
         self._tuning, self._tolerance = tuning, settings.tolerance
         self._last_length, self._bounds_contract = 0.0, False
         self._friction_tolerance = settings.friction_tolerance
         self._last_change, self._sharper = math.inf, 1.0
+
+    def aim_at_law(self) -> None:
+        """Aim at a gap that is small enough for the penalty law at each point."""
+        self._gap_aim = self._tuning.gap_aim_of_law
 
     def step(self, measures: Measures) -> tuple[Direction, float]:
         """The step to take and its length; collective."""
