@@ -9,9 +9,8 @@ back-substitutions more than one with known bounds.
 1. Start: the elastic displacement (:mod:`start`).  If it is admissible and rubs nowhere, it is the
    solution.  Else each family of cones puts its points near the central path around it.
 2. Measure equilibrium, the laws, the duality gap and the friction bound (:mod:`measures`); stop at
-   the tolerances, or with a proof that nothing is admissible (:mod:`farkas`).  Where nobody polishes
-   the solution of a penalised problem, go on until each locking stress keeps its law.  Where
-   rounding has unbalanced the forces, or makes the tangent of 3 singular, bound the stiffness of
+   the tolerances, or with a proof that nothing is admissible (:mod:`farkas`).  Where nobody
+   polishes a penalised solution, go on until each locking stress keeps its law.  Where rounding has unbalanced the forces, or makes the tangent of 3 singular, bound the stiffness of
    the steps that follow.
 3. Linearise: scale each cone by Nesterov and Todd (doi:10.1287/moor.22.1.1), eliminate it, and
    assemble and factorise the tangent.  Everything up to 8 uses that factorisation.
@@ -479,7 +478,7 @@ class InteriorPoint:
     # 3 to 9. One iteration.
 
     def _leads_on(self, measures: Measures, reached: bool) -> bool:
-        """As :meth:`_step`; a step that fails where all is ``reached`` leads nowhere; collective."""
+        """As :meth:`_step`; one that fails where all is ``reached`` leads nowhere; collective."""
         try:
             return self._step(measures)
         except NotConverged:
