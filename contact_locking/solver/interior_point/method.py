@@ -10,8 +10,9 @@ back-substitutions more than one with known bounds.
    solution.  Else each family of cones puts its points near the central path around it.
 2. Measure equilibrium, the laws, the duality gap and the friction bound (:mod:`measures`); stop at
    the tolerances, or with a proof that nothing is admissible (:mod:`farkas`).  Where nobody
-   polishes a penalised solution, go on until each locking stress keeps its law.  Where rounding has unbalanced the forces, or makes the tangent of 3 singular, bound the stiffness of
-   the steps that follow.
+   polishes a penalised solution, go on until each locking stress keeps its law.  Where rounding
+   has unbalanced the forces, or makes the tangent of 3 singular, bound the stiffness of the steps
+   that follow.
 3. Linearise: scale each cone by Nesterov and Todd (doi:10.1287/moor.22.1.1), eliminate it, and
    assemble and factorise the tangent.  Everything up to 8 uses that factorisation.
 4. Predictor: the direction towards products of zero; it foresees the step of the friction bound.
