@@ -13,8 +13,9 @@ from mpi4py import MPI
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
-from contact_locking.solver.interior_point.locking_cones import LockingCones
+from contact_locking.solver.interior_point.locking_cones import LockingCones, StrainHalfLines
 from contact_locking.solver.interior_point.lorentz import Scaling
+from contact_locking.solver.interior_point.principal_cones import PrincipalCones
 
 pytestmark = pytest.mark.serial
 
@@ -70,6 +71,18 @@ def test_friction_steps_leave_the_bound_alone_and_match_their_tangent(epsilon: f
     tangent = friction.a * d_slip + friction.b * np.sum(friction.w * d_slip, axis=0) * friction.w
     moved = -(friction.z + step.dual)[1:3]
     np.testing.assert_allclose(moved, resting + tangent, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [LockingCones, StrainHalfLines, PrincipalCones])
+def test_points_on_the_central_path_tend_to_the_penalty_law(kind: type[Any]) -> None:
+    seen = np.random.default_rng(4).standard_normal((3, 40))
+    points = _points(weights=np.ones(40), rows=3, limit=np.full(40, 0.6))
+    cones = kind(points, 0.3, 0)
+    cones.seen = seen[0] if kind is StrainHalfLines else seen
+    cones.settle(1e-13)
+    sizes = np.linalg.norm(np.atleast_2d(cones.penalised), axis=0)
+    assert 0 < np.count_nonzero(sizes) < len(sizes)
+    np.testing.assert_allclose(cones.penalised, cones.reactions, atol=1e-10)
 
 
 @pytest.mark.parametrize("share", [0.15, 0.75])

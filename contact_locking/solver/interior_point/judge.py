@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.nodal_contact import joint_norm
+from contact_locking.parallel import maximum
 from contact_locking.solver.interior_point.bound_step import MovingBound
 from contact_locking.solver.interior_point.iterate import Iterate
+from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
 from contact_locking.solver.interior_point.measures import Measures
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
@@ -72,6 +76,20 @@ class Judge:
         size = max(joint_norm(contacts, wanted), least)
         self.friction_change = joint_norm(contacts, left) / size if size > 0.0 else 0.0
         return wanted, used
+
+    def keeps_penalty_law(self, iterate: Iterate) -> bool:
+        """Whether no locking stress is far from that of (23) at the displacement; collective.
+
+        The duality gap is a mean, and leaves a few of them farther away, the more the larger n is.
+        """
+        limited = [f for f in iterate.families if isinstance(f, LimitsOfStrain)]
+        comm, target = iterate.comm, self._task.target
+        size = target.ellipticity * self.mean_strain(self._task.settings.tolerance)
+        size = max([size, *(maximum(comm, np.abs(f.reactions)) for f in limited)])
+        return all(
+            maximum(comm, np.abs(f.reactions - f.penalised)) <= self._tuning.off_law * size
+            for f in limited
+        )
 
     def mean_strain(self, tolerance: float) -> float:
         """The strain that the iterate is judged by; collective."""

@@ -52,6 +52,11 @@ class LimitsOfStrain(Family):
     def reach(self) -> FloatArray:
         """The measure (k,) of the seen strain that M bounds."""
 
+    @property
+    @abstractmethod
+    def penalised(self) -> FloatArray:
+        """The reactions that the penalty law (23) gives for the seen strain, for n < inf."""
+
     def see(self, displacement: FloatArray) -> FloatArray:
         return self._strains.strains(displacement)
 

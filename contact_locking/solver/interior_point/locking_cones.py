@@ -40,6 +40,11 @@ class LockingCones(LimitsOfStrain, LorentzCones):
     def reach(self) -> FloatArray:
         return norm(self.seen)
 
+    @property
+    def penalised(self) -> FloatArray:
+        beyond = np.maximum(1.0 - self.limit / norm(self.seen), 0.0)
+        return beyond / self.compliance * self.seen
+
     # The iterate.
 
     def start(self, level: float, least: float) -> None:
@@ -189,6 +194,10 @@ class StrainHalfLines(LimitsOfStrain, HalfLines):
     @property
     def reach(self) -> FloatArray:
         return self.seen
+
+    @property
+    def penalised(self) -> FloatArray:
+        return np.maximum(self.seen - self.limit, 0.0) / self.compliance
 
     # The iterate.
 

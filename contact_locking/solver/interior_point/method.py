@@ -9,9 +9,10 @@ back-substitutions more than one with known bounds.
 1. Start: the elastic displacement (:mod:`start`).  If it is admissible and rubs nowhere, it is the
    solution.  Else each family of cones puts its points near the central path around it.
 2. Measure equilibrium, the laws, the duality gap and the friction bound (:mod:`measures`); stop at
-   the tolerances, or with a proof that nothing is admissible (:mod:`farkas`).  Where rounding has
-   unbalanced the forces, or makes the tangent of 3 singular, bound the stiffness of the steps that
-   follow.
+   the tolerances, or with a proof that nothing is admissible (:mod:`farkas`).  Where nobody
+   polishes a penalised solution, go on until each locking stress keeps its law.  Where rounding
+   has unbalanced the forces, or makes the tangent of 3 singular, bound the stiffness of the steps
+   that follow.
 3. Linearise: scale each cone by Nesterov and Todd (doi:10.1287/moor.22.1.1), eliminate it, and
    assemble and factorise the tangent.  Everything up to 8 uses that factorisation.
 4. Predictor: the direction towards products of zero; it foresees the step of the friction bound.
@@ -293,6 +294,7 @@ class InteriorPoint:
         if is_found:
             return self.multipliers()
         limit, tuning = settings.max_iterations, self._tuning
+        steps_left = tuning.steps_for_law if self._wants_law else 0
         for iteration in range(limit + 1):
             measures = self._measure()
             task.monitor.iteration(iteration, measures.worst())
@@ -305,8 +307,13 @@ class InteriorPoint:
                 break
             # Other bounds ask for another displacement, however near they are.
             is_enough = iteration > 0 or not self._goes_on
-            if is_enough and measures.reached(settings, tuning.gap_tolerance, self._loosened):
+            reached = is_enough and measures.reached(settings, tuning.gap_tolerance, self._loosened)
+            is_last = steps_left == 0 or iteration == limit
+            if reached and (is_last or self._judge.keeps_penalty_law(self._iterate)):
                 break
+            if reached:
+                steps_left -= 1
+                self._search.aim_at_law()
             self._stop_if_infeasible(measures)
             self._soften(measures)
             if iteration == limit:
@@ -314,12 +321,23 @@ class InteriorPoint:
                 raise NotConverged(
                     f"{limit} interior point iterations did not suffice ({measures})"
                 )
-            if not self._step(measures):
-                self.require_feasible()
-                raise NotConverged(f"the interior point step vanished ({measures})")
+            if self._leads_on(measures, reached):
+                continue
+            if reached:
+                break
+            self.require_feasible()
+            raise NotConverged(f"the interior point step vanished ({measures})")
         task.report.duality_gap = measures.gap
         self._goes_on = not (self.is_elastic or self.bound_moves)
         return self.multipliers()
+
+    @property
+    def _wants_law(self) -> bool:
+        """Whether locking stresses shall keep their penalty law, which no polishing gives them."""
+        target, polishes = self._task.target, self._tangent.direct is not None
+        has_digits = target.penalty.n <= self._tuning.stiffest_law * target.stiffness
+        is_wanted = has_digits and bool(self._families.strains)
+        return is_wanted and not polishes and self._loosened == 1.0
 
     def _rests(self) -> bool:
         """Whether the body is at rest without multipliers; collective."""
@@ -459,6 +477,15 @@ class InteriorPoint:
         self._iterate.soften(1.0 / (self._stiffest * self._task.target.stiffness))
 
     # 3 to 9. One iteration.
+
+    def _leads_on(self, measures: Measures, reached: bool) -> bool:
+        """As :meth:`_step`; one that fails where all is ``reached`` leads nowhere; collective."""
+        try:
+            return self._step(measures)
+        except NotConverged:
+            if not reached:
+                raise
+            return False
 
     def _step(self, measures: Measures) -> bool:
         """Take a step; False if there is none that leads anywhere; collective."""

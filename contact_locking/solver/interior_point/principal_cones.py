@@ -91,6 +91,14 @@ class PrincipalCones(LimitsOfStrain, LorentzCones):
         found[0] += math.sqrt(2.0) * self.limit
         return np.asarray(found)
 
+    @property
+    def penalised(self) -> FloatArray:
+        room = self.room
+        length = norm(room[1:])
+        high, low = np.maximum(length - room[0], 0.0), np.maximum(-length - room[0], 0.0)
+        z = np.vstack([high + low, (low - high) * Frame.of(room).along])
+        return self.reactions_of(0.5 / self.compliance * z)
+
     # The iterate.
 
     def start(self, level: float, least: float) -> None:

@@ -31,11 +31,16 @@ class Search:
         loosened: float = 1.0,
     ) -> None:
         self._foresees, self._loosened = foresees, loosened
+        self._gap_aim = tuning.gap_aim * loosened
         self._iterate, self._bounds = iterate, bounds
         self._tuning, self._tolerance = tuning, settings.tolerance
         self._last_length, self._bounds_contract = 0.0, False
         self._friction_tolerance = settings.friction_tolerance
         self._last_change, self._sharper = math.inf, 1.0
+
+    def aim_at_law(self) -> None:
+        """Aim at a gap that is small enough for the penalty law at each point."""
+        self._gap_aim = self._tuning.gap_aim_of_law
 
     def step(self, measures: Measures) -> tuple[Direction, float]:
         """The step to take and its length; collective."""
@@ -212,5 +217,5 @@ class Search:
         tuning = self._tuning
         if measures.gap < tuning.gap_ahead * measures.equilibrium:
             return 1.0
-        least = tuning.gap_aim * self._loosened * tuning.gap_tolerance / measures.gap
+        least = self._gap_aim * tuning.gap_tolerance / measures.gap
         return max(centring, min(tuning.gap_growth, least))

@@ -176,6 +176,15 @@ class Tuning:
     #: The duality gap over the energy at which the method stops, > 0.  Rounding in nearly singular
     #: cones leaves about 1e-9.
     gap_tolerance: float = 1e-8
+    #: Where Newton's method does not polish the solution of a penalised problem, a locking stress
+    #: may differ by this share of the largest, > 0, from that of its law at the displacement.
+    off_law: float = 3e-7
+    #: There the method aims at this share of the gap's tolerance, in (0, 1), and takes so many more
+    #: steps at most, >= 0, as points where stress and room vanish together arrive slowly.
+    gap_aim_of_law: float = 1e-4
+    steps_for_law: int = 4
+    #: For n over the stiffness of the material beyond this, > 0, rounding in strains is in the way.
+    stiffest_law: float = 1e7
     #: This share of the work of locking, in [0, 1], stands for the energy if that is smaller.
     locking_share: float = 1e-2
     #: This share of the elastic energy at the start, in (0, 1), stands for the energy if that is
