@@ -54,6 +54,15 @@ def test_more_problems_of_each_family_are_right_also_in_other_units(family: str)
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [11, 27, 52])
+def test_a_cube_with_a_strain_limit_that_rests_on_a_ball_is_right(seed: int) -> None:
+    """They did not arrive in 100 tangents where multipliers started from the elastic energy."""
+    outcome = outcome_of("sprung", seed, checks=seed == 52)
+    assert outcome.kind == SOLVED, outcome.reason
+    assert outcome.tangents <= 30
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("family", ["between_nodes", "narrow", "edges", "thin"])
 def test_what_a_mesh_may_miss_is_solved_right_or_told(family: str) -> None:
     for seed in range(20):

@@ -379,8 +379,9 @@ class InteriorPoint:
             return True
         opening = tuning.opening(self.approach, elastic.overstrain())
         self._opening = least = opening * elastic.retreat() * target.length
+        level = elastic.level()
         for family in tangent.families:
-            family.start(tuning.start_level * elastic.energy(), least)
+            family.start(level, least)
         for bound in bounds:
             bound.start(self.bound_moves and not bound.stands, least)
             if not (bound.friction.takes_part or task.system.held_by_friction):

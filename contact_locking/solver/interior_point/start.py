@@ -29,7 +29,7 @@ class ElasticStart:
         self._tolerance, self._tuning = task.settings.tolerance, tuning
         #: The strain of the elastic displacement, which others are compared with.
         self.strain = 0.0
-        self._carried = 0.0
+        self._carried, self._springs_hold = 0.0, False
 
     def solve(self) -> bool:
         """Put the elastic displacement into the system; True if it is the solution; collective."""
@@ -39,6 +39,7 @@ class ElasticStart:
         if self._system.held_by_contact:
             self._carried = abs(tangent.load_work())
         push = self._set_springs()
+        self._springs_hold = bool(push)
         # The springs would shake a body without loads by their rounding.
         is_at_rest = tangent.tools_rest and tangent.residual_norms([])[0] == 0.0
         if is_at_rest and self._is_admissible(0.0):
@@ -77,14 +78,20 @@ class ElasticStart:
             if tangent.residual_norms([])[0] <= self._tolerance * tangent.force_scale:
                 break
 
-    def energy(self) -> float:
-        """The density of energy that the multipliers start from.
+    def level(self) -> float:
+        """The complementarity products per volume that the multipliers start from; collective.
 
-        Where contact carries loads that prescribed displacements have moved as a rigid body, the
-        strain says nothing of the pressure: the work of these loads does.
+        A share of the density of the elastic energy.  Where contact carries loads that prescribed
+        displacements have moved as a rigid body, the strain says nothing of the pressure: the work
+        of these loads does.  Springs spread what contact concentrates at few nodes, whose cells may
+        lock however little the body is strained: there the elastic stress times the mean of the
+        limits is the level at least, as multipliers hardly grow faster than their products.
         """
         elastic = self._target.ellipticity * self.strain**2
-        return max(elastic, self._carried / self._target.volume)
+        level = self._tuning.start_level * max(elastic, self._carried / self._target.volume)
+        if self._springs_hold and (overstrain := self.overstrain()) > 0.0:
+            level = max(level, elastic / max(overstrain, self._tuning.least_overstrain))
+        return level
 
     def overstrain(self) -> float:
         """The elastic strain over the mean of the limits, 0 where there are none; collective."""

@@ -42,6 +42,10 @@ class Tuning:
     # The start.
     #: The complementarity products at the start over the density of the elastic energy, > 0.
     start_level: float = 0.03
+    #: Where springs stand for contact the products start at the elastic stress times the limits of
+    #: the strain at least.  Limits beyond the strain by more than the reciprocal of this number, in
+    #: (0, 1), count as so far: there few cells lock.
+    least_overstrain: float = 0.01
     #: The first bound of contacts without slip over Young's modulus times the strain without
     #: contact, above 1: it is above all tractions, and not so far that forces lose their digits.
     holding: float = 10.0
