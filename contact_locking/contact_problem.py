@@ -31,7 +31,7 @@ from contact_locking.problem import own_energy
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.elasticity import Elasticity, elasticity_of, split
 from contact_locking.problem.limits import Limit
-from contact_locking.problem.springs import OwnSprings
+from contact_locking.problem.springs import OwnSupport
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Solution
@@ -127,13 +127,13 @@ class ContactProblem:
             own_energy.check(energy, space)
         given = [item for item in bcs if not isinstance(item, Support)]
         form: ufl.Form | None = None
-        springs: list[OwnSprings] = []
+        springs: list[OwnSupport] = []
         if isinstance(a, Elasticity):
             elasticity = a
         else:
             form, others = split(a)
             elasticity = elasticity_of(form)
-            springs = [] if others is None else [OwnSprings(others)]
+            springs = [] if others is None else [OwnSupport(others)]
         body = Body(
             domain=domain,
             element=element,

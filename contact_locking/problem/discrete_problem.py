@@ -24,7 +24,7 @@ from contact_locking.problem.elasticity import Elasticity, Material
 from contact_locking.problem.limits import Limit, LimitsOnMesh
 from contact_locking.problem.parts import Held, parts_held, require_parts_held
 from contact_locking.problem.points import Points
-from contact_locking.problem.springs import OwnSprings, Springs
+from contact_locking.problem.springs import ElasticSupport
 from contact_locking.supports.conditions import Constraints
 
 
@@ -51,7 +51,7 @@ class Body:
     limits: Sequence[Limit] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
     regions: Sequence[IndexArray] = ()
-    springs: Sequence[Springs | OwnSprings] = ()
+    springs: Sequence[ElasticSupport] = ()
     limits_of: str = "total"
     displacements: Sequence[str] = ()
     supports: Sequence[str] = ()

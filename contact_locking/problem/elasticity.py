@@ -276,14 +276,15 @@ def split(a: ufl.Form) -> tuple[ufl.Form, ufl.Form | None]:
     eye = ufl.Identity(u.ufl_shape[0])
     of_stress, others = [], []
     for integral in a.integrals():
-        density = apply_derivatives(apply_algebra_lowering(integral.integrand()))
-        itself = extract_arguments(ufl.replace(density, {ufl.grad(u): eye, ufl.grad(v): eye}))
-        if integral.integral_type() == "cell" and not itself:
+        if integral.integral_type() != "cell":
+            others.append(integral)
+            continue
+        density = _density(integral)
+        if not extract_arguments(ufl.replace(density, {ufl.grad(u): eye, ufl.grad(v): eye})):
             of_stress.append(integral)
             continue
         others.append(integral)
-        strained = {item.ufl_operands[0] for item in extract_type(density, ufl.classes.Grad)}
-        if integral.integral_type() == "cell" and strained & {u, v}:
+        if {item.ufl_operands[0] for item in extract_type(density, ufl.classes.Grad)} & {u, v}:
             raise InputError(
                 "has strains and the displacement itself in one integral; give each an integral "
                 "of its own, as inner(sigma(u), eps(v))*dx + k*inner(u, v)*dx",
@@ -303,8 +304,7 @@ def elasticity_of(a: ufl.Form) -> Elasticity:
     size = mesh.topology.dim
     densities = []
     for integral in a.integrals():
-        density = apply_derivatives(apply_algebra_lowering(integral.integrand()))
-        densities.append(_on_subdomain(integral, mesh) * density)
+        densities.append(_on_subdomain(integral, mesh) * _density(integral))
 
     def density_at(of_u: Expr, of_v: Expr) -> Expr:
         given = {ufl.grad(u): of_u, ufl.grad(v): of_v}
@@ -319,6 +319,11 @@ def elasticity_of(a: ufl.Form) -> Elasticity:
     turns = [_turn(i, j, size) for i in range(size) for j in range(i)]
     rotational = sum(density_at(turn, turn) for turn in turns)
     return Elasticity(stress=stress, rotational=rotational, key="a")
+
+
+def _density(integral: Any) -> Expr:
+    """The integrand with gradients of the arguments alone."""
+    return apply_derivatives(apply_algebra_lowering(integral.integrand()))
 
 
 def _turn(i: int, j: int, size: int) -> Expr:

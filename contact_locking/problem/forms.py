@@ -24,7 +24,7 @@ from contact_locking.laws.friction import (
     friction_traction,
 )
 from contact_locking.problem.eigenstrain import Eigenstrain
-from contact_locking.problem.springs import OwnSprings, Springs
+from contact_locking.problem.springs import ElasticSupport
 from contact_locking.problem.strain_sets import NormSet, StrainSet
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class ProblemData:
     tools: tuple[FreeMotion, ...] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
     eigenstrain: Eigenstrain | None = None
-    springs: tuple[Springs | OwnSprings, ...] = ()
+    springs: tuple[ElasticSupport, ...] = ()
     origin: Expr | None = None
 
     def strain(self, u: Expr) -> Expr:

@@ -1,7 +1,8 @@
-"""Springs on the boundary: an elastic foundation that pulls as well as pushes."""
+"""Elastic supports of the body, which pull as well as push: springs, and terms of a user's form."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,8 +18,26 @@ from contact_locking.fem.joint_forms import JointForm
 _FREE = 1e-12
 
 
+class ElasticSupport(ABC):
+    """Terms of ``a(u, v)`` that hold the body from outside; ``on`` names them among reactions."""
+
+    on: str
+
+    @abstractmethod
+    def form(self, u: Expr, v: Expr) -> ufl.Form:
+        """The share of ``a(u, v)``."""
+
+    @abstractmethod
+    def all_around(self, u: Expr, v: Expr) -> ufl.Form:
+        """The same as stiff in all directions."""
+
+    def forces(self, u: fem.Function) -> FloatArray:
+        """The forces on the body at local dofs, ghosts included; collective."""
+        return -_assembled(self.form(u, ufl.TestFunction(u.function_space)), u)
+
+
 @dataclass(frozen=True)
-class Springs:
+class Springs(ElasticSupport):
     """``int k (u . m)(v . m)`` over a part of the boundary, or ``int k u . v``.
 
     ``stiffness`` is k in UFL, a stress per length, ``along`` the unit vector m in UFL, or None for
@@ -31,49 +50,35 @@ class Springs:
     measure: ufl.Measure
 
     def form(self, u: Expr, v: Expr) -> ufl.Form:
-        """The share of ``a(u, v)``."""
         if self.along is None:
             return self.all_around(u, v)
         stretched = ufl.dot(u, self.along) * ufl.dot(v, self.along)
         return self.stiffness * stretched * self.measure
 
     def all_around(self, u: Expr, v: Expr) -> ufl.Form:
-        """The same for springs in all directions."""
         return self.stiffness * ufl.inner(u, v) * self.measure
-
-    def forces(self, u: fem.Function) -> FloatArray:
-        """The forces on the body at local dofs, ghosts included; collective."""
-        return -_assembled(self.form(u, ufl.TestFunction(u.function_space)), u)
 
 
 @dataclass(frozen=True)
-class OwnSprings:
-    """The terms ``given`` of a user's ``a(u, v)`` on facets, and in cells with u and v themselves.
-
-    They hold the body, and act from outside, as `Springs` do.
-    """
+class OwnSupport(ElasticSupport):
+    """The terms of a user's ``a(u, v)`` on facets, and in cells with u and v themselves."""
 
     given: ufl.Form
     on: str = "a"
 
     def form(self, u: Expr, v: Expr) -> ufl.Form:
-        """The share of ``a(u, v)``."""
         test, trial = self.given.arguments()
         return ufl.replace(self.given, {trial: u, test: v})
 
     def all_around(self, u: Expr, v: Expr) -> ufl.Form:
-        """The same with each component of u and v in all directions."""
+        """Each component of u and v acts along every axis."""
         size = u.ufl_shape[0]
         axes = [ufl.unit_vector(i, size) for i in range(size)]
         return sum(self.form(u[i] * e, v[i] * e) for i in range(size) for e in axes)
 
-    def forces(self, u: fem.Function) -> FloatArray:
-        """The forces on the body at local dofs, ghosts included; collective."""
-        return -_assembled(self.form(u, ufl.TestFunction(u.function_space)), u)
-
 
 def motions_past(
-    springs: Sequence[Springs | OwnSprings], space: fem.FunctionSpace, motions: FloatArray
+    springs: Sequence[ElasticSupport], space: fem.FunctionSpace, motions: FloatArray
 ) -> FloatArray:
     """Coefficients (f, g) of the g motions, of some (f, n) at local dofs, that stretch no spring.
 

@@ -30,7 +30,7 @@ from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.plain_text import nearest
 from contact_locking.problem import forms
-from contact_locking.problem.springs import OwnSprings, Springs
+from contact_locking.problem.springs import ElasticSupport
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.quantities import QUANTITIES
 from contact_locking.sensitivity.equations import Equations, Residual
@@ -259,7 +259,7 @@ class _Travel:
         return Gradient(found, {})
 
 
-def _springs(part: str, system: PenalisedSystem) -> list[Springs | OwnSprings]:
+def _springs(part: str, system: PenalisedSystem) -> list[ElasticSupport]:
     return [item for item in system.data.springs if item.on == part]
 
 

@@ -42,7 +42,9 @@ class LockingCones(LimitsOfStrain, LorentzCones):
 
     @property
     def penalised(self) -> FloatArray:
-        beyond = np.maximum(1.0 - self.limit / norm(self.seen), 0.0)
+        length = norm(self.seen)
+        # The limit is above zero, and a strain need not be.
+        beyond = np.maximum(length - self.limit, 0.0) / np.maximum(length, self.limit)
         return beyond / self.compliance * self.seen
 
     # The iterate.
