@@ -16,11 +16,14 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from mpi4py import MPI
+from problems import block
 from solutions import made_up, snapshot
 
+from contact_locking import solve
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import NoRendering
 from contact_locking.extras.pictures import offscreen, snapshot_file, views
+from contact_locking.extras.pictures.gather import gather
 from contact_locking.files import ownership
 from contact_locking.running import writing
 
@@ -46,6 +49,14 @@ render.main(film / "frames", film / "views.npz", 60)
 FILM = (0.5, 1.0, 0.5)
 
 
+#: A block that touches its foundation with a whole side.
+HEXAHEDRA = block(
+    3,
+    h=0.5,
+    mesh__structured=True,
+    mesh__cells="box",
+    loads={"displacements": [{"on": "top", "value": [0.0, 0.0, -0.01]}]},
+)
 DRAWN = ("locked", "without contact", "partly unlimited", "at rest", "with two contacts")
 
 
@@ -55,6 +66,10 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Image
     folders = {kind: tmp_path_factory.mktemp("kind") for kind in DRAWN}
     for kind, folder in folders.items():
         snapshot_file.save(snapshot(3, kind), folder / "snapshot.npz")
+    folders["hexahedra"] = tmp_path_factory.mktemp("kind")
+    pressed = gather(solve(HEXAHEDRA))
+    assert pressed is not None
+    snapshot_file.save(pressed, folders["hexahedra"] / "snapshot.npz")
     folders["film"] = tmp_path_factory.mktemp("film")
     (folders["film"] / "frames").mkdir()
     for number, scale in enumerate(FILM):
@@ -76,7 +91,7 @@ def hue(image: Image, colour: tuple[float, float, float]) -> BoolArray:
     return np.linalg.norm(parts - np.array(colour) / sum(colour), axis=-1) < 0.1
 
 
-VERMILION = (0xD5, 0x5E, 0x00)
+VERMILION, BLUE = (0xD5, 0x5E, 0x00), (0x00, 0x72, 0xB2)
 
 
 LOCKED = "Cells at the strain limit, |ε(u)| ≥ M"
@@ -99,6 +114,20 @@ def test_every_view_of_every_kind_of_body_shows_something(
         assert image.shape == (600, 800, 3)
         assert 0.1 < np.mean((image < 254).any(axis=-1)) < 0.95
         assert image.std() > 20.0 or at_rest
+
+
+@pytest.mark.serial
+@needs_pyvista
+def test_the_body_hides_no_part_of_the_contact_of_hexahedra(
+    drawn: dict[str, dict[str, Image]],
+) -> None:
+    """The triangles of a hexahedron need not be those of the contact."""
+    states = drawn["hexahedra"]["Open, stick and slip"][:, :680]
+    is_contact = hue(states, VERMILION) | hue(states, BLUE)
+    rows, columns = np.nonzero(is_contact)
+    low, high = np.quantile(rows, [0.01, 0.99]).astype(int)
+    left, right = np.quantile(columns, [0.01, 0.99]).astype(int)
+    assert np.mean(is_contact[low:high, left:right]) > 0.9
 
 
 @pytest.mark.serial

@@ -115,7 +115,7 @@ class Scene:
         norm, colours = pressure_norm(contact.points), matplotlib.colormaps[PRESSURE_COLOURS]
         most = float(norm.vmax or 1.0)
         scale = ListedColormap(colours(norm(np.linspace(0.0, most, _SHADES))))
-        part = _surface(self._x[contact.vertices], contact.facets)
+        part = _surface(self._lifted_contact(), contact.facets)
         part.point_data["pressure"] = contact.points.pressure
         part.point_data["touches"] = (contact.points.state != OPEN).astype(float)
         half = {"scalars": "touches", "value": 0.5}
@@ -134,7 +134,7 @@ class Scene:
         """Gamma_C in the colours of open, stick and slip, on a pale body."""
         self._pale_body()
         contact = self._body.contact
-        parts, point = nearest_parts(self._x[contact.vertices], contact.facets)
+        parts, point = nearest_parts(self._lifted_contact(), contact.facets)
         part = _loose(parts)
         part.cell_data["state"] = contact.points.state[point]
         names = dict(enumerate(STATE_NAMES))
@@ -144,11 +144,15 @@ class Scene:
         slip = in_space(contact.points.u_tangent[shown])
         longest = float(np.linalg.norm(slip, axis=1).max(initial=0.0))
         if longest > 0.0:
-            arrows = pv.PolyData(self._x[contact.vertices[shown]] + self._lift)
+            arrows = pv.PolyData(self._lifted_contact()[shown] + self._lift)
             arrows.point_data["slip"] = slip
             size = _ARROW * self._body.size / longest
             glyphs = arrows.glyph(orient="slip", scale="slip", factor=size)
             self._add(glyphs, color=style.BLACK, lighting=False)
+
+    def _lifted_contact(self) -> FloatArray:
+        """Points of Gamma_C in front of the body, whose hexahedra have other triangles there."""
+        return self._x[self._body.contact.vertices] + self._lift
 
     def _strain(self, skin: Any, cell: IntArray, **bar: Any) -> None:
         """Add a surface in the colours of the strain; ``cell`` has the cell of each face."""
