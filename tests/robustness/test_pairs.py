@@ -61,8 +61,9 @@ def test_the_problems_are_study_files_and_depend_on_their_seed_alone() -> None:
 
 # Of the named ones: two foundations drag a body under a tiny load; a sphere enters between nodes
 # near an inclusion whose interface is too coarse to be refined as a curve; friction alone holds a
-# body for Newton's method; what sticks to a slanting foundation has slipped far before it sticks.
-@pytest.mark.parametrize("seed", [4, 5, 6, 10, slow(60), slow(82), 149])
+# body for Newton's method; a slanting foundation has slipped far before the body sticks to it; flat
+# cells make much rounding in a strain; a foundation slips far beside the strain of the body.
+@pytest.mark.parametrize("seed", [4, 5, 6, 10, slow(60), slow(82), 149, slow(746), 766])
 def test_a_problem_of_pairs_is_right(seed: int) -> None:
     outcome = outcome_of(PAIRS, seed)
     assert outcome.kind == SOLVED, outcome.reason

@@ -91,9 +91,9 @@ class _Step:
         self.judge, self.moment, self.found = judge, moment, dict[str, float]()
         body, u = judge.body, moment.u
         self.size = float(np.abs(u).max(initial=0.0))
-        # What rounding in u is in a strain.
-        edges = np.ptp(judge.mesh.x[body.cells], axis=1).max(axis=1)
-        self.rounding = (20.0 * _EPS * self.size / edges)[:, None]
+        # What rounding in u is in a strain: flat cells have steep shape functions.
+        slopes = np.abs(body.law.B).max(axis=(1, 2, 3, 4))
+        self.rounding = (20.0 * _EPS * self.size * slopes)[:, None]
         self.strain = body.strain(u)
         self.loads = body.loads(moment.time)
         self.inner, self.terms, self.elastic_energy = body.elastic_forces(u)

@@ -8,7 +8,6 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.problem.rounding import ROUNDING
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes, OnContact
 from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.lorentz import LorentzCones, Scaling, dot, inverse
@@ -17,6 +16,9 @@ from contact_locking.solver.multipliers import Multipliers
 # The products at the start are at most this multiple of those of contact: a coefficient of a
 # million would put them a million times apart.
 _MOST = 10.0
+# The rounding of a product of three or four entries, as a share of its largest summand.  A larger
+# share leaves a gap that the criteria refuse where a slip is long beside the strain.
+_ROUNDING = 8.0 * float(np.finfo(float).eps)
 
 
 class FrictionCones(OnContact, LorentzCones):
@@ -89,7 +91,7 @@ class FrictionCones(OnContact, LorentzCones):
 
     def least_product(self) -> float:
         # In a slip that is long beside the strain of the body, G t is large beside its energy.
-        return ROUNDING * float(np.max(self.x[0] * self.z[0], initial=0.0)) / self.scale
+        return _ROUNDING * float(np.max(self.x[0] * self.z[0], initial=0.0)) / self.scale
 
     def _open(self, least: FloatArray) -> None:
         """Open the cones by ``least`` (k,)."""
