@@ -42,7 +42,7 @@ def critical_friction(state: SolvedState) -> dict[str, Any]:
         problem = BoundMap(task)
         try:
             vectors = problem.vectors
-            problem(vectors.gather([contact.bounds for contact in vectors.contacts]))
+            problem(vectors.in_force())
             found = critical_share(problem.derivative())
         except NotConverged as failure:
             return {**none, "reason": str(failure)}

@@ -56,7 +56,9 @@ class SolvedState:
         found = report.multipliers or penalised(system)
         body = BodyFields(problem, system, found)
         pairs = zip(data.contacts, found.contacts, strict=True)
-        contacts = tuple(ContactFields(contact, u, forces) for contact, forces in pairs)
+        contacts = tuple(
+            ContactFields(contact, u, forces, data.bounds[contact]) for contact, forces in pairs
+        )
         return cls(problem, system, target, settings, report, found, body, contacts)
 
     @property

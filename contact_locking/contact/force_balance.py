@@ -9,6 +9,7 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
+from contact_locking.contact.bounds_in_force import BoundsInForce
 from contact_locking.contact.free_motions import FreeMotion, Travel
 from contact_locking.parallel import maximum
 
@@ -30,13 +31,12 @@ class Tools(Sequence[FreeMotion]):
     The motions of one foundation follow each other.
     """
 
-    def __init__(self, motions: Sequence[FreeMotion], epsilon: fem.Constant) -> None:
+    def __init__(
+        self, motions: Sequence[FreeMotion], epsilon: fem.Constant, bounds: BoundsInForce
+    ) -> None:
         self._motions = tuple(motions)
         firsts = [item for item in self if item is item.siblings[0]]
-        self.balances = [
-            ToolBalance(item.siblings, epsilon, item.contact.surface.domain.extent)
-            for item in firsts
-        ]
+        self.balances = [ToolBalance(item.siblings, epsilon, bounds) for item in firsts]
 
     def __len__(self) -> int:
         return len(self._motions)
@@ -92,11 +92,13 @@ class ToolBalance:
     With q(u) the potential of (25) less ``F q - k q^2/2`` is a function of u alone.  It is convex,
     its gradient is the residual of (25) at q(u), and its second derivative is ``K - B C^-1 B^T``
     with the tangent K at a foundation that stands still, ``B = dg/du`` and ``C = dg/dq + k``.
-    Without a force the foundation keeps a distance of ``length``.
+    Without a force the foundation keeps the extent of the body as a distance.
     """
 
-    def __init__(self, tools: Sequence[FreeMotion], epsilon: fem.Constant, length: float) -> None:
-        self.tools, self._epsilon, self._length = tools, epsilon, length
+    def __init__(
+        self, tools: Sequence[FreeMotion], epsilon: fem.Constant, bounds: BoundsInForce
+    ) -> None:
+        self.tools, self._epsilon, self._bounds = tools, epsilon, bounds
         self.contact = tools[0].contact
 
     @property
@@ -108,7 +110,7 @@ class ToolBalance:
         first = self.tools[0]
         if not self._acts:
             assert isinstance(first, Travel)
-            return first.touch(u, self._length)
+            return first.touch(u, self.contact.surface.domain.extent)
         state = _State(self, u)
         found = state.start.copy()
         if isinstance(first, Travel):
@@ -202,7 +204,8 @@ class _State:
         fields = np.array([tool.field for tool in tools])
         self._normals, self._along = normals, np.einsum("mkd,kd->mk", fields, normals)
         self._across = fields - self._along[..., None] * normals
-        self._bound, self._length = contact.bounds, float(contact.regularisation.value)
+        self._bound = balance._bounds[contact]
+        self._length = float(contact.regularisation.value)
         self._weights = contact.surface.weights
         self._pressed = self._weights * contact.free
         facing = -np.minimum(self._along[0], 0.0)

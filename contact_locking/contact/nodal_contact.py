@@ -31,8 +31,8 @@ class NodalContact:
     ``given`` holds the data of the contact, ``key`` its name in messages, and ``on`` are its
     boundary parts.  ``foundation`` is its foundation at its place.  ``normal`` and ``gap`` are
     functions with the normal and the limited value of the gap at the nodes.  ``friction`` computes
-    the friction bound of pressures and slips; ``bound`` is the function with the friction bound
-    that the forms use at present.  ``regularisation`` is the length that smooths friction.
+    the friction bound of pressures and slips.  ``regularisation`` is the length that smooths
+    friction.
     ``free`` (k,) marks the nodes whose normal displacement is not prescribed; neither pressure nor
     friction acts at the other nodes.  ``against`` are the boundary parts of the other body that
     ``on`` touches, none for a foundation; displacements are jumps then.
@@ -73,7 +73,6 @@ class NodalContact:
         count, dim = len(surface.nodes), domain.dim
         self.normal = surface.vector_function(normals, "contact_normal")
         self.gap = surface.scalar_function(surface.limited_gap(gap), "gap")
-        self.bound = surface.scalar_function(np.zeros(count), "friction_bound")
         self.reference = surface.vector_function(np.zeros((count, dim)), "old_slip")
         self.state = ContactState.at_rest(count, dim)
         self.travel = SmallMotion.rest(dim)
@@ -258,16 +257,6 @@ class NodalContact:
         if self.pairs_anew:
             self.place()
         self._refer(reference)
-
-    @property
-    def bounds(self) -> FloatArray:
-        """The friction bound (k,) that the forms use at present."""
-        return np.asarray(self.bound.x.array[self.surface.nodes])
-
-    @bounds.setter
-    def bounds(self, values: FloatArray) -> None:
-        self.bound.x.array[self.surface.nodes] = values
-        self.bound.x.scatter_forward()
 
     def norm(self, values: FloatArray) -> float:
         """The L2 norm on this part of Gamma_C by the nodal weights; collective."""

@@ -10,6 +10,7 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import IndexArray
+from contact_locking.contact.bounds_in_force import BoundsInForce
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.free_motions import free_motions
 from contact_locking.contact.no_slip import NoSlip
@@ -104,6 +105,7 @@ class DiscreteProblem:
             dx=domain.dx(),
             loads=_loads(body, self.material),
             contacts=nodal,
+            bounds=BoundsInForce(nodal),
             n=fem.Constant(domain.mesh, n),
             epsilon=fem.Constant(domain.mesh, epsilon),
             element=element,

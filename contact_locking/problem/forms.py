@@ -14,6 +14,7 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
+from contact_locking.contact.bounds_in_force import BoundsInForce
 from contact_locking.contact.free_motions import FreeMotion
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.fem.spaces import Element
@@ -38,13 +39,14 @@ class ProblemData:
     ``elasticity`` maps displacements u and v to the form ``a(u, v)``, and ``elastic_stress`` maps a
     strain to a stress.  ``largest_eigenvalue`` is the largest eigenvalue of A at each point, and
     ``inverse_limit`` is 1/M of the ball.  ``loads`` is the linear form (f, .) (13), None without
-    loads.  ``contacts`` is empty for a body that touches nothing.  ``n`` and ``epsilon`` are the
-    penalty parameters.  ``element`` is the element of the displacements.  ``limits`` are the sets
-    of strains beside the ball.  ``tools`` are the free motions of foundations.  ``own_energy``
-    is for a law that this package does not have: it maps u to a convex and differentiable
-    functional J(u), whose derivative is added to (25).  The work of an ``eigenstrain`` is a part of
-    ``loads``, and ``springs`` on the boundary are a part of a(., .).  ``origin`` is
-    eps_0 of limits of the elastic strain, None for those of eps(u).
+    loads.  ``contacts`` is empty for a body that touches nothing, and ``bounds`` are their friction
+    bounds at present.  ``n`` and ``epsilon`` are the penalty parameters.  ``element`` is the
+    element of the displacements.  ``limits`` are the sets of strains beside the ball.  ``tools``
+    are the free motions of foundations.  ``own_energy`` is for a law that this package does not
+    have: it maps u to a convex and differentiable functional J(u), whose derivative is added to
+    (25).  The work of an ``eigenstrain`` is a part of ``loads``, and ``springs`` on the boundary
+    are a part of a(., .).  ``origin`` is eps_0 of limits of the elastic strain, None for those of
+    eps(u).
     """
 
     elasticity: Callable[[Expr, Expr], ufl.Form]
@@ -54,6 +56,7 @@ class ProblemData:
     dx: ufl.Measure
     loads: ufl.Form | None
     contacts: tuple[NodalContact, ...]
+    bounds: BoundsInForce
     n: fem.Constant
     epsilon: fem.Constant
     element: Element
@@ -159,9 +162,10 @@ def slip(u: Expr, contact: NodalContact) -> Expr:
     return contact.parts(u)[1] - contact.reference
 
 
-def friction(u: Expr, contact: NodalContact) -> Expr:
+def friction(u: Expr, contact: NodalContact, data: ProblemData) -> Expr:
     """The negative friction traction ``-sigma_tau`` of (22), for limited values u."""
-    return friction_traction(slip(u, contact), contact.bound, contact.regularisation)
+    bound = data.bounds.function(contact)
+    return friction_traction(slip(u, contact), bound, contact.regularisation)
 
 
 def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
@@ -201,7 +205,7 @@ def _of_contact(u: fem.Function, v: Expr, contact: NodalContact, data: ProblemDa
     """The forces of contact and friction, for limited values u and v."""
     v_normal, v_slip = contact.parts(v)
     traction = pressure(u, contact, data) * v_normal
-    traction += ufl.inner(friction(u, contact), v_slip)
+    traction += ufl.inner(friction(u, contact, data), v_slip)
     return traction * contact.surface.ds
 
 
@@ -213,7 +217,8 @@ def energy(u: fem.Function, data: ProblemData) -> Expr:
     for contact in data.contacts:
         limited = contact.limited(u)
         density = contact_energy(contact.parts(limited)[0], contact.gap, data.epsilon)
-        density += friction_energy(slip(limited, contact), contact.bound, contact.regularisation)
+        bound = data.bounds.function(contact)
+        density += friction_energy(slip(limited, contact), bound, contact.regularisation)
         form += density * contact.surface.ds
     return form if data.own_energy is None else form + data.own_energy(u)
 

@@ -213,7 +213,8 @@ class Motions:
 
         def rub(motion: FloatArray) -> FloatArray:
             none = np.zeros(len(motion))
-            return np.asarray(comm.allreduce(sum((i.rub(motion) for i in self.at_contacts), none)))
+            rubbed = (item.rub(motion, self._data.bounds) for item in self.at_contacts)
+            return np.asarray(comm.allreduce(sum(rubbed, none)))
 
         motion = driven_motion(some, normals, self.work, rub)
         push, held = float(self.work @ motion), float(rub(motion) @ motion)

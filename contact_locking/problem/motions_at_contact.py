@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.contact.bounds_in_force import BoundsInForce
 from contact_locking.contact.free_motions import FreeMotion
 from contact_locking.contact.nodal_contact import NodalContact
 
@@ -84,10 +85,10 @@ class MotionsAtContact:
         taken = np.array([contact.friction.smoothing.adjoint(mu * row) for row in rubbed])
         return np.asarray(self.normals + taken[:, self._own].T)
 
-    def rub(self, motion: FloatArray) -> FloatArray:
+    def rub(self, motion: FloatArray, bounds: BoundsInForce) -> FloatArray:
         """The derivative (f,) of ``int G |c_tau|`` at a motion c (f,), local."""
-        weights, bound = self.contact.surface.weights[self._own], self.contact.bounds[self._own]
-        return self._towards(motion) @ (weights * bound)
+        work = self.contact.surface.weights * bounds[self.contact]
+        return self._towards(motion) @ work[self._own]
 
     @cached_property
     def _along(self) -> FloatArray:

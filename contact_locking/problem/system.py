@@ -49,7 +49,7 @@ class PenalisedSystem:
         loose: LooseMotion | None = None,
     ) -> None:
         space = u.function_space
-        self.data, self.u, self.contacts = data, u, data.contacts
+        self.data, self.u, self.contacts, self.bounds = data, u, data.contacts, data.bounds
         self.kept = Kept()
         self.comm, self.dim = space.mesh.comm, space.mesh.topology.dim
         self.constraints = constraints
@@ -59,7 +59,7 @@ class PenalisedSystem:
         self.forms = BodyForms(space, data)
         self._work = fem.Function(space)
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        self.tools = Tools(data.tools, data.epsilon)
+        self.tools = Tools(data.tools, data.epsilon, data.bounds)
         self.assemble_loads()
 
     def assemble_loads(self) -> None:
@@ -197,7 +197,7 @@ class PenalisedSystem:
         if not pressures:
             return self.update_bounds()
         for contact, pressure in zip(self.contacts, pressures, strict=True):
-            contact.bounds = contact.friction_bound(self.u, pressure)
+            self.bounds[contact] = contact.friction_bound(self.u, pressure)
 
     def penalty_bounds(self) -> list[FloatArray]:
         """The friction bounds of :attr:`rubbing` for the penalty law's pressures; collective."""
@@ -209,13 +209,12 @@ class PenalisedSystem:
 
     def update_bounds(self) -> None:
         """Set the friction bounds to :meth:`penalty_bounds`; collective."""
-        for contact, bound in zip(self.rubbing, self.penalty_bounds(), strict=True):
-            contact.bounds = bound
+        self.bounds.enter(self.rubbing, self.penalty_bounds())
 
     def hold(self, stress: float) -> None:
         """Set every friction bound to a stress, whether anything presses or not; collective."""
         for contact in self.rubbing:
-            contact.bounds = contact.acting(np.full_like(contact.bounds, stress))
+            self.bounds[contact] = contact.acting(np.full(len(contact.free), stress))
 
     def clear(self) -> None:
         """``u = 0`` at free dofs, all friction bounds and travels zero; collective."""
@@ -227,7 +226,7 @@ class PenalisedSystem:
     def remove_friction(self) -> None:
         """Set every friction bound to zero; collective."""
         for contact in self.contacts:
-            contact.bounds = np.zeros_like(contact.bounds)
+            self.bounds[contact] = np.zeros(len(contact.free))
 
     @contextlib.contextmanager
     def preserved(self, only_on_failure: bool = False) -> Iterator[None]:
@@ -236,13 +235,12 @@ class PenalisedSystem:
         With ``only_on_failure`` they are restored only if the block raises an exception.
         """
         displacement, travels = self.u.x.array.copy(), self.tools.travels
-        bounds = [contact.bounds for contact in self.contacts]
+        bounds = self.bounds.at(self.contacts)
 
         def restore() -> None:
             self.u.x.array[:] = displacement
             self.tools.travels = travels
-            for contact, values in zip(self.contacts, bounds, strict=True):
-                contact.bounds = values
+            self.bounds.enter(self.contacts, bounds)
 
         try:
             yield

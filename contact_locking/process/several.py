@@ -56,8 +56,7 @@ def branch_of_study(
     shared.advance(1.0)
     shared.enter(shared.at_rest())
     other = ProblemSolver(shared, solver.settings)
-    for contact, solved in zip(shared.contacts, problem.contacts, strict=True):
-        contact.bounds = solved.bounds
+    other.system.bounds.enter(shared.contacts, problem.data.bounds.at(problem.contacts))
     found = other.diagram(given.to, shared.advance)
     other.close()
     shared.close()

@@ -44,7 +44,9 @@ _SCALAR_FIELDS = {
 class ContactFields:
     """The nodal fields of one contact, as arrays over its owned nodes."""
 
-    def __init__(self, contact: NodalContact, u: fem.Function, forces: ContactForces) -> None:
+    def __init__(
+        self, contact: NodalContact, u: fem.Function, forces: ContactForces, bound: FloatArray
+    ) -> None:
         self.contact, self.surface = contact, contact.surface
         self.normal, self.gap = contact.normals, contact.gaps
         self.u_normal, self.u_tangent = contact.split(u)
@@ -62,7 +64,7 @@ class ContactFields:
         self.pressure = forces.pressure
         self.traction = contact.split_nodal(0.0 - forces.friction)[1]
         self.smoothed_stress = -contact.friction.smoothing.apply(self.pressure)
-        self.bound = contact.bounds.copy()
+        self.bound = bound
         slips = np.linalg.norm(self.traction, axis=1) >= _SLIP_SHARE * self.bound
         self.state = np.where(forces.touches, np.where(slips, SLIP, STICK), OPEN)
         self._u = u
@@ -124,7 +126,7 @@ def penalised(system: PenalisedSystem) -> Multipliers:
 
     def compile_frictions() -> list[NodalAverage]:
         return [
-            contact.surface.average(forms.friction(contact.limited(u), contact))
+            contact.surface.average(forms.friction(contact.limited(u), contact, data))
             for contact in data.contacts
         ]
 

@@ -33,7 +33,7 @@ def penalised_iterate(system: PenalisedSystem, target: Target, tolerance: float)
     for family in families.every:
         family.look(displacement)
         if isinstance(family, FrictionCones):
-            bound = family.nodes.of_all(family.nodes.contact.bounds)
+            bound = family.nodes.of_all(system.bounds[family.nodes.contact])
             largest = maximum(system.comm, bound)
             if largest == 0.0:
                 cones.append(None)

@@ -33,19 +33,19 @@ def fixed_point(
     with friction, and ``evaluate`` gives those of a solution.  A solve is given the last change of
     the bounds, infinity at first, than which it has to be sharper, and returns whether it was as
     sharp as the tolerances.  Changes count relative to the norm of the bound over all parts, or to
-    ``task.least_bound()`` if that is larger.  Afterwards the contacts hold the bound of the last
+    ``task.least_bound()`` if that is larger.  Afterwards the system holds the bound of the last
     solve, which agrees with that of its displacement to the tolerance, and ``report.contraction``
     is the geometric mean of the ratios of successive changes.  Raises NotConverged after
     ``max_friction_updates``, or as soon as the last changes shrink too slowly to arrive by then.
     """
-    settings, report = task.settings, task.report
+    settings, report, bounds = task.settings, task.report, task.system.bounds
     rubbing = task.system.rubbing if contacts is None else contacts
     changes: list[float] = []
     for _ in range(settings.max_friction_updates):
         is_sharp = solve(changes[-1] if changes else math.inf)
         new = evaluate()
         size = max(joint_norm(rubbing, new), task.least_bound())
-        used = [contact.bounds for contact in rubbing]
+        used = bounds.at(rubbing)
         change = joint_norm(rubbing, [b - a for a, b in zip(used, new, strict=True)])
         relative = change / size if size > 0.0 else change
         changes.append(relative)
@@ -56,8 +56,7 @@ def fixed_point(
         task.monitor.friction_update(report.friction, relative, report.contraction)
         if is_sharp and relative <= settings.friction_tolerance:
             return
-        for contact, values in zip(rubbing, new, strict=True):
-            contact.bounds = values
+        bounds.enter(rubbing, new)
         left = settings.max_friction_updates - len(changes)
         if _is_too_slow(changes, settings.friction_tolerance, left):
             break

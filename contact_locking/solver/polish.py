@@ -133,12 +133,11 @@ def step_on(saved: SavedState, task: Task) -> bool:
 
 def _first_step(newton: NewtonSolver, saved: SavedState, task: Task) -> None:
     """A Newton step from slip zero with the secant of friction; collective."""
-    contacts = task.system.contacts
-    bounds = [contact.bounds for contact in contacts]
+    contacts, in_force = task.system.contacts, task.system.bounds
+    bounds = in_force.at(contacts)
     for contact, bound, slip in zip(contacts, bounds, saved.slips, strict=True):
         # At slip zero this bound has the secant of the whole bound as its tangent.
         length = float(contact.regularisation.value)
-        contact.bounds = bound * length / np.hypot(slip, length) if length > 0.0 else bound
+        in_force[contact] = bound * length / np.hypot(slip, length) if length > 0.0 else bound
     newton.step()
-    for contact, bound in zip(contacts, bounds, strict=True):
-        contact.bounds = bound
+    in_force.enter(contacts, bounds)

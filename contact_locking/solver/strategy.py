@@ -371,8 +371,7 @@ def _solve_by(
         # Nothing slips at first, also where the body turns out not to be pressed.
         solve(math.inf, nothing_slips=True)
         if nested:
-            for contact, values in zip(nested, wanted(), strict=True):
-                contact.bounds = values
+            system.bounds.enter(nested, wanted())
             fixed_point(task, solve, wanted, nested)
     except NotConverged as failure:
         report.multipliers, report.last = report.multipliers or solver.multipliers(), None

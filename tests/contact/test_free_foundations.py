@@ -174,7 +174,7 @@ def test_a_foundation_settles_from_anywhere_and_its_border_is_the_derivative() -
     random = np.random.default_rng(1)
     x = system.u.function_space.tabulate_dof_coordinates()[:, :2]
     system.u.x.array[:] = 0.01 * np.sin(x @ random.normal(size=(2, 2)) * 3.0).reshape(-1)
-    own.bounds = np.full(len(own.bounds), 0.02)
+    system.bounds[own] = np.full(len(own.free), 0.02)
     places = []
     for start in ((0.0, 0.0), (-3.0, 0.7), (5.0, -2.0)):
         system.tools.travels = start

@@ -35,7 +35,7 @@ def _rough_state(made: StudyProblem, size: float) -> None:
     )
     made.constraints.apply(made.u)
     for contact in made.contacts:
-        contact.bounds = 0.5 + contact.surface.points[:, 0]
+        made.data.bounds[contact] = 0.5 + contact.surface.points[:, 0]
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -97,7 +97,7 @@ def test_friction_bound_is_mu_times_the_smoothed_pressure() -> None:
     expected = (0.2 + 0.1 * 0.3) * (0.02 / 1e-2)
     system.update_bounds()
     (contact,) = made.contacts
-    assert contact.bounds == pytest.approx(np.where(contact.free, expected, 0.0), rel=1e-12)
+    assert system.bounds[contact] == pytest.approx(np.where(contact.free, expected, 0.0), rel=1e-12)
 
 
 def test_petsc_options_of_the_caller_win_and_leave_no_trace() -> None:
@@ -166,7 +166,7 @@ def test_equilibrium_of_forces_on_the_whole_body() -> None:
 
 
 def _values(made: StudyProblem) -> list[FloatArray]:
-    return [made.u.x.array.copy(), *(contact.bounds for contact in made.contacts)]
+    return [made.u.x.array.copy(), *made.data.bounds.at(made.contacts)]
 
 
 @pytest.mark.parametrize("fails", [False, True])

@@ -57,7 +57,7 @@ def tangents_after(task: Task, newton: NewtonSolver, factor: float) -> int:
     before = report.tangents
     assert before > 0
     (contact,) = system.contacts
-    contact.bounds = factor * contact.bounds
+    system.bounds[contact] = factor * system.bounds[contact]
     newton.solve(TOLERANCE, least_steps=1)
     assert system.relative_residual() <= TOLERANCE
     return report.tangents - before

@@ -73,8 +73,7 @@ def _in_place(
     # The travel of a foundation, which is part of the state, changes what slips refer to.
     if saved.step is not None:
         saved.step.enter(problem.contacts)
-    for contact, bound in zip(problem.contacts, saved.bounds, strict=True):
-        contact.bounds = bound
+    solver.system.bounds.enter(problem.contacts, saved.bounds)
     return solver.state(
         SolverReport(
             converged=True,

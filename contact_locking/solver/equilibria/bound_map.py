@@ -31,7 +31,7 @@ class BoundVectors:
     """
 
     def __init__(self, system: PenalisedSystem) -> None:
-        self._comm = system.comm
+        self._comm, self._bounds = system.comm, system.bounds
         self.contacts = [item for item in system.rubbing if not item.friction.stands]
         self._counts = [int(np.count_nonzero(item.free)) for item in self.contacts]
         sizes = self._comm.allgather(sum(self._counts))
@@ -59,11 +59,15 @@ class BoundVectors:
         return np.split(vector[self._own], np.cumsum(self._counts)[:-1])
 
     def enter(self, vector: FloatArray) -> None:
-        """Give the contacts the bounds of a vector; collective."""
+        """Let the bounds of a vector be in force; collective."""
         for contact, part in zip(self.contacts, self.split(vector), strict=True):
             bounds = np.zeros(len(contact.free))
             bounds[contact.free] = part
-            contact.bounds = bounds
+            self._bounds[contact] = bounds
+
+    def in_force(self) -> FloatArray:
+        """The vector of the bounds in force; collective."""
+        return self.gather(self._bounds.at(self.contacts))
 
     def dot(self, a: FloatArray, b: FloatArray) -> float:
         """``int a b`` over Gamma_C by the weights of the nodes, the same on all ranks; collective.

@@ -63,7 +63,7 @@ def diagram(task: Task, to: float, put: Callable[[float], None] | None = None) -
     start: FloatArray | None = None
     if put is not None:
         path = OverLoads(problem, put)
-        start = vectors.gather([contact.bounds for contact in vectors.contacts])
+        start = vectors.in_force()
     try:
         with task.system.preserved():
             return _followed(path, start, to, is_strict=task.target.penalty.is_strict)

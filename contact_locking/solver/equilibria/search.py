@@ -225,7 +225,7 @@ def equilibria(task: Task, most: int) -> Iterator[Equilibrium]:
     search = Equilibria(task)
     try:
         vectors = search.map.vectors
-        first = vectors.gather([contact.bounds for contact in vectors.contacts])
+        first = vectors.in_force()
         with task.system.preserved():
             search.map(first)
             index = search.index()

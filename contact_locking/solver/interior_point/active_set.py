@@ -196,7 +196,7 @@ class ActiveSet:
             law.recall((slides_on * x, z))
             for bound in self._standing:
                 if bound.friction is family:
-                    family.z[0] = bound.friction.nodes.of_all(bound.contact.bounds)
+                    family.z[0] = bound.friction.nodes.of_all(bound.in_force)
             law.linearise()
             law.evaluate()
         system.constraints.apply(system.u)
@@ -334,7 +334,7 @@ class ActiveSet:
         self._task.report.friction += 1
         wanted, _ = self._judge.compare(self._moving)
         for bound, values in zip(self._moving, wanted, strict=True):
-            bound.contact.bounds = values
+            bound.set(values)
             bound.friction.z[0] = bound.friction.nodes.of_all(values)
             law = self._laws[bound.friction]
             assert isinstance(law, FrictionProjection)

@@ -27,12 +27,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.no_slip import NoSlip
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.parallel import maximum, on_any_rank
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.family import Direction, Reaction
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
@@ -44,11 +44,12 @@ from contact_locking.solver.interior_point.tuning import Tuning
 class MovingBound:
     """``G = mu(|u_tau|) |R p|`` of ``contact``, from the pressure p of the cones ``pressing``.
 
+    It is the bound in force of the ``system``.
     The cones ``friction`` use the bound, times ``share``.  No bound is smaller than the share
     ``least`` of the largest, so that the friction cones have an inside.
     """
 
-    u: fem.Function
+    system: PenalisedSystem
     contact: NodalContact
     pressing: ContactCones
     friction: FrictionCones
@@ -66,10 +67,19 @@ class MovingBound:
         bound = self.contact.friction
         return bound.is_coulomb and not (bound.depends_on_slip or bound.stands)
 
+    @property
+    def in_force(self) -> FloatArray:
+        """The bound at all nodes of the contact at present."""
+        return self.system.bounds[self.contact]
+
+    def set(self, bound: FloatArray) -> None:
+        """Set the bound at all nodes of the contact; collective."""
+        self.system.bounds[self.contact] = bound
+
     def hold(self, stress: float) -> None:
         """Let a bound without slip hold tractions up to ``stress`` everywhere; collective."""
         if isinstance(self.contact.friction, NoSlip):
-            self.contact.bounds = self.contact.acting(self.contact.friction.on_all(stress))
+            self.set(self.contact.acting(self.contact.friction.on_all(stress)))
 
     def start(self, moves: bool, least: float) -> None:
         """Give the cones a bound: where it ``moves`` that of the pressure, else what it is now.
@@ -77,23 +87,23 @@ class MovingBound:
         Where it is zero, there is no friction to account for; collective.
         """
         if moves:
-            self.contact.bounds = self.wanted()
+            self.set(self.wanted())
         self.friction.takes_part = not self.is_zero()
         if self.friction.takes_part:
-            bound = self.friction.nodes.of_all(self.contact.bounds)
+            bound = self.friction.nodes.of_all(self.in_force)
             self.friction.start_under(bound, self.pressing.z, least)
 
     def start_on(self, least: float) -> None:
         """Take the present bound, from the cones of the bound before; collective."""
         if not self.friction.takes_part:
             return self.start(moves=False, least=least)
-        bounds = self.contact.bounds
+        bounds = self.in_force
         bounds = np.maximum(bounds, self.least * maximum(self.pressing.comm, bounds))
         self.set_wanted(self.contact.acting(bounds))
 
     def is_zero(self) -> bool:
         """Whether the bound is zero everywhere; collective."""
-        return self.contact.norm(self.contact.bounds) == 0.0
+        return self.contact.norm(self.in_force) == 0.0
 
     def wanted(self) -> FloatArray:
         """``mu |R p|`` at all nodes of the contact; collective."""
@@ -102,7 +112,7 @@ class MovingBound:
     def under(self, pressure: FloatArray) -> FloatArray:
         """``mu |R p|`` at all nodes of the contact for a pressure (k,) at those of the cones."""
         at_all = self.pressing.nodes.at_all(pressure)
-        new = self.share * self.contact.friction_bound(self.u, at_all)
+        new = self.share * self.contact.friction_bound(self.system.u, at_all)
         least = self.least * maximum(self.pressing.comm, new)
         return self.contact.acting(np.maximum(new, least))
 
@@ -115,7 +125,7 @@ class MovingBound:
         if not (bound.is_coulomb and bound.depends_on_slip):
             return np.zeros(len(nodes.weights))
         smoothed = bound.smoothing.apply(nodes.at_all(self.pressing.z))
-        slope = self.share * bound.slope(self.contact.slips(self.u))
+        slope = self.share * bound.slope(self.contact.slips(self.system.u))
         return nodes.of_all(slope * np.abs(smoothed))
 
     def used(self, elsewhere: FloatArray) -> FloatArray:
@@ -126,7 +136,7 @@ class MovingBound:
 
     def set_wanted(self, wanted: FloatArray) -> None:
         """Take the bound that the pressure asks for; collective."""
-        self.contact.bounds = wanted
+        self.set(wanted)
         self.friction.set_bound(self.friction.nodes.of_all(wanted))
 
 
@@ -305,7 +315,7 @@ class BoundLaw:
         contact, bound = moving.contact, moving.contact.friction
         self._contact, self.friction = moving.pressing, moving.friction
         self._nodes, self._smoothing = self.friction.nodes, bound.smoothing
-        slips = contact.slips(moving.u)
+        slips = contact.slips(moving.system.u)
         mu = moving.share * bound.coefficient(slips)
         pressure = self._nodes.at_all(self._contact.z)
         smoothed = bound.smoothing.apply(pressure)

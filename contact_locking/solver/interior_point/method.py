@@ -120,7 +120,7 @@ def families_of(
             regularisation = penalty.regularisations[number]
             rubbing = FrictionCones(nodes, regularisation, target.length)
             families.append(rubbing)
-            bounds.append(MovingBound(system.u, contact, pressing, rubbing, least_bound, share))
+            bounds.append(MovingBound(system, contact, pressing, rubbing, least_bound, share))
     return Families(families, bounds, strains, touching)
 
 
@@ -536,15 +536,13 @@ class InteriorPoint:
         stop, start or turn round.
         """
         tuning, moving = self._tuning, self._moving
-        contacts = [item.contact for item in moving]
         before = self._judge.friction_change
         wanted, used = self._judge.compare(moving)
         close_enough = tuning.bound_closer * before
         if t >= tuning.bound_led:
             close_enough = max(close_enough, tuning.bound_close)
         came_closer = self._judge.friction_change <= close_enough
-        for contact, values in zip(contacts, used, strict=True):
-            contact.bounds = values
+        self._task.system.bounds.enter([item.contact for item in moving], used)
         if not (came_closer and self.approach.trusts_newton):
             self._left = math.inf
             for item, values in zip(moving, wanted, strict=True):
