@@ -51,10 +51,11 @@ def test_constant_stresses_cross_unmatched_and_tilted_interfaces(
     require_constant_stress(dim, swapped, slope, degree)
 
 
+@pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("swapped", [False, True])
 @pytest.mark.parametrize("degree", [1, 2])
-def test_constant_stresses_cross_interfaces_of_quadrilaterals(swapped: bool, degree: int) -> None:
-    require_constant_stress(2, swapped, 0.2, degree, "box")
+def test_constant_stresses_cross_interfaces_of_boxes(dim: int, swapped: bool, degree: int) -> None:
+    require_constant_stress(dim, swapped, 0.2, degree, "box")
 
 
 def require_constant_stress(
@@ -67,6 +68,7 @@ def require_constant_stress(
             0.25 if dim == 2 else 0.4,
             mesh__slope=slope,
             mesh__cells=cells,
+            mesh__structured=cells == "box",
             contact={"on": sides[0], "against": sides[1]},
             friction__coefficient=1.0,
             discretisation__degree=degree,

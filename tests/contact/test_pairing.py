@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial import Delaunay
 
 from contact_locking.contact.pairing import Pairing, Side, pair
+from contact_locking.mesh.cell_kind import INTERVAL, TRIANGLE
 
 pytestmark = pytest.mark.serial
 
@@ -22,7 +23,7 @@ def curve(points: Any, sign: float) -> Side:
     facets = np.stack([numbers[:-1], numbers[1:]], axis=1)
     along = np.diff(points, axis=0)
     along /= np.linalg.norm(along, axis=1)[:, None]
-    return Side(points, facets, sign * np.stack([-along[:, 1], along[:, 0]], axis=1))
+    return Side(points, INTERVAL, facets, sign * np.stack([-along[:, 1], along[:, 0]], axis=1))
 
 
 def flat(dim: int, n: int, height: float, sign: float, low: Any, high: Any) -> Side:
@@ -40,7 +41,7 @@ def flat(dim: int, n: int, height: float, sign: float, low: Any, high: Any) -> S
     x = points[facets]
     normals = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
     normals /= (sign * np.sign(normals[:, 2]) * np.linalg.norm(normals, axis=1))[:, None]
-    return Side(points, facets, normals)
+    return Side(points, TRIANGLE, facets, normals)
 
 
 def reproduces(found: Pairing, one: Side, two: Side, gap: float) -> None:
@@ -102,6 +103,7 @@ def test_a_ray_that_meets_two_facets_is_told() -> None:
     near, far = (flat(2, 5, height, -1.0, [0.0], [1.0]) for height in (0.01, 0.02))
     both = Side(
         np.vstack([near.points, far.points]),
+        INTERVAL,
         np.vstack([near.facets, far.facets + len(near.points)]),
         np.vstack([near.outward, far.outward]),
     )
