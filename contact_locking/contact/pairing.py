@@ -17,9 +17,9 @@ the plane of each facet of side 1 and cut there, so that every integral is exact
 that are no parallelograms, where the functions are no polynomials, it is so to rounding.
 
 A quadrilateral of side 1 whose corners are not in one plane is projected into its mean plane, as
-are those of side 2 that it faces.  The gap has the heights over this plane of both.  The integrals
-are those over the projection: forces and moments of both sides still cancel, but a constant stress
-does not cross such an interface to rounding, unless the nodes of both sides match.
+are those of side 2 that it faces.  The gap has the heights of both over this plane.  Integrals are
+those over the projection, whose area is too small by a share of the order of the square of the
+height of a corner over the length of the facet.
 
 The facets are chords of curved sides, and so the distance between two meshes of one circle is not
 zero.  The gap is therefore that between the curved sides which the averaged normals at the nodes
@@ -331,7 +331,9 @@ def _common_triangles(own: FloatArray, polygons: FloatArray) -> tuple[IntArray, 
     Each polygon is cut by the line of one edge of ``own`` after the other (Sutherland and Hodgman).
     """
     inside = np.ones(polygons.shape[:2], dtype=bool)
-    for start, end in zip(np.moveaxis(own, 1, 0), np.moveaxis(np.roll(own, -1, 1), 1, 0), strict=True):
+    for start, end in zip(
+        np.moveaxis(own, 1, 0), np.moveaxis(np.roll(own, -1, 1), 1, 0), strict=True
+    ):
         edge = end - start
         away = polygons - start[:, None]
         depth = edge[:, None, 0] * away[:, :, 1] - edge[:, None, 1] * away[:, :, 0]

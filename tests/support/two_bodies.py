@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import basix.ufl
 import numpy as np
+from boxes import distorted
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from problems import with_changes
-from small_meshes import builder
+from small_meshes import Groups, Points, builder, shared
 
 from contact_locking.mesh.file.gmsh_model import extract
 from contact_locking.meshes import build
@@ -106,3 +108,24 @@ def two_discs(
         "lower": round_part(-1.0, radii[1]),
     }
     return mesh, facets
+
+
+def bent_boxes(comm: MPI.Intracomm, folder: Path, parts: tuple[int, int], slope: float) -> Path:
+    """A mesh file of two cubes of moved boxes, one on the other, with the parts of :func:`stack`.
+
+    The interface rises by ``slope`` along x; its facets are no parallelograms.
+    """
+    points: Points = []
+    groups: Groups = {}
+    for cube, n in enumerate(parts):
+        own, named = distorted(3, n)
+        x = np.array(own)
+        up = x[:, 2] if cube == 0 else 1.0 - x[:, 2]
+        x[:, 2] += cube + slope * (x[:, 0] - 0.5) * up
+        for name, cells in named.items():
+            below = {"body": "lower", "top": "lower_top"}.get(name, name)
+            above = {"body": "upper", "top": "top"}.get(name, f"upper_{name}")
+            numbers = [tuple(len(points) + node for node in cell) for cell in cells]
+            groups[above if cube else below] = numbers
+        points += [tuple(map(float, row)) for row in x]
+    return shared(comm, folder, points, groups)
