@@ -331,9 +331,8 @@ def _common_triangles(own: FloatArray, polygons: FloatArray) -> tuple[IntArray, 
     Each polygon is cut by the line of one edge of ``own`` after the other (Sutherland and Hodgman).
     """
     inside = np.ones(polygons.shape[:2], dtype=bool)
-    for start, end in zip(
-        np.moveaxis(own, 1, 0), np.moveaxis(np.roll(own, -1, 1), 1, 0), strict=True
-    ):
+    for corner in range(own.shape[1]):
+        start, end = own[:, corner - 1], own[:, corner]
         edge = end - start
         away = polygons - start[:, None]
         depth = edge[:, None, 0] * away[:, :, 1] - edge[:, None, 1] * away[:, :, 0]
@@ -363,9 +362,10 @@ def _cut(
     crosses = inside & ((depth > 0.0) & (after < 0.0) | (depth < 0.0) & (after > 0.0))
     share = depth / np.where(crosses, depth - after, 1.0)
     crossings = polygons + share[:, :, None] * (polygons_after - polygons)
-    both = np.stack([polygons, crossings], axis=2).reshape(len(polygons), -1, 2)
-    there = np.stack([keeps, crosses], axis=2).reshape(len(polygons), -1)
-    order = np.argsort(~there, axis=1, kind="stable")[:, : polygons.shape[1] + 1]
+    size = polygons.shape[1]
+    both = np.stack([polygons, crossings], axis=2).reshape(len(polygons), 2 * size, 2)
+    there = np.stack([keeps, crosses], axis=2).reshape(len(polygons), 2 * size)
+    order = np.argsort(~there, axis=1, kind="stable")[:, : size + 1]
     return both[rows, order], there[rows, order]
 
 
