@@ -121,6 +121,9 @@ def test_wrong_sides_are_refused_with_words() -> None:
         told = rf"normals of {on} and {against} point the same way, as at x = .* inside of its body"
         with pytest.raises(InputError, match=told):
             solve(fit(contact={"on": on, "against": against}))
+    boxes = {"mesh__cells": "box", "mesh__structured": True}
+    with pytest.raises(InputError, match=r"of left, around x = 0, y = 0\.5, z = 0\.5, meet no"):
+        solve(stack(3, 0.5, contact={"on": "left", "against": "top"}, **boxes))
     load = [{"on": "upper_left", "value": [0.01, 0.0]}]
     with pytest.raises(
         InputError, match=r"top and lower_top .* as at x = .*, y = 2: one side sees"
@@ -284,9 +287,12 @@ def test_stacked_blocks_take_as_many_tangents_as_one_on_a_foundation(n: float) -
 
 @pytest.mark.slow
 @pytest.mark.serial
-def test_two_bodies_are_the_same_on_one_two_and_four_ranks(tmp_path: Path) -> None:
+@pytest.mark.parametrize("dim", [2, 3], ids=["triangles", "hexahedra"])
+def test_two_bodies_are_the_same_on_one_two_and_four_ranks(dim: int, tmp_path: Path) -> None:
     file = tmp_path / "stack.yml"
-    given = stack(2, 0.2, friction__coefficient=0.3, material__locking_limit=0.006)
+    limits = {"friction__coefficient": 0.3, "material__locking_limit": 0.006}
+    grids = {"mesh__cells": "box", "mesh__structured": True} if dim == 3 else {}
+    given = stack(dim, 0.2 if dim == 2 else 0.4, **limits, **grids)
     file.write_text(study_file.dump(given))
     run = [sys.executable, "-m", "contact_locking", "run", str(file), "--quiet"]
     found = []
@@ -370,13 +376,18 @@ def test_newton_and_the_interior_point_method_agree_on_two_bodies() -> None:
     assert energies[0] == pytest.approx(energies[1], rel=1e-8)
 
 
-@pytest.mark.parametrize("limit", [None, 0], ids=["filtered", "projected"])
+@pytest.mark.parametrize(
+    ("limit", "cells"),
+    [(None, "simplex"), (0, "simplex"), (0, "box")],
+    ids=["filtered", "projected", "projected, hexahedra"],
+)
 def test_an_iterative_solver_knows_what_joins_two_bodies(
-    limit: int | None, monkeypatch: pytest.MonkeyPatch
+    limit: int | None, cells: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if limit is not None:
         monkeypatch.setitem(FILTER_LIMIT, (3, 1), limit)
     given: dict[str, Any] = {"friction__coefficient": 0.3, "material__locking_limit": 0.006}
+    given |= {"mesh__cells": cells, "mesh__structured": cells == "box"}
     found = [solved(stack(3, 0.4, **given, solver__linear=name)) for name in DIRECT_OR_NOT]
     energies = [one.summary["elastic_energy"] for one in found]
     assert energies[0] == pytest.approx(energies[1], rel=1e-7)

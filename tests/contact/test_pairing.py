@@ -84,7 +84,7 @@ def test_quadrilaterals_share_affine_fields_and_areas(share: float) -> None:
 
 @pytest.mark.parametrize("n", [5, 10])
 def test_areas_on_warped_quadrilaterals_are_those_of_mean_planes(n: int) -> None:
-    """They err by 1.5 times the square of the height of the corners over the length of a facet."""
+    """They err by 1.7 times the square of the height of the corners over the length of a facet."""
     one, two = quadrilaterals(n, 1.0, 0.0, 0.1), quadrilaterals(7 * n // 5, -1.0, 0.0, 0.1)
     away = one.corners - one.corners.mean(axis=1)[:, None]
     height = np.abs(np.einsum("mcd,md->mc", away, one.outward)).max()
