@@ -109,16 +109,21 @@ class Block(Box):
             raise ValueError("h_contact: a structured block has one element size; leave it out")
 
     @property
-    def divisions(self) -> tuple[int, ...]:
-        """The number of grid cells along each edge, none longer than ``h``."""
-        return tuple(math.ceil(edge / self.h - 1e-9) for edge in self.size)
+    def blocks(self) -> tuple[tuple[tuple[float, ...], float], ...]:
+        """The edges and the element size of each block, in the order of the regions."""
+        return ((self.size, self.h),)
+
+    @property
+    def divisions(self) -> list[list[int]]:
+        """The number of grid cells along each edge of each block, none longer than its size."""
+        return [[math.ceil(edge / h - 1e-9) for edge in edges] for edges, h in self.blocks]
 
     def estimated_cells(self) -> float:
-        """The exact number of cells for a structured block, else the estimate of the base class."""
+        """The exact number of cells of a structured block, else the estimate of the base class."""
         if not self.structured:
             return super().estimated_cells()
         split = math.factorial(self.dim) if self.cells == "simplex" else 1
-        return split * math.prod(self.divisions)
+        return split * sum(map(math.prod, self.divisions))
 
     @property
     def subdivides(self) -> bool:
@@ -130,11 +135,17 @@ class Block(Box):
         if not self.structured:
             super().set_sizes(model, sides)
             return
-        for _, tag in model.getEntities(1):
-            box = model.getBoundingBox(1, tag)
-            extents = [box[axis + 3] - box[axis] for axis in range(self.dim)]
-            divisions = self.divisions[extents.index(max(extents))]
-            model.mesh.setTransfiniteCurve(tag, divisions + 1)
+        entities = model.getEntities(self.dim)
+        for entity, (size, _), divisions in zip(entities, self.blocks, self.divisions, strict=True):
+            curves = model.getBoundary([entity], oriented=False)
+            if self.dim == 3:
+                curves = model.getBoundary(curves, combined=False, oriented=False)
+            for _, tag in curves:
+                box = model.getBoundingBox(1, tag)
+                # A tilted side has the whole of the edge along x.
+                shares = [(box[axis + 3] - box[axis]) / edge for axis, edge in enumerate(size)]
+                axis = shares.index(max(shares))
+                model.mesh.setTransfiniteCurve(tag, divisions[axis] + 1)
         for _, tag in model.getEntities(2):
             model.mesh.setTransfiniteSurface(tag)
         for _, tag in model.getEntities(3):

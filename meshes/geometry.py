@@ -74,8 +74,8 @@ class Geometry(ABC):
         if self.subdivides and self.dim == 3:
             # Gmsh divides tetrahedra into hexahedra, some of which are folded at curved sides.
             raise ValueError(
-                "cells: box in 3D is for a block with structured: true; give another body of "
-                "hexahedra as a mesh file"
+                "cells: box in 3D is for a block or a stack with structured: true; give another "
+                "body of hexahedra as a mesh file"
             )
         if self.h > self.thickness * (1 + 1e-9):
             raise ValueError(

@@ -5,18 +5,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .block import Box
+from .block import Block
 from .geometry import Zone, length, parameter, real, vector
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stack(Box):
+class Stack(Block):
     """A block [0, a] x ([0, b] x) [0, c] and another one above its middle, with nodes of their own.
 
     The interface rises by ``slope`` from left to right, about the middle of the lower block.
     Cells: lower, upper.  Facets of the lower block: left, right, in 3D front, back, bottom, and
     lower_top; of the upper block: upper_left, upper_right, in 3D upper_front, upper_back,
-    upper_bottom, and top.  The contact zone is the interface.
+    upper_bottom, and top.  The contact zone is the interface.  Structured blocks are grids each.
     """
 
     upper: tuple[float, ...] = parameter(
@@ -48,6 +48,11 @@ class Stack(Box):
     def fine(self) -> float:
         """The element size of the upper block."""
         return 0.7 * self.h if self.h_upper is None else self.h_upper
+
+    @property
+    def blocks(self) -> tuple[tuple[tuple[float, ...], float], ...]:
+        """The lower and the upper block."""
+        return ((self.size, self.h), (self.upper, self.fine))
 
     @property
     def bodies(self) -> int:
@@ -155,4 +160,5 @@ class Stack(Box):
     def set_sizes(self, model: Any, sides: Sequence[int] = ()) -> None:
         """Prescribe the element size of both blocks, and of the zone."""
         super().set_sizes(model, sides)
-        self.refine_second(model, self.fine)
+        if not self.structured:
+            self.refine_second(model, self.fine)

@@ -37,19 +37,13 @@ class PairedSurface(ContactSurface):
     Where bodies are paired anew in each step, ``distance`` is what the jump may reach in all:
     ``g + [u_{k-1}]_nu`` with the gap g between the deformed sides.
     Raises InputError for sides that have nodes in common, for sides that do not face each other or
-    overlap too deep, and for hexahedra.  The constructor is collective.
+    overlap too deep, and for curved cells.  The constructor is collective.
     """
 
     def __init__(
         self, domain: Domain, space: fem.FunctionSpace, given: Contact, element: Element
     ) -> None:
         key, names = given.key, tuple(given.against or ())
-        if not domain.kind.facet.is_simplex:
-            raise InputError(
-                f"bodies that touch each other are not there for {domain.kind.plural}; take "
-                "simplices",
-                key,
-            )
         if element.curved:
             raise InputError(
                 "bodies that touch each other are not there for curved cells, as the sides are cut "
@@ -174,7 +168,7 @@ def _side(
     nodes = facet_nodes(domain, space, facets, cells)
     x = space.tabulate_dof_coordinates()[:, :dim]
     inside = mesh.geometry.x[_compat.cell_corners(mesh)[cells]][:, :, :dim].mean(axis=1)
-    outward = _outward(x[nodes[:, :dim]], inside)
+    outward = _outward(x[nodes[:, : domain.kind.facet.corners]], inside)
     numbers = index_map.local_to_global(nodes.reshape(-1)).reshape(nodes.shape)
     every = np.concatenate(comm.allgather(numbers))
     points = np.concatenate(comm.allgather(x[nodes]))
@@ -182,6 +176,7 @@ def _side(
     return (
         Side(
             points.reshape(-1, dim)[first],
+            domain.kind.facet,
             inverse.reshape(-1, nodes.shape[1]),
             np.concatenate(comm.allgather(outward)),
             np.concatenate(comm.allgather(domain.parts[cells])) if among else None,
@@ -192,7 +187,7 @@ def _side(
 
 
 def _outward(corners: FloatArray, inside: FloatArray) -> FloatArray:
-    """The unit normals (m, d) of facets (m, d, d) that point away from ``inside`` (m, d)."""
+    """The unit normals (m, d) of facets (m, c, d) that point away from ``inside`` (m, d)."""
     normals = unit_normals(corners)
     side = np.sign(np.sum(normals * (corners[:, 0] - inside), axis=1))
     return np.asarray(side[:, None] * normals)

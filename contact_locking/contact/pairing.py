@@ -13,7 +13,13 @@ at the nodes; for quadratic ones c1 are the control values (:class:`~contact_loc
 Trace`).  The b_i have the sum 1, and so have the psi_i: a constant pressure on side 1 is one on
 side 2.  All integrals are over the part of side 1 that side 2 covers, and the dual basis is that
 of this part (Popp et al., doi:10.1016/j.cma.2010.11.004).  The facets of side 2 are projected into
-the plane of each facet of side 1 and cut there, so that every integral is exact.
+the plane of each facet of side 1 and cut there, so that every integral is exact; on quadrilaterals
+that are no parallelograms, where the functions are no polynomials, it is so to rounding.
+
+A quadrilateral of side 1 whose corners are not in one plane is projected into its mean plane, as
+are those of side 2 that it faces.  The gap has the heights of both over this plane.  Integrals are
+those over the projection, whose area is too small by a share of the order of the square of the
+height of a corner over the length of the facet.
 
 The facets are chords of curved sides, and so the distance between two meshes of one circle is not
 zero.  The gap is therefore that between the curved sides which the averaged normals at the nodes
@@ -27,10 +33,12 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import basix
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
-from contact_locking.mesh.cell_kind import unit_normals
+from contact_locking.contact.facet_functions import bernstein, functions, nodal
+from contact_locking.mesh.cell_kind import CellKind, facet_normals, unit_normals
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -40,18 +48,16 @@ if TYPE_CHECKING:
 _FACING = -0.3
 # A ray meets side 2 within this multiple of the least distance, by the angle above, or not at all.
 _REACH = 3.3
-# A rule of degree 4 on triangles: a barycentric coordinate that two corners share, and the weight
-# (Strang and Fix; Dunavant, doi:10.1002/nme.1620210612).
-_TRIANGLE = (
-    (0.445948490915965, 0.223381589678011),
-    (0.091576213509771, 0.109951743655322),
-)
 # A facet is covered if this share of it is: a lesser share is rounding, or the rim of side 2.
 _COVERED = 1e-3
 # A facet may be covered by this share more than once: rounding.
 _TWICE = 1e-6
 # Points nearer to the axis than this share of the extent are on it.
 _ON_AXIS = 1e-9
+# By this factor the integrals of functions over quadrilaterals become more accurate than by a rule
+# that is exact for parallelograms, which these are up to a factor of rounding.  The last factor is
+# that of quadrilaterals with Jacobians of 1 and 1/6; more bent ones have the rule of these.
+_SMALL, _PARALLEL, _MOST_BENT = 1e-10, 1e-16, 0.42
 # The cosine of 15 degrees.
 _SMOOTH = 0.966
 
@@ -60,14 +66,16 @@ _SMOOTH = 0.966
 class Side:
     """One side of an interface: its facets, whose ``outward`` unit normals point to the other.
 
-    ``points`` (k, d) are its nodes, ``facets`` (m, n) the nodes of its facets as numbers of points,
-    and ``outward`` is (m, d).  The corners of a facet are first; behind them are the midpoints of
-    its edges for quadratic functions, in the order of DOLFINx.  ``bodies`` (m,) are the numbers of
-    the bodies of the facets where several bodies touch each other.  If the side ``revolves``, about
-    x = 0, integrals have the factor 2 pi x.
+    ``points`` (k, d) are its nodes, ``kind`` is that of its facets, ``facets`` (m, n) are the nodes
+    of the facets as numbers of points, and ``outward`` is (m, d).  The corners of a facet are
+    first; behind them are the midpoints of its edges for quadratic functions, in the order of
+    DOLFINx, and the middle of a quadrilateral.  ``bodies`` (m,) are the numbers of the bodies of
+    the facets where several bodies touch each other.  If the side ``revolves``, about x = 0,
+    integrals have the factor 2 pi x.
     """
 
     points: FloatArray
+    kind: CellKind
     facets: IntArray
     outward: FloatArray
     bodies: IntArray | None = None
@@ -75,13 +83,13 @@ class Side:
 
     @property
     def corners(self) -> FloatArray:
-        """The corners (m, d, d) of the facets."""
-        return self.points[self.facets[:, : self.points.shape[1]]]
+        """The corners (m, c, d) of the facets."""
+        return self.points[self.facets[:, : self.kind.corners]]
 
     @property
     def is_quadratic(self) -> bool:
         """Whether the midpoints of edges are nodes, too."""
-        return self.facets.shape[1] > self.points.shape[1]
+        return self.facets.shape[1] > self.kind.corners
 
     def moved(self, by: FloatArray) -> Side:
         """The side after its points have moved by (k, d)."""
@@ -102,10 +110,7 @@ class Side:
 
     def sizes(self) -> FloatArray:
         """The lengths (m,) or areas of the facets."""
-        edges = np.diff(self.corners, axis=1)
-        if edges.shape[2] == 2:
-            return np.asarray(np.linalg.norm(edges[:, 0], axis=1))
-        return np.asarray(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
+        return np.asarray(np.linalg.norm(facet_normals(self.corners), axis=1))
 
 
 @dataclass(frozen=True)
@@ -133,36 +138,38 @@ def pair(one: Side, other: Side) -> Pairing:
     """
     from scipy.sparse import csr_matrix
 
-    frames, first = _tangents(one), one.corners[:, :1]
+    frames, middles = _tangents(one), one.corners.mean(axis=1)[:, None]
     facet, facing = _candidates(one, other)
     if one.bodies is not None and other.bodies is not None:
         first_body, second = one.bodies[facet], other.bodies[facing]
         kept = _of_the_nearest(one, other, facet, facing, first_body != second)
         kept &= first_body < second
         facet, facing = facet[kept], facing[kept]
-    away = other.corners[facing] - first[facet]
+    away = other.corners[facing] - middles[facet]
     flat = np.einsum("pcd,ptd->pct", away, frames[facet])
     heights = np.einsum("pcd,pd->pc", away, one.outward[facet])
-    own = np.einsum("mcd,mtd->mct", one.corners - first, frames)
+    own = np.einsum("mcd,mtd->mct", one.corners - middles, frames)
+    own_heights = np.einsum("mcd,md->mc", one.corners - middles, one.outward)
     meet = _boxes_meet(own[facet], flat)
     facet, facing, flat, heights = facet[meet], facing[meet], flat[meet], heights[meet]
-    number, pieces = _overlaps(own[facet], flat)
-    places, weights = _quadrature(pieces)
-    at_one, at_other = _shares(own[facet[number]], places), _shares(flat[number], places)
+    number, pieces = _overlaps(own[facet], flat, one.kind)
+    places, weights = _quadrature(pieces, max(_degree(one), _degree(other)))
+    at_one = functions(one.kind, own[facet[number]], places)
+    at_other = functions(other.kind, flat[number], places)
     covered = _summed(facet[number], len(one.facets), weights[:, :, None]).sum(axis=(1, 2))
     if one.revolves:
         radii = np.einsum("qni,qi->qn", at_one, one.corners[facet[number], :, 0])
         weights = 2.0 * math.pi * radii * weights
-    of_one = _bernstein(at_one) if one.is_quadratic else at_one
-    of_other = _nodal(at_other) if other.is_quadratic else at_other
+    of_one = bernstein(at_one) if one.is_quadratic else at_one
+    of_other = nodal(at_other) if other.is_quadratic else at_other
 
     # Sums over the pieces of each pair, then over the pairs of each facet.
     mixed = _summed(number, len(facet), np.einsum("qn,qni,qnk->qik", weights, of_one, of_other))
     bulge = _bulge(one)[facet[number]], _bulge(other)[facing[number]]
-    away = np.einsum("qnk,qk->qn", at_other, heights[number]) - sum(
-        np.einsum("qij,qni,qnj->qn", part, at, at)
-        for part, at in zip(bulge, (at_one, at_other), strict=True)
-    )
+    away = np.einsum("qnk,qk->qn", at_other, heights[number])
+    away -= np.einsum("qnk,qk->qn", at_one, own_heights[facet[number]])
+    for part, at in zip(bulge, (at_one, at_other), strict=True):
+        away -= np.einsum("qij,qni,qnj->qn", part, at, at)
     height = np.einsum("qn,qni,qn->qi", weights, of_one, away)
     height = _summed(number, len(facet), height[:, :, None])[:, :, 0]
     mass = np.einsum("qn,qni,qnj->qij", weights, of_one, of_one)
@@ -193,39 +200,57 @@ def pair(one: Side, other: Side) -> Pairing:
 
 
 def _tangents(side: Side) -> FloatArray:
-    """Orthonormal tangents (m, d - 1, d) of the facets."""
+    """Orthonormal tangents (m, d - 1, d) of the facets, or of their mean planes."""
     along = side.corners[:, 1] - side.corners[:, 0]
+    along = along - np.sum(along * side.outward, axis=1)[:, None] * side.outward
     along = along / np.linalg.norm(along, axis=1)[:, None]
     if side.points.shape[1] == 2:
         return np.asarray(along[:, None])
     return np.stack([along, np.cross(side.outward, along)], axis=1)
 
 
+def _degree(side: Side) -> int:
+    """The degree of a rule on the pieces of facets for products of the functions of their nodes.
+
+    It is exact on simplices and parallelograms.  On another quadrilateral the functions are smooth
+    where the Jacobian is not zero, and the error falls from each degree to the next by a factor
+    near ``(1 - r)/(1 + r)``, where r^2 is the least quotient of the Jacobians at two corners.
+    """
+    if side.kind.is_simplex:
+        return 4
+    normals = [facet_normals(side.corners[:, list(three)]) for three in side.kind.beside]
+    sizes = np.einsum("cmd,md->cm", np.array(normals), unit_normals(side.corners))
+    ratio = np.sqrt(np.maximum(sizes.min(axis=0) / sizes.max(axis=0), 0.0))
+    factor = float(((1.0 - ratio) / (1.0 + ratio)).max())
+    more = math.log(_SMALL) / math.log(min(max(factor, _PARALLEL), _MOST_BENT))
+    return (8 if side.is_quadratic else 4) + int(more)
+
+
 def _bulge(side: Side) -> FloatArray:
-    """The coefficients (m, d, d) of products of two hat functions, by which a side is farther out.
+    """The coefficients (m, c, c) of products of two functions, by which a side is farther out.
 
     They have nonzero entries above the diagonal.  At a corner of the body, whose normal is more
     than 15 degrees off that of the facet, the side is straight.  At an end of a curve it is as
     curved as at the other end of the facet.
     """
-    dim, areas = side.points.shape[1], side.sizes()
+    count, areas = side.kind.corners, side.sizes()
     normals = np.zeros_like(side.points)
     number = np.zeros(len(side.points))
-    corners = side.facets[:, :dim]
+    corners = side.facets[:, :count]
     for corner in corners.T:
         np.add.at(normals, corner, areas[:, None] * side.outward)
         np.add.at(number, corner, 1.0)
     sizes = np.linalg.norm(normals, axis=1)
     normals = (normals / np.where(sizes > 0.0, sizes, 1.0)[:, None])[corners]
-    found = np.zeros((len(corners), dim, dim))
-    for i in range(dim):
-        for j in range(i + 1, dim):
+    found = np.zeros((len(corners), count, count))
+    for i in range(count):
+        for j in range(i + 1, count):
             along = side.corners[:, j] - side.corners[:, i]
             length = np.linalg.norm(along, axis=1)[:, None]
             slopes = np.einsum("mci,mi->mc", normals[:, [i, j]], along / length)
             off = np.sum(normals[:, [i, j]] * side.outward[:, None], axis=2)
             slopes[off < _SMOOTH] = 0.0
-            if dim == 2:
+            if count == 2:
                 slopes = np.where(number[corners] == 1.0, -slopes[:, ::-1], slopes)
             found[:, i, j] = 0.5 * length[:, 0] * (slopes[:, 1] - slopes[:, 0])
     return found
@@ -273,13 +298,13 @@ def _balls(side: Side) -> tuple[FloatArray, FloatArray]:
 
 
 def _boxes_meet(own: FloatArray, flat: FloatArray) -> BoolArray:
-    """(p,) whether the boxes around simplices (p, d, d - 1) have points in common."""
+    """(p,) whether the boxes around facets (p, c, d - 1) have points in common."""
     low = np.maximum(own.min(axis=1), flat.min(axis=1))
     return np.all(low < np.minimum(own.max(axis=1), flat.max(axis=1)), axis=1)
 
 
-def _overlaps(own: FloatArray, flat: FloatArray) -> tuple[IntArray, FloatArray]:
-    """The intersections of simplices ``own`` and ``flat`` (p, d, d - 1).
+def _overlaps(own: FloatArray, flat: FloatArray, kind: CellKind) -> tuple[IntArray, FloatArray]:
+    """The intersections of facets ``own`` and ``flat`` (p, c, d - 1) of a kind.
 
     Returns simplices (q, d, d - 1), and the number (q,) of the pair of each.
     """
@@ -288,24 +313,26 @@ def _overlaps(own: FloatArray, flat: FloatArray) -> tuple[IntArray, FloatArray]:
         high = np.minimum(own.max(axis=1), flat.max(axis=1))[:, 0]
         number = np.flatnonzero(high > low)
         return number, np.stack([low, high], axis=1)[number][:, :, None]
-    return _common_triangles(_turned_left(own), flat)
+    # Gmsh's order of corners goes around.
+    around = list(kind.gmsh_order)
+    return _common_triangles(_turned_left(own[:, around]), flat[:, around])
 
 
-def _turned_left(triangles: FloatArray) -> FloatArray:
-    """Triangles (p, 3, 2) with their corners in mathematically positive order."""
-    edges = np.diff(triangles, axis=1)
+def _turned_left(polygons: FloatArray) -> FloatArray:
+    """Convex polygons (p, v, 2) with their corners in mathematically positive order."""
+    edges = np.diff(polygons, axis=1)
     left = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0] > 0.0
-    return np.where(left[:, None, None], triangles, triangles[:, ::-1])
+    return np.where(left[:, None, None], polygons, polygons[:, ::-1])
 
 
 def _common_triangles(own: FloatArray, polygons: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Triangles of the intersections of triangles ``own`` (p, 3, 2) and convex polygons (p, v, 2).
+    """Triangles of the intersections of convex polygons ``own`` (p, n, 2) and (p, v, 2).
 
-    Each polygon is cut by the line of one edge after the other (Sutherland and Hodgman).
+    Each polygon is cut by the line of one edge of ``own`` after the other (Sutherland and Hodgman).
     """
     inside = np.ones(polygons.shape[:2], dtype=bool)
-    for corner in range(3):
-        start, end = own[:, corner], own[:, (corner + 1) % 3]
+    for corner in range(own.shape[1]):
+        start, end = own[:, corner - 1], own[:, corner]
         edge = end - start
         away = polygons - start[:, None]
         depth = edge[:, None, 0] * away[:, :, 1] - edge[:, None, 1] * away[:, :, 0]
@@ -335,49 +362,20 @@ def _cut(
     crosses = inside & ((depth > 0.0) & (after < 0.0) | (depth < 0.0) & (after > 0.0))
     share = depth / np.where(crosses, depth - after, 1.0)
     crossings = polygons + share[:, :, None] * (polygons_after - polygons)
-    both = np.stack([polygons, crossings], axis=2).reshape(len(polygons), -1, 2)
-    there = np.stack([keeps, crosses], axis=2).reshape(len(polygons), -1)
-    order = np.argsort(~there, axis=1, kind="stable")[:, : polygons.shape[1] + 1]
+    size = polygons.shape[1]
+    both = np.stack([polygons, crossings], axis=2).reshape(len(polygons), 2 * size, 2)
+    there = np.stack([keeps, crosses], axis=2).reshape(len(polygons), 2 * size)
+    order = np.argsort(~there, axis=1, kind="stable")[:, : size + 1]
     return both[rows, order], there[rows, order]
 
 
-def _quadrature(simplices: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points (q, n, d - 1) and weights (q, n) that are exact for degree 4."""
+def _quadrature(simplices: FloatArray, degree: int) -> tuple[FloatArray, FloatArray]:
+    """Points (q, n, d - 1) and weights (q, n) of a rule on simplices (q, d, d - 1)."""
+    cell = basix.CellType.interval if simplices.shape[2] == 1 else basix.CellType.triangle
+    places, weights = basix.make_quadrature(cell, degree)
     edges = simplices[:, 1:] - simplices[:, :1]
-    if simplices.shape[2] == 1:
-        places, lengths = np.polynomial.legendre.leggauss(3)
-        points = simplices[:, :1] + 0.5 * (1.0 + places)[None, :, None] * edges
-        return points, 0.5 * np.abs(edges[:, 0]) * lengths
-    area = 0.5 * np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0])
-    shares, weights = [], []
-    for outer, weight in _TRIANGLE:
-        shares += [np.roll([1.0 - 2.0 * outer, outer, outer], turn) for turn in range(3)]
-        weights += [weight] * 3
-    return np.einsum("nc,qcd->qnd", np.array(shares), simplices), area[:, None] * weights
-
-
-def _shares(simplices: FloatArray, points: FloatArray) -> FloatArray:
-    """The barycentric coordinates (q, n, d) of points (q, n, d - 1) in simplices (q, d, d - 1)."""
-    edges = (simplices[:, 1:] - simplices[:, :1]).transpose(0, 2, 1)
-    away = (points - simplices[:, :1]).transpose(0, 2, 1)
-    rest = np.linalg.solve(edges, away).transpose(0, 2, 1)
-    return np.concatenate([1.0 - rest.sum(axis=2, keepdims=True), rest], axis=2)
-
-
-def _edges(shares: FloatArray) -> FloatArray:
-    """The products (q, n, e) of the coordinates (q, n, d) of the ends of each edge."""
-    ends = [(0, 1)] if shares.shape[2] == 2 else [(1, 2), (0, 2), (0, 1)]
-    return np.stack([shares[..., i] * shares[..., j] for i, j in ends], axis=2)
-
-
-def _bernstein(shares: FloatArray) -> FloatArray:
-    """Bernstein's quadratic functions (q, n, d + e) at barycentric coordinates (q, n, d)."""
-    return np.concatenate([shares**2, 2.0 * _edges(shares)], axis=2)
-
-
-def _nodal(shares: FloatArray) -> FloatArray:
-    """The quadratic functions (q, n, d + e) of the nodes at barycentric coordinates (q, n, d)."""
-    return np.concatenate([shares * (2.0 * shares - 1.0), 4.0 * _edges(shares)], axis=2)
+    sizes = np.abs(np.linalg.det(edges))
+    return simplices[:, :1] + places @ edges, sizes[:, None] * weights
 
 
 def _dual_basis(mass: FloatArray) -> FloatArray:

@@ -152,17 +152,19 @@ NAMED = {kind.name: kind for kind in KINDS.values() if kind.dim > 1}
 
 
 def facet_normals(corners: FloatArray) -> FloatArray:
-    """Normals (m, d) of facets (m, d, d), whose lengths are the measures of the facets.
+    """Normals (m, d) of facets (m, c, d), whose lengths are the measures of the facets.
 
-    They point to the side that the order of the corners gives.
+    They point to the side that the order of the corners gives.  That of a quadrilateral is the mean
+    over the facet, which is the measure of its projection to the mean plane.
     """
-    edges = corners[:, 1:] - corners[:, :1]
     if corners.shape[2] == 2:
-        return np.stack([edges[:, 0, 1], -edges[:, 0, 0]], axis=1)
-    return np.asarray(0.5 * np.cross(edges[:, 0], edges[:, 1]), dtype=float)
+        edge = corners[:, 1] - corners[:, 0]
+        return np.stack([edge[:, 1], -edge[:, 0]], axis=1)
+    one, other = corners[:, -1] - corners[:, 0], corners[:, 2] - corners[:, 1]
+    return np.asarray(0.5 * np.cross(one, other), dtype=float)
 
 
 def unit_normals(corners: FloatArray) -> FloatArray:
-    """The unit normals (m, d) of facets (m, d, d), as :func:`facet_normals`."""
+    """The unit normals (m, d) of facets (m, c, d), as :func:`facet_normals`."""
     normals = facet_normals(corners)
     return np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])

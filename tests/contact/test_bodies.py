@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from boxes import distorted
 from dolfinx import fem
 from mpi4py import MPI
 from problems import with_changes
@@ -22,7 +21,6 @@ import contact_locking as cl
 from contact_locking import StudySolution, assemble, save, solve, study_file
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
-from contact_locking.problem.body_forms import BodyForms
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
 from contact_locking.study_file.parameters import Parameters
 
@@ -39,129 +37,6 @@ def solved(parameters: Parameters) -> StudySolution:
 
 def largest(solution: StudySolution, values: Any) -> float:
     return float(solution.domain.comm.allreduce(np.abs(values).max(initial=0.0), op=MPI.MAX))
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("swapped", [False, True])
-@pytest.mark.parametrize("slope", [0.0, 0.2])
-@pytest.mark.parametrize("degree", [1, 2])
-def test_constant_stresses_cross_unmatched_and_tilted_interfaces(
-    dim: int, swapped: bool, slope: float, degree: int
-) -> None:
-    require_constant_stress(dim, swapped, slope, degree)
-
-
-@pytest.mark.parametrize("swapped", [False, True])
-@pytest.mark.parametrize("degree", [1, 2])
-def test_constant_stresses_cross_interfaces_of_quadrilaterals(swapped: bool, degree: int) -> None:
-    require_constant_stress(2, swapped, 0.2, degree, "box")
-
-
-def require_constant_stress(
-    dim: int, swapped: bool, slope: float, degree: int, cells: str = "simplex"
-) -> None:
-    sides = ["lower_top", "upper_bottom"] if swapped else ["upper_bottom", "lower_top"]
-    problem = assemble(
-        stack(
-            dim,
-            0.25 if dim == 2 else 0.4,
-            mesh__slope=slope,
-            mesh__cells=cells,
-            contact={"on": sides[0], "against": sides[1]},
-            friction__coefficient=1.0,
-            discretisation__degree=degree,
-        ),
-        MPI.COMM_WORLD,
-    )
-    (contact,) = problem.contacts
-    gradient = np.arange(1.0, dim * dim + 1.0).reshape(dim, dim)
-    u = problem.u
-    u.interpolate(lambda x: gradient @ x[:dim])
-    # No jump, and forces in equilibrium with any stress: at the outer boundary alone are reactions.
-    jump = contact.surface.limited.of_function(u)
-    assert np.abs(jump).max(initial=0.0) <= 1e-12
-    stress = elastic_stress(0.5 * (gradient + gradient.T))
-    forces = BodyForms(u.function_space, problem.data).elastic_forces(u)
-    forces -= contact.surface.nodal_forces(contact.normals @ stress)
-    x = u.function_space.tabulate_dof_coordinates()
-    inside = np.ones(len(x), dtype=bool)
-    for axis in range(dim):
-        low, high = (0.0, 1.0) if axis < dim - 1 else (0.0, 2.0)
-        inside &= (x[:, axis] > low + 1e-9) & (x[:, axis] < high - 1e-9)
-    assert np.abs(forces.reshape(-1, dim)[inside]).max(initial=0.0) <= 1e-12
-    area = problem.domain.comm.allreduce(contact.surface.weights.sum())
-    assert area == pytest.approx(math.hypot(1.0, slope), rel=1e-12)
-
-
-def elastic_stress(strain: Any) -> Any:
-    shear = YOUNG / (2.0 * (1.0 + POISSON))
-    lame = YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON))
-    return lame * np.trace(strain) * np.eye(len(strain)) + 2.0 * shear * strain
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize(("n", "share"), [(1e3, 1e-10), (math.inf, 1e-7)])
-@pytest.mark.parametrize("degree", [1, 2])
-def test_a_tilted_interface_with_friction_carries_a_uniform_pressure(
-    dim: int, n: float, share: float, degree: int
-) -> None:
-    # Free sides: the lower face widens as it wants to.
-    factor = (1.0 + POISSON) / YOUNG if dim == 2 else 1.0 / YOUNG
-    widening = factor * POISSON * 0.01
-    bottom = [f"{widening}*{axis}" for axis in "xy"[: dim - 1]]
-    solution = solved(
-        stack(
-            dim,
-            0.25 if dim == 2 else 0.5,
-            mesh__slope=0.2,
-            loads__displacements=[{"on": "bottom", "value": [*bottom, 0.0]}],
-            friction__coefficient=1.0,
-            penalty__n=n,
-            discretisation__degree=degree,
-            solver__tolerance=1e-8 if n == math.inf else 1e-12,
-            solver__friction_tolerance=1e-8 if n == math.inf else 1e-12,
-        )
-    )
-    exact = np.zeros((dim, dim))
-    exact[-1, -1] = -0.01
-    stress = solution.elastic_stress.x.array.reshape(-1, dim, dim)
-    # Strains of quadratic elements multiply the rounding of displacements by more.
-    assert largest(solution, stress - exact) <= 0.01 * share * (1.0 if degree == 1 else 10.0)
-
-
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("slope", [0.0, 0.2])
-def test_cylinders_carry_a_uniform_pressure_along_their_axis(degree: int, slope: float) -> None:
-    """Also where they meet on a cone; the lower face widens as it wants to."""
-    widening = POISSON / YOUNG * 0.01
-    solution = solved(
-        stack(
-            2,
-            0.25,
-            mesh__axisymmetric=True,
-            mesh__slope=slope,
-            loads__displacements=[{"on": "bottom", "value": [f"{widening}*x", 0.0]}],
-            friction__coefficient=1.0,
-            discretisation={"degree": 1} if degree == 1 else {"degree": 2, "limit_at": "gauss"},
-            solver__tolerance=1e-8,
-        )
-    )
-    exact = np.diag([0.0, -0.01, 0.0])
-    stress = solution.elastic_stress.x.array.reshape(-1, 3, 3)
-    assert largest(solution, stress - exact) <= 1e-8
-    # On the disc of radius 1.
-    (contact,) = solution.summary["contacts"]
-    force = contact["contact_force"][1] + contact["friction_force"][1]
-    assert force == pytest.approx(0.01 * math.pi, rel=1e-7)
-
-
-def test_bodies_of_hexahedra_are_refused(tmp_path: Path) -> None:
-    path = shared(MPI.COMM_WORLD, tmp_path, *distorted(3, 2))
-    held = [{"on": "left", "value": [0.0, 0.0, 0.0]}]
-    load = [{"on": "right", "value": [-0.01, 0.0, 0.0]}]
-    given = {"loads__displacements": held, "loads__tractions": load}
-    with pytest.raises(InputError, match="are not there for hexahedra; take simplices"):
-        solve(from_file(path, {"on": "top", "against": "bottom"}, **given))
 
 
 def test_action_is_reaction_and_every_body_is_in_equilibrium() -> None:
@@ -246,6 +121,9 @@ def test_wrong_sides_are_refused_with_words() -> None:
         told = rf"normals of {on} and {against} point the same way, as at x = .* inside of its body"
         with pytest.raises(InputError, match=told):
             solve(fit(contact={"on": on, "against": against}))
+    boxes = {"mesh__cells": "box", "mesh__structured": True}
+    with pytest.raises(InputError, match=r"of left, around x = 0, y = 0\.5, z = 0\.5, meet no"):
+        solve(stack(3, 0.5, contact={"on": "left", "against": "top"}, **boxes))
     load = [{"on": "upper_left", "value": [0.01, 0.0]}]
     with pytest.raises(
         InputError, match=r"top and lower_top .* as at x = .*, y = 2: one side sees"
@@ -409,9 +287,12 @@ def test_stacked_blocks_take_as_many_tangents_as_one_on_a_foundation(n: float) -
 
 @pytest.mark.slow
 @pytest.mark.serial
-def test_two_bodies_are_the_same_on_one_two_and_four_ranks(tmp_path: Path) -> None:
+@pytest.mark.parametrize("dim", [2, 3], ids=["triangles", "hexahedra"])
+def test_two_bodies_are_the_same_on_one_two_and_four_ranks(dim: int, tmp_path: Path) -> None:
     file = tmp_path / "stack.yml"
-    given = stack(2, 0.2, friction__coefficient=0.3, material__locking_limit=0.006)
+    limits = {"friction__coefficient": 0.3, "material__locking_limit": 0.006}
+    grids = {"mesh__cells": "box", "mesh__structured": True} if dim == 3 else {}
+    given = stack(dim, 0.2 if dim == 2 else 0.4, **limits, **grids)
     file.write_text(study_file.dump(given))
     run = [sys.executable, "-m", "contact_locking", "run", str(file), "--quiet"]
     found = []
@@ -495,13 +376,18 @@ def test_newton_and_the_interior_point_method_agree_on_two_bodies() -> None:
     assert energies[0] == pytest.approx(energies[1], rel=1e-8)
 
 
-@pytest.mark.parametrize("limit", [None, 0], ids=["filtered", "projected"])
+@pytest.mark.parametrize(
+    ("limit", "cells"),
+    [(None, "simplex"), (0, "simplex"), (0, "box")],
+    ids=["filtered", "projected", "projected, hexahedra"],
+)
 def test_an_iterative_solver_knows_what_joins_two_bodies(
-    limit: int | None, monkeypatch: pytest.MonkeyPatch
+    limit: int | None, cells: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if limit is not None:
         monkeypatch.setitem(FILTER_LIMIT, (3, 1), limit)
     given: dict[str, Any] = {"friction__coefficient": 0.3, "material__locking_limit": 0.006}
+    given |= {"mesh__cells": cells, "mesh__structured": cells == "box"}
     found = [solved(stack(3, 0.4, **given, solver__linear=name)) for name in DIRECT_OR_NOT]
     energies = [one.summary["elastic_energy"] for one in found]
     assert energies[0] == pytest.approx(energies[1], rel=1e-7)

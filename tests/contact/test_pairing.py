@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
+from contact_locking.arrays import FloatArray
 from contact_locking.contact.pairing import Pairing, Side, pair
+from contact_locking.mesh.cell_kind import INTERVAL, QUADRILATERAL, TRIANGLE, unit_normals
 
 pytestmark = pytest.mark.serial
 
@@ -22,7 +25,7 @@ def curve(points: Any, sign: float) -> Side:
     facets = np.stack([numbers[:-1], numbers[1:]], axis=1)
     along = np.diff(points, axis=0)
     along /= np.linalg.norm(along, axis=1)[:, None]
-    return Side(points, facets, sign * np.stack([-along[:, 1], along[:, 0]], axis=1))
+    return Side(points, INTERVAL, facets, sign * np.stack([-along[:, 1], along[:, 0]], axis=1))
 
 
 def flat(dim: int, n: int, height: float, sign: float, low: Any, high: Any) -> Side:
@@ -40,7 +43,59 @@ def flat(dim: int, n: int, height: float, sign: float, low: Any, high: Any) -> S
     x = points[facets]
     normals = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
     normals /= (sign * np.sign(normals[:, 2]) * np.linalg.norm(normals, axis=1))[:, None]
-    return Side(points, facets, normals)
+    return Side(points, TRIANGLE, facets, normals)
+
+
+def quadrilaterals(n: int, sign: float, share: float, warp: float = 0.0) -> Side:
+    """Moved quadrilaterals on the inclined plane, whose corners ``warp`` lifts off it."""
+    grid: Any = np.stack(np.meshgrid(*[np.arange(n + 1)] * 2), axis=-1).reshape(-1, 2)
+    steps = np.random.default_rng(n).uniform(-share, share, grid.shape)
+    steps[(grid == 0) | (grid == n)] = 0.0
+    at = (grid + steps) / n
+    height = at @ PLANE[3] + warp * np.prod(2.0 * at - 1.0, axis=1)
+    first = (grid[:, 0] < n) & (grid[:, 1] < n)
+    facets = np.flatnonzero(first)[:, None] + [0, 1, n + 1, n + 2]
+    points = np.column_stack([at, height])
+    return Side(points, QUADRILATERAL, facets, sign * unit_normals(points[facets]))
+
+
+def areas(side: Side) -> FloatArray:
+    """The integrals of the functions of the nodes of quadrilaterals, by Gauss's rule."""
+    found = np.zeros(len(side.points))
+    places = 0.5 + np.array([[i, j] for i in (-1, 1) for j in (-1, 1)]) / math.sqrt(12.0)
+    a, b, c, d = np.moveaxis(side.corners, 1, 0)
+    for (s, t), values in zip(places, QUADRILATERAL.basis(places), strict=True):
+        normals = np.cross((1 - t) * (b - a) + t * (d - c), (1 - s) * (c - a) + s * (d - b))
+        sizes = 0.25 * np.linalg.norm(normals, axis=1)
+        np.add.at(found, side.facets, sizes[:, None] * values)
+    return found
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25])
+def test_quadrilaterals_share_affine_fields_and_areas(share: float) -> None:
+    """Also where they are no parallelograms."""
+    one, two = quadrilaterals(5, 1.0, share), quadrilaterals(7, -1.0, share)
+    found = pair(one, two)
+    assert found.faces.all() and found.twice is None
+    reproduces(found, one, two, 0.0)
+    assert found.weights == pytest.approx(areas(one), rel=1e-11)
+    assert found.weights @ found.shares == pytest.approx(areas(two), rel=1e-11)
+
+
+@pytest.mark.parametrize("n", [5, 10])
+def test_areas_on_warped_quadrilaterals_are_those_of_mean_planes(n: int) -> None:
+    """They err by 1.7 times the square of the height of the corners over the length of a facet."""
+    one, two = quadrilaterals(n, 1.0, 0.0, 0.1), quadrilaterals(7 * n // 5, -1.0, 0.0, 0.1)
+    away = one.corners - one.corners.mean(axis=1)[:, None]
+    height = np.abs(np.einsum("mcd,md->mc", away, one.outward)).max()
+    found = pair(one, two)
+    bound = 2.0 * (n * height) ** 2
+    assert found.weights == pytest.approx(areas(one), rel=bound)
+    assert found.weights @ found.shares == pytest.approx(areas(two), rel=bound)
+    assert np.abs(found.gap).max() <= 3e-3 * height
+    same = pair(one, replace(one, outward=-one.outward))
+    assert np.abs(same.gap).max() <= 1e-15
+    assert same.shares.toarray() == pytest.approx(np.eye(len(one.points)), abs=1e-12)
 
 
 def reproduces(found: Pairing, one: Side, two: Side, gap: float) -> None:
@@ -102,6 +157,7 @@ def test_a_ray_that_meets_two_facets_is_told() -> None:
     near, far = (flat(2, 5, height, -1.0, [0.0], [1.0]) for height in (0.01, 0.02))
     both = Side(
         np.vstack([near.points, far.points]),
+        INTERVAL,
         np.vstack([near.facets, far.facets + len(near.points)]),
         np.vstack([near.outward, far.outward]),
     )

@@ -69,10 +69,11 @@ def forces_at(solution: cl.Solution) -> tuple[Any, Any]:
     return np.concatenate(comm.allgather(places)), np.concatenate(comm.allgather(forces))
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-def test_a_block_presses_where_it_has_slid_to(dim: int) -> None:
+@pytest.mark.parametrize(("dim", "cells"), [(2, "simplex"), (3, "simplex"), (3, "box")])
+def test_a_block_presses_where_it_has_slid_to(dim: int, cells: str) -> None:
     """Over five facets in 2D: forces and moments balance, and the pressure is below the block."""
-    solution, places, forces = last_forces(sliding(dim))
+    grids = {"mesh__cells": cells, "mesh__structured": cells == "box"}
+    solution, places, forces = last_forces(sliding(dim, **grids))
     assert solution.summary["warnings"] == []
     normal = float(np.abs(forces[:, -1]).sum()) / 2.0
     assert np.abs(forces.sum(axis=0)).max() <= 1e-12

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import basix.ufl
 import numpy as np
+from boxes import distorted
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from problems import with_changes
-from small_meshes import builder
+from small_meshes import Groups, Points, builder, shared
 
 from contact_locking.mesh.file.gmsh_model import extract
 from contact_locking.meshes import build
@@ -64,30 +67,47 @@ def lame_pressure(overlap: float) -> float:
 
 
 def two_discs(
-    radii: tuple[float, float], h: float, fine: float, quarter: bool = True
+    radii: tuple[float, float],
+    h: float,
+    fine: float,
+    quarter: bool = True,
+    layers: tuple[float, float] | None = None,
 ) -> tuple[dmesh.Mesh, Any]:
     """Quarters or halves of discs that touch at the origin, and their facets by names; collective.
 
-    The meshes of the upper and the lower disc do not match.
+    The meshes of the upper and the lower disc do not match.  With the heights of the ``layers`` of
+    both in z they are hexahedra up to z = 1, as are the facets at the ``ends`` of z.
     """
+    cell, dim = ("triangle", 2) if layers is None else ("hexahedron", 3)
 
-    def part(radius: float, h: float, fine: float) -> Any:
-        disc = builder("disc", radius=radius, quarter=quarter, h=h, h_contact=fine)
+    def part(radius: float, fine: float, height: float) -> Any:
+        kind = "simplex" if layers is None else "box"
+        disc = builder("disc", radius=radius, quarter=quarter, h=h, h_contact=fine, cells=kind)
         with build(disc) as model:
-            return extract(model, "disc")
+            flat = extract(model, "disc")
+        x, cells = flat.points, flat.cells.nodes
+        if layers is None:
+            return x, cells
+        heights = np.linspace(0.0, 1.0, round(1.0 / height) + 1)
+        planes = [np.column_stack([x, np.full(len(x), z)]) for z in heights]
+        floors = [cells + len(x) * floor for floor in range(len(heights))]
+        boxes = [np.hstack(pair) for pair in pairwise(floors)]
+        return np.concatenate(planes), np.concatenate(boxes)
 
     comm = MPI.COMM_WORLD
-    points, cells = np.zeros((0, 2)), np.zeros((0, 3), dtype=np.int64)
+    count = 3 if layers is None else 8
+    points, cells = np.zeros((0, dim)), np.zeros((0, count), dtype=np.int64)
     if comm.rank == 0:
-        upper, lower = part(radii[0], h, fine), part(radii[1], h, 0.7 * fine)
-        points = np.concatenate([upper.points, lower.points * [1.0, -1.0]])
-        cells = np.concatenate([upper.cells.nodes, lower.cells.nodes + len(upper.points)])
-    element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
+        heights = layers or (1.0, 1.0)
+        upper, lower = part(radii[0], fine, heights[0]), part(radii[1], 0.7 * fine, heights[1])
+        points = np.concatenate([upper[0], lower[0] * [1.0, -1.0, 1.0][:dim]])
+        cells = np.concatenate([upper[1], lower[1] + len(upper[0])])
+    element = basix.ufl.element("Lagrange", cell, 1, shape=(dim,))
     mesh = dmesh.create_mesh(comm=comm, cells=cells, x=points, e=element)
     of_cells = dmesh.compute_midpoints
 
     def on(marker: Any) -> Any:
-        return dmesh.locate_entities_boundary(mesh, 1, marker)
+        return dmesh.locate_entities_boundary(mesh, dim - 1, marker)
 
     def round_part(side: float, radius: float) -> Any:
         def inside(x: Any) -> Any:
@@ -95,7 +115,7 @@ def two_discs(
             return (np.abs(away - radius) < 1e-6) & (side * x[1] < 0.2 * radius)
 
         facets = on(inside)
-        middles = of_cells(mesh, 1, facets)
+        middles = of_cells(mesh, dim - 1, facets)
         return facets[side * middles[:, 1] > 0.0]
 
     facets = {
@@ -104,5 +124,27 @@ def two_discs(
         "axis": on(lambda x: np.abs(x[0]) < 1e-9),
         "upper": round_part(1.0, radii[0]),
         "lower": round_part(-1.0, radii[1]),
+        "ends": on(lambda x: (dim == 3) & (np.abs(x[2] - 0.5) > 0.5 - 1e-9)),
     }
     return mesh, facets
+
+
+def bent_boxes(comm: MPI.Intracomm, folder: Path, parts: tuple[int, int], slope: float) -> Path:
+    """A mesh file of two cubes of moved boxes, one on the other, with the parts of :func:`stack`.
+
+    The interface rises by ``slope`` along x; its facets are no parallelograms.
+    """
+    points: Points = []
+    groups: Groups = {}
+    for cube, n in enumerate(parts):
+        own, named = distorted(3, n)
+        x = np.array(own)
+        up = x[:, 2] if cube == 0 else 1.0 - x[:, 2]
+        x[:, 2] += cube + slope * (x[:, 0] - 0.5) * up
+        for name, cells in named.items():
+            below = {"body": "lower", "top": "lower_top"}.get(name, name)
+            above = {"body": "upper", "top": "top"}.get(name, f"upper_{name}")
+            numbers = [tuple(len(points) + node for node in cell) for cell in cells]
+            groups[above if cube else below] = numbers
+        points += [tuple(map(float, row)) for row in x]
+    return shared(comm, folder, points, groups)

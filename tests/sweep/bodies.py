@@ -71,6 +71,8 @@ def _stack(random: Random) -> Case:
     young = decades(random, -2.0, 2.0)
     other: Study = {"elasticity": {"young": young, "poisson": between(random, 0.0, 0.4)}}
     data["material"]["regions"] = {"lower": other}
+    if chance(random, 0.3 if dim == 2 else 0.6):
+        data["mesh"] |= {"cells": "box", "structured": dim == 3}
     return Case(data, Truth(admissible=known))
 
 

@@ -343,7 +343,8 @@ def _between(
         nodes, numbers = np.unique(corners, return_inverse=True)
         normals = geometry.normals(corners)
         outward = normals / np.linalg.norm(normals, axis=1)[:, None]
-        return Side(geometry.x[nodes], numbers.reshape(corners.shape), outward, bodies), nodes
+        numbers = numbers.reshape(corners.shape)
+        return Side(geometry.x[nodes], domain.kind.facet, numbers, outward, bodies), nodes
 
     (one, nodes), (two, theirs) = side(part.on), side(part.against)
     found = pair(one, two)

@@ -52,18 +52,21 @@ def test_v38_press_fitted_rings_have_the_pressure_of_lame(swapped: bool, found: 
         assert errors[1] <= 0.6 * errors[0] and errors[1] <= 0.03
 
 
-@pytest.mark.parametrize("n", [math.inf, 1e4])
-def test_v39_two_discs_press_as_hertz_says(n: float, found: list[Row]) -> None:
+@pytest.mark.parametrize(("n", "boxes"), [(math.inf, False), (1e4, False), (math.inf, True)])
+def test_v39_two_discs_press_as_hertz_says(n: float, boxes: bool, found: list[Row]) -> None:
+    """Discs in plane strain, or cylinders of height 1 in layers that do not match."""
     radii, youngs, poisson = (1.0, 2.0), (1.0, 3.0), 0.3
-    mesh, facets = two_discs(radii, 0.25, 0.02)
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    mesh, facets = two_discs(radii, 0.25, 0.02, layers=(1.0, 0.5) if boxes else None)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (mesh.geometry.dim,)))
+    along, up = np.eye(mesh.geometry.dim)[:2]
     problem = cl.ContactProblem(
         cl.Elasticity(young=above_and_below(mesh, *youngs), poisson=poisson),
         None,
         [
-            cl.Support(facets["axis"], (1.0, 0.0), 0.0),
-            cl.Support(facets["bottom"], (0.0, 1.0), 0.0),
-            cl.Support(facets["top"], (0.0, 1.0), -0.02),
+            cl.Support(facets["axis"], along, 0.0),
+            cl.Support(facets["bottom"], up, 0.0),
+            cl.Support(facets["top"], up, -0.02),
+            *[cl.Support(facets["ends"], (0.0, 0.0, 1.0), 0.0)][: int(boxes)],
         ],
         [],
         [cl.Contact(facets["upper"], against=facets["lower"])],
@@ -79,7 +82,7 @@ def test_v39_two_discs_press_as_hertz_says(n: float, found: list[Row]) -> None:
     peak = 2.0 * force / (math.pi * half)
     assert solution.summary["pressure_max"] == pytest.approx(peak, rel=0.03)
     pressure = solution.summary["pressure_max"]
-    told = f"two elastic discs, n = {n:g}"
+    told = f"two elastic {'cylinders of hexahedra' if boxes else 'discs'}, n = {n:g}"
     found.append(Row("V39", told, "peak pressure", pressure, peak, TEST))
     found.append(Row("V39", told, "half-width", solution.summary["contact_area"], half, TEST))
     # To half a facet.

@@ -251,10 +251,10 @@ def test_v48_work_on_two_bodies_is_stored_or_dissipated(found: list[Row]) -> Non
     assert rate == pytest.approx(1.0, abs=0.2)
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(("dim", "cells"), [(2, "simplex"), (3, "simplex"), (3, "box")])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_v49_forces_and_moments_of_both_sides_cancel(
-    dim: int, degree: int, found: list[Row]
+    dim: int, cells: str, degree: int, found: list[Row]
 ) -> None:
     """On a flat, tilted interface, of which side 2 covers a part of the facets at the rim."""
     problem = assemble(
@@ -263,6 +263,8 @@ def test_v49_forces_and_moments_of_both_sides_cancel(
             0.25 if dim == 2 else 0.4,
             mesh__slope=0.2,
             mesh__upper=[1.3] * dim,
+            mesh__cells=cells,
+            mesh__structured=cells == "box",
             friction__coefficient=0.3,
             discretisation__degree=degree,
         ),
@@ -283,7 +285,8 @@ def test_v49_forces_and_moments_of_both_sides_cancel(
     moment = np.abs(comm.allreduce(products - products.T)).max()
     force = np.abs(comm.allreduce(forces.sum(axis=0))).max()
     size = comm.allreduce(np.abs(forces).sum())
-    told = f"both sides of a tilted interface, {dim}D, degree {degree}"
+    of_boxes = ", hexahedra" if cells == "box" else ""
+    told = f"both sides of a tilted interface, {dim}D{of_boxes}, degree {degree}"
     found.append(Row("V49", told, "sum of the forces", force / size, None, TEST))
     found.append(Row("V49", told, "sum of the moments", moment / size, None, TEST))
     assert force <= 1e-13 * size and moment <= 1e-13 * size

@@ -85,11 +85,15 @@ class _Sides:
 
         self._pairs = [(nodes(one), nodes(other)) for one, other in touching]
 
-    def may_meet(self, one: IntArray, other: IntArray) -> BoolArray:
-        """(k,) whether nodes ``one`` (k,) and all nodes ``other`` (k, n) are on facing sides."""
+    def may_meet(self, one: IntArray, other: IntArray, beside: BoolArray) -> BoolArray:
+        """(k,) whether nodes ``one`` (k,) and those ``beside`` (k, n) are on facing sides.
+
+        They are the marked ones of ``other`` (k, n).
+        """
         found = np.zeros(len(one), dtype=bool)
-        for a, b in self._pairs:
-            found |= a[one] & b[other].all(axis=1) | b[one] & a[other].all(axis=1)
+        for pair in self._pairs:
+            for a, b in (pair, pair[::-1]):
+                found |= a[one] & (b[other] | ~beside).all(axis=1)
         return found
 
 
@@ -108,7 +112,8 @@ def _check_duplicates(
     own = np.arange(len(nodes))
     other = np.where(near[:, 0] == own, near[:, 1], near[:, 0])
     double = np.isfinite(distance[:, 1])
-    double &= ~sides.may_meet(nodes, nodes[np.minimum(other, len(nodes) - 1)][:, None])
+    there = nodes[np.minimum(other, len(nodes) - 1)][:, None]
+    double &= ~sides.may_meet(nodes, there, np.ones(there.shape, dtype=bool))
     if not double.any():
         return
     pairs = np.column_stack([nodes[double], nodes[other[double]]])
@@ -151,9 +156,11 @@ def _check_hanging(
     facet = np.repeat(more, [len(found) for found in lists])
     node = nodes[np.concatenate([np.asarray(found, dtype=np.int64) for found in lists])]
     keep = (node[:, None] != boundary[facet]).all(axis=1)
-    keep &= ~sides.may_meet(node, boundary[facet])
     facet, node = facet[keep], node[keep]
-    hanging = np.flatnonzero(_inside(mesh.points[node], corners[facet], size[facet]))
+    inside, share = _inside(mesh.points[node], corners[facet], size[facet])
+    # At the rim of a side nodes are on an edge of a facet beside the other one.
+    meets = sides.may_meet(node, boundary[facet], share > _SAME_PLACE)
+    hanging = np.flatnonzero(inside & ~meets)
     if not len(hanging):
         return
     first = int(hanging[np.argmin(mesh.numbers[node[hanging]])])
@@ -167,8 +174,13 @@ def _check_hanging(
     )
 
 
-def _inside(points: FloatArray, corners: FloatArray, size: FloatArray) -> BoolArray:
-    """(k,) whether points (k, d) lie on facets with corners (k, d, d) without being a corner."""
+def _inside(
+    points: FloatArray, corners: FloatArray, size: FloatArray
+) -> tuple[BoolArray, FloatArray]:
+    """(k,) whether points (k, d) lie on facets with corners (k, d, d) without being a corner.
+
+    Returns the barycentric coordinates (k, d) as well.
+    """
     # In units of the size of the facet, so that no product underflows.
     edges = (corners[:, :-1] - corners[:, -1:]) / size[:, None, None]
     gram = np.einsum("kia,kja->kij", edges, edges)
@@ -178,7 +190,7 @@ def _inside(points: FloatArray, corners: FloatArray, size: FloatArray) -> BoolAr
     share = np.column_stack([inside, 1.0 - inside.sum(axis=1)])
     off = np.linalg.norm(away - np.einsum("ki,kia->ka", inside, edges), axis=1)
     on = (off <= _SAME_PLACE) & (share >= -_SAME_PLACE).all(axis=1)
-    return on & (share <= 1.0 - 10 * _SAME_PLACE).all(axis=1)
+    return on & (share <= 1.0 - 10 * _SAME_PLACE).all(axis=1), share
 
 
 def _warn_of_hinges(

@@ -1,0 +1,159 @@
+"""Constant stresses cross the interfaces of bodies that touch each other: patch tests."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from two_bodies import POISSON, YOUNG, bent_boxes, stack
+
+from contact_locking import StudySolution, assemble, solve
+from contact_locking.problem.body_forms import BodyForms
+from contact_locking.study_file.parameters import Parameters
+
+pytest.importorskip("gmsh")
+
+COMM = MPI.COMM_WORLD
+
+
+def facing(swapped: bool) -> dict[str, str]:
+    sides = ["lower_top", "upper_bottom"]
+    return {"on": sides[not swapped], "against": sides[swapped]}
+
+
+def solved(parameters: Parameters) -> StudySolution:
+    solution = solve(parameters)
+    assert solution.converged, solution.summary["reason"]
+    return solution
+
+
+def largest(values: Any) -> float:
+    return float(COMM.allreduce(np.abs(values).max(initial=0.0), op=MPI.MAX))
+
+
+def grids(cells: str, dim: int) -> dict[str, Any]:
+    """Gmsh makes hexahedra for grids alone."""
+    return {"mesh__cells": cells, "mesh__structured": cells == "box" and dim == 3}
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize("slope", [0.0, 0.2])
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("cells", ["simplex", "box"])
+def test_constant_stresses_cross_unmatched_and_tilted_interfaces(
+    dim: int, swapped: bool, slope: float, degree: int, cells: str
+) -> None:
+    given = stack(
+        dim,
+        0.25 if dim == 2 else 0.4,
+        mesh__slope=slope,
+        contact=facing(swapped),
+        discretisation__degree=degree,
+        friction__coefficient=1.0,
+        **grids(cells, dim),
+    )
+    jump, force, area = at_constant_stress(given)
+    assert jump <= 1e-12 and force <= 1e-12
+    assert area == pytest.approx(math.hypot(1.0, slope), rel=1e-12)
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_constant_stresses_cross_quadrilaterals_that_are_no_parallelograms(
+    swapped: bool, degree: int, tmp_path: Path
+) -> None:
+    mesh = {"file": str(bent_boxes(COMM, tmp_path, (3, 4), 0.2))}
+    changes = {"discretisation__degree": degree, "friction__coefficient": 1.0}
+    given = stack(3, mesh=mesh, contact=facing(swapped), **changes)
+    jump, force, area = at_constant_stress(given)
+    # Of stresses of size 20.
+    assert jump <= 1e-12 and force <= 1e-11
+    assert area == pytest.approx(math.hypot(1.0, 0.2), rel=1e-12)
+
+
+def at_constant_stress(given: Parameters) -> tuple[float, float, float]:
+    """The largest jump, and force inside of the blocks, of an affine field, and the area of side 1.
+
+    At the outer boundary are reactions.
+    """
+    problem = assemble(given, COMM)
+    (contact,), dim, u = problem.contacts, problem.domain.dim, problem.u
+    gradient = np.arange(1.0, dim * dim + 1.0).reshape(dim, dim)
+    u.interpolate(lambda x: gradient @ x[:dim])
+    stress = elastic_stress(0.5 * (gradient + gradient.T))
+    forces = BodyForms(u.function_space, problem.data).elastic_forces(u)
+    forces -= contact.surface.nodal_forces(contact.normals @ stress)
+    x = u.function_space.tabulate_dof_coordinates()[:, :dim]
+    ends = np.array([1.0] * (dim - 1) + [2.0])
+    inside = np.all((x > 1e-9) & (x < ends - 1e-9), axis=1)
+    jump = largest(contact.surface.limited.of_function(u))
+    area = float(COMM.allreduce(contact.surface.weights.sum()))
+    return jump, largest(forces.reshape(-1, dim)[inside]), area
+
+
+def elastic_stress(strain: Any) -> Any:
+    shear = YOUNG / (2.0 * (1.0 + POISSON))
+    lame = YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON))
+    return lame * np.trace(strain) * np.eye(len(strain)) + 2.0 * shear * strain
+
+
+@pytest.mark.parametrize(("dim", "cells"), [(2, "simplex"), (3, "simplex"), (3, "box")])
+@pytest.mark.parametrize(("n", "share"), [(1e3, 1e-10), (math.inf, 1e-7)])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_tilted_interface_with_friction_carries_a_uniform_pressure(
+    dim: int, cells: str, n: float, share: float, degree: int
+) -> None:
+    # Free sides: the lower face widens as it wants to.
+    factor = (1.0 + POISSON) / YOUNG if dim == 2 else 1.0 / YOUNG
+    widening = factor * POISSON * 0.01
+    bottom = [f"{widening}*{axis}" for axis in "xy"[: dim - 1]]
+    solution = solved(
+        stack(
+            dim,
+            0.25 if dim == 2 else 0.5,
+            mesh__slope=0.2,
+            loads__displacements=[{"on": "bottom", "value": [*bottom, 0.0]}],
+            friction__coefficient=1.0,
+            penalty__n=n,
+            discretisation__degree=degree,
+            solver__tolerance=1e-8 if n == math.inf else 1e-12,
+            solver__friction_tolerance=1e-8 if n == math.inf else 1e-12,
+            **grids(cells, dim),
+        )
+    )
+    exact = np.zeros((dim, dim))
+    exact[-1, -1] = -0.01
+    stress = solution.elastic_stress.x.array.reshape(-1, dim, dim)
+    # Strains of quadratic elements multiply the rounding of displacements by more.
+    assert largest(stress - exact) <= 0.01 * share * (1.0 if degree == 1 else 10.0)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("slope", [0.0, 0.2])
+def test_cylinders_carry_a_uniform_pressure_along_their_axis(degree: int, slope: float) -> None:
+    """Also where they meet on a cone; the lower face widens as it wants to."""
+    widening = POISSON / YOUNG * 0.01
+    solution = solved(
+        stack(
+            2,
+            0.25,
+            mesh__axisymmetric=True,
+            mesh__slope=slope,
+            loads__displacements=[{"on": "bottom", "value": [f"{widening}*x", 0.0]}],
+            friction__coefficient=1.0,
+            discretisation={"degree": 1} if degree == 1 else {"degree": 2, "limit_at": "gauss"},
+            solver__tolerance=1e-8,
+        )
+    )
+    exact = np.diag([0.0, -0.01, 0.0])
+    stress = solution.elastic_stress.x.array.reshape(-1, 3, 3)
+    assert largest(stress - exact) <= 1e-8
+    # On the disc of radius 1.
+    (contact,) = solution.summary["contacts"]
+    force = contact["contact_force"][1] + contact["friction_force"][1]
+    assert force == pytest.approx(0.01 * math.pi, rel=1e-7)
