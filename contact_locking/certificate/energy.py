@@ -1,37 +1,14 @@
 """The energy balance of a step: work of the loads, stored energy, and work lost in friction.
 
-With the external forces F_k at the nodes (loads and reactions), ``d = u_k - u_{k-1}`` and the
-motion ``m`` of the foundations in the step, the loads and the moving foundations do the work
-
-    W_k = F_k . d - int p_k (h_k(u_{k-1}) - h_{k-1}(u_{k-1})) - int t_k . m
-
-with the room ``h_k(v) = g_k - v . nu_k`` between body and foundation, whose normal may change, and
-``t = -sigma_tau``.  The body stores
-``E_k = a(u_k, u_k)/2 + n int ([|eps| - M]^+)^2 + int ([-h_k(u_k)]^+)^2/(2 eps)``,
-and friction dissipates ``D_k = int t_k . (d - m) >= 0``.  The rest,
-
-    N_k = W_k - (E_k - E_{k-1}) - D_k,
-
-is the numerical dissipation of the implicit Euler step.  Because ``E`` is convex in the strain and
-in the penetration ``-h``, equilibrium at ``t_k`` tested with d gives the lower bound, and
-equilibrium at ``t_{k-1}`` tested with d, where ``|t_{k-1}| <= G_{k-1}``, gives the upper bound of
-
-    a(d, d)/2 <= N_k <= W_k - V_k - a(d, d)/2 + int G_{k-1} |(d - m)_tau| - D_k
-
-with the tangential part at ``t_{k-1}`` and
-
-    V_k = F_{k-1} . d - int p_{k-1} (h_k(u_k) - h_{k-1}(u_k)) - int t_{k-1} . m.
-
-The bounds hold for the discrete problem on every mesh, for every n up to infinity, and for every
-size of the step.
+``N_k = W_k - (E_k - E_{k-1}) - D_k`` with its bounds and their proof is in docs/guides/steps.md.
 
 Bodies that are paired anew in a step have another room ``h_k`` by the new pairing, whose jump of
 ``u_{k-1}`` the room has in W_k.  The lower bound holds as before.  The upper bound takes both
 states in one pairing, and is left out.
 
-The forces of an eigenstrain eps_0 act at the nodes as loads do.  The balance above counts their
-work, and ``a(u, u)/2``.  A history has the elastic energy ``A(eps - eps_0)^2/2`` and the work of
-all else and of the change ``e`` of eps_0: with the same D_k,
+The forces of an eigenstrain eps_0 act at the nodes as loads do.  The balance counts their work, and
+``a(u, u)/2``.  A history has the elastic energy ``A(eps - eps_0)^2/2`` and the work of all else and
+of the change ``e`` of eps_0: with the same D_k,
 
     N_k + A e : e/2 - A e : eps(d),   E_k - A eps_0 : eps(u_k) + A eps_0 : eps_0/2,
 

@@ -1,15 +1,10 @@
 """``kappa = c rho``: if it is below 1, no other displacement solves the problem on this mesh.
 
-With the norms ``|g|`` of values at the nodes of Gamma_C, by the weights of the nodes,
-
-    c   = max |v_tau| / |v|_a      over the displacements v that are zero on Gamma_D,
-    rho = max |w_g|_a / |g|        over the values g at the nodes where friction acts,
-
-where w_g has ``w_nu = R* (mu g)`` and ``w_tau = 0`` on Gamma_C, is zero on Gamma_D and in all cells
-that can lock, and has the least elastic energy of such fields.  v is the difference of two
-solutions and q that of their pressures.  The difference of both equilibria is, tested with v,
-``|v|_a^2 <= |mu R q| |v_tau|``, and, tested with w_g, ``int g mu R q = -a(v, w_g)``.  So
-``|v|_a^2 <= kappa |v|_a^2``.  The proof is in docs/certificate.md.
+``c = max |v_tau| / |v|_a`` is over the displacements v that are zero on Gamma_D, and
+``rho = max |w_g|_a / |g|`` over the values g at the nodes where friction acts, with the norms on
+Gamma_C by the weights of the nodes.  w_g has ``w_nu = R* (mu g)`` and ``w_tau = 0`` on Gamma_C, is
+zero on Gamma_D and in all cells that can lock, and has the least elastic energy of such fields.
+The proof is in docs/certificate.md.
 """
 
 from __future__ import annotations

@@ -1,10 +1,4 @@
-"""The distance of a penalised solution from the solution of the inequality on the same mesh.
-
-For the friction bound G of the penalised solution, kept fixed, both solve convex problems.  Locking
-stress, pressure and friction traction of the penalised solution are admissible for the dual problem
-of the inequality, and a displacement near the solution is admissible for the primal problem.  The
-difference of both energies bounds the distance.
-"""
+"""The distance of a penalised solution from the solution of the inequality on the same mesh."""
 
 from __future__ import annotations
 

@@ -10,12 +10,11 @@ import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
-from contact_locking.sensitivity.centring import nearer_the_path
-from contact_locking.sensitivity.equations import Equations, Residual
+from contact_locking.sensitivity.central_path import nearer_the_path
+from contact_locking.sensitivity.equations import Equations, Residual, require_solved
 from contact_locking.sensitivity.linearisation import Adjoint, Change, Gradient, Linearisation
 from contact_locking.sensitivity.parameters import Frozen, Parameter, width
 from contact_locking.sensitivity.quantities import Quantity, quantity_of, scale_of
-from contact_locking.sensitivity.solved import require_solved
 from contact_locking.sensitivity.states import share_at_change
 from contact_locking.solver.task import Task
 
@@ -175,8 +174,7 @@ class Derivatives:
         return above.per(below, (value + step) - (value - step))
 
     def _gradient(self, quantity: Quantity) -> Gradient:
-        equations = self._linear.equations
-        return quantity.gradient(equations, equations.residual())
+        return quantity.gradient(self._linear.equations)
 
     def destroy(self) -> None:
         """Free the PETSc objects."""

@@ -1,12 +1,8 @@
 """Forces along the boundary of a body whose strain is limited, as of bars in its facets.
 
-Every displacement v with ``|eps(v)| <= M`` has ``|d_s v_t| <= M`` along the boundary, with the
-tangential component v_t.  A force T along the facets may therefore carry loads beside the stress s,
-
-    int s : eps(v) + int T d_s v_t = (f, v) + ...,    s nu = g + T' t  on Gamma_N,
-
-at the cost ``int M |T|``.  The forces of bars that meet are in balance, or a support takes them.
-Locking stress concentrates in the boundary, where polynomials in cells would need thin cells.
+A force T along the facets carries loads beside the stress s, ``s nu = g + T' t`` on Gamma_N, at the
+cost ``int M |T|`` (docs/certificate.md).  The forces of bars that meet are in balance, or a support
+takes them.
 """
 
 from __future__ import annotations

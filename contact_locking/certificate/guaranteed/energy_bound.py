@@ -1,20 +1,6 @@
 """A proved upper bound of the energy norm of the whole error, for the frozen friction bound.
 
-For the friction bound G of the solution, kept fixed, u minimises on the polygon of the mesh
-
-    J(v) = a(v, v)/2 - (f, v) + int G |v_tau|
-
-over the admissible fields (``v = u_D``, ``v_nu <= gap``, ``|eps(v)| <= M``).  For every admissible
-w and every symmetric stress s with ``div s + f0 = 0``, ``s nu = g`` on Gamma_N, ``s_nu <= 0`` and
-``|s_tau| <= G`` on Gamma_C, and every ``zeta >= 0``, half of ``a(u - w, u - w)`` is at most
-
-    eta^2 = int |s - (A + zeta) eps(w)|^2/2 in the norm of (A + zeta)^-1
-            + int zeta (M^2 - |eps(w)|^2)/2 + int -s_nu (gap - w_nu) + G |w_tau| + s_tau . w_tau.
-
-Where M is finite, forces along the boundary may carry loads beside s
-(:mod:`contact_locking.certificate.guaranteed.bars`).
-
-The proof is in docs/certificate.md.
+The problem of the bound, its proof and all choices are in docs/certificate.md.
 """
 
 from __future__ import annotations

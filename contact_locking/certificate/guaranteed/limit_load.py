@@ -1,13 +1,7 @@
 """A proof that no displacement of the body follows the prescribed values, on no mesh.
 
-Let s be a symmetric stress with ``div s = 0``, ``s nu = 0`` on Gamma_N, and ``s nu = -p nu`` with
-``p >= 0`` on Gamma_C.  Every field v with the values f u_D on Gamma_D, ``v_nu <= gap`` and
-``|eps(v)| <= M`` has
-
-    f int s nu . u_D = int s : eps(v) + int p v_nu <= int M |s| + int p gap,
-
-so that no such field exists for ``f > (int M |s| + int p gap)/int s nu . u_D``.  The stress comes
-from reweighted least squares: ``int (M/|s_old|) |s|^2/2 - int s nu . u_D`` is minimal.
+No field follows the multiple f of them for ``f > (int M |s| + int p gap)/int s nu . u_D``, with any
+stress s in balance that has the traction ``-p nu``, ``p >= 0``, on Gamma_C (docs/certificate.md).
 """
 
 from __future__ import annotations

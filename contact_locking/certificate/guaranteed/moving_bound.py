@@ -1,18 +1,10 @@
 """From the bound for the frozen friction bound to one for Coulomb's law, whose bound moves.
 
-Let u solve the continuous problem on the polygon of the mesh with the friction bound
-``G = mu R |sigma_nu|``, where ``R s = sum_i phi_i sum_j R_ij <s, phi_j>/w_j`` has the matrix of the
-discrete R, and let e bound ``|u' - u_h|_a`` and e' bound ``|sigma(u') - s|`` in the norm of A^-1,
-for the solution u' with the bound ``G_h`` of u_h kept fixed and the equilibrated stress s.  With
-``kappa = c rho < 1``
+    |u - u_h|_a <= e + (kappa e' + c r)/(1 - kappa),    r = |mu R |s_nu| - G_h|  in L2(Gamma_C),
 
-    |u - u_h|_a <= e + (kappa e' + c r)/(1 - kappa),    r = |mu R |s_nu| - G_h|  in L2(Gamma_C).
-
-The discrete rho is an upper bound, as the fields w_g are continuous ones, and as the weights of the
-nodes are at least the mass matrix of the phi_i.  c is the upper bound of
-:mod:`contact_locking.certificate.guaranteed.slip_constant`, if kappa is below 1 with it.  Otherwise
-it is that of the displacements on the mesh, from below, and the result is an estimate.  The proof
-is in docs/certificate.md.
+with the bounds e and e' of energy norm and stress (`FrozenBound`).  c is the upper bound of
+:func:`slip_constant` if kappa is below 1 with it, and else that of the displacements on the mesh:
+the result is an estimate then.  The proof is in docs/certificate.md.
 """
 
 from __future__ import annotations
