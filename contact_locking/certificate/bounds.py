@@ -118,7 +118,7 @@ def norm(state: SolvedState, u: fem.Function) -> float:
 def _held_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     """The bounds for a body that the displacement conditions hold.
 
-    Friction does the work ``-F`` at least (:func:`_remembered`), which docs/certificate.md leaves out.
+    Friction does the work ``-F`` at least (:func:`_remembered`); docs/certificate.md has F = 0.
     """
     alpha = state.problem.material.ellipticity
     load, friction = dual_norm(state, w), _remembered(state)

@@ -28,6 +28,7 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.fem.joint_forms import JointForm, action
 from contact_locking.fem.trace import make_nodal
+from contact_locking.mesh.rank_sums import marked
 from contact_locking.parallel import on_any_rank
 
 # A condition that holds more of a unit normal than this holds more than rounding.
@@ -174,13 +175,10 @@ class _Lifts:
         return found
 
     def _where_the_body_can_lock(self) -> FloatArray:
-        """1 or more at the local dofs of cells with a finite limit, and 0 elsewhere; collective."""
+        """1 at the local dofs of cells with a finite limit, and 0 elsewhere; collective."""
         state, space = self._state, self._state.problem.u.function_space
-        points, found = state.points, fem.Function(space)
+        points = state.points
         limits = [points.by_cell(np.isfinite(item.limit)).any(axis=1) for item in points.sets]
         cells = np.flatnonzero(np.any(limits, axis=0))
-        ends = space.dofmap.list[cells].reshape(-1)
-        found.x.array.reshape(-1, state.dim)[ends] = 1.0
-        found.x.scatter_reverse(la.InsertMode.add)
-        found.x.scatter_forward()
-        return found.x.array
+        locks = marked(space.dofmap.index_map, space.dofmap.list[cells])
+        return np.repeat(locks.astype(float), state.dim)

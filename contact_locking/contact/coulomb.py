@@ -18,10 +18,10 @@ from contact_locking.contact.smoothing import (
     HelmholtzOperator,
     Identity,
     Smoothing,
+    VanishingOperator,
 )
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.contact.surface_mesh import SurfaceMesh
-from contact_locking.contact.vanishing import VanishingOperator
 from contact_locking.errors import InputError
 from contact_locking.laws.friction import Coefficient, FrictionLaw
 

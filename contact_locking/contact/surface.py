@@ -27,6 +27,7 @@ from contact_locking.fem.trace import PointValues
 from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.half_section import is_on_axis
+from contact_locking.mesh.rank_sums import marked, summed
 from contact_locking.supports.conditions import Constraints
 
 if TYPE_CHECKING:
@@ -165,19 +166,14 @@ class ContactSurface:
 
     def _is_end(self, edges: IndexArray) -> BoolArray:
         """(m, 2) whether edges (m, 3), as nodes of the scalar space, end at the rim; collective."""
-        facets = fem.Function(self.scalar_space)
-        np.add.at(facets.x.array, self.facet_nodes, 1.0)
-        facets.x.scatter_reverse(la.InsertMode.add)
-        facets.x.scatter_forward()
+        index_map, nodes = self.scalar_space.dofmap.index_map, self.facet_nodes
+        facets = summed(index_map, nodes, np.ones((*nodes.shape, 1)))[:, 0]
         # At a corner of Gamma_C, with one facet, the rim ends as well.
-        found = facets.x.array[edges[:, :2]] == 1.0
+        found = facets[edges[:, :2]] == 1.0
         if self.domain.dim == 3:
-            is_inside = facets.x.array[edges[:, 2]] > 1.0
-            rim = fem.Function(self.scalar_space)
-            np.add.at(rim.x.array, edges[~is_inside, :2], 1.0)
-            rim.x.scatter_reverse(la.InsertMode.add)
-            rim.x.scatter_forward()
-            found |= is_inside[:, None] & (rim.x.array[edges[:, :2]] > 0.0)
+            is_inside = facets[edges[:, 2]] > 1.0
+            rim = marked(index_map, edges[~is_inside, :2])
+            found |= is_inside[:, None] & rim[edges[:, :2]]
         return np.asarray(found)
 
     def free_nodes(self, normal: FloatArray, constraints: Constraints) -> BoolArray:

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from dolfinx import fem, la
+from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -20,6 +20,7 @@ from contact_locking.fem.facet_nodes import facet_nodes
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.curved_cells import normals_at_nodes
 from contact_locking.mesh.domain import Domain, Where
+from contact_locking.mesh.rank_sums import summed
 from contact_locking.parallel import agree, maximum, on_every_rank
 
 
@@ -397,12 +398,7 @@ def _nodal_normals(
     means = units.mean(axis=1, keepdims=True)
     rest = np.repeat(means, nodes.shape[1] - units.shape[1], axis=1)
     units = np.concatenate([units, rest], axis=1)
-    total = la.vector(space.dofmap.index_map, dim)
-    total.array[:] = 0.0
-    sums = total.array.reshape(-1, dim)
-    np.add.at(sums, nodes, weights[..., None] * units)
-    total.scatter_reverse(la.InsertMode.add)
-    total.scatter_forward()
+    sums = summed(space.dofmap.index_map, nodes, weights[..., None] * units)
     sizes = np.linalg.norm(sums, axis=1, keepdims=True)
     normals = np.divide(sums, sizes, out=np.zeros_like(sums), where=sizes > 0.0)
     cosines = np.einsum("fnd,fnd->fn", normals[nodes], units)

@@ -7,17 +7,17 @@ takes them.
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import basix
 import numpy as np
-from dolfinx import la
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.certificate.guaranteed.macro_element import FACETS, legendre
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
+from contact_locking.mesh.rank_sums import summed
 
 # Directions that differ by less do so by rounding.
 _ROUNDING = 1e-10
@@ -123,29 +123,19 @@ class Bars:
         found[self._turned] = pairs[self._turned][:, ::-1]
         return found
 
-    def _summed(self, places: IndexArray, values: FloatArray) -> FloatArray:
-        """The sums (vertices, c) of values (..., c) at vertices (...) of this rank; collective."""
-        count = values.shape[-1]
-        vector = la.vector(self.vertex_map, count)
-        vector.array[:] = 0.0
-        sums = vector.array.reshape(-1, count)
-        np.add.at(sums, places.reshape(-1), values.reshape(-1, count))
-        vector.scatter_reverse(la.InsertMode.add)
-        vector.scatter_forward()
-        return sums
-
     def _meet(self, corners: IndexArray, held: BoolArray) -> None:
         """Find the ends that are tied, those without a force, and the signs of the tied ones."""
         marks = np.repeat(held[:, :, None], 2, axis=2).astype(float)
-        holds = self._summed(corners[:, FACETS], marks)[self.vertices] > 0.5
+        at_vertices = partial(summed, self.vertex_map)
+        holds = at_vertices(corners[:, FACETS], marks)[self.vertices] > 0.5
         # The double angle belongs to a direction without a sign.
         t = self._tangents
         double = np.column_stack([t[:, 0] ** 2 - t[:, 1] ** 2, 2.0 * t[:, 0] * t[:, 1]])
-        mean = self._summed(self.vertices, np.repeat(double[:, None], 2, axis=1))[self.vertices]
+        mean = at_vertices(self.vertices, np.repeat(double[:, None], 2, axis=1))[self.vertices]
         angle = 0.5 * np.arctan2(mean[..., 1], mean[..., 0])
         common = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         apart = np.abs(t[:, None, 0] * common[..., 1] - t[:, None, 1] * common[..., 0])
-        straight = self._summed(self.vertices, apart[..., None])[self.vertices, 0] <= _ROUNDING
+        straight = at_vertices(self.vertices, apart[..., None])[self.vertices, 0] <= _ROUNDING
         taken = np.all(holds | (np.abs(t)[:, None] <= _ROUNDING), axis=2)
         self.tied: BoolArray = straight & ~taken
         self._zero = np.zeros((len(t), self.degree + 2), dtype=bool)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 
 from contact_locking.arrays import FloatArray, flattened
 from contact_locking.certificate.elliptic import NotApplicable
@@ -27,6 +27,7 @@ from contact_locking.laws.elasticity import (
     mandel_tensor,
     mandel_vector,
 )
+from contact_locking.mesh.rank_sums import summed
 from contact_locking.parallel import maximum, on_any_rank
 
 # The body stiffened by zeta >= 0 where it locks: A + zeta in place of A.
@@ -81,17 +82,10 @@ def averaged(values: FloatArray, triangles: Triangles) -> FloatArray:
     a locked zone.
     """
     mesh = triangles.domain.mesh
-    index_map = mesh.topology.index_map(0)
     corners = mesh.topology.connectivity(2, 0).array.reshape(-1, 3)[: len(values)]
-    sums = la.vector(index_map, 2)
-    sums.array[:] = 0.0
-    nodal = sums.array.reshape(-1, 2)
     weighted = np.column_stack([values, np.ones(len(values))]) * triangles.areas[:, None]
-    for corner in corners.T:
-        np.add.at(nodal, corner, weighted)
-    sums.scatter_reverse(la.InsertMode.add)
-    sums.scatter_forward()
-    means = nodal[:, 0] / nodal[:, 1]
+    sums = summed(mesh.topology.index_map(0), corners, np.repeat(weighted[:, None], 3, axis=1))
+    means = sums[:, 0] / sums[:, 1]
     return np.asarray(means[corners].mean(axis=1))
 
 

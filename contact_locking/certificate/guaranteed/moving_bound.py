@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from dolfinx import la
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import NotApplicable
@@ -23,6 +22,7 @@ from contact_locking.certificate.guaranteed.slip_constant import slip_constant
 from contact_locking.certificate.kappa import Kappa
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.nodal_contact import joint_norm
+from contact_locking.mesh.rank_sums import summed
 from contact_locking.parallel import on_every_rank
 
 _PROVED = (
@@ -89,13 +89,12 @@ def _residual(tractions: ContactTractions) -> FloatArray:
         raise NotApplicable("contact acts at the nodes of quadratic displacements")
     if not on_every_rank(surface.domain.comm, bound.smoothing.is_positive()):
         raise NotApplicable("R has negative entries")
-    work = surface.scalar_function(np.zeros(len(surface.nodes)))
-    for number, nodes in enumerate(tractions.nodes.T):
+    shares = np.empty((*tractions.nodes.shape, 1))
+    for number in range(shares.shape[1]):
         one = np.zeros_like(tractions.pressure)
         one[:, number] = 1.0
-        shares = tractions.lengths * product_integral(tractions.pressure, one)
-        np.add.at(work.x.array, nodes, shares)
-    work.x.scatter_reverse(la.InsertMode.add)
-    pressure = contact.acting(work.x.array[surface.nodes] / surface.weights)
+        shares[:, number, 0] = tractions.lengths * product_integral(tractions.pressure, one)
+    work = summed(surface.scalar_space.dofmap.index_map, tractions.nodes, shares)[:, 0]
+    pressure = contact.acting(work[surface.nodes] / surface.weights)
     moved = bound.evaluate(pressure, np.zeros(len(pressure)))
     return contact.acting(moved - tractions.fields.bound)
