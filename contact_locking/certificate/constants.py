@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import ufl
 
-from contact_locking.certificate.eigenvalue import trace_norm
-from contact_locking.certificate.elliptic import NotApplicable, inner_product
+from contact_locking.certificate.elliptic import NotApplicable, inner_product, trace_norm
 from contact_locking.certificate.kappa import Kappa, require_coulomb
 from contact_locking.certificate.other_solutions import without_friction
 from contact_locking.certificate.solved_state import SolvedState

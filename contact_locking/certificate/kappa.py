@@ -17,12 +17,13 @@ import ufl
 from dolfinx import fem, la
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.certificate.eigenvalue import largest_eigenvalue, trace_norm
 from contact_locking.certificate.elliptic import (
     EllipticProblem,
     NotApplicable,
     elasticity,
     elliptic_problem,
+    largest_eigenvalue,
+    trace_norm,
 )
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.nodal_contact import NodalContact

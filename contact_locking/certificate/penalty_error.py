@@ -9,8 +9,7 @@ from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import Lifting, NotApplicable, require_still_foundations
-from contact_locking.certificate.sets_at_points import PrincipalAtPoints, SetAtPoints
-from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.certificate.solved_state import PrincipalAtPoints, SetAtPoints, SolvedState
 from contact_locking.fem import compiled
 from contact_locking.laws.convex import squared_norm
 from contact_locking.parallel import maximum, minimum, on_every_rank

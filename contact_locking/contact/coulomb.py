@@ -11,8 +11,7 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray, present
-from contact_locking.contact.friction_bound import FrictionBound
-from contact_locking.contact.no_slip import NoSlip
+from contact_locking.contact.friction_bound import FrictionBound, NoSlip
 from contact_locking.contact.smoothing import (
     ConvolutionOperator,
     HelmholtzOperator,

@@ -22,7 +22,7 @@ import math
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.eigenvalue import largest_eigenvalue
+from contact_locking.certificate.elliptic import largest_eigenvalue
 from contact_locking.certificate.guaranteed.bars import Bars
 from contact_locking.certificate.guaranteed.body import Elasticity
 from contact_locking.certificate.guaranteed.boundary_conditions import held_components

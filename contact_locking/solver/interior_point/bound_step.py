@@ -30,7 +30,7 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.no_slip import NoSlip
+from contact_locking.contact.friction_bound import NoSlip
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.solver.interior_point.contact_cones import ContactCones
