@@ -29,11 +29,10 @@ import ufl
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.balances import nodal_forces
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.laws import law_limit
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.fem.compiled import integral
+from contact_locking.fem.compiled import assembled, integral
 from contact_locking.problem import forms
 from contact_locking.results.derived import ContactFields
 
@@ -71,16 +70,8 @@ class Touch:
     def at_rest(cls, state: SolvedState, fields: ContactFields) -> Touch:
         """The contact before the first step, where an obstacle that would overlap touches."""
         vectors, scalars = np.zeros_like(fields.normal), np.zeros_like(fields.gap)
-        gap = np.maximum(fields.gap, 0.0)
-        return cls(
-            state.weights(fields),
-            vectors,
-            fields.normal,
-            gap,
-            scalars,
-            vectors.copy(),
-            scalars.copy(),
-        )
+        gap, weights = np.maximum(fields.gap, 0.0), state.weights(fields)
+        return cls(weights, vectors, fields.normal, gap, scalars, vectors, scalars)
 
     def room(self, displacement: FloatArray) -> FloatArray:
         """``h(v) = gap - v . nu`` (k,) of a displacement v (k, d)."""
@@ -138,7 +129,7 @@ class Moment:
         stored = 0.0
         if data.own_energy is not None:
             v = ufl.TestFunction(u.function_space)
-            forces = nodal_forces(forms.own_forces(rest, v, data))[: len(forces)]
+            forces = assembled(forms.own_forces(rest, v, data))[: len(forces)]
             stored = integral(state.problem.domain, data.own_energy(rest))
         contacts = tuple(Touch.at_rest(state, fields) for fields in state.contacts)
         nothing = np.zeros_like(_eigenstrain(state))
@@ -276,9 +267,9 @@ def _external_forces(state: SolvedState) -> FloatArray:
     v = ufl.TestFunction(u.function_space)
     load = state.system.load
     stress = ufl.inner(state.body.locking_stress, data.strain(v)) * data.locking_dx
-    inner = state.system.forms.elastic_forces(u) + nodal_forces(stress)
+    inner = state.system.forms.elastic_forces(u) + assembled(stress)
     if data.own_energy is not None:
-        inner += nodal_forces(forms.own_forces(u, v, data))
+        inner += assembled(forms.own_forces(u, v, data))
     for fields in state.contacts:
         forces = fields.pressure[:, None] * fields.normal - fields.traction
         inner += fields.surface.nodal_forces(forces)

@@ -74,7 +74,7 @@ class ContactSurface:
         lengths = domain.plain_ds(names, key, **element.trace.rules[domain.dim])
         # The weights also find a node of Gamma_C that the rank owns without a facet beside the
         # node.
-        mass = self._assemble(test * lengths)
+        mass = compiled.assembled(test * lengths)
         self.nodes = np.flatnonzero(mass[:owned] > 0.0).astype(np.int32)
         self.blocks = to_vector[self.nodes] // domain.dim
         self.weights = mass[self.nodes]
@@ -96,7 +96,7 @@ class ContactSurface:
         is_exact = is_plain and element.degree == 1
         self._exact_ds = lengths if is_exact else domain.ds(names, key)
         if not is_plain:
-            self.ds = self._with_density(lengths, self._assemble(test * self._exact_ds))
+            self.ds = self._with_density(lengths, compiled.assembled(test * self._exact_ds))
 
     def is_of(self, dofs: BoolArray) -> BoolArray:
         """(k,) whether each node is marked; ``dofs`` marks the local dofs of the vector space."""
@@ -258,10 +258,6 @@ class ContactSurface:
         function.x.scatter_forward()
         return function
 
-    def limited_values(self, values: FloatArray) -> FloatArray:
-        """The limited values (k,) of a scalar field with nodal values (k,); collective."""
-        return self.limited.of_function(self.scalar_function(values))
-
     def limited_gap(self, gap: FloatArray) -> FloatArray:
         """The limited values (k,) of a gap (k,) at the nodes; collective.
 
@@ -271,7 +267,7 @@ class ContactSurface:
         if self.limited.are_nodal:
             return gap
         function = self.scalar_function(gap)
-        found = self.limited_values(gap)
+        found = self.limited.of_function(function)
         for nodes in self.limited.entities(function):
             values, rows = function.x.array[nodes], np.searchsorted(self.nodes, nodes[:, -1])
             found[rows] = np.clip(found[rows], values.min(axis=1), values.max(axis=1))
@@ -405,11 +401,6 @@ class ContactSurface:
         """
         cells = self.domain.owners(self.facets)
         return facet_nodes(self.domain, self.scalar_space, self.facets, cells)
-
-    def _assemble(self, form: Expr) -> FloatArray:
-        vector = fem.assemble_vector(compiled.form(form))
-        vector.scatter_reverse(la.InsertMode.add)
-        return vector.array
 
 
 class NodalAverage:

@@ -26,7 +26,7 @@ _PIECES = 2
 
 
 class Bars:
-    """Bars in the m facets of the boundary where ``limit`` (n,) is finite; collective.
+    """Bars in the m facets of the boundary where ``limit`` (n,) is finite, or none; collective.
 
     The force is a polynomial of degree k + 1 along the direction of the facet that all ranks share.
     Its k + 2 coefficients are the values at both ends, and those of the bubbles ``s (1 - s) P_j``.
@@ -39,8 +39,9 @@ class Bars:
     """
 
     def __init__(
-        self, triangles: Triangles, degree: int, held: BoolArray, limit: FloatArray
+        self, triangles: Triangles, degree: int, held: BoolArray, limit: FloatArray | None = None
     ) -> None:
+        limit = np.full(len(triangles.areas), np.inf) if limit is None else limit
         self.degree = degree
         bare = triangles.outside & ~held.all(axis=2) & np.isfinite(limit)[:, None]
         cells, sides = np.nonzero(bare)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import ufl
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray, flattened
@@ -21,14 +20,10 @@ from contact_locking.certificate.guaranteed.macro_element import MacroElement, l
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem import compiled
-from contact_locking.laws.elasticity import (
-    MANDEL_PAIRS,
-    mandel_factor,
-    mandel_tensor,
-    mandel_vector,
-)
+from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
 from contact_locking.mesh.rank_sums import summed
 from contact_locking.parallel import maximum, on_any_rank
+from contact_locking.problem.elasticity import matrix_of
 
 # The body stiffened by zeta >= 0 where it locks: A + zeta in place of A.
 #
@@ -275,16 +270,11 @@ class Body:
 
     def _stiffness(self, size: int) -> FloatArray:
         """A as Mandel matrices (n, points, 3, 3)."""
-        law = self._state.problem.material.linear
-        columns = [
-            mandel_vector(law(mandel_tensor(ufl.as_vector([float(i == j) for j in range(3)]), 2)))
-            for i in range(3)
-        ]
-        tensor = ufl.as_tensor([[columns[j][i] for j in range(3)] for i in range(3)])
-        domain, material = self._state.problem.domain, self._state.problem.element
-        space = material.strain_space(domain.mesh, (3, 3))
+        problem = self._state.problem
+        matrix = matrix_of(problem.material.linear, MANDEL_PAIRS[2], 2)
+        space = problem.element.strain_space(problem.domain.mesh, (3, 3))
         function = fem.Function(space)
-        function.interpolate(compiled.interpolation(tensor, space))
+        function.interpolate(compiled.interpolation(matrix, space))
         return np.asarray(function.x.array.reshape(-1, 3, 3)[space.dofmap.list[:size]])
 
     def _constant(self, values: FloatArray) -> FloatArray:

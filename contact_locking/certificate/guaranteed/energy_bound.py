@@ -18,6 +18,7 @@ from contact_locking.certificate.guaranteed.body import Body, Elasticity, Gap
 from contact_locking.certificate.guaranteed.boundary_conditions import (
     held_components,
     require_exact_gaps,
+    require_straight_triangles,
 )
 from contact_locking.certificate.guaranteed.contact_tractions import (
     ContactTractions,
@@ -89,9 +90,6 @@ _TOLERANCE = 1e-6
 _PROVED = (
     "proved for this friction bound kept fixed, on the polygon of the mesh, with a material that "
     "is constant in each cell; up to rounding and the tolerance of the solver"
-)
-_THREE_DIMENSIONS = (
-    "not in three dimensions, where the system for the stress has about 20 unknowns a cell"
 )
 
 
@@ -203,14 +201,7 @@ def _sharpened(state: SolvedState, gap: Gap, square: float) -> tuple[float, floa
 
 def _require_applicable(state: SolvedState) -> None:
     problem = state.problem
-    if state.dim != 2:
-        raise NotApplicable(_THREE_DIMENSIONS)
-    if problem.domain.axisymmetric:
-        raise NotApplicable("not for axisymmetric bodies, whose equilibrium has other terms")
-    if state.problem.element.boxes:
-        raise NotApplicable("the stresses in equilibrium are for triangles, not quadrilaterals")
-    if state.problem.element.curved:
-        raise NotApplicable("the stresses in equilibrium are for cells with straight sides")
+    require_straight_triangles(state)
     if not state.report.converged:
         raise NotApplicable("the solve did not converge")
     require_still_foundations(state)

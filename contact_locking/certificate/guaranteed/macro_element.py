@@ -18,7 +18,10 @@ import scipy.linalg
 
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
+from contact_locking.mesh.lagrange import lagrange as lagrange_element
+from contact_locking.mesh.lagrange import nodal_functions
 
+_CELL = "triangle"
 #: The corners of the reference triangle.
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 #: The corners of each facet of a triangle; the facet is opposite to the corner of its number.
@@ -92,34 +95,19 @@ def legendre(degree: int, s: FloatArray) -> FloatArray:
 
 def lagrange(degree: int, points: FloatArray) -> FloatArray:
     """The Lagrange polynomials (q, m) of the reference triangle at points (q, 2)."""
-    return _tabulated(degree, points, 0)[0]
+    return np.ones((len(points), 1)) if degree == 0 else nodal_functions(_CELL, degree, points)
 
 
 def lagrange_gradients(degree: int, points: FloatArray) -> FloatArray:
     """The gradients (q, m, 2) of the Lagrange polynomials of degree >= 1 at points (q, 2)."""
-    return np.moveaxis(_tabulated(degree, points, 1)[1:], 0, 2)
-
-
-def _tabulated(degree: int, points: FloatArray, derivatives: int) -> FloatArray:
-    """Values, and derivatives along x and y, of the Lagrange polynomials: (1 or 3, q, m)."""
-    if degree == 0:
-        values = np.zeros((1 + 2 * derivatives, len(points), 1))
-        values[0] = 1.0
-        return values
-    element = basix.create_element(
-        basix.ElementFamily.P, basix.CellType.triangle, degree, basix.LagrangeVariant.equispaced
-    )
-    return np.asarray(element.tabulate(derivatives, points)[:, :, :, 0])
+    return np.moveaxis(lagrange_element(_CELL, degree).tabulate(1, points)[1:, :, :, 0], 0, 2)
 
 
 def _lattice(degree: int) -> FloatArray:
     """The points (m, 2) of the Lagrange polynomials on the reference triangle."""
     if degree == 0:
-        return np.full((1, 2), 1.0 / 3.0)
-    element = basix.create_element(
-        basix.ElementFamily.P, basix.CellType.triangle, degree, basix.LagrangeVariant.equispaced
-    )
-    return np.asarray(element.points)
+        return CORNERS.mean(axis=0, keepdims=True)
+    return np.asarray(lagrange_element(_CELL, degree).points)
 
 
 def _in_parts(points: FloatArray) -> FloatArray:
