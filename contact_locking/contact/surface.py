@@ -123,12 +123,9 @@ class ContactSurface:
 
         The nodes of cells with curved sides are there.  Otherwise the middle of an edge from corner
         1 to 2 is off the chord by the sagitta ``|x_2 - x_1| (nu_2 - nu_1) . t/8`` along the normal,
-        with the averaged normals nu of the body at the corners and the tangent t of the edge.  At a
-        corner of the body itself, where nu is more than 15 degrees off that of the edge, the edge
-        is straight, and an edge that ends at the rim of Gamma_C, where nu is that of one side, is
-        there as curved as at its other end.  The middle of a quadrilateral is off by half the sum
-        of its edges.  The first use is
-        collective.
+        with the averaged normals nu of the body at the corners and the tangent t of the edge
+        (docs/problem.md), and that of a quadrilateral by half the sum of its edges.  The first use
+        is collective.
         """
         found = self.points.copy()
         if self.limited.are_nodal or self._is_curved:
