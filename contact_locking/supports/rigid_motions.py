@@ -190,7 +190,8 @@ def unheld_motion(
     the best for the derivatives at those before, which are lower bounds of r.
     """
     size = max(float(np.abs(normals).max(initial=0.0)), 1e-300)
-    rows, push = normals / size, work / max(float(np.abs(work).max(initial=0.0)), 1e-300)
+    rows: FloatArray = np.asarray(normals / size)
+    push: FloatArray = np.asarray(work / max(float(np.abs(work).max(initial=0.0)), 1e-300))
     for _ in range(_CUTS):
         found = _best(push, rows)
         if found is None or found[1] < 1e-3:
