@@ -104,7 +104,7 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     scale = max(norm(load), norm(elastic), rounding / tolerance) or 1.0
     x = space.tabulate_dof_coordinates()[: owned // state.dim, : state.dim]
     total, magnitude, moment = [], 0.0, 0.0
-    centre = _centre(state, x)
+    centre = state.comm.allreduce(x.sum(axis=0)) / state.comm.allreduce(len(x))
     of_springs = [(item.on, item.forces(u)) for item in data.springs]
     sprung = sum((forces for _, forces in of_springs), np.zeros_like(load))
     reacting = sprung[:owned] + reaction
@@ -152,8 +152,3 @@ def _tool_balances(state: SolvedState, least: float) -> tuple[float, ...]:
         size = max(abs(tool.force), magnitude, least * tool.reach)
         found.append(left / size if size > 0.0 else left)
     return tuple(found)
-
-
-def _centre(state: SolvedState, x: FloatArray) -> FloatArray:
-    comm = state.comm
-    return np.asarray(comm.allreduce(x.sum(axis=0)) / comm.allreduce(len(x)))

@@ -254,7 +254,12 @@ class RigidFoundation(PlacedFoundation):
         # outside of the foundation and never gets there, but keeps the distance as well.
         if turn and _most(surface, facing < -_SIDEWAYS, inside):
             raise Misplaced(f"{_INSIDE}: {turn}", self._key)
-        self._check_open_end(points, gap)
+        if on_any_rank(comm, self._at_open_end(points) & inside):
+            raise Misplaced(
+                "Gamma_C reaches around the end of the open foundation, where it has no inside; "
+                "close the foundation, or let it reach beyond the body",
+                self._place,
+            )
         if isinstance(self._body, TriangulatedSurface | Polyline):
             sideways = inside & (facing < _SIDEWAYS)
             gap[sideways], normals[sideways] = self._way_out(
@@ -372,15 +377,6 @@ class RigidFoundation(PlacedFoundation):
         if not isinstance(self._body, TriangulatedSurface | Polyline):
             return np.zeros(points.shape[1], dtype=bool)
         return self._body.at_open_end(self.motion().origin(points))
-
-    def _check_open_end(self, points: FloatArray, gap: FloatArray) -> None:
-        """Raise Misplaced for a node behind an open foundation, beyond its end; collective."""
-        if on_any_rank(self._comm, self._at_open_end(points) & (gap < 0.0)):
-            raise Misplaced(
-                "Gamma_C reaches around the end of the open foundation, where it has no inside; "
-                "close the foundation, or let it reach beyond the body",
-                self._place,
-            )
 
 
 def _most(surface: ContactSurface, marks: BoolArray, among: BoolArray) -> bool:

@@ -12,7 +12,7 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.sensitivity.central_path import nearer_the_path
 from contact_locking.sensitivity.equations import Equations, Residual, require_solved
-from contact_locking.sensitivity.linearisation import Adjoint, Change, Gradient, Linearisation
+from contact_locking.sensitivity.linearisation import Adjoint, Change, Linearisation
 from contact_locking.sensitivity.parameters import Frozen, Parameter, width
 from contact_locking.sensitivity.quantities import Quantity, quantity_of, scale_of
 from contact_locking.sensitivity.states import share_at_change
@@ -91,7 +91,7 @@ class Derivatives:
         with self.frozen.system.preserved():
             quantities = self.quantities(names)
             changes, columns = [], []
-            gradients = [self._gradient(quantity) for quantity in quantities]
+            gradients = [quantity.gradient(self.linear.equations) for quantity in quantities]
             for parameter in parameters:
                 rate = self.rate(parameter, quantities)
                 change = self.linear.change(rate)
@@ -142,7 +142,8 @@ class Derivatives:
         """The quantity with a name and its adjoint, which is found once."""
         if name not in self._adjoints:
             (quantity,) = self.quantities([name])
-            self._adjoints[name] = quantity, self.linear.adjoint(self._gradient(quantity))
+            gradient = quantity.gradient(self.linear.equations)
+            self._adjoints[name] = quantity, self.linear.adjoint(gradient)
         return self._adjoints[name]
 
     def quantities(self, names: Sequence[str]) -> list[Quantity]:
@@ -158,9 +159,6 @@ class Derivatives:
             below = evaluated(before, quantities)
         # The sum of the value and the step has rounding of its own.
         return above.per(below, (value + step) - (value - step))
-
-    def _gradient(self, quantity: Quantity) -> Gradient:
-        return quantity.gradient(self.linear.equations)
 
     def destroy(self) -> None:
         """Free the PETSc objects."""

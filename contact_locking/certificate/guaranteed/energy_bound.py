@@ -32,6 +32,7 @@ from contact_locking.certificate.guaranteed.macro_element import (
     MacroElement,
     lagrange,
     macro_element,
+    out_of_part,
 )
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.certificate.penalty_error import admissible_neighbour, energy_distance
@@ -59,10 +60,9 @@ def finer_stress(
     """
     low = macro_element(coarse.moments.shape[2] - 1)
     high = macro_element(low.degree + 1)
-    points = macro_element(1).points
-    same = lagrange(low.degree, _corner_coordinates(high.points[0], points[0]))
+    same = lagrange(low.degree, out_of_part(0, high.points[0]))
     raised = np.einsum("pq,ntqa->ntpa", same, stress)
-    at = lagrange(low.degree - 1, _corner_coordinates(high.load_points[0], points[0]))
+    at = lagrange(low.degree - 1, out_of_part(0, high.load_points[0]))
     body = fine.body - np.einsum("lk,ntkd->ntld", at, coarse.body)
     moments = np.where(held[:, :, None], 0.0, fine.moments)
     moments[:, :, : low.degree + 1] = 0.0
@@ -76,12 +76,6 @@ def finer_stress(
     own = wanted @ high.lifts.reshape(len(high.lifts), -1)
     own += chosen @ high.basis.reshape(len(high.basis), -1)
     return raised + cells.moved(own.reshape(raised.shape)), high
-
-
-def _corner_coordinates(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """The coordinates (q, 2), in the reference triangle, of points in a part with these corners."""
-    edges = (corners[1:] - corners[0]).T
-    return np.asarray(np.linalg.solve(edges, (points - corners[0]).T).T)
 
 
 # The share of M, and of the displacements of the mean strain, by which a solution of the inequality

@@ -151,7 +151,7 @@ def _normal_jumps(degree: int) -> FloatArray:
         # The cut from a corner is between the parts of the facets that meet at the corner.
         for sign, part in zip((1.0, -1.0), [i for i in range(3) if i != corner], strict=True):
             places = CORNERS[corner] + np.outer(s, along)
-            values = lagrange(degree, _back(part, places))
+            values = lagrange(degree, out_of_part(part, places))
             block[:, :, part] = sign * np.einsum("qp,mij,j->qipm", values, _tensors(), normal)
         rows.append(block.reshape(-1, 9 * m))
     return np.concatenate(rows)
@@ -178,13 +178,13 @@ def _moments(degree: int, stresses: FloatArray) -> FloatArray:
         normal = np.array([along[1], -along[0]])
         normal *= np.sign(normal @ (CORNERS[first] - CORNERS[facet]))
         places = CORNERS[first] + np.outer(s, along)
-        values = lagrange(degree, _back(facet, places))
+        values = lagrange(degree, out_of_part(facet, places))
         tractions = np.einsum("npm,qp,mij,j->nqi", stresses[:, facet], values, _tensors(), normal)
         found[:, facet] = np.einsum("q,qj,nqi->nji", weights, legendre(degree, s), tractions)
     return found
 
 
-def _back(part: int, places: FloatArray) -> FloatArray:
+def out_of_part(part: int, places: FloatArray) -> FloatArray:
     """The coordinates in the reference triangle of places (q, 2) in a part."""
     edges = (_PARTS[part, 1:] - _PARTS[part, 0]).T
     return np.asarray(np.linalg.solve(edges, (places - _PARTS[part, 0]).T).T)
