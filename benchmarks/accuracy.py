@@ -22,7 +22,6 @@ from typing import Any
 
 from mpi4py import MPI
 
-from contact_locking import convergence
 from contact_locking.fem.spaces import P1, P2, P2_GAUSS, Element
 from contact_locking.files.atomic import write_text
 from contact_locking.process import solving
@@ -30,8 +29,10 @@ from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
-# The reference problem belongs to the tests.
+# The reference problem belongs to the tests, the distances to the studies.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))
+sys.path.append(str(Path(__file__).resolve().parent.parent / "demos/studies"))
+import convergence
 from problems import block
 from stopwatch import Stopwatch
 
@@ -107,7 +108,7 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
     """Draw the errors over the unknowns and over the time of the solver, for n = inf in 2D."""
-    from contact_locking.extras.pictures.rates import Curve, Panel, rate_plot
+    from rates import Curve, Panel, rate_plot
 
     def panel(title: str, key: str, label: str) -> Panel:
         curves = []

@@ -26,8 +26,6 @@ from dolfinx import fem, geometry
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
-from contact_locking.convergence import fitted_rate
-from contact_locking.extras.pictures.rates import Curve, Panel, rate_plot
 from contact_locking.fem import compiled
 from contact_locking.laws.elasticity import strain
 from contact_locking.process import solving
@@ -36,7 +34,10 @@ from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))
+sys.path.append(str(Path(__file__).resolve().parent.parent / "demos/studies"))
+from convergence import fitted_rate
 from problems import block
+from rates import Curve, Panel, rate_plot
 
 
 def case(divisions: int, degree: int, limit_at: str = "vertices", **adapt: Any) -> Parameters:

@@ -33,7 +33,7 @@ LAYERS = (
     ("study",),
     ("solver",),
     ("results",),
-    ("certificate", "convergence"),
+    ("certificate",),
     ("sensitivity",),
     ("extras",),
     ("process",),

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import ufl
-from dolfinx import fem, la
-from ufl.core.expr import Expr
+from dolfinx import fem
 
 from contact_locking.arrays import FloatArray, moments
 from contact_locking.certificate.criteria import Criterion
@@ -84,10 +83,10 @@ def equilibrium(state: SolvedState) -> Equilibrium:
 
     stress, of_stress = state.system.kept("locking stress", compile_stress)
     stress.x.array[:] = state.body.locking_stress.x.array
-    internal = elastic + assembled(of_stress)
+    internal = elastic + compiled.assembled(of_stress)
     own = np.zeros_like(load)
     if data.own_energy is not None:
-        own = -nodal_forces(forms.own_forces(u, v, data))
+        own = -compiled.assembled(forms.own_forces(u, v, data))
     touching = np.zeros_like(load)
     for contact in state.contacts:
         tractions = contact.traction - contact.pressure[:, None] * contact.normal
@@ -105,7 +104,7 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     scale = max(norm(load), norm(elastic), rounding / tolerance) or 1.0
     x = space.tabulate_dof_coordinates()[: owned // state.dim, : state.dim]
     total, magnitude, moment = [], 0.0, 0.0
-    centre = _centre(state, x)
+    centre = state.comm.allreduce(x.sum(axis=0)) / state.comm.allreduce(len(x))
     of_springs = [(item.on, item.forces(u)) for item in data.springs]
     sprung = sum((forces for _, forces in of_springs), np.zeros_like(load))
     reacting = sprung[:owned] + reaction
@@ -153,21 +152,3 @@ def _tool_balances(state: SolvedState, least: float) -> tuple[float, ...]:
         size = max(abs(tool.force), magnitude, least * tool.reach)
         found.append(left / size if size > 0.0 else left)
     return tuple(found)
-
-
-def _centre(state: SolvedState, x: FloatArray) -> FloatArray:
-    comm = state.comm
-    return np.asarray(comm.allreduce(x.sum(axis=0)) / comm.allreduce(len(x)))
-
-
-def nodal_forces(form: Expr) -> FloatArray:
-    """The linear form at local dofs, ghosts included; collective."""
-    return assembled(compiled.form(form))
-
-
-def assembled(form: fem.Form) -> FloatArray:
-    """The compiled linear form at local dofs, ghosts included; collective."""
-    vector = fem.assemble_vector(form)
-    vector.scatter_reverse(la.InsertMode.add)
-    vector.scatter_forward()
-    return vector.array

@@ -39,27 +39,9 @@ class _Bounds:
 def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, Any]]:
     """The a priori bounds of Lemma 4.5 iii and Theorem 4.9 a)-c), with their sharp constants.
 
-    Where ``Z = R_n(eps(u))`` or, for n = inf, ``Z in dI_B(eps(u))``, and p is the pressure,
-
-        (Z, eps(u)) = W + L,   int p u_nu = int p gap + C,   W = int M |Z|,
-        L = 2n |[|eps| - M]^+|^2 = |Z|^2/2n,   C = (1/eps) |[u_nu - gap]^+|^2 = eps |p|^2.
-
-    With ``v = u`` in (25), a gap >= 0 and homogeneous displacement conditions this is
-
-        a(u, u) + W + L + C <= (f, u) <= |f|_V |u|_V,   a(u, u) >= alpha |u|_V^2,
-
-    with terms >= 0 on the left.  So ``|u|_V <= |f|_V/alpha``.  Because ``|f| x - alpha x^2`` is at
-    most ``|f|^2/(4 alpha)``, this number bounds W, L and C: a quarter of the bounds of the theorem.
-    L vanishes for n = inf, and C for eps = 0; W does not vanish.
-
-    Displacements that are not zero and a negative gap enter through an admissible field ``w``
-    without slip, and the test function is ``v = u - w`` (:func:`_held_bounds`).  If contact alone
-    stops a rigid motion, a pressure on Gamma_C carries the load (:func:`_pressed_bounds`).
-
-    Of the ball the proofs use ``Z : eps(u) = M |Z| + |Z|^2/2n``, and ``Z : eps(w) <= M |Z|`` where
-    w is admissible.  With its multiplier y in the place of Z the same holds for every other set of
-    strains, and W and L are sums over all sets.  With limits of the elastic strain ``eps - eps_0``
-    takes the place of eps, that of w too; w is an admissible field, also if it is zero.
+    They bound ``|u|_V``, ``int M |Z|``, ``|Z|^2/2n`` and ``eps |p|^2``, as sums over all sets of
+    strains.  The proofs in docs/certificate.md test with ``v = u - w`` for an admissible field w
+    without slip; with limits of the elastic strain w is such a field, also if it is zero.
 
     Each entry holds ``value``, ``bound`` and ``holds``.  If no bound is proved, ``bound`` and
     ``holds`` are None, and ``reason`` says why.  Collective; takes one linear solve, two with
@@ -136,15 +118,7 @@ def norm(state: SolvedState, u: fem.Function) -> float:
 def _held_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     """The bounds for a body that the displacement conditions hold.
 
-    With the test function ``v = u - w`` friction is at least ``-F`` (:func:`_remembered`), because
-    ``w_tau = 0``; contact gives ``C + int p (gap - w_nu) >= C``; and locking gives, with
-    ``theta = max |eps(w)|/M``, ``L + int (M |Z| - Z : eps(w)) >= L + (1 - theta) W``.  So with
-    ``(f_w, v) = (f, v) - a(w, v)``
-
-        a(v, v) + (1 - theta) W + L + C <= |f_w|_V |v|_V + F,
-
-    hence with ``q = |f_w|_V/(2 alpha)`` the bounds ``|u|_V <= |w|_V + q + sqrt(q^2 + F/alpha)``,
-    and ``|f_w|_V^2/(4 alpha) + F`` for the other three.
+    Friction does the work ``-F`` at least (:func:`_remembered`); docs/certificate.md has F = 0.
     """
     alpha = state.problem.material.ellipticity
     load, friction = dual_norm(state, w), _remembered(state)
@@ -182,16 +156,7 @@ def _over(most: float, room: float) -> float:
 def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     """The bounds where contact alone stops a rigid motion, so that ``|.|_V`` is not a norm.
 
-    Springs on Gamma_C carry the load: ``a(z, v) + int q v_nu = (f_w, v)`` for all v, with
-    ``q = k z_nu``.  Let all springs be pressed, ``q >= 0``.  Then ``v_nu <= gap - w_nu + eps p``
-    for ``v = u - w`` in (25) gives, with W, L, C and theta as above and ``C = eps |p|^2``,
-
-        a(v, v) + (1 - theta) W + L + C <= a(z, v) + B + 2 sqrt(D C),
-        B = int q (gap - w_nu) + F,   D = eps/4 |q|^2.
-
-    As ``2 sqrt(D C) - C <= D`` and ``a(z, v) - a(v, v) <= a(z, z)/4``, the norm ``x^2 = a(v, v)``
-    obeys ``x <= sqrt(a(z, z))/2 + sqrt(a(z, z)/4 + B + D)``, L and ``(1 - theta) W`` are at most
-    ``a(z, z)/4 + B + D``, and ``sqrt(C) <= sqrt(D) + sqrt(a(z, z)/4 + B + D)``.
+    Springs on Gamma_C carry the load.  F is a part of the B of docs/certificate.md.
     """
     if state.problem.sliding:
         raise NotApplicable("friction alone holds a rigid motion")

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import ufl
 
-from contact_locking.certificate.eigenvalue import trace_norm
-from contact_locking.certificate.elliptic import NotApplicable, inner_product
+from contact_locking.certificate.elliptic import NotApplicable, inner_product, trace_norm
 from contact_locking.certificate.kappa import Kappa, require_coulomb
 from contact_locking.certificate.other_solutions import without_friction
 from contact_locking.certificate.solved_state import SolvedState
@@ -150,20 +149,12 @@ def _uniqueness(
 ) -> dict[str, Any]:
     """Whether another solution is excluded, by kappa or, for eps > 0, by the condition below.
 
-    Let u_2 be this solution of (25), u_1 another one, ``v = u_1 - u_2``, and ``q`` the difference
-    of the pressures.  The difference of both equations, tested with v, contains at least
-    ``eps |q|^2`` from contact, so that
+        mu* |R| c_0 < 2 sqrt(eps (alpha - L_mu |R sigma_nu|_inf c_0^2)),
 
-        alpha |v|_V^2 + eps |q|^2 <= (mu* |R| |q| + L_mu |R sigma_nu(u_2)|_inf |v|_C) |v|_C
-
-    with ``|v|_C <= c_0 |v|_V``.  So v = 0 if
-
-        mu* |R| c_0 < 2 sqrt(eps (alpha - L_mu |R sigma_nu|_inf c_0^2)).
-
-    This is the condition of Theorem 4.2 with an explicit constant.  The norms on Gamma_C use the
-    nodal weights, c_0 is the constant of the discrete fields, approached from below, and mu* and
-    L_mu may be sampled.  The verdict is therefore about the discrete problem, and as certain as
-    these numbers.
+    the condition of Theorem 4.2 with an explicit constant (docs/certificate.md).  The norms on
+    Gamma_C use the nodal weights, c_0 is the constant of the discrete fields, approached from
+    below, and mu* and L_mu may be sampled.  The verdict is therefore about the discrete problem,
+    and as certain as these numbers.
     """
     if all(contact.friction.frictionless for contact in state.problem.contacts):
         return without_friction(state)

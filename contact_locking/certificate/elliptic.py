@@ -1,20 +1,23 @@
-"""Linear elliptic problems of the certificate: dual norms and lifts of boundary values."""
+"""Linear elliptic problems of the certificate: dual norms, lifts, and largest eigenvalues."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import ufl
 from dolfinx import fem, la
+from dolfinx.fem import petsc
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import raise_callback_error
+from contact_locking.fem import compiled
 from contact_locking.fem.joint_forms import JointForm, action
 from contact_locking.fem.trace import make_nodal
 from contact_locking.parallel import on_any_rank, on_every_rank
@@ -26,6 +29,9 @@ from contact_locking.supports.conditions import Constraints
 _PREFIX = "contact_locking_certificate_"
 # The tolerance of CG, enough for a bound that holds with a margin.
 _RTOL = 1e-8
+_PREFIX_OF_EIGENVALUES = "contact_locking_steklov_"
+# The relative accuracy of an eigenvalue; a bound needs no more.
+_ACCURACY = 1e-6
 
 
 class NotApplicable(Exception):
@@ -268,3 +274,75 @@ class Lifting:
     def _nowhere(self, values: FloatArray) -> bool:
         """Whether no value of any rank is positive; collective."""
         return not on_any_rank(self._state.comm, values > 0.0)
+
+
+def trace_norm(state: SolvedState, product: Expr, traces: ufl.Form) -> float:
+    """``max sqrt(t(v, v)/b(v, v))`` over the displacements that are zero on Gamma_D; collective.
+
+    ``product`` is b and ``traces`` is t, bilinear forms.  The result comes from below.  Raises
+    NotApplicable if the eigenvalue solver fails.
+    """
+    constraints = state.problem.constraints
+    surface = petsc.assemble_matrix(compiled.form(traces))
+    surface.assemble()
+    # The held part keeps the identity in the product and has no trace.
+    mask = surface.createVecLeft()
+    mask.array_w[:] = constraints.free_dofs()[: mask.getLocalSize()]
+    surface.diagonalScale(mask, mask)
+    constraints.supports.directions.eliminate(surface, holds=False)
+    try:
+        with elliptic_problem(state, product, constraints) as problem:
+            return float(_largest(surface, problem.matrix, problem.ksp) ** 0.5)
+    finally:
+        for item in (mask, surface):
+            item.destroy()
+
+
+def largest_eigenvalue(comm: Any, size: int, operator: Callable[[FloatArray], FloatArray]) -> float:
+    """The largest eigenvalue of a symmetric operator, from below; collective.
+
+    The operator maps the ``size`` values of each rank to as many.  Raises NotApplicable if the
+    eigenvalue solver fails.
+    """
+    matrix = PETSc.Mat().createPython(((size, None), (size, None)), _Shell(operator), comm)
+    matrix.setUp()
+    try:
+        return _largest(matrix)
+    finally:
+        matrix.destroy()
+
+
+class _Shell:
+    """A function as the context of a PETSc matrix."""
+
+    def __init__(self, operator: Callable[[FloatArray], FloatArray]) -> None:
+        self._operator = operator
+
+    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        y.array_w[:] = self._operator(x.array_r)
+
+
+def _largest(
+    matrix: PETSc.Mat, product: PETSc.Mat | None = None, inverse: PETSc.KSP | None = None
+) -> float:
+    from slepc4py import SLEPc
+
+    solver = SLEPc.EPS().create(matrix.getComm())
+    solver.setOptionsPrefix(_PREFIX_OF_EIGENVALUES)
+    kinds = SLEPc.EPS.ProblemType
+    solver.setOperators(matrix, product)
+    solver.setProblemType(kinds.HEP if product is None else kinds.GHEP)
+    solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_REAL)
+    solver.setTolerances(tol=_ACCURACY)
+    if inverse is not None:
+        solver.getST().setKSP(inverse)
+    try:
+        solver.solve()
+        if not solver.getConverged():
+            raise NotApplicable("the eigenvalue solver did not converge")
+        return float(solver.getEigenvalue(0).real)
+    except PETSc.Error as error:
+        raise_callback_error(error)
+        raise NotApplicable("the eigenvalue solver failed") from error
+    finally:
+        solver.destroy()

@@ -1,37 +1,14 @@
 """The energy balance of a step: work of the loads, stored energy, and work lost in friction.
 
-With the external forces F_k at the nodes (loads and reactions), ``d = u_k - u_{k-1}`` and the
-motion ``m`` of the foundations in the step, the loads and the moving foundations do the work
-
-    W_k = F_k . d - int p_k (h_k(u_{k-1}) - h_{k-1}(u_{k-1})) - int t_k . m
-
-with the room ``h_k(v) = g_k - v . nu_k`` between body and foundation, whose normal may change, and
-``t = -sigma_tau``.  The body stores
-``E_k = a(u_k, u_k)/2 + n int ([|eps| - M]^+)^2 + int ([-h_k(u_k)]^+)^2/(2 eps)``,
-and friction dissipates ``D_k = int t_k . (d - m) >= 0``.  The rest,
-
-    N_k = W_k - (E_k - E_{k-1}) - D_k,
-
-is the numerical dissipation of the implicit Euler step.  Because ``E`` is convex in the strain and
-in the penetration ``-h``, equilibrium at ``t_k`` tested with d gives the lower bound, and
-equilibrium at ``t_{k-1}`` tested with d, where ``|t_{k-1}| <= G_{k-1}``, gives the upper bound of
-
-    a(d, d)/2 <= N_k <= W_k - V_k - a(d, d)/2 + int G_{k-1} |(d - m)_tau| - D_k
-
-with the tangential part at ``t_{k-1}`` and
-
-    V_k = F_{k-1} . d - int p_{k-1} (h_k(u_k) - h_{k-1}(u_k)) - int t_{k-1} . m.
-
-The bounds hold for the discrete problem on every mesh, for every n up to infinity, and for every
-size of the step.
+``N_k = W_k - (E_k - E_{k-1}) - D_k`` with its bounds and their proof is in docs/guides/steps.md.
 
 Bodies that are paired anew in a step have another room ``h_k`` by the new pairing, whose jump of
 ``u_{k-1}`` the room has in W_k.  The lower bound holds as before.  The upper bound takes both
 states in one pairing, and is left out.
 
-The forces of an eigenstrain eps_0 act at the nodes as loads do.  The balance above counts their
-work, and ``a(u, u)/2``.  A history has the elastic energy ``A(eps - eps_0)^2/2`` and the work of
-all else and of the change ``e`` of eps_0: with the same D_k,
+The forces of an eigenstrain eps_0 act at the nodes as loads do.  The balance counts their work, and
+``a(u, u)/2``.  A history has the elastic energy ``A(eps - eps_0)^2/2`` and the work of all else and
+of the change ``e`` of eps_0: with the same D_k,
 
     N_k + A e : e/2 - A e : eps(d),   E_k - A eps_0 : eps(u_k) + A eps_0 : eps_0/2,
 
@@ -52,11 +29,10 @@ import ufl
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.balances import nodal_forces
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.laws import law_limit
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.fem.compiled import integral
+from contact_locking.fem.compiled import assembled, integral
 from contact_locking.problem import forms
 from contact_locking.results.derived import ContactFields
 
@@ -94,16 +70,8 @@ class Touch:
     def at_rest(cls, state: SolvedState, fields: ContactFields) -> Touch:
         """The contact before the first step, where an obstacle that would overlap touches."""
         vectors, scalars = np.zeros_like(fields.normal), np.zeros_like(fields.gap)
-        gap = np.maximum(fields.gap, 0.0)
-        return cls(
-            state.weights(fields),
-            vectors,
-            fields.normal,
-            gap,
-            scalars,
-            vectors.copy(),
-            scalars.copy(),
-        )
+        gap, weights = np.maximum(fields.gap, 0.0), state.weights(fields)
+        return cls(weights, vectors, fields.normal, gap, scalars, vectors, scalars)
 
     def room(self, displacement: FloatArray) -> FloatArray:
         """``h(v) = gap - v . nu`` (k,) of a displacement v (k, d)."""
@@ -161,7 +129,7 @@ class Moment:
         stored = 0.0
         if data.own_energy is not None:
             v = ufl.TestFunction(u.function_space)
-            forces = nodal_forces(forms.own_forces(rest, v, data))[: len(forces)]
+            forces = assembled(forms.own_forces(rest, v, data))[: len(forces)]
             stored = integral(state.problem.domain, data.own_energy(rest))
         contacts = tuple(Touch.at_rest(state, fields) for fields in state.contacts)
         nothing = np.zeros_like(_eigenstrain(state))
@@ -299,9 +267,9 @@ def _external_forces(state: SolvedState) -> FloatArray:
     v = ufl.TestFunction(u.function_space)
     load = state.system.load
     stress = ufl.inner(state.body.locking_stress, data.strain(v)) * data.locking_dx
-    inner = state.system.forms.elastic_forces(u) + nodal_forces(stress)
+    inner = state.system.forms.elastic_forces(u) + assembled(stress)
     if data.own_energy is not None:
-        inner += nodal_forces(forms.own_forces(u, v, data))
+        inner += assembled(forms.own_forces(u, v, data))
     for fields in state.contacts:
         forces = fields.pressure[:, None] * fields.normal - fields.traction
         inner += fields.surface.nodal_forces(forces)

@@ -8,9 +8,8 @@ from functools import partial
 
 import basix
 import numpy as np
-from dolfinx import fem, la
+from dolfinx import fem
 from dolfinx import mesh as dmesh
-from scipy import sparse
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, flattened
@@ -20,6 +19,7 @@ from contact_locking.fem import gauss_points
 from contact_locking.laws.elasticity import mandel_values
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.lagrange import lagrange, nodal_functions
+from contact_locking.mesh.rank_sums import summed
 
 # Where the points of a patch do not determine a quadratic polynomial, the quadratic terms vanish:
 # their squares, with this factor, are added to the squares of the differences at the points.
@@ -41,8 +41,10 @@ class PatchRecovery:
     """
 
     def __init__(self, mesh: dmesh.Mesh, count: int) -> None:
-        self._mesh, self._dim = mesh, mesh.topology.dim
-        self._corners: IndexArray = self._space(1).dofmap.list[:count]
+        self._dim = mesh.topology.dim
+        affine = fem.functionspace(mesh, ("P", 1)).dofmap
+        self._corners: IndexArray = affine.list[:count]
+        self._nodes_of = affine.index_map
         x = mesh.geometry.x[_compat.cell_nodes(mesh)[:count]][:, :, : self._dim]
         name, of_cell = mesh.topology.cell_name(), _compat.coordinate_map(mesh).degree
         shares = gauss_points.shares(name, of_cell=of_cell)
@@ -103,19 +105,7 @@ class PatchRecovery:
 
     def _summed(self, values: FloatArray, inside: BoolArray) -> FloatArray:
         """(v, m) the sums over the cells around each local node of values (k, c, m)."""
-        total = fem.Function(self._space(values.shape[2]))
-        nodal = total.x.array.reshape(-1, values.shape[2])
-        rows = self._corners[inside].reshape(-1)
-        columns = np.arange(len(rows))
-        ones = np.ones(len(rows))
-        gather = sparse.csr_matrix((ones, (rows, columns)), shape=(len(nodal), len(rows)))
-        nodal[:] = gather @ values.reshape(-1, values.shape[2])
-        total.x.scatter_reverse(la.InsertMode.add)
-        total.x.scatter_forward()
-        return nodal.copy()
-
-    def _space(self, size: int) -> fem.FunctionSpace:
-        return fem.functionspace(self._mesh, ("P", 1, (size,)))
+        return summed(self._nodes_of, self._corners[inside], values)
 
 
 def _monomials(y: FloatArray) -> FloatArray:
@@ -244,28 +234,17 @@ def _recovered(state: SolvedState, values: FloatArray) -> FloatArray:
 
     Collective.
     """
-    mesh, size = state.problem.domain.mesh, values.shape[1]
+    dofmap = state.problem.u.function_space.dofmap
     volumes = state.points.by_cell(state.points.weights).sum(axis=1)
-    nodal_space = partial(state.problem.element.nodal_space, mesh, size + 1)
-    space = state.system.kept(("recovered", size), nodal_space)
-    corners = space.dofmap.list[: len(values)]
-    count = corners.shape[1]
-    result = np.empty((len(values), count, size))
+    corners, size = dofmap.list[: len(values)], values.shape[1]
+    result = np.empty((*corners.shape, size))
     weighted = np.column_stack([values, np.ones(len(values))]) * volumes[:, None]
     for inside in _regions(state, len(values)):
-        sums = fem.Function(space)
-        nodal = sums.x.array.reshape(-1, size + 1)
-        cells = np.flatnonzero(inside)
-        # A row for each cell, with 1 at its corners.
-        starts = np.arange(len(cells) + 1) * count
-        entries = np.ones(starts[-1]), corners[cells].reshape(-1), starts
-        at_corners = sparse.csr_matrix(entries, shape=(len(cells), len(nodal)))
-        nodal[:] = at_corners.T @ weighted[cells]
-        sums.x.scatter_reverse(la.InsertMode.add)
-        sums.x.scatter_forward()
+        at = corners[inside]
+        nodal = summed(dofmap.index_map, at, np.repeat(weighted[inside, None], at.shape[1], axis=1))
         # Nodes without a cell inside have no mean, and no cell inside has such a node.
         means = nodal[:, :size] / np.where(nodal[:, size:] > 0.0, nodal[:, size:], 1.0)
-        result[cells] = means[corners[cells]]
+        result[inside] = means[at]
     return result
 
 

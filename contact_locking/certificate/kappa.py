@@ -1,15 +1,10 @@
 """``kappa = c rho``: if it is below 1, no other displacement solves the problem on this mesh.
 
-With the norms ``|g|`` of values at the nodes of Gamma_C, by the weights of the nodes,
-
-    c   = max |v_tau| / |v|_a      over the displacements v that are zero on Gamma_D,
-    rho = max |w_g|_a / |g|        over the values g at the nodes where friction acts,
-
-where w_g has ``w_nu = R* (mu g)`` and ``w_tau = 0`` on Gamma_C, is zero on Gamma_D and in all cells
-that can lock, and has the least elastic energy of such fields.  v is the difference of two
-solutions and q that of their pressures.  The difference of both equilibria is, tested with v,
-``|v|_a^2 <= |mu R q| |v_tau|``, and, tested with w_g, ``int g mu R q = -a(v, w_g)``.  So
-``|v|_a^2 <= kappa |v|_a^2``.  The proof is in docs/certificate.md.
+``c = max |v_tau| / |v|_a`` is over the displacements v that are zero on Gamma_D, and
+``rho = max |w_g|_a / |g|`` over the values g at the nodes where friction acts, with the norms on
+Gamma_C by the weights of the nodes.  w_g has ``w_nu = R* (mu g)`` and ``w_tau = 0`` on Gamma_C, is
+zero on Gamma_D and in all cells that can lock, and has the least elastic energy of such fields.
+The proof is in docs/certificate.md.
 """
 
 from __future__ import annotations
@@ -22,17 +17,19 @@ import ufl
 from dolfinx import fem, la
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.certificate.eigenvalue import largest_eigenvalue, trace_norm
 from contact_locking.certificate.elliptic import (
     EllipticProblem,
     NotApplicable,
     elasticity,
     elliptic_problem,
+    largest_eigenvalue,
+    trace_norm,
 )
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.fem.joint_forms import JointForm, action
 from contact_locking.fem.trace import make_nodal
+from contact_locking.mesh.rank_sums import marked
 from contact_locking.parallel import on_any_rank
 
 # A condition that holds more of a unit normal than this holds more than rounding.
@@ -179,13 +176,10 @@ class _Lifts:
         return found
 
     def _where_the_body_can_lock(self) -> FloatArray:
-        """1 or more at the local dofs of cells with a finite limit, and 0 elsewhere; collective."""
+        """1 at the local dofs of cells with a finite limit, and 0 elsewhere; collective."""
         state, space = self._state, self._state.problem.u.function_space
-        points, found = state.points, fem.Function(space)
+        points = state.points
         limits = [points.by_cell(np.isfinite(item.limit)).any(axis=1) for item in points.sets]
         cells = np.flatnonzero(np.any(limits, axis=0))
-        ends = space.dofmap.list[cells].reshape(-1)
-        found.x.array.reshape(-1, state.dim)[ends] = 1.0
-        found.x.scatter_reverse(la.InsertMode.add)
-        found.x.scatter_forward()
-        return found.x.array
+        locks = marked(space.dofmap.index_map, space.dofmap.list[cells])
+        return np.repeat(locks.astype(float), state.dim)

@@ -1,14 +1,9 @@
 """The criteria for the laws of locking, contact and friction, for the stored stress and tractions.
 
 This module repeats the formulas of the laws on purpose, in NumPy and from the conjugate functions,
-so that an error in the laws of the solver shows here.
-
-For a fixed friction bound each law reads ``z in d phi(x)``.  The sum
-``phi(x) + phi*(z) - z x >= 0`` of Fenchel vanishes exactly where the law holds.  The sum consists
-of a complementarity and, for finite n and eps > 0, of ``n int ([|eps| - M]^+ - |Z|/(2n))^2`` and
-``int ([u_nu - gap]^+ - eps p)^2/(2 eps)``.  In equilibrium the sum over all laws is the duality
-gap.  The gap bounds ``a(u - w, u - w)/2`` for the exact discrete solution ``w`` with this friction
-bound, if the displacement keeps the strain limit for n = inf and the gap for eps = 0.
+so that an error in the laws of the solver shows here.  For a fixed friction bound each law reads
+``z in d phi(x)``, and the sum ``phi(x) + phi*(z) - z x >= 0`` of Fenchel vanishes exactly where the
+law holds.  In equilibrium the sum over all laws is the duality gap.
 """
 
 from __future__ import annotations

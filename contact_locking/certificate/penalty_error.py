@@ -1,10 +1,4 @@
-"""The distance of a penalised solution from the solution of the inequality on the same mesh.
-
-For the friction bound G of the penalised solution, kept fixed, both solve convex problems.  Locking
-stress, pressure and friction traction of the penalised solution are admissible for the dual problem
-of the inequality, and a displacement near the solution is admissible for the primal problem.  The
-difference of both energies bounds the distance.
-"""
+"""The distance of a penalised solution from the solution of the inequality on the same mesh."""
 
 from __future__ import annotations
 
@@ -15,8 +9,7 @@ from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import Lifting, NotApplicable, require_still_foundations
-from contact_locking.certificate.sets_at_points import PrincipalAtPoints, SetAtPoints
-from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.certificate.solved_state import PrincipalAtPoints, SetAtPoints, SolvedState
 from contact_locking.fem import compiled
 from contact_locking.laws.convex import squared_norm
 from contact_locking.parallel import maximum, minimum, on_every_rank

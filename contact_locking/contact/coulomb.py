@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from numbers import Real
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray, present
-from contact_locking.contact.friction_bound import FrictionBound
-from contact_locking.contact.no_slip import NoSlip
+from contact_locking.contact.friction_bound import FrictionBound, NoSlip
 from contact_locking.contact.smoothing import (
     ConvolutionOperator,
     HelmholtzOperator,
     Identity,
     Smoothing,
+    VanishingOperator,
 )
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.contact.surface_mesh import SurfaceMesh
-from contact_locking.contact.vanishing import VanishingOperator
 from contact_locking.errors import InputError
 from contact_locking.laws.friction import Coefficient, FrictionLaw
 
@@ -35,9 +35,10 @@ _LARGEST_RADIUS_SHARE = 1e4
 _SIZE_ROUNDING = 1e-9
 
 
-class Kernel(Protocol):
+class Kernel(ABC):
     """A smoothing R that is not yet on a mesh."""
 
+    @abstractmethod
     def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
         """R on a surface; collective.
 
@@ -47,21 +48,19 @@ class Kernel(Protocol):
 
     def warnings(self, surface: ContactSurface) -> list[str]:
         """Warnings about data that the user probably did not intend; collective."""
+        return []
 
 
 @dataclass(frozen=True)
-class Local:
+class Local(Kernel):
     """``R w = w``: local Coulomb friction."""
 
     def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
         return Identity()
 
-    def warnings(self, surface: ContactSurface) -> list[str]:
-        return []
-
 
 @dataclass(frozen=True)
-class Convolution:
+class Convolution(Kernel):
     """``R w(x) = int k(|x - y|/r) w(y) / int k(|x - y|/r)``, k a smooth bump with the radius r.
 
     ``radius`` is r, a length; without one it is a tenth of the extent of the contact, and twice its

@@ -13,13 +13,11 @@ from contact_locking.contact.bounds_in_force import BoundsInForce
 from contact_locking.contact.free_motions import FreeMotion, Travel
 from contact_locking.parallel import maximum
 
-# The forces balance to this share of the force, or as rounding permits.
-_TOLERANCE = 1e-14
 # Shorter ways than this share of the displacements are rounding.
 _ROUNDING = 1e-16
 _MOST_STEPS = 100
-# Newton's method for several motions has this share of the stiffness of the whole contact beside
-# that of the nodes that touch, of which one does not stop a turn.
+# Newton's method has this share of the stiffness of the whole contact beside that of the nodes that
+# touch, of which there may be none, and of which one does not stop a turn.
 _FLOOR = 1e-9
 # A step ends where the slope along it is this share of that at its start, after so many trials.
 _SLOPE_SHARE, _TRIALS = 0.5, 60
@@ -112,41 +110,12 @@ class ToolBalance:
             assert isinstance(first, Travel)
             return first.touch(u, self.contact.surface.domain.extent)
         state = _State(self, u)
-        found = state.start.copy()
-        if isinstance(first, Travel):
-            found[0] = self._along(state, found)
-        if len(found) > 1 or not isinstance(first, Travel):
-            found = self._together(state, found)
-        for tool, value in zip(self.tools, found, strict=True):
+        for tool, value in zip(self.tools, self._equilibrium(state), strict=True):
             tool.travel = value
 
-    def _along(self, state: _State, sizes: FloatArray) -> float:
-        """The travel at which the force along it is in equilibrium, at fixed turns."""
-        tool, sizes = self.tools[0], sizes.copy()
-        # The solution is between low and high.
-        low, high = -np.inf, np.inf
-        for trial in range(_MOST_STEPS):
-            travel = sizes[0]
-            forces, slopes = state.at(sizes)
-            left = tool.force - tool.stiffness * travel - forces[0]
-            slope = slopes[0, 0] + tool.stiffness
-            acting = max(tool.force, tool.stiffness * abs(travel))
-            low, high = (travel, high) if left > 0.0 else (low, travel)
-            step = left / slope if slope > 0.0 else np.inf
-            if abs(left) <= _TOLERANCE * acting or abs(step) <= _ROUNDING * state.size:
-                break
-            if not low < travel + step < high:
-                if np.isfinite(high - low):
-                    step = 0.5 * (low + high) - travel
-                else:
-                    # Where all of the contact is pressed, or none, by more and more.
-                    reach = 2.0**trial * state.size
-                    step = state.reach(tool.force) + reach if left > 0.0 else -reach
-            sizes[0] += step
-        return float(sizes[0])
-
-    def _together(self, state: _State, sizes: FloatArray) -> FloatArray:
+    def _equilibrium(self, state: _State) -> FloatArray:
         """The sizes of all motions in equilibrium, by Newton's method."""
+        sizes = state.start.copy()
         forces = np.array([tool.force for tool in self.tools])
         springs = np.array([tool.stiffness for tool in self.tools])
 
@@ -208,20 +177,11 @@ class _State:
         self._length = float(contact.regularisation.value)
         self._weights = contact.surface.weights
         self._pressed = self._weights * contact.free
-        facing = -np.minimum(self._along[0], 0.0)
-        self._all = self._sum(self._pressed * facing**2) / self._epsilon
-        towards = contact.free & (facing > 0.0)
-        deepest = float(np.max(-self._excess[towards] / facing[towards], initial=0.0))
-        self._farthest = max(self._comm.allgather(deepest))
         #: The size of the displacements that excesses and slips are differences of.
         self.size = maximum(self._comm, np.abs(u.x.array)) + maximum(
             self._comm, np.abs(contact.gaps)
         )
         self._fields = fields
-
-    def reach(self, force: float) -> float:
-        """The way until all nodes that the foundation faces carry a force without friction."""
-        return self._farthest + force / (self._all or 1.0)
 
     def way(self, step: FloatArray) -> float:
         """The largest displacement of the foundation by a step of the sizes."""
@@ -269,6 +229,3 @@ class _State:
         products = -np.einsum("ik,jk,k->ij", self._along, normal, self._pressed)
         products += np.einsum("ikd,jkd,k->ij", across, bends, self._weights)
         return tractions, np.asarray(self._comm.allreduce(products))
-
-    def _sum(self, values: FloatArray) -> float:
-        return float(self._comm.allreduce(float(np.sum(values))))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from mpi4py import MPI
@@ -62,8 +62,7 @@ _ROUNDING = 1e-10
 _TOUCH = 8.0 * float(np.finfo(float).eps)
 
 
-@runtime_checkable
-class PlacedFoundation(Protocol):
+class PlacedFoundation(ABC):
     """The foundation of one contact, at its present place.
 
     ``is_timed`` says that gap or normal may change from solve to solve, and ``moves`` that the
@@ -72,28 +71,32 @@ class PlacedFoundation(Protocol):
     ``is_plane`` that it is a half space.
     """
 
-    is_timed: bool
-    moves: bool
-    is_distance: bool
-    is_plane: bool
+    is_timed = moves = is_distance = is_plane = False
 
+    def __init__(self, comm: MPI.Intracomm, dim: int, key: str) -> None:
+        self._comm, self._dim, self._key = comm, dim, key
+
+    @abstractmethod
     def gap(self, x: FloatArray) -> FloatArray:
         """The gap (k,) at points (d, k) of Gamma_C at the present time; collective."""
 
+    @abstractmethod
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         """The gap (k,) and the contact normal (k, d) at the nodes at present; collective."""
+
+    @abstractmethod
+    def opening(self, x: FloatArray, u_normal: FloatArray, moved: FloatArray) -> FloatArray:
+        """How far (k,) points x (d, k) of Gamma_C are away after they moved to ``moved`` (d, k).
+
+        ``u_normal`` (k,) is the displacement along the contact normal; collective.
+        """
 
     def distance(self, x: FloatArray) -> FloatArray:
         """The distance (k,) of any points (d, k) at present, negative inside.
 
         The distance is inf where it is not known; collective.
         """
-
-    def opening(self, x: FloatArray, u_normal: FloatArray, moved: FloatArray) -> FloatArray:
-        """How far (k,) points x (d, k) of Gamma_C are away after they moved to ``moved`` (d, k).
-
-        ``u_normal`` (k,) is the displacement along the contact normal; collective.
-        """
+        return np.full(x.shape[1], np.inf)
 
     def corners(self, box: FloatArray, spacing: float) -> FloatArray:
         """Points (c, d) at present in a box (2, d) where it may enter a flat facet first.
@@ -101,30 +104,35 @@ class PlacedFoundation(Protocol):
         These are the corners of a foundation of facets, and points of its sharp edges that are
         ``spacing`` apart.
         """
+        return np.empty((0, self._dim))
 
     def motion(self) -> RigidMotion:
         """Where it has moved from rest."""
+        return RigidMotion.rest(self._dim)
 
     def drag(self, surface: ContactSurface, before: RigidMotion) -> FloatArray:
         """How far (k, d) it has moved since it was at ``before``, in limited values."""
+        return np.zeros_like(surface.points)
 
     def outline(self, box: FloatArray) -> FloatArray:
         """The facets (t, d, d) of its surface at present, by their corners, if it has any.
 
         A surface that is not made of facets has those of its part in the box (2, d).
         """
+        return np.empty((0, self._dim, self._dim))
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
         """Warnings about the present gap (k,) at the nodes; collective."""
+        return []
 
 
-class GivenGap:
+class GivenGap(PlacedFoundation):
     """A gap along the outward normal of the body, beyond the distance to another body.
 
-    ``values`` maps points (d, k) to the present gaps (k,).
+    ``values`` maps points (d, k) to the present gaps (k,).  A gap is a distance along the normal of
+    Gamma_C, and says nothing of other points.
     """
 
-    moves = is_distance = is_plane = False
     is_timed = True
 
     def __init__(
@@ -134,8 +142,8 @@ class GivenGap:
         values: Callable[[FloatArray], FloatArray],
         key: str,
     ) -> None:
-        self._comm, self._values, self._key = comm, values, key
-        self._rest = RigidMotion.rest(dim)
+        super().__init__(comm, dim, key)
+        self._values = values
 
     def gap(self, x: FloatArray) -> FloatArray:
         found = agree(self._comm, lambda: with_key(self._key, lambda: self._values(x)))
@@ -146,27 +154,8 @@ class GivenGap:
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         return surface.distance + self.gap(surface.places.T), surface.body_normals()
 
-    def distance(self, x: FloatArray) -> FloatArray:
-        # A gap is a distance along the normal of Gamma_C, and says nothing of other points.
-        return np.full(x.shape[1], np.inf)
-
     def opening(self, x: FloatArray, u_normal: FloatArray, moved: FloatArray) -> FloatArray:
         return self.gap(x) - u_normal
-
-    def corners(self, box: FloatArray, spacing: float) -> FloatArray:
-        return np.empty((0, box.shape[1]))
-
-    def motion(self) -> RigidMotion:
-        return self._rest
-
-    def drag(self, surface: ContactSurface, before: RigidMotion) -> FloatArray:
-        return np.zeros_like(surface.points)
-
-    def outline(self, box: FloatArray) -> FloatArray:
-        return np.empty((0, *[box.shape[1]] * 2))
-
-    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        return []
 
 
 def _name_of(body: Foundation) -> str:
@@ -185,7 +174,7 @@ def _name_of(body: Foundation) -> str:
     return "shape"
 
 
-class RigidFoundation:
+class RigidFoundation(PlacedFoundation):
     """A foundation with a shape, at rest or with a prescribed motion from rest.
 
     ``motion`` is its present motion, and ``is_timed`` says that it may move, or change its
@@ -205,8 +194,8 @@ class RigidFoundation:
         is_timed: bool,
         shape: str = "",
     ) -> None:
-        self._comm, self._dim, self._body, self._key = comm, dim, body, key
-        self.motion = motion
+        super().__init__(comm, dim, key)
+        self._body, self._motion = body, motion
         self._kind = _name_of(body)
         self._place = f"{key}.{shape or self._kind}"
         self.is_plane = isinstance(body, HalfSpace)
@@ -229,6 +218,9 @@ class RigidFoundation:
                 return with_key(self._place, lambda: function(x))
 
         return agree(self._comm, values)
+
+    def motion(self) -> RigidMotion:
+        return self._motion()
 
     @property
     def now(self) -> Foundation:
@@ -262,7 +254,12 @@ class RigidFoundation:
         # outside of the foundation and never gets there, but keeps the distance as well.
         if turn and _most(surface, facing < -_SIDEWAYS, inside):
             raise Misplaced(f"{_INSIDE}: {turn}", self._key)
-        self._check_open_end(points, gap)
+        if on_any_rank(comm, self._at_open_end(points) & inside):
+            raise Misplaced(
+                "Gamma_C reaches around the end of the open foundation, where it has no inside; "
+                "close the foundation, or let it reach beyond the body",
+                self._place,
+            )
         if isinstance(self._body, TriangulatedSurface | Polyline):
             sideways = inside & (facing < _SIDEWAYS)
             gap[sideways], normals[sideways] = self._way_out(
@@ -326,7 +323,7 @@ class RigidFoundation:
             distance = self._evaluated(self.now.gap, x)
         except InputError:
             # An expression need have a value on Gamma_C only.
-            return np.full(x.shape[1], np.inf)
+            return super().distance(x)
         is_known = np.isfinite(distance) & ~self._at_open_end(x)
         return np.where(is_known, distance, np.inf)
 
@@ -335,7 +332,7 @@ class RigidFoundation:
 
     def corners(self, box: FloatArray, spacing: float) -> FloatArray:
         if not isinstance(self._body, TriangulatedSurface | Polyline):
-            return np.empty((0, box.shape[1]))
+            return super().corners(box, spacing)
         motion, middle = self.motion(), box.mean(axis=0)
         # The box around the ball around the box, where the foundation was at rest.
         reach = 0.5 * float(np.linalg.norm(box[1] - box[0]))
@@ -380,15 +377,6 @@ class RigidFoundation:
         if not isinstance(self._body, TriangulatedSurface | Polyline):
             return np.zeros(points.shape[1], dtype=bool)
         return self._body.at_open_end(self.motion().origin(points))
-
-    def _check_open_end(self, points: FloatArray, gap: FloatArray) -> None:
-        """Raise Misplaced for a node behind an open foundation, beyond its end; collective."""
-        if on_any_rank(self._comm, self._at_open_end(points) & (gap < 0.0)):
-            raise Misplaced(
-                "Gamma_C reaches around the end of the open foundation, where it has no inside; "
-                "close the foundation, or let it reach beyond the body",
-                self._place,
-            )
 
 
 def _most(surface: ContactSurface, marks: BoolArray, among: BoolArray) -> bool:

@@ -7,7 +7,7 @@ collective, and the result does not depend on the distribution of the nodes.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from mpi4py import MPI
@@ -28,52 +28,42 @@ _LARGEST = 1.0 - 1e-4
 _POSITIVE = 1e-12
 
 
-class Smoothing(Protocol):
-    """A linear map of the nodal values on Gamma_C.
+class Smoothing:
+    """A linear map of the nodal values on Gamma_C, symmetric unless a subclass says otherwise.
 
     ``keeps_constants`` says that R of 1 is 1 at the free nodes; otherwise it is at most 1.
     """
 
-    keeps_constants: bool
+    keeps_constants = True
 
     def apply(self, values: FloatArray) -> FloatArray:
         """``R w`` (k,) from ``w`` (k,) at the owned nodes; collective."""
+        raise NotImplementedError
 
     def adjoint(self, values: FloatArray) -> FloatArray:
         """``R* v`` (k,) with ``int (R w) v = int w (R* v)`` by the vertex rule; collective."""
+        return self.apply(values)
 
     def norm(self) -> float:
         """An upper bound of ``|R w|/|w|`` in L2 by the vertex rule over free nodes; collective."""
+        return 1.0
 
     def is_positive(self) -> bool:
         """Whether R is known to have no negative entry, ``R w >= 0`` for ``w >= 0``; collective."""
+        return True
 
     def destroy(self) -> None:
         """Destroy the PETSc objects; collective."""
 
 
-class Identity:
+class Identity(Smoothing):
     """``R w = w``: local Coulomb friction, the limit of a radius r -> 0."""
-
-    keeps_constants = True
 
     def apply(self, values: FloatArray) -> FloatArray:
         return values.copy()
 
-    def adjoint(self, values: FloatArray) -> FloatArray:
-        return values.copy()
 
-    def norm(self) -> float:
-        return 1.0
-
-    def is_positive(self) -> bool:
-        return True
-
-    def destroy(self) -> None:
-        pass
-
-
-class ConvolutionOperator:
+class ConvolutionOperator(Smoothing):
     """``(R w)(x) = int k(|x-y|) w(y) dy / int k(|x-y|) dy``, ``k(d) = exp(-1/(1 - (d/r)^2))``.
 
     The kernel k is smooth and vanishes for ``d >= r``.  Because of the denominator, R keeps
@@ -87,8 +77,6 @@ class ConvolutionOperator:
     around.  ``radius`` is the length r.  The matrix of all pairs of nodes is made when R is first
     used, as `check` does not use R.
     """
-
-    keeps_constants = True
 
     def __init__(self, comm: MPI.Intracomm, surface: SurfaceMesh, radius: float) -> None:
         self._comm, self._surface, self._radius = comm, surface, radius
@@ -137,9 +125,6 @@ class ConvolutionOperator:
         ratio = np.divide(columns, weights, out=np.zeros_like(weights), where=weights > 0.0)
         return float(np.sqrt(np.max(ratio, initial=1.0)))
 
-    def destroy(self) -> None:
-        pass
-
 
 def _kernel(distance: FloatArray) -> FloatArray:
     """K of distances below 1, as multiples of the radius."""
@@ -161,7 +146,7 @@ def _around(distance: FloatArray, chord: FloatArray) -> FloatArray:
     return mean * end / np.pi
 
 
-class HelmholtzOperator:
+class HelmholtzOperator(Smoothing):
     """``(I - r^2 Laplace_Gamma) w~ = w`` with natural conditions: ``(m + r^2 K) w~ = m w``.
 
     ``surface`` is Gamma_C with the lumped mass m as weights.  The mass is 0 at held nodes, whose
@@ -172,10 +157,9 @@ class HelmholtzOperator:
     The lumped mass keeps the filtered values positive where K is an M-matrix.  Because of K 1 = 0
     the filter keeps the mean over each connected part of Gamma_C.  The mean is subtracted before
     the solve and added afterwards, because the rounding in ``r^2 K`` would change the mean for a
-    large radius.  The constructor is collective.
+    large radius.  R is symmetric in the lumped product, with eigenvalues 1/(1 + r^2 k), k >= 0.
+    The constructor is collective.
     """
-
-    keeps_constants = True
 
     def __init__(
         self, comm: MPI.Intracomm, surface: SurfaceMesh, stiffness: PETSc.Mat, radius: float
@@ -208,13 +192,6 @@ class HelmholtzOperator:
         rest = np.concatenate(self._comm.allgather(self._solution.array_r))
         return np.asarray((mean + rest - self._surface.mean_by_part(rest, self._mass))[own])
 
-    def adjoint(self, values: FloatArray) -> FloatArray:
-        return self.apply(values)
-
-    def norm(self) -> float:
-        # R is symmetric in the lumped product, with eigenvalues 1/(1 + r^2 k), k >= 0.
-        return 1.0
-
     def is_positive(self) -> bool:
         # The inverse of an M-matrix has no negative entry.  K has positive entries beside its
         # diagonal where triangles are obtuse, and for quadratic elements.
@@ -231,3 +208,37 @@ class HelmholtzOperator:
     def destroy(self) -> None:
         for item in (self._solver, self._operator, self._rhs, self._solution):
             item.destroy()
+
+
+class VanishingOperator(Smoothing):
+    """``f R (f w)`` with ``f = min(1, d/r)`` and the distance d to the held nodes of Gamma_C.
+
+    Beside a clamp the normal stress is in the dual of ``H^1/2_00(Gamma_C)`` alone, and the kernel
+    of ``f R f`` is in that space, as it vanishes there in both of its points.  ``surface`` is
+    Gamma_C with the weight 0 at held nodes, and the distance is measured along it.  ``radius`` is
+    r.  ``smoothing`` is R, which this object destroys.
+    """
+
+    keeps_constants = False
+
+    def __init__(self, smoothing: Smoothing, surface: SurfaceMesh, radius: float) -> None:
+        self._smoothing = smoothing
+        row, column, distance = surface.within(radius)
+        held = surface.weights[column] == 0.0
+        self._factor: FloatArray = np.ones(len(surface.weights[surface.own]))
+        np.minimum.at(self._factor, row[held], distance[held] / radius)
+
+    def apply(self, values: FloatArray) -> FloatArray:
+        return self._factor * self._smoothing.apply(self._factor * values)
+
+    def adjoint(self, values: FloatArray) -> FloatArray:
+        return self._factor * self._smoothing.adjoint(self._factor * values)
+
+    def norm(self) -> float:
+        return self._smoothing.norm()
+
+    def is_positive(self) -> bool:
+        return self._smoothing.is_positive()
+
+    def destroy(self) -> None:
+        self._smoothing.destroy()

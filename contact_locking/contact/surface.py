@@ -27,6 +27,7 @@ from contact_locking.fem.trace import PointValues
 from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.half_section import is_on_axis
+from contact_locking.mesh.rank_sums import marked, summed
 from contact_locking.supports.conditions import Constraints
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ class ContactSurface:
         lengths = domain.plain_ds(names, key, **element.trace.rules[domain.dim])
         # The weights also find a node of Gamma_C that the rank owns without a facet beside the
         # node.
-        mass = self._assemble(test * lengths)
+        mass = compiled.assembled(test * lengths)
         self.nodes = np.flatnonzero(mass[:owned] > 0.0).astype(np.int32)
         self.blocks = to_vector[self.nodes] // domain.dim
         self.weights = mass[self.nodes]
@@ -95,7 +96,7 @@ class ContactSurface:
         is_exact = is_plain and element.degree == 1
         self._exact_ds = lengths if is_exact else domain.ds(names, key)
         if not is_plain:
-            self.ds = self._with_density(lengths, self._assemble(test * self._exact_ds))
+            self.ds = self._with_density(lengths, compiled.assembled(test * self._exact_ds))
 
     def is_of(self, dofs: BoolArray) -> BoolArray:
         """(k,) whether each node is marked; ``dofs`` marks the local dofs of the vector space."""
@@ -122,12 +123,9 @@ class ContactSurface:
 
         The nodes of cells with curved sides are there.  Otherwise the middle of an edge from corner
         1 to 2 is off the chord by the sagitta ``|x_2 - x_1| (nu_2 - nu_1) . t/8`` along the normal,
-        with the averaged normals nu of the body at the corners and the tangent t of the edge.  At a
-        corner of the body itself, where nu is more than 15 degrees off that of the edge, the edge
-        is straight, and an edge that ends at the rim of Gamma_C, where nu is that of one side, is
-        there as curved as at its other end.  The middle of a quadrilateral is off by half the sum
-        of its edges.  The first use is
-        collective.
+        with the averaged normals nu of the body at the corners and the tangent t of the edge
+        (docs/problem.md), and that of a quadrilateral by half the sum of its edges.  The first use
+        is collective.
         """
         found = self.points.copy()
         if self.limited.are_nodal or self._is_curved:
@@ -165,19 +163,14 @@ class ContactSurface:
 
     def _is_end(self, edges: IndexArray) -> BoolArray:
         """(m, 2) whether edges (m, 3), as nodes of the scalar space, end at the rim; collective."""
-        facets = fem.Function(self.scalar_space)
-        np.add.at(facets.x.array, self.facet_nodes, 1.0)
-        facets.x.scatter_reverse(la.InsertMode.add)
-        facets.x.scatter_forward()
+        index_map, nodes = self.scalar_space.dofmap.index_map, self.facet_nodes
+        facets = summed(index_map, nodes, np.ones((*nodes.shape, 1)))[:, 0]
         # At a corner of Gamma_C, with one facet, the rim ends as well.
-        found = facets.x.array[edges[:, :2]] == 1.0
+        found = facets[edges[:, :2]] == 1.0
         if self.domain.dim == 3:
-            is_inside = facets.x.array[edges[:, 2]] > 1.0
-            rim = fem.Function(self.scalar_space)
-            np.add.at(rim.x.array, edges[~is_inside, :2], 1.0)
-            rim.x.scatter_reverse(la.InsertMode.add)
-            rim.x.scatter_forward()
-            found |= is_inside[:, None] & (rim.x.array[edges[:, :2]] > 0.0)
+            is_inside = facets[edges[:, 2]] > 1.0
+            rim = marked(index_map, edges[~is_inside, :2])
+            found |= is_inside[:, None] & rim[edges[:, :2]]
         return np.asarray(found)
 
     def free_nodes(self, normal: FloatArray, constraints: Constraints) -> BoolArray:
@@ -262,10 +255,6 @@ class ContactSurface:
         function.x.scatter_forward()
         return function
 
-    def limited_values(self, values: FloatArray) -> FloatArray:
-        """The limited values (k,) of a scalar field with nodal values (k,); collective."""
-        return self.limited.of_function(self.scalar_function(values))
-
     def limited_gap(self, gap: FloatArray) -> FloatArray:
         """The limited values (k,) of a gap (k,) at the nodes; collective.
 
@@ -275,7 +264,7 @@ class ContactSurface:
         if self.limited.are_nodal:
             return gap
         function = self.scalar_function(gap)
-        found = self.limited_values(gap)
+        found = self.limited.of_function(function)
         for nodes in self.limited.entities(function):
             values, rows = function.x.array[nodes], np.searchsorted(self.nodes, nodes[:, -1])
             found[rows] = np.clip(found[rows], values.min(axis=1), values.max(axis=1))
@@ -409,11 +398,6 @@ class ContactSurface:
         """
         cells = self.domain.owners(self.facets)
         return facet_nodes(self.domain, self.scalar_space, self.facets, cells)
-
-    def _assemble(self, form: Expr) -> FloatArray:
-        vector = fem.assemble_vector(compiled.form(form))
-        vector.scatter_reverse(la.InsertMode.add)
-        return vector.array
 
 
 class NodalAverage:

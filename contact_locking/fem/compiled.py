@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import dolfinx
 import ffcx
 import ufl
-from dolfinx import fem, jit
+from dolfinx import fem, jit, la
 from mpi4py import MPI
 
 from contact_locking import _compat
@@ -38,6 +38,14 @@ def form(integrals: Any) -> fem.Form:
 def integral(domain: Domain, integrals: Any) -> float:
     """The value of a functional; collective."""
     return float(domain.comm.allreduce(fem.assemble_scalar(form(integrals))))
+
+
+def assembled(linear: fem.Form | ufl.Form) -> FloatArray:
+    """The values of a linear form, compiled or not, at local dofs, ghosts included; collective."""
+    vector = fem.assemble_vector(form(linear) if isinstance(linear, ufl.Form) else linear)
+    vector.scatter_reverse(la.InsertMode.add)
+    vector.scatter_forward()
+    return vector.array
 
 
 def expression(value: Any, points: FloatArray, comm: Any = None) -> fem.Expression:

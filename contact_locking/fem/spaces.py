@@ -191,9 +191,7 @@ def _nodes_alike(*points: tuple[float, ...], measure: float) -> Rule:
 
 
 #: Quadratic displacements.  The strain is affine in a cell and its norm is convex: a constant limit
-#: that holds at the corners of a cell holds in the cell.  The vertex rule is exact for affine
-#: integrands only, and Z : eps(v) is quadratic: where a smooth solution locks, the order of
-#: convergence in V is 1, as for P1, with a smaller error.  Contact and friction limit the control
+#: that holds at the corners of a cell holds in the cell.  Contact and friction limit the control
 #: values of the trace, whose weights are equal.  (At the nodes themselves the weights of a triangle
 #: are 0 at the corners.)
 P2 = Element(
@@ -218,9 +216,8 @@ P2 = Element(
 _GAUSS: Rule = {"quadrature_degree": 2}
 
 #: P2 with limits at the points of Gauss's rule of degree 2, which is exact for Z : eps(v) with Z
-#: affine in a cell.  The strain may exceed the limit between the points.  The elastic coefficients
-#: count at the points alone: outside their convex hull an affine function through positive values
-#: may be negative.
+#: affine in a cell.  The elastic coefficients count at the points alone: outside their convex hull
+#: an affine function through positive values may be negative.
 P2_GAUSS = replace(P2, locking_rule=_GAUSS, limit_at="gauss", elastic_rule=_GAUSS)
 
 _MIDPOINT: Rule = {"quadrature_degree": 1}
@@ -232,11 +229,9 @@ P1_REVOLUTION = replace(P1, locking_rule=_MIDPOINT, elastic_rule=_MIDPOINT, kine
 
 #: P2 in cells with curved sides.  Gauss's rule of degree 2 is exact for Z : eps(v) with constant Z
 #: in curved triangles, so that a body with constant stress is in equilibrium to rounding; the
-#: vertex rule is not.  The strain is not affine in a cell, so that limits at its corners would say
-#: nothing about the rest either.  Control values are those of displacements, and where the normal
-#: turns along an edge they are not those of the normal displacement: the pressure on a ring would
-#: scatter by a share of the order of the length of an edge.  So contact and friction limit the
-#: values at the nodes in 2D, with the weights of Simpson's rule.  In 3D these are 0 at corners.
+#: vertex rule is not.  Where the normal turns along an edge, control values of displacements are
+#: not those of the normal displacement, and the pressure on a ring would scatter.  So the values at
+#: the nodes are limited in 2D, with the weights of Simpson's rule.  In 3D these are 0 at corners.
 _NODES_OF_CURVES = replace(
     P2.trace,
     rules={2: {"quadrature_rule": "GLL", "quadrature_degree": 3}, 3: P2.trace.rules[3]},
@@ -253,9 +248,7 @@ _MIDDLES = ((0.5, 0.0), (0.0, 0.5), (1.0, 0.5), (0.5, 1.0), (0.5, 0.5))
 #: Bilinear or trilinear displacements on quadrilaterals and hexahedra.  The limit holds at the
 #: Gauss points, 2 in each direction.  Their rule is exact for Z : eps(v) with constant Z in every
 #: cell with straight edges, so that a body with constant stress is in equilibrium to rounding; a
-#: rule with the corners as its points is not.  The strain may exceed the limit between the points:
-#: the admissible set is approximated from outside.  The contact condition at the nodes implies the
-#: condition on the facets if the gap is multilinear.
+#: rule with the corners as its points is not.
 Q1 = Element(
     degree=1,
     strain_degree=1,

@@ -49,16 +49,10 @@ class Trace:
 
     ``controls`` are the dimensions d in which the laws of contact and friction limit the control
     values of a trace, which are for quadratic displacements; elsewhere they limit the values at the
-    nodes.  Control values are the value at a corner, and ``2 u_m - (u_1 + u_2)/2`` at the midpoint
-    m of the edge between the corners 1 and 2.  In the middle of a quadrilateral the control value
-    is ``4 u_m - sum u_e + (sum u_i)/4`` with the midpoints e of the edges and the corners i.
-    These are the coefficients of the trace in Bernstein's basis, on a quadrilateral the products of
-    those of both coordinates.  The functions are not negative, have the sum 1, and have equal
-    integrals over a triangle or a parallelogram.  Therefore, on a flat facet,
-
-    - control values of ``u_nu - gap`` that are not positive imply ``u_nu <= gap`` everywhere, if
-      the gap is quadratic,
-    - ``sum_i w_i G |c_i| >= int G |u_tau|`` for the control values c of ``u_tau`` and a constant G.
+    nodes.  Control values are the value at a corner, ``2 u_m - (u_1 + u_2)/2`` at the midpoint m of
+    the edge between the corners 1 and 2, and ``4 u_m - sum u_e + (sum u_i)/4`` in the middle of a
+    quadrilateral with the midpoints e of the edges and the corners i: the coefficients of the trace
+    in Bernstein's basis (docs/problem.md).
     """
 
     rules: Mapping[int, Rule]

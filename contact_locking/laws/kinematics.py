@@ -7,7 +7,7 @@ the laws and the solvers are the same for all bodies.
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from typing import Any
 
 import ufl
 from ufl.core.expr import Expr
@@ -16,46 +16,33 @@ from contact_locking.laws.elasticity import AXISYMMETRIC_PAIRS, MANDEL_PAIRS
 from contact_locking.laws.elasticity import strain as strain_of
 
 
-class Kinematics(Protocol):
-    """The strain of displacements (d,), a symmetric (m, m) tensor, and the measure of the body.
+class Kinematics:
+    """``eps(u) = sym grad u``: bodies in space, and in the plane per unit of thickness.
 
-    ``axisymmetric`` says that the mesh is the half section of a body of revolution.
+    A strain of another kind is a subclass.  Displacements are (d,), and strains symmetric (m, m)
+    tensors.  ``axisymmetric`` says that the mesh is the half section of a body of revolution.
     """
-
-    axisymmetric: bool
-
-    def strain(self, u: Expr) -> Expr:
-        """``eps(u)``, a symmetric (m, m) tensor without unit."""
-
-    def tensor_size(self, dim: int) -> int:
-        """The size m of tensors, for a mesh of ``dim`` dimensions."""
-
-    def mandel_pairs(self, dim: int) -> tuple[tuple[int, int], ...]:
-        """The entries of tensors that can differ from zero, in the order of Mandel vectors."""
-
-    def weighted(self, measure: ufl.Measure) -> ufl.Measure:
-        """The measure of the body for a measure of the mesh."""
-
-
-class Straight:
-    """``eps(u) = sym grad u``: bodies in space, and in the plane per unit of thickness."""
 
     axisymmetric = False
 
     def strain(self, u: Expr) -> Expr:
+        """``eps(u)``, a symmetric (m, m) tensor without unit."""
         return strain_of(u)
 
     def tensor_size(self, dim: int) -> int:
+        """The size m of tensors, for a mesh of ``dim`` dimensions."""
         return dim
 
     def mandel_pairs(self, dim: int) -> tuple[tuple[int, int], ...]:
+        """The entries of tensors that can differ from zero, in the order of Mandel vectors."""
         return MANDEL_PAIRS[dim]
 
     def weighted(self, measure: ufl.Measure) -> ufl.Measure:
+        """The measure of the body for a measure of the mesh."""
         return measure
 
 
-class Revolution:
+class Revolution(Kinematics):
     """``eps(u) = sym grad u + (u_r/r) e x e``: a body of revolution without torsion.
 
     The mesh is the half section with the coordinates (r, z) = (x, y).  The hoop strain ``u_r/r`` in
@@ -83,7 +70,7 @@ class Revolution:
         return WeightedMeasure(measure, 2.0 * math.pi * radius)
 
 
-STRAIGHT, REVOLUTION = Straight(), Revolution()
+STRAIGHT, REVOLUTION = Kinematics(), Revolution()
 
 
 class WeightedMeasure(ufl.Measure):

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from dolfinx import la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
@@ -28,6 +27,7 @@ from contact_locking.mesh.file.contiguity import check_boundary
 from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.diagnosis import MOST_PARTS, check_cells, check_coordinates
 from contact_locking.mesh.file.topology import components, keys, signed_measures
+from contact_locking.mesh.rank_sums import summed
 from contact_locking.parallel import agree, maximum, on_any_rank, on_root
 
 # The largest z of a body in the plane, as a share of the largest coordinate.
@@ -160,22 +160,9 @@ class DistributedCells:
             ),
         )
         both = np.stack([np.ones_like(self.facets, dtype=float), self._signs()], axis=2)
-        sums = self.summed(both)
+        sums = summed(self._map, self.facets, both)
         self.shared: IntArray = np.rint(sums[:, 0]).astype(np.int64)
         self.sides: IntArray = np.rint(sums[:, 1]).astype(np.int64)
-
-    def summed(self, values: FloatArray) -> FloatArray:
-        """(f, m) the sums over the cells of all ranks of values (k, n, m); collective."""
-        size = values.shape[2]
-        total = la.vector(self._map, size)
-        at = total.array.reshape(-1, size)
-        for column in range(size):
-            at[:, column] = np.bincount(
-                self.facets.reshape(-1), values[:, :, column].reshape(-1), len(at)
-            )
-        total.scatter_reverse(la.InsertMode.add)
-        total.scatter_forward()
-        return total.array.reshape(-1, size).copy()
 
     def corners(self, cells: IntArray, sides: IntArray) -> IntArray:
         """The nodes (m, n) of the facets number ``sides`` (m,) of cells (m,)."""

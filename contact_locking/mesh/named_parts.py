@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from dolfinx import la
 from dolfinx import mesh as dmesh
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
+from contact_locking.mesh import rank_sums
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import on_any_rank
 
@@ -76,12 +76,7 @@ def with_parts(domain: Domain, places: Mapping[str, Place], key: str) -> Domain:
 
 def marked(mesh: dmesh.Mesh, facets: IndexArray) -> BoolArray:
     """Which local facets, ghosts included, any rank has in ``facets``; collective."""
-    marks = la.vector(mesh.topology.index_map(mesh.topology.dim - 1))
-    marks.array[:] = 0.0
-    marks.array[facets] = 1.0
-    marks.scatter_reverse(la.InsertMode.add)
-    marks.scatter_forward()
-    return np.asarray(marks.array > 0.0)
+    return rank_sums.marked(mesh.topology.index_map(mesh.topology.dim - 1), facets)
 
 
 def tags_of(

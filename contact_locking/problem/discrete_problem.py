@@ -13,7 +13,7 @@ from contact_locking.arrays import IndexArray
 from contact_locking.contact.bounds_in_force import BoundsInForce
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.free_motions import free_motions
-from contact_locking.contact.no_slip import NoSlip
+from contact_locking.contact.friction_bound import NoSlip
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.state import ContactState
 from contact_locking.errors import InputError

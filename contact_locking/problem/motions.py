@@ -14,6 +14,7 @@ from contact_locking.contact.free_motions import FreeMotion
 from contact_locking.errors import InputError
 from contact_locking.fem.joint_forms import JointForm
 from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.rank_sums import marked
 from contact_locking.parallel import maximum, on_every_rank
 from contact_locking.problem import forms
 from contact_locking.problem.motion_in_words import (
@@ -366,10 +367,6 @@ def _is_at(tool: FreeMotion, part: BoolArray) -> bool:
 def dofs_of(domain: Domain, space: fem.FunctionSpace, part: int) -> BoolArray:
     """The local dofs of a part's cells, ghosts included; collective."""
     dofmap = space.dofmap
-    marks = la.vector(dofmap.index_map)
-    marks.array[:] = 0.0
-    marks.array[np.unique(dofmap.list[np.flatnonzero(domain.parts == part)])] = 1.0
     # A rank may have a node of the part without a cell of the part.
-    marks.scatter_reverse(la.InsertMode.add)
-    marks.scatter_forward()
-    return np.repeat(marks.array > 0.0, dofmap.index_map_bs)
+    marks = marked(dofmap.index_map, dofmap.list[np.flatnonzero(domain.parts == part)])
+    return np.repeat(marks, dofmap.index_map_bs)

@@ -8,8 +8,8 @@ import dolfinx
 import numpy as np
 
 from contact_locking.certificate import Certificate
-from contact_locking.certificate.friction_reserve import share_against_sliding
 from contact_locking.certificate.laws import ENTRY
+from contact_locking.certificate.other_solutions import share_against_sliding
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fields import plausibility
 from contact_locking.mesh.domain import Domain

@@ -10,12 +10,11 @@ import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
-from contact_locking.sensitivity.centring import nearer_the_path
-from contact_locking.sensitivity.equations import Equations, Residual
-from contact_locking.sensitivity.linearisation import Adjoint, Change, Gradient, Linearisation
+from contact_locking.sensitivity.central_path import nearer_the_path
+from contact_locking.sensitivity.equations import Equations, Residual, require_solved
+from contact_locking.sensitivity.linearisation import Adjoint, Change, Linearisation
 from contact_locking.sensitivity.parameters import Frozen, Parameter, width
 from contact_locking.sensitivity.quantities import Quantity, quantity_of, scale_of
-from contact_locking.sensitivity.solved import require_solved
 from contact_locking.sensitivity.states import share_at_change
 from contact_locking.solver.task import Task
 
@@ -54,13 +53,14 @@ class Table:
 class Derivatives:
     """The derivatives at one solution; the tangent is factorised at the first use.
 
+    ``frozen`` is the problem at the last iterate, and ``linear`` its tangent.
     With n parameters and m quantities there are ``min(m, n)`` solves with the tangent, and with
     friction some more for each.  Collective, as all methods are.  Raises InputError if the data
     have changed since the solve, or if no derivative is known.
     """
 
     def __init__(self, frozen: Frozen, task: Task) -> None:
-        self._frozen, self._adjoints = frozen, dict[str, tuple[Quantity, Adjoint]]()
+        self.frozen, self._adjoints = frozen, dict[str, tuple[Quantity, Adjoint]]()
         self.domain = domain = frozen.problem.domain
         self._scale = domain.extent
         with frozen.system.preserved():
@@ -70,47 +70,32 @@ class Derivatives:
             except InputError:
                 equations.destroy()
                 raise
-            self._linear = Linearisation(equations, task)
+            self.linear = Linearisation(equations, task)
             for _ in range(_MOST_STEPS):
-                iterate = nearer_the_path(self._linear)
+                iterate = nearer_the_path(self.linear)
                 if iterate is None:
                     break
                 self.destroy()
-                self._frozen = dataclasses.replace(self._frozen, iterate=iterate)
-                self._linear = Linearisation(self._frozen.equations(), task)
-
-    @property
-    def solves(self) -> int:
-        """The solves with the tangent so far."""
-        return self._linear.solves
-
-    @property
-    def linearisation(self) -> Linearisation:
-        """The tangent at the solution."""
-        return self._linear
-
-    @property
-    def frozen(self) -> Frozen:
-        """The problem at the last iterate."""
-        return self._frozen
+                self.frozen = dataclasses.replace(self.frozen, iterate=iterate)
+                self.linear = Linearisation(self.frozen.equations(), task)
 
     def share_at_change(self) -> dict[str, float]:
         """The share of each kind of points that are near a change of their state."""
-        equations, comm = self._linear.equations, self._frozen.system.comm
+        equations, comm = self.linear.equations, self.frozen.system.comm
         return share_at_change(equations.every, equations.target.young, comm)
 
     def forward(
         self, names: Sequence[str], parameters: Sequence[Parameter]
     ) -> tuple[Table, list[Change]]:
         """All derivatives, and how the iterate changes with each parameter."""
-        with self._frozen.system.preserved():
+        with self.frozen.system.preserved():
             quantities = self.quantities(names)
             changes, columns = [], []
-            gradients = [self._gradient(quantity) for quantity in quantities]
+            gradients = [quantity.gradient(self.linear.equations) for quantity in quantities]
             for parameter in parameters:
                 rate = self.rate(parameter, quantities)
-                change = self._linear.change(rate)
-                gained = [self._linear.paired(gradient, change) for gradient in gradients]
+                change = self.linear.change(rate)
+                gained = [self.linear.paired(gradient, change) for gradient in gradients]
                 changes.append(change)
                 columns.append(rate.values + gained)
             return self._table(quantities, parameters, np.array(columns).T), changes
@@ -119,12 +104,12 @@ class Derivatives:
         """All derivatives, by the fewer solves: a parameter or a quantity each."""
         if len(parameters) <= len(names):
             return self.forward(names, parameters)[0]
-        with self._frozen.system.preserved():
+        with self.frozen.system.preserved():
             pairs = [self.adjoint(name) for name in names]
             quantities = [quantity for quantity, _ in pairs]
             columns = [
                 [
-                    rate.values[row] + self._linear.gained(adjoint, rate)
+                    rate.values[row] + self.linear.gained(adjoint, rate)
                     for row, (_, adjoint) in enumerate(pairs)
                 ]
                 for rate in (self.rate(parameter, quantities) for parameter in parameters)
@@ -134,8 +119,8 @@ class Derivatives:
     def _table(
         self, quantities: Sequence[Quantity], parameters: Sequence[Parameter], found: FloatArray
     ) -> Table:
-        values = evaluated(self._linear.equations, quantities).values
-        system = self._frozen.system
+        values = evaluated(self.linear.equations, quantities).values
+        system = self.frozen.system
         scales = [scale_of(quantity.name, self.domain, system) for quantity in quantities]
         return Table(
             tuple(quantity.name for quantity in quantities),
@@ -148,39 +133,36 @@ class Derivatives:
 
     def by(self, name: str, parameter: Parameter) -> float:
         """The derivative of one quantity, whose adjoint is kept."""
-        with self._frozen.system.preserved():
+        with self.frozen.system.preserved():
             quantity, adjoint = self.adjoint(name)
             rate = self.rate(parameter, [quantity])
-            return float(rate.values[0]) + self._linear.gained(adjoint, rate)
+            return float(rate.values[0]) + self.linear.gained(adjoint, rate)
 
     def adjoint(self, name: str) -> tuple[Quantity, Adjoint]:
         """The quantity with a name and its adjoint, which is found once."""
         if name not in self._adjoints:
             (quantity,) = self.quantities([name])
-            self._adjoints[name] = quantity, self._linear.adjoint(self._gradient(quantity))
+            gradient = quantity.gradient(self.linear.equations)
+            self._adjoints[name] = quantity, self.linear.adjoint(gradient)
         return self._adjoints[name]
 
     def quantities(self, names: Sequence[str]) -> list[Quantity]:
         """The quantities by their names."""
-        return [quantity_of(name, self.domain, self._linear.equations) for name in names]
+        return [quantity_of(name, self.domain, self.linear.equations) for name in names]
 
     def rate(self, parameter: Parameter, quantities: Sequence[Quantity]) -> Residual:
         """The change of the residual, and of the quantities themselves, by a parameter."""
         step, value = width(parameter, self._scale), parameter.value
-        with parameter.equations_at(value + step, self._frozen) as after:
+        with parameter.equations_at(value + step, self.frozen) as after:
             above = evaluated(after, quantities)
-        with parameter.equations_at(value - step, self._frozen) as before:
+        with parameter.equations_at(value - step, self.frozen) as before:
             below = evaluated(before, quantities)
         # The sum of the value and the step has rounding of its own.
         return above.per(below, (value + step) - (value - step))
 
-    def _gradient(self, quantity: Quantity) -> Gradient:
-        equations = self._linear.equations
-        return quantity.gradient(equations, equations.residual())
-
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        self._linear.destroy()
+        self.linear.destroy()
 
 
 def evaluated(equations: Equations, quantities: Sequence[Quantity]) -> Residual:

@@ -82,7 +82,7 @@ def _by_forms(
     quantity, adjoint = made.adjoint(name)
     with frozen.system.preserved():
         frozen.equations().destroy()  # they put the displacement to the iterate
-        equations, data, u = made.linearisation.equations, frozen.system.data, frozen.system.u
+        equations, data, u = made.linear.equations, frozen.system.data, frozen.system.u
         test = frozen.system.function_of(adjoint.displacement)
         functional = forms.external_work(test, data) - forms.elastic_form(u, test, data)
         functional += quantity.functional(equations)

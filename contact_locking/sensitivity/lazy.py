@@ -13,11 +13,11 @@ from contact_locking.errors import InputError, NoDerivatives
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.script_names import script_names
+from contact_locking.sensitivity.central_path import penalised_iterate
 from contact_locking.sensitivity.derivatives import Derivatives
+from contact_locking.sensitivity.equations import require_settled
 from contact_locking.sensitivity.fields import field
 from contact_locking.sensitivity.parameters import Entry, Frozen, Number, refresh
-from contact_locking.sensitivity.penalised_iterate import penalised_iterate
-from contact_locking.sensitivity.solved import require_settled
 from contact_locking.solver.task import Settings, SolverReport, Target, Task
 
 

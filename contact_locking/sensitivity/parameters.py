@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from typing import Protocol
+from functools import partial
+from typing import Any, Protocol
 
 import numpy as np
 from dolfinx import fem
@@ -76,16 +77,9 @@ class Number:
     value: float
     name: str = "number"
 
-    @contextmanager
-    def equations_at(self, value: float, frozen: Frozen) -> Iterator[Equations]:
+    def equations_at(self, value: float, frozen: Frozen) -> AbstractContextManager[Equations]:
         """A context with the equations for another value; collective."""
-        before, self.value = self.value, value
-        try:
-            with refreshed(frozen) as equations:
-                yield equations
-        finally:
-            self.value = before
-            frozen.refresh()
+        return _between(partial(setattr, self, "value"), value, self.value, frozen)
 
 
 @dataclass(frozen=True)
@@ -101,19 +95,12 @@ class Entry:
         """The present value."""
         return float(np.ravel(self.constant.value)[self.place])
 
-    @contextmanager
-    def equations_at(self, value: float, frozen: Frozen) -> Iterator[Equations]:
+    def equations_at(self, value: float, frozen: Frozen) -> AbstractContextManager[Equations]:
         """A context with the equations for another value; collective."""
         before = np.array(self.constant.value)
         other = before.copy()
         other.reshape(-1)[self.place] = value
-        self.constant.value = other
-        try:
-            with refreshed(frozen) as equations:
-                yield equations
-        finally:
-            self.constant.value = before
-            frozen.refresh()
+        return _between(partial(setattr, self.constant, "value"), other, before, frozen)
 
 
 @dataclass(frozen=True)
@@ -132,28 +119,29 @@ class Along:
         """The name in tables."""
         return str(self.function.name)
 
-    @contextmanager
-    def equations_at(self, value: float, frozen: Frozen) -> Iterator[Equations]:
+    def equations_at(self, value: float, frozen: Frozen) -> AbstractContextManager[Equations]:
         """A context with the equations for another value; collective."""
-        before = self.function.x.array.copy()
-        self.function.x.array[:] += (value - self.value) * self.direction
-        try:
-            with refreshed(frozen) as equations:
-                yield equations
-        finally:
-            self.function.x.array[:] = before
-            frozen.refresh()
+        values = self.function.x.array
+        before, more = values.copy(), (value - self.value) * self.direction
+        return _between(partial(np.copyto, values), before + more, before, frozen)
 
 
 @contextmanager
-def refreshed(frozen: Frozen) -> Iterator[Equations]:
-    """The equations of a problem after its data have changed; collective."""
-    frozen.refresh()
-    equations = frozen.equations()
+def _between(
+    put: Callable[[Any], None], value: Any, before: Any, frozen: Frozen
+) -> Iterator[Equations]:
+    """The equations of a problem while its data have another value; collective."""
+    put(value)
     try:
-        yield equations
+        frozen.refresh()
+        equations = frozen.equations()
+        try:
+            yield equations
+        finally:
+            equations.destroy()
     finally:
-        equations.destroy()
+        put(before)
+        frozen.refresh()
 
 
 def width(parameter: Parameter, scale: float) -> float:

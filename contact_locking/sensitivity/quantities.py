@@ -15,10 +15,9 @@ contacts.N.tilt.angle      the angle of a tool that turns, in 2D
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
-from typing import TypeAlias
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import ufl
@@ -53,38 +52,42 @@ def known() -> list[str]:
     return [*scalars, *forces, *each, *free, "reactions.PART.0"]
 
 
-Value: TypeAlias = Callable[[Equations, Residual], float]
-Slope: TypeAlias = Callable[[Equations, Residual], Gradient]
-Functional: TypeAlias = Callable[[Equations], ufl.Form]
-
-
 @dataclass(frozen=True)
-class Quantity:
-    """A number of an iterate: its ``value`` for the present data, and its ``gradient``.
+class Quantity(ABC):
+    """A number of an iterate, with its derivatives; methods are collective.
 
     The value at other data has what the data themselves do to it; the gradient is by displacement,
-    travels and reactions.  Both are collective.  ``functional`` is the share of the value that
-    forms of the body have, at the present displacement.
+    travels and reactions.
     """
 
     name: str
-    value: Value
-    gradient: Slope
-    functional: Functional = lambda _: ufl.Form([])
 
+    @abstractmethod
+    def value(self, equations: Equations, residual: Residual) -> float:
+        """The value for the present data, where the equations leave ``residual``."""
 
-Maker: TypeAlias = Callable[[Equations], Quantity]
+    @abstractmethod
+    def gradient(self, equations: Equations) -> Gradient:
+        """The derivatives at the iterate."""
+
+    def functional(self, equations: Equations) -> ufl.Form:
+        """The share of the value that forms of the body have, at the present displacement."""
+        return ufl.Form([])
+
+    def at(self, equations: Equations) -> Quantity:
+        """The quantity with the place that it keeps, if it has one."""
+        return self
 
 
 def quantity_of(name: str, domain: Domain, equations: Equations) -> Quantity:
     """The quantity with a name; collective.  Raises InputError for one without a derivative."""
-    return _maker(name, domain, equations.system)(equations)
+    return _named(name, domain, equations.system).at(equations)
 
 
 def require_quantities(names: Sequence[str], domain: Domain, system: PenalisedSystem) -> None:
     """Raise InputError for a name without a derivative, also before a solve; collective."""
     for name in names:
-        _maker(name, domain, system)
+        _named(name, domain, system)
 
 
 def scale_of(name: str, domain: Domain, system: PenalisedSystem) -> float:
@@ -98,44 +101,34 @@ def scale_of(name: str, domain: Domain, system: PenalisedSystem) -> float:
     return (sizes | {"rad": angle})[unit]
 
 
-def _maker(name: str, domain: Domain, system: PenalisedSystem) -> Maker:
-    """The function that makes the quantity for equations of the system; collective."""
+def _named(name: str, domain: Domain, system: PenalisedSystem) -> Quantity:
     parts, dim = name.split("."), domain.dim
-
-    def known_as(value: Value, gradient: Slope, *functional: Functional) -> Maker:
-        return lambda equations: Quantity(name, value, gradient, *functional)
-
     registered = QUANTITIES.get(parts[-1])
     if registered is not None and registered.trend == "jumps":
         raise InputError(
             f"{name} is a count of points, which jumps: it has no derivative", "sensitivities.of"
         )
-    if name == "compliance":
-        return known_as(_compliance, _of_load, _work_of_loads)
-    if name == "elastic_energy":
-        return known_as(_energy, _of_energy, _stored)
+    if name in _ENERGIES:
+        return _ENERGIES[name](name)
     if name == "pressure_max" and system.contacts:
-        return partial(_largest_pressure, name)
+        return _LargestPressure(name)
     if found := re.fullmatch(r"(?:contacts\.(\d+)\.)?(contact|friction)_force\.(\d)", name):
         contact, kind, axis = found[1], found[2], int(found[3])
         count = len(system.contacts)
         if axis < dim and (contact is None or int(contact) < count):
             chosen = range(count) if contact is None else (int(contact),)
             cones = ContactCones if kind == "contact" else FrictionCones
-            resultant = _Resultant(tuple(chosen), cones, axis)
-            return known_as(resultant.value, resultant.gradient)
+            return _Resultant(name, tuple(chosen), cones, axis)
     if found := re.fullmatch(r"contacts\.(\d+)\.(tool\.travel|tilt\.angle)", name):
-        kind = Travel if found[2] == "tool.travel" else Turn
+        motion = Travel if found[2] == "tool.travel" else Turn
         for number, tool in enumerate(system.tools):
-            is_wanted = isinstance(tool, kind) and (kind is Travel or dim == 2)
+            is_wanted = isinstance(tool, motion) and (motion is Travel or dim == 2)
             if is_wanted and system.contacts.index(tool.contact) == int(found[1]):
-                travel = _Travel(number)
-                return known_as(travel.value, travel.gradient)
+                return _Travel(name, number)
     if found := re.fullmatch(r"reactions\.(.+)\.(\d)", name):
-        part, axis = found[1], int(found[2])
-        reaction = _Reaction(part, axis, domain)
-        if axis < dim and (reaction.lifts(system) is not None or _springs(part, system)):
-            return known_as(reaction.value, reaction.gradient, reaction.functional)
+        reaction = _Reaction(name, found[1], int(found[2]), domain)
+        if reaction.axis < dim and reaction.exists(system):
+            return reaction
     raise InputError(
         f"no quantity '{name}' has a derivative{nearest(name, known())}; there are "
         f"{', '.join(known())}",
@@ -151,45 +144,46 @@ def _sum(equations: Equations, local: float) -> float:
     return float(equations.system.comm.allreduce(local))
 
 
-def _compliance(equations: Equations, residual: Residual) -> float:
-    return equations.system.compliance()
+class _Compliance(Quantity):
+    def value(self, equations: Equations, residual: Residual) -> float:
+        return equations.system.compliance()
+
+    def gradient(self, equations: Equations) -> Gradient:
+        found, system = _nothing(equations), equations.system
+        count = len(system.load)
+        found[:count] = system.load + system.forms.eigenstrain_forces()[:count]
+        return Gradient(found, {})
+
+    def functional(self, equations: Equations) -> ufl.Form:
+        data, u = equations.system.data, equations.system.u
+        work = forms.external_work(u, data)
+        return work if data.eigenstrain is None else work + forms.initial_work(u, data)
 
 
-def _of_load(equations: Equations, residual: Residual) -> Gradient:
-    found, system = _nothing(equations), equations.system
-    count = len(system.load)
-    found[:count] = system.load + system.forms.eigenstrain_forces()[:count]
-    return Gradient(found, {})
+class _ElasticEnergy(Quantity):
+    def value(self, equations: Equations, residual: Residual) -> float:
+        return equations.system.elastic_energy()
+
+    def gradient(self, equations: Equations) -> Gradient:
+        found, system = _nothing(equations), equations.system
+        forces = system.forms.elastic_forces(system.u) + system.forms.eigenstrain_forces()
+        count = len(system.load)
+        found[:count] = forces[:count]
+        return Gradient(found, {})
+
+    def functional(self, equations: Equations) -> ufl.Form:
+        data, u = equations.system.data, equations.system.u
+        stored = 0.5 * forms.elastic_form(u, u, data)
+        if data.eigenstrain is None:
+            return stored
+        return stored + forms.initial_work(u, data) + forms.initial_energy(data)
 
 
-def _energy(equations: Equations, residual: Residual) -> float:
-    return equations.system.elastic_energy()
-
-
-def _of_energy(equations: Equations, residual: Residual) -> Gradient:
-    found, system = _nothing(equations), equations.system
-    count = len(system.load)
-    forces = system.forms.elastic_forces(system.u) + system.forms.eigenstrain_forces()
-    found[:count] = forces[:count]
-    return Gradient(found, {})
-
-
-def _work_of_loads(equations: Equations) -> ufl.Form:
-    data, u = equations.system.data, equations.system.u
-    work = forms.external_work(u, data)
-    return work if data.eigenstrain is None else work + forms.initial_work(u, data)
-
-
-def _stored(equations: Equations) -> ufl.Form:
-    data, u = equations.system.data, equations.system.u
-    stored = 0.5 * forms.elastic_form(u, u, data)
-    if data.eigenstrain is None:
-        return stored
-    return stored + forms.initial_work(u, data) + forms.initial_energy(data)
+_ENERGIES = {"compliance": _Compliance, "elastic_energy": _ElasticEnergy}
 
 
 @dataclass(frozen=True)
-class _Resultant:
+class _Resultant(Quantity):
     """``-int p nu_i`` or ``int sigma_tau_i`` over some contacts."""
 
     contacts: tuple[int, ...]
@@ -203,9 +197,8 @@ class _Resultant:
                 continue
             if isinstance(family, self.cones) and family.nodes.number in self.contacts:
                 normal = family.nodes.normal
-                if isinstance(family, ContactCones):
-                    found[family] = -normal[self.axis]
-                else:
+                found[family] = -normal[self.axis]
+                if isinstance(family, FrictionCones):
                     unit = np.eye(len(normal))[self.axis]
                     found[family] = normal[self.axis] * normal - unit[:, None]
         return found
@@ -215,37 +208,44 @@ class _Resultant:
         local = sum(family.power(family.reactions, d) for family, d in directions.items())
         return _sum(equations, float(local))
 
-    def gradient(self, equations: Equations, residual: Residual) -> Gradient:
+    def gradient(self, equations: Equations) -> Gradient:
         return Gradient(_nothing(equations), self._directions(equations))
 
 
-def _largest_pressure(name: str, equations: Equations) -> Quantity:
-    """The pressure at one node, the place of which is kept; collective."""
-    comm, best = equations.system.comm, (-1.0, -1, -1, -1)
-    for number, family in enumerate(equations.families):
-        if isinstance(family, ContactCones) and len(family.z):
-            node = int(np.argmax(family.z))
-            best = max(best, (float(family.z[node]), -comm.rank, number, node))
-    _, rank, number, node = max(comm.allgather(best))
+@dataclass(frozen=True)
+class _LargestPressure(Quantity):
+    """The pressure at one node: ``place`` is its rank, the number of its family, and its number."""
 
-    def value(there: Equations, residual: Residual) -> float:
-        mine = number >= 0 and -rank == comm.rank
-        return _sum(there, float(there.families[number].z[node]) if mine else 0.0)
+    place: tuple[int, int, int] | None = None
 
-    def gradient(there: Equations, residual: Residual) -> Gradient:
-        if number < 0:
-            return Gradient(_nothing(there), {})
-        family = there.families[number]
+    def at(self, equations: Equations) -> Quantity:
+        comm, best = equations.system.comm, (0.0, 0, -1, -1)
+        for number, family in enumerate(equations.families):
+            if isinstance(family, ContactCones) and len(family.z):
+                node = int(np.argmax(family.z))
+                best = max(best, (float(family.z[node]), -comm.rank, number, node))
+        _, rank, number, node = max(comm.allgather(best))
+        return replace(self, place=(-rank, number, node) if number >= 0 else None)
+
+    def value(self, equations: Equations, residual: Residual) -> float:
+        found = 0.0
+        if self.place is not None and self.place[0] == equations.system.comm.rank:
+            found = float(equations.families[self.place[1]].z[self.place[2]])
+        return _sum(equations, found)
+
+    def gradient(self, equations: Equations) -> Gradient:
+        if self.place is None:
+            return Gradient(_nothing(equations), {})
+        rank, number, node = self.place
+        family = equations.families[number]
         unit = np.zeros_like(family.z)
-        if -rank == comm.rank:
+        if rank == equations.system.comm.rank:
             unit[node] = 1.0 / family.weights[node]
-        return Gradient(_nothing(there), {family: unit})
-
-    return Quantity(name, value, gradient)
+        return Gradient(_nothing(equations), {family: unit})
 
 
 @dataclass(frozen=True)
-class _Travel:
+class _Travel(Quantity):
     """The travel of the free motion of tools with a number."""
 
     number: int
@@ -253,38 +253,38 @@ class _Travel:
     def value(self, equations: Equations, residual: Residual) -> float:
         return float(equations.system.tools[self.number].travel)
 
-    def gradient(self, equations: Equations, residual: Residual) -> Gradient:
+    def gradient(self, equations: Equations) -> Gradient:
         found = _nothing(equations)
         found[len(equations.system.load) + self.number] = 1.0
         return Gradient(found, {})
 
 
-def _springs(part: str, system: PenalisedSystem) -> list[ElasticSupport]:
-    return [item for item in system.data.springs if item.on == part]
-
-
 @dataclass(frozen=True)
-class _Reaction:
+class _Reaction(Quantity):
     """The work of all forces with a displacement of held dofs, and of springs with a unit one."""
 
     part: str
     axis: int
     domain: Domain
 
+    def exists(self, system: PenalisedSystem) -> bool:
+        """Whether the part holds anything; collective."""
+        return self.lifts(system) is not None or bool(self._springs(system))
+
     def value(self, equations: Equations, residual: Residual) -> float:
         system, count = equations.system, len(equations.system.load)
-        pulled = sum(item.forces(system.u)[:count] for item in _springs(self.part, system))
-        local = float(np.sum(pulled * self._unit(count, system.dim)))
+        pulled = sum(item.forces(system.u)[:count] for item in self._springs(system))
+        local = float(np.sum(pulled * self._unit(system)))
         if (lifts := self.lifts(system)) is not None:
             local += float(lifts @ residual.forces[:count])
         return _sum(equations, local)
 
-    def gradient(self, equations: Equations, residual: Residual) -> Gradient:
+    def gradient(self, equations: Equations) -> Gradient:
         system, count = equations.system, len(equations.system.load)
         found, seen = _nothing(equations), dict[Family, FloatArray]()
-        if pulling := _springs(self.part, system):
-            unit = system.function_of(self._unit(count, system.dim))
-            found[:count] = sum(item.forces(unit)[:count] for item in pulling)
+        unit = system.function_of(self._unit(system))
+        for item in self._springs(system):
+            found[:count] += item.forces(unit)[:count]
         if (lifts := self.lifts(system)) is not None:
             lifted = system.function_of(lifts)
             found[:count] += system.forms.elastic_forces(lifted)[:count]
@@ -295,13 +295,16 @@ class _Reaction:
 
     def functional(self, equations: Equations) -> ufl.Form:
         system, data, found = equations.system, equations.system.data, ufl.Form([])
-        unit = system.function_of(self._unit(len(system.load), system.dim))
-        for item in _springs(self.part, system):
+        unit = system.function_of(self._unit(system))
+        for item in self._springs(system):
             found -= item.form(system.u, unit)
         if (lifts := self.lifts(system)) is not None:
             lifted = system.function_of(lifts)
             found += forms.elastic_form(system.u, lifted, data) - forms.external_work(lifted, data)
         return found
+
+    def _springs(self, system: PenalisedSystem) -> list[ElasticSupport]:
+        return [item for item in system.data.springs if item.on == self.part]
 
     def lifts(self, system: PenalisedSystem) -> FloatArray | None:
         """The owned displacement whose work with reactions is the resultant; collective.
@@ -311,16 +314,13 @@ class _Reaction:
         dim, count = system.dim, len(system.load)
         found = np.zeros((count // dim, dim))
         for direction in range(dim):
-            unit = np.zeros((count // dim, dim))
-            unit[:, direction] = 1.0
-            shares = shares_by_part(self.domain, system.constraints, unit.reshape(-1))
+            unit = np.tile(np.eye(dim)[direction], count // dim)
+            shares = shares_by_part(self.domain, system.constraints, unit)
             if self.part not in shares:
                 return None
             found[:, direction] = shares[self.part].reshape(-1, dim)[:, self.axis]
         return found.reshape(-1)
 
-    def _unit(self, count: int, dim: int) -> FloatArray:
+    def _unit(self, system: PenalisedSystem) -> FloatArray:
         """The owned unit displacement along the axis."""
-        unit = np.zeros((count // dim, dim))
-        unit[:, self.axis] = 1.0
-        return unit.reshape(-1)
+        return np.tile(np.eye(system.dim)[self.axis], len(system.load) // system.dim)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import basix
 import numpy as np
 from dolfinx import fem
@@ -12,31 +10,22 @@ from scipy.sparse import bsr_matrix
 
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.supports.conditions import Constraints
-from contact_locking.supports.rigid_motions import rigid_motions
 
 
 def near_nullspace(u: fem.Function) -> PETSc.NullSpace:
-    """The rigid body motions of the space of a displacement, orthonormalised; collective."""
+    """The rigid body motions of the space of a displacement, orthonormal; collective."""
     # Away from its axis an axisymmetric body resists the motions of the plane little: with all
     # three of them multigrid took a third of the iterations.
-    motions = rigid_motions(u.function_space)
-    vectors = [u.x.petsc_vec.duplicate() for _ in motions]
-    for vector, motion in zip(vectors, motions, strict=True):
-        vector.array_w[:] = np.asarray(motion)[: vector.getLocalSize()]
-    return orthonormal(vectors)
+    space, vector = u.function_space, u.x.petsc_vec.duplicate()
+    points = space.tabulate_dof_coordinates()[: space.dofmap.index_map.size_local]
+    return _rigid_motions(vector, points)
 
 
-def orthonormal(vectors: Sequence[PETSc.Vec]) -> PETSc.NullSpace:
-    """The span of the vectors, which are orthonormalised and destroyed; collective."""
-    basis: list[PETSc.Vec] = []
-    for vector in vectors:
-        for other in basis:
-            vector.axpy(-vector.dot(other), other)
-        vector.normalize()
-        basis.append(vector)
-    nullspace = PETSc.NullSpace().create(vectors=basis, comm=basis[0].getComm())
-    for vector in basis:
-        vector.destroy()
+def _rigid_motions(vector: PETSc.Vec, points: FloatArray) -> PETSc.NullSpace:
+    """Those of points (k, 3) as vectors like the given one, which is destroyed; collective."""
+    vector.array_w[:] = points[:, : vector.getBlockSize()].reshape(-1)
+    nullspace = PETSc.NullSpace().createRigidBody(vector)
+    vector.destroy()
     return nullspace
 
 
@@ -89,11 +78,8 @@ def affine_part(
         csr=(local.indptr.astype(PETSc.IntType), local.indices.astype(PETSc.IntType), local.data),
         comm=space.mesh.comm,
     )
-    motions = rigid_motions(space).reshape(-1, len(free), dim)[:, corners]
-    vectors = [prolongation.createVecRight() for _ in motions]
-    for vector, motion in zip(vectors, motions, strict=True):
-        vector.array_w[:] = motion.reshape(-1)
-    return prolongation, orthonormal(vectors)
+    points = space.tabulate_dof_coordinates()[corners]
+    return prolongation, _rigid_motions(prolongation.createVecRight(), points)
 
 
 def _nodes(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -138,13 +139,21 @@ def _directions(count: int) -> list[FloatArray]:
     return [sign * row for row in np.eye(count) for sign in (1.0, -1.0)]
 
 
-def _unresisted(rows: FloatArray, aim: FloatArray) -> FloatArray | None:
-    """The motion c with ``rows c <= 0`` and the largest ``aim . c``; None if all have 0."""
+def _best(
+    aim: FloatArray, rows: FloatArray, room: float = 0.0, bounds: Sequence[Any] = (-1, 1)
+) -> tuple[FloatArray, float] | None:
+    """The c with ``rows c <= room`` and the largest ``aim . c``, and this number; None without."""
     # Few bodies have free motions, and the import takes a tenth of a second.
     from scipy.optimize import linprog
 
-    found = linprog(-aim, A_ub=rows, b_ub=np.full(len(rows), 1e-9), bounds=(-1, 1))
-    return np.asarray(found.x) if found.status == 0 and -found.fun > 1e-3 else None
+    found = linprog(-aim, A_ub=rows, b_ub=np.full(len(rows), room), bounds=bounds)
+    return (np.asarray(found.x), float(-found.fun)) if found.status == 0 else None
+
+
+def _unresisted(rows: FloatArray, aim: FloatArray) -> FloatArray | None:
+    """The motion c with ``rows c <= 0`` and the largest ``aim . c``; None if all have 0."""
+    found = _best(aim, rows, 1e-9)
+    return None if found is None or found[1] <= 1e-3 else found[0]
 
 
 def _leaving(rows: FloatArray, rubs: BoolArray) -> FloatArray | None:
@@ -152,16 +161,10 @@ def _leaving(rows: FloatArray, rubs: BoolArray) -> FloatArray | None:
 
     None if the least maximum is 0.
     """
-    from scipy.optimize import linprog
-
     count = rows.shape[1]
-    found = linprog(
-        np.append(np.zeros(count), -1.0),
-        A_ub=np.column_stack([rows, rubs.astype(float)]),
-        b_ub=np.full(len(rows), 1e-9),
-        bounds=[(-1, 1)] * count + [(0, 1)],
-    )
-    return np.asarray(found.x[:count]) if found.status == 0 and -found.fun > 1e-3 else None
+    every, bounds = np.column_stack([rows, rubs.astype(float)]), [(-1, 1)] * count + [(0, 1)]
+    found = _best(np.append(np.zeros(count), 1.0), every, 1e-9, bounds)
+    return None if found is None or found[1] <= 1e-3 else found[0][:count]
 
 
 def sliding_motions(components: FloatArray) -> FloatArray:
@@ -186,17 +189,17 @@ def unheld_motion(
     gives the rows (n, f) that are its derivative, with which ``rows c = r(c)``.  Each motion is
     the best for the derivatives at those before, which are lower bounds of r.
     """
-    from scipy.optimize import linprog
-
     size = max(float(np.abs(normals).max(initial=0.0)), 1e-300)
-    rows, push = normals / size, work / max(float(np.abs(work).max(initial=0.0)), 1e-300)
+    rows: FloatArray = np.asarray(normals / size)
+    push: FloatArray = np.asarray(work / max(float(np.abs(work).max(initial=0.0)), 1e-300))
     for _ in range(_CUTS):
-        found = linprog(-push, A_ub=rows, b_ub=np.zeros(len(rows)), bounds=(-1, 1))
-        if found.status != 0 or -found.fun < 1e-3:
+        found = _best(push, rows)
+        if found is None or found[1] < 1e-3:
             return None
-        cut = resistance(np.asarray(found.x)) / size
-        if np.all(cut @ found.x <= 1e-9):
-            return np.asarray(found.x)
+        motion = found[0]
+        cut = resistance(motion) / size
+        if np.all(cut @ motion <= 1e-9):
+            return motion
         rows = np.vstack([rows, cut])
     return None
 
@@ -213,8 +216,6 @@ def driven_motion(
     homogeneous; ``rub`` gives its derivative (f,) at a motion, with which ``rub(c) . c = s(c)``.
     Each motion is the best for the derivatives at those before, which are lower bounds of s.
     """
-    from scipy.optimize import linprog
-
     push = some.T @ work
     size, count = max(float(np.abs(push).max(initial=0.0)), 1e-300), some.shape[1]
     leaving = np.pad(normals @ some, ((0, 0), (0, 1)))
@@ -224,20 +225,15 @@ def driven_motion(
     most = -np.inf
     for _ in range(_CUTS):
         rows = np.vstack([leaving, *(np.append(cut, -1.0) for cut in cuts)])
-        found = linprog(
-            np.append(-push / size, 1.0),
-            A_ub=rows,
-            b_ub=np.zeros(len(rows)),
-            bounds=[(-1, 1)] * count + [(0, None)],
-        )
-        if found.status != 0:
+        found = _best(np.append(push / size, -1.0), rows, bounds=[(-1, 1)] * count + [(0, None)])
+        if found is None:
             # Friction beside which the push is rounding.
             break
-        motion = np.asarray(found.x[:count])
+        motion, above = found[0][:count], found[1]
         cuts.append(np.asarray(some.T @ rub(some @ motion) / size))
         net = float((push / size - cuts[-1]) @ motion)
         if net > most:
             best, most = motion, net
-        if -found.fun - most <= _NEAR * abs(found.fun):
+        if above - most <= _NEAR * abs(above):
             break
     return np.asarray(some @ best)

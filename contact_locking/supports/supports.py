@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from dolfinx import fem, la
+from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -20,7 +20,8 @@ from contact_locking.fem.facet_nodes import facet_nodes
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.curved_cells import normals_at_nodes
 from contact_locking.mesh.domain import Domain, Where
-from contact_locking.parallel import agree, maximum, on_every_rank
+from contact_locking.mesh.rank_sums import summed
+from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
 
 
 class HeldDirections:
@@ -36,23 +37,21 @@ class HeldDirections:
     the stiffness of the node, which grows without bound where the node sticks to a foundation.  So
     s is the stiffness of the node itself.
 
-    ``nodes`` (k,) are local nodes (blocks of the displacement space), ghosts included, ``numbers``
-    (k,) their global numbers, of which the rank owns those below ``owned`` nodes.  ``held``
-    (k, d, d) are the projections H and ``values`` (k, d) the displacements g.
+    ``nodes`` (k,) are local nodes (blocks of the displacement space), ghosts included, of which the
+    rank owns those below ``owned``.  ``held`` (k, d, d) are the projections H and ``values`` (k, d)
+    the displacements g.
     """
 
     def __init__(
         self,
         comm: MPI.Intracomm,
         nodes: IndexArray,
-        numbers: IndexArray,
         owned: int,
         held: FloatArray,
     ) -> None:
         self.nodes, self.held = nodes, held
         self.values: FloatArray = np.zeros(held.shape[:2])
-        self._comm, self._numbers = comm, numbers
-        self._owned, self._mine = owned, nodes < owned
+        self._comm, self._owned, self._mine = comm, owned, nodes < owned
         self._dim = held.shape[1]
 
     def project(self, values: FloatArray) -> None:
@@ -77,9 +76,7 @@ class HeldDirections:
     def without(self, nodes: IndexArray) -> HeldDirections:
         """The same directions, but not at some local nodes."""
         kept = ~np.isin(self.nodes, nodes)
-        found = HeldDirections(
-            self._comm, self.nodes[kept], self._numbers[kept], self._owned, self.held[kept]
-        )
+        found = HeldDirections(self._comm, self.nodes[kept], self._owned, self.held[kept])
         found.values = self.values[kept]
         return found
 
@@ -91,58 +88,46 @@ class HeldDirections:
         """
         if not self._is_anywhere:
             return
-        numbers, projections = self._everywhere
-        dim, (first, _) = self._dim, matrix.getOwnershipRange()
-        changes: list[tuple[IndexArray, IndexArray, FloatArray]] = []
-        for place in np.flatnonzero(self._mine):
-            node, held = self.nodes[place], self.held[place]
-            start = first + dim * int(node)
-            rows = [matrix.getRow(start + i) for i in range(dim)]
-            columns = np.asarray(rows[0][0], dtype=PETSc.IntType).reshape(-1, dim)[:, 0] // dim
-            if not len(columns):
-                continue
-            row = start // dim
-            stacked = np.array([values for _, values in rows])
-            blocks: FloatArray = stacked.reshape(dim, -1, dim)
-            stiffness = float(np.einsum("ici->ic", blocks[:, columns == row]).max(initial=0.0))
-            blocks = blocks - np.tensordot(held, blocks, axes=1)
-            found = np.minimum(np.searchsorted(numbers, columns), len(numbers) - 1)
-            both = numbers[found] == columns
-            blocks[:, both] -= np.einsum("icj,cjl->icl", blocks[:, both], projections[found[both]])
-            if holds:
-                blocks[:, columns == row] += stiffness * held[:, None]
-            own = np.array([row], dtype=PETSc.IntType)
-            changes.append((own, columns, blocks.reshape(dim, -1)))
-            # The owner of the other node sets the rows of that node if it holds a direction too.
-            others = blocks[:, ~both]
-            changes.append((columns[~both], own, others.transpose(1, 2, 0).reshape(-1, dim)))
-        for lines, columns, values in changes:
-            if len(lines) and len(columns):
-                matrix.setValuesBlocked(
-                    lines, columns, np.ascontiguousarray(values), PETSc.InsertMode.INSERT_VALUES
-                )
-        matrix.assemble()
+        own, (first, _) = self.nodes[self._mine], matrix.getOwnershipRange()
+        diagonal = matrix.getDiagonal()
+        stiffness = diagonal.array_r.reshape(-1, self._dim)[own].max(axis=1)
+        # PETSc multiplies matrices that are stored entry by entry.
+        plain, projection = matrix.convert("aij", PETSc.Mat()), self._projection(matrix)
+        projected = plain.PtAP(projection)
+        projected.convert(matrix.getType())
+        matrix.zeroEntries()
+        matrix.axpy(1.0, projected, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        if holds:
+            rows = (first // self._dim + own[:, None]).astype(PETSc.IntType)
+            blocks = stiffness[:, None, None] * self.held[self._mine]
+            matrix.setValuesBlockedRCV(rows, rows, blocks, addv=PETSc.InsertMode.ADD_VALUES)
+            matrix.assemble()
+        for item in (diagonal, plain, projection, projected):
+            item.destroy()
 
     def projected_columns(self, rows: PETSc.Mat) -> PETSc.Mat:
         """``B P`` for linear forms B (n, k) of displacements; B is given away; collective."""
         if not self._is_anywhere:
             return rows
-        from scipy.sparse import eye, lil_matrix
-
-        dim, (first, last) = self._dim, rows.getOwnershipRangeColumn()
-        projection = lil_matrix(eye(last - first, format="lil"))
-        for place in np.flatnonzero(self._mine):
-            own = dim * int(self.nodes[place]) + np.arange(dim)
-            projection[np.ix_(own, own)] = np.eye(dim) - self.held[place]
-        local = projection.tocsr()
-        starts, columns = local.indptr, local.indices + first
-        csr = (starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), local.data)
-        size = (last - first, None)
-        matrix = PETSc.Mat().createAIJ((size, size), csr=csr, comm=rows.getComm())
-        found = rows.matMult(matrix)
-        for item in (matrix, rows):
+        projection = self._projection(rows)
+        found = rows.matMult(projection)
+        for item in (projection, rows):
             item.destroy()
         return found
+
+    def _projection(self, like: PETSc.Mat) -> PETSc.Mat:
+        """P, to be multiplied to a matrix from the right; collective."""
+        from scipy.sparse import bsr_matrix
+
+        first, last = like.getOwnershipRangeColumn()
+        count = (last - first) // self._dim
+        blocks = np.tile(np.eye(self._dim), (count, 1, 1))
+        blocks[self.nodes[self._mine]] -= self.held[self._mine]
+        local = bsr_matrix((blocks, np.arange(count), np.arange(count + 1))).tocsr()
+        columns = (local.indices + first).astype(PETSc.IntType)
+        csr = local.indptr.astype(PETSc.IntType), columns, local.data
+        size = (last - first, None)
+        return PETSc.Mat().createAIJ((size, size), csr=csr, comm=like.getComm())
 
     def _of(self, values: FloatArray) -> tuple[IndexArray, FloatArray]:
         """The nodes that an array of values has, and their projections."""
@@ -150,20 +135,9 @@ class HeldDirections:
         return self.nodes[inside], self.held[inside]
 
     @cached_property
-    def _everywhere(self) -> tuple[IndexArray, FloatArray]:
-        """The global numbers, ascending, and projections of the nodes of all ranks; collective.
-
-        A rank may own a row with a column of a node that it does not know.
-        """
-        numbers = np.concatenate(self._comm.allgather(self._numbers[self._mine]))
-        held = np.concatenate(self._comm.allgather(self.held[self._mine]))
-        order = np.argsort(numbers)
-        return numbers[order], held[order]
-
-    @cached_property
     def _is_anywhere(self) -> bool:
         """Whether any rank has such a node; collective."""
-        return bool(len(self._everywhere[0]))
+        return on_any_rank(self._comm, self._mine)
 
 
 # The rounding of a unit vector: a direction within this distance of an axis is along the axis.
@@ -264,7 +238,7 @@ class Supports:
     ) -> None:
         self.placed = tuple(placed)
         self.domain = domain
-        dim, index_map = domain.dim, space.dofmap.index_map
+        dim = domain.dim
         self._points = space.tabulate_dof_coordinates()[:, :dim]
         every = [np.empty(0, dtype=np.int32), *(item.nodes for item in placed)]
         nodes = np.unique(np.concatenate(every))
@@ -277,9 +251,8 @@ class Supports:
         self._rows[:, len(placed) + axes, axes] = self._components
         agree(domain.comm, lambda: self._refuse_close(nodes))
         held, self._inverse = _pseudo_inverse(self._rows)
-        self.directions = HeldDirections(
-            domain.comm, nodes, index_map.local_to_global(nodes), index_map.size_local, held
-        )
+        owned = space.dofmap.index_map.size_local
+        self.directions = HeldDirections(domain.comm, nodes, owned, held)
 
     def without(self, nodes: IndexArray) -> Supports:
         """The same supports, but not at some local nodes, which other conditions hold wholly."""
@@ -397,12 +370,7 @@ def _nodal_normals(
     means = units.mean(axis=1, keepdims=True)
     rest = np.repeat(means, nodes.shape[1] - units.shape[1], axis=1)
     units = np.concatenate([units, rest], axis=1)
-    total = la.vector(space.dofmap.index_map, dim)
-    total.array[:] = 0.0
-    sums = total.array.reshape(-1, dim)
-    np.add.at(sums, nodes, weights[..., None] * units)
-    total.scatter_reverse(la.InsertMode.add)
-    total.scatter_forward()
+    sums = summed(space.dofmap.index_map, nodes, weights[..., None] * units)
     sizes = np.linalg.norm(sums, axis=1, keepdims=True)
     normals = np.divide(sums, sizes, out=np.zeros_like(sums), where=sizes > 0.0)
     cosines = np.einsum("fnd,fnd->fn", normals[nodes], units)

@@ -15,8 +15,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from contact_locking.convergence import read_table
-from contact_locking.extras.pictures.rates import Curve, Panel, rate_plot
+from convergence import read_table
+from rates import Curve, Panel, rate_plot
+
 from contact_locking.results.read import Row
 
 RESULTS = Path("results")

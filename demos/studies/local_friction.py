@@ -16,10 +16,10 @@ import math
 from pathlib import Path
 from typing import Any
 
+from convergence import distance, fitted_rate, norms, write_table
 from mpi4py import MPI
 
 from contact_locking import StudySolution, assemble, load, solve_assembled
-from contact_locking.convergence import distance, fitted_rate, norms, write_table
 from contact_locking.mesh.domain import Domain
 
 FILE = Path(__file__).with_name("theorem_4_9.yml")

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 import ufl
+from convergence import fitted_rate, write_table
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from contact_locking import StudySolution, load, solve
-from contact_locking.convergence import fitted_rate, write_table
 from contact_locking.fem.compiled import integral
 
 FILE = Path(__file__).with_name("theorem_4_9.yml")

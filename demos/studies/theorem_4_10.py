@@ -19,10 +19,10 @@ import time
 from pathlib import Path
 from typing import Any
 
+from convergence import distance, fitted_rate, norms, write_table
 from mpi4py import MPI
 
 from contact_locking import StudySolution, load, solve
-from contact_locking.convergence import distance, fitted_rate, norms, write_table
 
 FILE = Path(__file__).with_name("theorem_4_9.yml")
 RESULTS = Path("results/theorem_4_10")

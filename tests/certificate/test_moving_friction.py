@@ -18,9 +18,9 @@ from contact_locking.certificate.guaranteed.data_oscillation import trace_consta
 from contact_locking.certificate.guaranteed.macro_element import macro_element
 from contact_locking.certificate.guaranteed.slip_constant import slip_constant
 from contact_locking.certificate.guaranteed.triangles import Triangles
-from contact_locking.convergence import on_mesh_of
 from contact_locking.fem.compiled import integral
 from contact_locking.laws.elasticity import isotropic_stress, lame_from_young, strain
+from contact_locking.process.adaptivity.sharper_bound import on_mesh_of
 from contact_locking.process.of_study import solver_of
 from contact_locking.study.assembly import assemble
 

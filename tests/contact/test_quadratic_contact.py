@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+import convergence
 import numpy as np
 import pytest
 import ufl
@@ -14,7 +15,6 @@ from problems import block
 from slow import slow
 from test_elements import solved
 
-from contact_locking import convergence
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import integral

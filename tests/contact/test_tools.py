@@ -142,7 +142,7 @@ def test_a_gap_that_moves_has_the_control_values_of_quadratic_displacements() ->
     *_, last = all_of(block(2, 0.5, discretisation={"degree": 2}, **bent))
     surface = last.contacts[0].surface
     nodal = 0.02 * surface.points[:, 0] ** 2
-    wanted = surface.limited_values(nodal)
+    wanted = surface.limited.of_function(surface.scalar_function(nodal))
     assert last.contacts[0].gap == pytest.approx(wanted, abs=1e-15)
     assert maximum(MPI.COMM_WORLD, np.abs(wanted - nodal)) > 1e-4
 

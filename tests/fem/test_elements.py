@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+import convergence
 import numpy as np
 import pytest
 import ufl
@@ -16,7 +17,6 @@ from mpi4py import MPI
 from problems import block
 from test_verification_manufactured import PLANE
 
-from contact_locking import convergence
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled

@@ -13,7 +13,7 @@ from mpi4py import MPI
 from problems import block
 
 from contact_locking import InputError
-from contact_locking.certificate.balances import nodal_forces
+from contact_locking.fem.compiled import assembled
 from contact_locking.problem import forms
 from contact_locking.study.assembly import StudyProblem, assemble
 
@@ -38,7 +38,7 @@ def _down(load: str, dim: int = 2) -> list[dict[str, Any]]:
 def _weight(problem: StudyProblem) -> float:
     """The resultant of the loads downwards, from the forms of the solver."""
     test = ufl.TestFunction(problem.u.function_space)
-    forces = nodal_forces(forms.external_work(test, problem.data))
+    forces = assembled(forms.external_work(test, problem.data))
     dofmap, dim = problem.u.function_space.dofmap, problem.domain.dim
     owned = dofmap.index_map.size_local
     return -float(problem.domain.comm.allreduce(forces.reshape(-1, dim)[:owned, -1].sum()))

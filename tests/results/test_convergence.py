@@ -11,18 +11,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from convergence import distance, fitted_rate, norms, read_table
 from dolfinx import fem
 from mpi4py import MPI
 from problems import block
+from rates import Curve, Panel, rate_plot
 
 from contact_locking import load, study_file
-from contact_locking.convergence import distance, fitted_rate, norms, on_mesh_of, read_table
 from contact_locking.errors import InputError
-from contact_locking.extras.pictures.rates import Curve, Panel, rate_plot
 from contact_locking.mesh import domain as domains
 from contact_locking.mesh.domain import Domain
 from contact_locking.meshes.block import Block
 from contact_locking.process import solving
+from contact_locking.process.adaptivity.sharper_bound import on_mesh_of
 from contact_locking.results.solution import StudySolution
 
 STUDIES = Path(__file__).parents[2] / "demos" / "studies"

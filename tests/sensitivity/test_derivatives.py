@@ -97,11 +97,11 @@ def test_few_solves_serve_many_parameters(make: Make) -> None:
         solution.derivative("compliance", given)
     lazy: Any = solution.differentiable
     # One quantity has one adjoint, whatever the number of parameters, and its solve is refined.
-    assert lazy.made.solves <= 5
-    before = lazy.made.solves
+    assert lazy.made.linear.solves <= 5
+    before = lazy.made.linear.solves
     lazy.made.forward(NAMES, [Entry(made.given["E"], 0, "E")])
     # One parameter has one solve, whatever the number of quantities.
-    assert lazy.made.solves - before <= 5
+    assert lazy.made.linear.solves - before <= 5
 
 
 def test_a_moving_friction_bound_takes_fewer_solves_than_the_solution_took(make: Make) -> None:
@@ -109,10 +109,10 @@ def test_a_moving_friction_bound_takes_fewer_solves_than_the_solution_took(make:
     solution = made.problem.solve()
     lazy: Any = solution.differentiable
     lazy.made.adjoint("compliance")
-    adjoint = lazy.made.solves
+    adjoint = lazy.made.linear.solves
     lazy.made.forward(NAMES, [Entry(made.given["E"], 0, "E")])
     assert 0 < adjoint <= 0.5 * solution.summary["iterations"]["linear"]
-    assert lazy.made.solves - adjoint <= 0.5 * solution.summary["iterations"]["linear"]
+    assert lazy.made.linear.solves - adjoint <= 0.5 * solution.summary["iterations"]["linear"]
 
 
 def test_a_derivative_is_refused_with_its_reason(make: Make) -> None:

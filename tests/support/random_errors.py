@@ -15,11 +15,11 @@ from problems import with_changes
 
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.friction_bound import FrictionBound
-from contact_locking.convergence import on_mesh_of
 from contact_locking.fem.compiled import integral
 from contact_locking.fem.spaces import P1, Element
 from contact_locking.problem import forms
 from contact_locking.process import solving
+from contact_locking.process.adaptivity.sharper_bound import on_mesh_of
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import ufl
+from convergence import norms
 from dolfinx import fem
 from mpi4py import MPI
 from problems import block
@@ -18,7 +19,6 @@ from contact_locking import StudySolution
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.contact.friction_bound import FrictionBound
-from contact_locking.convergence import norms
 from contact_locking.fem.compiled import integral
 from contact_locking.laws.convex import squared_norm
 from contact_locking.mesh.domain import Domain

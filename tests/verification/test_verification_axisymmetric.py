@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from convergence import fitted_rate
 from dolfinx import fem
 from mpi4py import MPI
 from problems import with_changes
 from slow import slow
 from verification_table import Row
 
-from contact_locking.convergence import fitted_rate
 from contact_locking.fem.compiled import integral
 from contact_locking.laws.convex import squared_norm
 from contact_locking.laws.elasticity import lame_from_young

@@ -1,27 +1,23 @@
 """Forces along the boundary of a body whose strain is limited, as of bars in its facets.
 
-Every displacement v with ``|eps(v)| <= M`` has ``|d_s v_t| <= M`` along the boundary, with the
-tangential component v_t.  A force T along the facets may therefore carry loads beside the stress s,
-
-    int s : eps(v) + int T d_s v_t = (f, v) + ...,    s nu = g + T' t  on Gamma_N,
-
-at the cost ``int M |T|``.  The forces of bars that meet are in balance, or a support takes them.
-Locking stress concentrates in the boundary, where polynomials in cells would need thin cells.
+A force T along the facets carries loads beside the stress s, ``s nu = g + T' t`` on Gamma_N, at the
+cost ``int M |T|`` (docs/certificate.md).  The forces of bars that meet are in balance, or a support
+takes them.
 """
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import basix
 import numpy as np
-from dolfinx import la
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.certificate.guaranteed.macro_element import FACETS, legendre
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
+from contact_locking.mesh.rank_sums import summed
 
 # Directions that differ by less do so by rounding.
 _ROUNDING = 1e-10
@@ -30,7 +26,7 @@ _PIECES = 2
 
 
 class Bars:
-    """Bars in the m facets of the boundary where ``limit`` (n,) is finite; collective.
+    """Bars in the m facets of the boundary where ``limit`` (n,) is finite, or none; collective.
 
     The force is a polynomial of degree k + 1 along the direction of the facet that all ranks share.
     Its k + 2 coefficients are the values at both ends, and those of the bubbles ``s (1 - s) P_j``.
@@ -43,8 +39,9 @@ class Bars:
     """
 
     def __init__(
-        self, triangles: Triangles, degree: int, held: BoolArray, limit: FloatArray
+        self, triangles: Triangles, degree: int, held: BoolArray, limit: FloatArray | None = None
     ) -> None:
+        limit = np.full(len(triangles.areas), np.inf) if limit is None else limit
         self.degree = degree
         bare = triangles.outside & ~held.all(axis=2) & np.isfinite(limit)[:, None]
         cells, sides = np.nonzero(bare)
@@ -127,29 +124,19 @@ class Bars:
         found[self._turned] = pairs[self._turned][:, ::-1]
         return found
 
-    def _summed(self, places: IndexArray, values: FloatArray) -> FloatArray:
-        """The sums (vertices, c) of values (..., c) at vertices (...) of this rank; collective."""
-        count = values.shape[-1]
-        vector = la.vector(self.vertex_map, count)
-        vector.array[:] = 0.0
-        sums = vector.array.reshape(-1, count)
-        np.add.at(sums, places.reshape(-1), values.reshape(-1, count))
-        vector.scatter_reverse(la.InsertMode.add)
-        vector.scatter_forward()
-        return sums
-
     def _meet(self, corners: IndexArray, held: BoolArray) -> None:
         """Find the ends that are tied, those without a force, and the signs of the tied ones."""
         marks = np.repeat(held[:, :, None], 2, axis=2).astype(float)
-        holds = self._summed(corners[:, FACETS], marks)[self.vertices] > 0.5
+        at_vertices = partial(summed, self.vertex_map)
+        holds = at_vertices(corners[:, FACETS], marks)[self.vertices] > 0.5
         # The double angle belongs to a direction without a sign.
         t = self._tangents
         double = np.column_stack([t[:, 0] ** 2 - t[:, 1] ** 2, 2.0 * t[:, 0] * t[:, 1]])
-        mean = self._summed(self.vertices, np.repeat(double[:, None], 2, axis=1))[self.vertices]
+        mean = at_vertices(self.vertices, np.repeat(double[:, None], 2, axis=1))[self.vertices]
         angle = 0.5 * np.arctan2(mean[..., 1], mean[..., 0])
         common = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         apart = np.abs(t[:, None, 0] * common[..., 1] - t[:, None, 1] * common[..., 0])
-        straight = self._summed(self.vertices, apart[..., None])[self.vertices, 0] <= _ROUNDING
+        straight = at_vertices(self.vertices, apart[..., None])[self.vertices, 0] <= _ROUNDING
         taken = np.all(holds | (np.abs(t)[:, None] <= _ROUNDING), axis=2)
         self.tied: BoolArray = straight & ~taken
         self._zero = np.zeros((len(t), self.degree + 2), dtype=bool)

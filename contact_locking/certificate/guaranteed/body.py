@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 
 from contact_locking.arrays import FloatArray, flattened
 from contact_locking.certificate.elliptic import NotApplicable
@@ -21,13 +20,10 @@ from contact_locking.certificate.guaranteed.macro_element import MacroElement, l
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem import compiled
-from contact_locking.laws.elasticity import (
-    MANDEL_PAIRS,
-    mandel_factor,
-    mandel_tensor,
-    mandel_vector,
-)
+from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
+from contact_locking.mesh.rank_sums import summed
 from contact_locking.parallel import maximum, on_any_rank
+from contact_locking.problem.elasticity import matrix_of
 
 # The body stiffened by zeta >= 0 where it locks: A + zeta in place of A.
 #
@@ -81,17 +77,10 @@ def averaged(values: FloatArray, triangles: Triangles) -> FloatArray:
     a locked zone.
     """
     mesh = triangles.domain.mesh
-    index_map = mesh.topology.index_map(0)
     corners = mesh.topology.connectivity(2, 0).array.reshape(-1, 3)[: len(values)]
-    sums = la.vector(index_map, 2)
-    sums.array[:] = 0.0
-    nodal = sums.array.reshape(-1, 2)
     weighted = np.column_stack([values, np.ones(len(values))]) * triangles.areas[:, None]
-    for corner in corners.T:
-        np.add.at(nodal, corner, weighted)
-    sums.scatter_reverse(la.InsertMode.add)
-    sums.scatter_forward()
-    means = nodal[:, 0] / nodal[:, 1]
+    sums = summed(mesh.topology.index_map(0), corners, np.repeat(weighted[:, None], 3, axis=1))
+    means = sums[:, 0] / sums[:, 1]
     return np.asarray(means[corners].mean(axis=1))
 
 
@@ -281,16 +270,11 @@ class Body:
 
     def _stiffness(self, size: int) -> FloatArray:
         """A as Mandel matrices (n, points, 3, 3)."""
-        law = self._state.problem.material.linear
-        columns = [
-            mandel_vector(law(mandel_tensor(ufl.as_vector([float(i == j) for j in range(3)]), 2)))
-            for i in range(3)
-        ]
-        tensor = ufl.as_tensor([[columns[j][i] for j in range(3)] for i in range(3)])
-        domain, material = self._state.problem.domain, self._state.problem.element
-        space = material.strain_space(domain.mesh, (3, 3))
+        problem = self._state.problem
+        matrix = matrix_of(problem.material.linear, MANDEL_PAIRS[2], 2)
+        space = problem.element.strain_space(problem.domain.mesh, (3, 3))
         function = fem.Function(space)
-        function.interpolate(compiled.interpolation(tensor, space))
+        function.interpolate(compiled.interpolation(matrix, space))
         return np.asarray(function.x.array.reshape(-1, 3, 3)[space.dofmap.list[:size]])
 
     def _constant(self, values: FloatArray) -> FloatArray:

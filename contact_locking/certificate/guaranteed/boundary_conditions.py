@@ -1,4 +1,4 @@
-"""Whether prescribed displacements and gaps hold on whole facets, and not at nodes only."""
+"""Whether the stresses in balance apply: to the mesh, and to values that hold on whole facets."""
 
 from __future__ import annotations
 
@@ -17,6 +17,21 @@ from contact_locking.parallel import maximum
 _SAMPLES = 8
 # Rounding relative to the largest displacement, and in distances relative to the body.
 _ROUNDING, _ROUNDING_OF_DISTANCES = 1e-10, 1e-12
+
+
+def require_straight_triangles(state: SolvedState) -> None:
+    """Raise NotApplicable for a mesh on which there are no stresses in balance here."""
+    domain, element = state.problem.domain, state.problem.element
+    if state.dim != 2:
+        raise NotApplicable(
+            "not in three dimensions, where the system for the stress has about 20 unknowns a cell"
+        )
+    if domain.axisymmetric:
+        raise NotApplicable("not for axisymmetric bodies, whose equilibrium has other terms")
+    if element.boxes:
+        raise NotApplicable("the stresses in equilibrium are for triangles, not quadrilaterals")
+    if element.curved:
+        raise NotApplicable("the stresses in equilibrium are for cells with straight sides")
 
 
 def held_components(state: SolvedState, triangles: Triangles) -> BoolArray:

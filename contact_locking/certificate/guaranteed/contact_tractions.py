@@ -18,7 +18,6 @@ from contact_locking.certificate.guaranteed.facet_polynomials import (
     legendre_moments,
     product_integral,
 )
-from contact_locking.certificate.guaranteed.macro_element import FACETS
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.parallel import on_any_rank
 from contact_locking.results.derived import ContactFields
@@ -92,10 +91,6 @@ def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTra
     # The closure lists both ends before the inner nodes.
     order = [0, *range(2, closures.shape[1]), 1]
     nodes = dofmap.list[cells[:, None], closures[sides][:, order]]
-    if len(cells):
-        _require_order(
-            surface.scalar_space.tabulate_dof_coordinates()[nodes, :2], triangles, cells, sides
-        )
     normals = contact.normal.x.array.reshape(-1, 2)[nodes]
     turning = np.abs(normals - normals[:, :1]) > _ROUNDING
     if on_any_rank(surface.domain.comm, turning):
@@ -153,11 +148,3 @@ def _continued(values: FloatArray, fixed: BoolArray) -> FloatArray:
         alone = fixed[:, first] & ~fixed[:, last]
         values[alone, first] = values[alone, last]
     return values
-
-
-def _require_order(
-    places: FloatArray, triangles: Triangles, cells: IntArray, sides: IntArray
-) -> None:
-    """Check that nodes (m, r + 1, 2) go along the facets from end to end."""
-    wanted = control_points(triangles.corners[cells[:, None], FACETS[sides]], places.shape[1] - 1)
-    assert np.allclose(places, wanted, atol=1e-8 * float(triangles.lengths.max()))

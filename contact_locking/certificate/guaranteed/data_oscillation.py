@@ -1,20 +1,7 @@
 """Loads that the stresses balance exactly, and a proved bound of the work of the rest.
 
-The rest of a load does no work along rigid motions of a triangle K.  For a rigid motion r that
-depends on v, Poincare's inequality on convex sets (Payne and Weinberger,
-doi:10.1007/BF00252910), Korn's inequality on K and a trace inequality say
-
-    |v - r| <= h/pi |grad(v - r)| <= h/pi C |eps(v)|,   |v - r|_F <= t h C |eps(v)|,
-    C^2 = 1 + 2/beta^2,   beta = sin(theta/2)/2,   t^2 = |F|/|K| (1/pi^2 + 1/pi),
-
-where h is the longest edge and theta the smallest angle of K.  beta bounds the inf-sup constant of
-the divergence on K from below.  By Costabel and Dauge (arXiv:1303.6141), beta is at least
-``rho/(2 R)`` on a domain in a disc of radius R that is star-shaped for the concentric disc of
-radius rho.  Here both discs have the centre of the inscribed circle, rho is its radius, and
-``R = rho/sin(theta/2)`` is the distance from that centre to the corner with the smallest angle,
-which is the farthest one.  With the rotation ``w = (d_1 v_2 - d_2 v_1)/2``, whose gradient is made
-of derivatives of eps(v), the norm of w minus its mean is at most ``|eps(v)|/beta``, and
-``|grad v|^2 = |eps(v)|^2 + 2 |w|^2``.
+The rest of a load does no work along rigid motions of a triangle; the inequalities of Poincare and
+Korn and a trace inequality bound its work.  The proof is in docs/certificate.md.
 """
 
 from __future__ import annotations

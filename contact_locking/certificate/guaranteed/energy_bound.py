@@ -1,20 +1,6 @@
 """A proved upper bound of the energy norm of the whole error, for the frozen friction bound.
 
-For the friction bound G of the solution, kept fixed, u minimises on the polygon of the mesh
-
-    J(v) = a(v, v)/2 - (f, v) + int G |v_tau|
-
-over the admissible fields (``v = u_D``, ``v_nu <= gap``, ``|eps(v)| <= M``).  For every admissible
-w and every symmetric stress s with ``div s + f0 = 0``, ``s nu = g`` on Gamma_N, ``s_nu <= 0`` and
-``|s_tau| <= G`` on Gamma_C, and every ``zeta >= 0``, half of ``a(u - w, u - w)`` is at most
-
-    eta^2 = int |s - (A + zeta) eps(w)|^2/2 in the norm of (A + zeta)^-1
-            + int zeta (M^2 - |eps(w)|^2)/2 + int -s_nu (gap - w_nu) + G |w_tau| + s_tau . w_tau.
-
-Where M is finite, forces along the boundary may carry loads beside s
-(:mod:`contact_locking.certificate.guaranteed.bars`).
-
-The proof is in docs/certificate.md.
+The problem of the bound, its proof and all choices are in docs/certificate.md.
 """
 
 from __future__ import annotations
@@ -32,6 +18,7 @@ from contact_locking.certificate.guaranteed.body import Body, Elasticity, Gap
 from contact_locking.certificate.guaranteed.boundary_conditions import (
     held_components,
     require_exact_gaps,
+    require_straight_triangles,
 )
 from contact_locking.certificate.guaranteed.contact_tractions import (
     ContactTractions,
@@ -45,6 +32,7 @@ from contact_locking.certificate.guaranteed.macro_element import (
     MacroElement,
     lagrange,
     macro_element,
+    out_of_part,
 )
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.certificate.penalty_error import admissible_neighbour, energy_distance
@@ -72,10 +60,9 @@ def finer_stress(
     """
     low = macro_element(coarse.moments.shape[2] - 1)
     high = macro_element(low.degree + 1)
-    points = macro_element(1).points
-    same = lagrange(low.degree, _corner_coordinates(high.points[0], points[0]))
+    same = lagrange(low.degree, out_of_part(0, high.points[0]))
     raised = np.einsum("pq,ntqa->ntpa", same, stress)
-    at = lagrange(low.degree - 1, _corner_coordinates(high.load_points[0], points[0]))
+    at = lagrange(low.degree - 1, out_of_part(0, high.load_points[0]))
     body = fine.body - np.einsum("lk,ntkd->ntld", at, coarse.body)
     moments = np.where(held[:, :, None], 0.0, fine.moments)
     moments[:, :, : low.degree + 1] = 0.0
@@ -91,21 +78,12 @@ def finer_stress(
     return raised + cells.moved(own.reshape(raised.shape)), high
 
 
-def _corner_coordinates(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """The coordinates (q, 2), in the reference triangle, of points in a part with these corners."""
-    edges = (corners[1:] - corners[0]).T
-    return np.asarray(np.linalg.solve(edges, (points - corners[0]).T).T)
-
-
 # The share of M, and of the displacements of the mean strain, by which a solution of the inequality
 # may exceed its limits: the tolerance of the solver.
 _TOLERANCE = 1e-6
 _PROVED = (
     "proved for this friction bound kept fixed, on the polygon of the mesh, with a material that "
     "is constant in each cell; up to rounding and the tolerance of the solver"
-)
-_THREE_DIMENSIONS = (
-    "not in three dimensions, where the system for the stress has about 20 unknowns a cell"
 )
 
 
@@ -217,14 +195,7 @@ def _sharpened(state: SolvedState, gap: Gap, square: float) -> tuple[float, floa
 
 def _require_applicable(state: SolvedState) -> None:
     problem = state.problem
-    if state.dim != 2:
-        raise NotApplicable(_THREE_DIMENSIONS)
-    if problem.domain.axisymmetric:
-        raise NotApplicable("not for axisymmetric bodies, whose equilibrium has other terms")
-    if state.problem.element.boxes:
-        raise NotApplicable("the stresses in equilibrium are for triangles, not quadrilaterals")
-    if state.problem.element.curved:
-        raise NotApplicable("the stresses in equilibrium are for cells with straight sides")
+    require_straight_triangles(state)
     if not state.report.converged:
         raise NotApplicable("the solve did not converge")
     require_still_foundations(state)

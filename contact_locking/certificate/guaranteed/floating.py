@@ -45,6 +45,15 @@ class FloatingPart:
         basis = np.stack([np.stack(v, axis=-1) for v in ((one, zero), (zero, one), (-y, x))])
         return np.einsum("m...,mf->f...", basis, self.motions)
 
+    def on_facets(self, triangles: Triangles, degree: int) -> FloatArray:
+        """The Legendre coefficients (f, n, 3, k + 1, 2) of the motions on the facets of all cells.
+
+        They are zero in cells of other parts.
+        """
+        values = self.at(control_points(triangles.ends.reshape(-1, 2, 2), 1))
+        found = np.stack([legendre_moments(motion, degree) for motion in values])
+        return found.reshape(len(values), -1, 3, degree + 1, 2) * self.cells[:, None, None, None]
+
 
 def floating_parts(problem: DiscreteProblem, triangles: Triangles) -> list[FloatingPart]:
     """The parts of the body that have free motions; collective."""
@@ -77,33 +86,25 @@ def balance(
     """
     comm = triangles.domain.comm
     for part in parts:
-        count = part.motions.shape[1]
-        work, gram = np.zeros(count), np.zeros((count, count))
+        count, modes = part.motions.shape[1], part.on_facets(triangles, element.degree)
         places = triangles.at(element.load_points)[part.cells]
         weight = np.einsum("ij,n->nij", element.load_mass, triangles.areas[part.cells] / 3.0)
-        work += np.einsum("fntid,nij,ntjd->f", part.at(places), weight, body[part.cells])
-        work += _work(part, triangles, moments[part.cells])
-        own = []
+        work = np.einsum("fntid,nij,ntjd->f", part.at(places), weight, body[part.cells])
+        work += np.einsum("fnsjd,nsjd->f", modes, moments)
+        gram, every = np.zeros((count, count)), []
         for contact in contacts:
-            inside = part.cells[contact.cells]
-            own.append(inside)
-            here = np.zeros_like(moments)
-            np.add.at(here, (contact.cells, contact.sides), contact.moments(element.degree))
-            work += _work(part, triangles, here[part.cells])
+            here = modes[:, contact.cells, contact.sides]
+            work += np.einsum("fmjd,mjd->f", here, contact.moments(element.degree))
             pushed = np.einsum("fmrd,md->fmr", part.at(contact.places), contact.normal)
-            for f in range(count):
-                pressure = contact.pressure * pushed[f] * inside[:, None]
+            pushed *= part.cells[contact.cells][:, None]
+            every.append(pushed)
+            for column, pressure in zip(gram.T, contact.pressure * pushed, strict=True):
                 vectors = pressure[:, :, None] * contact.normal[:, None]
-                here[:] = 0.0
                 moved = contact.lengths[:, None, None] * legendre_moments(vectors, element.degree)
-                np.add.at(here, (contact.cells, contact.sides), moved)
-                gram[:, f] += _work(part, triangles, here[part.cells])
-        work, gram = comm.allreduce(work), comm.allreduce(gram)
-        factors = _factors(work, gram)
-        largest = 0.0
-        for contact, inside in zip(contacts, own, strict=True):
-            pushed = np.einsum("fmrd,md->fmr", part.at(contact.places), contact.normal)
-            change = np.einsum("f,fmr->mr", factors, pushed) * inside[:, None]
+                column += np.einsum("fmjd,mjd->f", here, moved)
+        factors, largest = _factors(comm.allreduce(work), comm.allreduce(gram)), 0.0
+        for contact, pushed in zip(contacts, every, strict=True):
+            change = np.einsum("f,fmr->mr", factors, pushed)
             largest = max(largest, float(np.abs(change).max(initial=0.0)))
             contact.pressure = contact.pressure * (1.0 + change)
         if comm.allreduce(largest, op=MPI.MAX) > _LARGEST_CHANGE:
@@ -116,19 +117,6 @@ def _factors(work: FloatArray, gram: FloatArray) -> FloatArray:
     if not np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0] > _SINGULAR:
         raise NotApplicable("friction alone holds a rigid motion")
     return np.asarray(np.linalg.solve(gram, work))
-
-
-def _work(part: FloatingPart, triangles: Triangles, moments: FloatArray) -> FloatArray:
-    """The work (f,) of moments (n, 3, k + 1, 2) along the motions."""
-    return np.einsum("fnsjd,nsjd->f", _on_facets(part, triangles, moments.shape[2]), moments)
-
-
-def _on_facets(part: FloatingPart, triangles: Triangles, count: int) -> FloatArray:
-    """The Legendre coefficients (f, n, 3, k + 1, 2) of the motions on the facets of the cells."""
-    ends = triangles.ends[part.cells]
-    values = part.at(control_points(ends.reshape(-1, 2, 2), 1))
-    found = np.stack([legendre_moments(motion, count - 1) for motion in values])
-    return found.reshape(len(found), len(ends), 3, count, 2)
 
 
 def springs(
@@ -158,11 +146,7 @@ def springs(
         if comm.rank != first:
             continue
         cell, side = mine[0]
-        only = np.zeros_like(part.cells)
-        only[cell] = True
-        modes = _on_facets(FloatingPart(part.motions, only), triangles, element.degree + 1)[
-            :, 0, side
-        ]
+        modes = part.on_facets(triangles, element.degree)[:, cell, side]
         modes = modes * triangles.signs[cell, side] ** np.arange(element.degree + 1)[:, None]
         flat = modes.reshape(len(modes), -1)
         flat /= np.linalg.norm(flat, axis=1)[:, None]

@@ -15,18 +15,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from dolfinx import la
 from petsc4py import PETSc
 
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray, flattened
+from contact_locking.arrays import BoolArray, FloatArray, flattened
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed.bars import Bars
 from contact_locking.certificate.guaranteed.macro_element import MacroElement
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.errors import raise_callback_error
+from contact_locking.mesh.rank_sums import marked, summed
 from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
 
 # A prefix of its own: the options for the nonlinear solve do not concern these solves.
@@ -177,25 +177,24 @@ class HybridSystem:
         """Number the blocks of unknowns: on each rank those of facets before those of vertices."""
         comm, facets = self.triangles.domain.comm, self.triangles.facet_map
         bars = self.bars
-        tied = la.vector(bars.vertex_map, 1)
-        tied.array[:] = 0.0
-        tied.array[bars.vertices[bars.tied]] = 1.0
-        tied.scatter_reverse(la.InsertMode.add)
-        self._vertices = np.nonzero(tied.array[: bars.vertex_map.size_local])[0]
+        tied = marked(bars.vertex_map, bars.vertices[bars.tied])
+        self._vertices = np.nonzero(tied[: bars.vertex_map.size_local])[0]
         owned = facets.size_local + len(self._vertices)
         first = comm.exscan(owned) or 0
         numbers = la.vector(facets, 1)
         numbers.array[: facets.size_local] = first + np.arange(facets.size_local)
         numbers.scatter_forward()
-        tied.array[:] = -1.0
-        tied.array[self._vertices] = first + facets.size_local + np.arange(len(self._vertices))
-        tied.scatter_forward()
+        at_vertices = la.vector(bars.vertex_map, 1)
+        at_vertices.array[self._vertices] = (
+            first + facets.size_local + np.arange(len(self._vertices))
+        )
+        at_vertices.scatter_forward()
         self._blocks = owned, comm.allreduce(owned)
         self._cell_blocks = numbers.array[self.triangles.facets].astype(PETSc.IntType)
         # Ends that are not tied have no entries; they take the place of the facet.
         at_bars = self.triangles.facets[bars.cells, bars.sides]
         here = numbers.array[at_bars]
-        ends = np.where(bars.tied, tied.array[bars.vertices], here[:, None])
+        ends = np.where(bars.tied, at_vertices.array[bars.vertices], here[:, None])
         self._bar_blocks = np.column_stack([here, ends]).astype(PETSc.IntType)
 
     @contextmanager
@@ -265,10 +264,9 @@ class HybridSystem:
         ends = of_bars.reshape(-1, 3, size)
         places = np.concatenate([facets.reshape(-1), facets[bars.cells, bars.sides]])
         parts = np.concatenate([values.reshape(-1, size), ends[:, 0]])
-        at_facets = _added(self.triangles.facet_map, places, parts)
-        tied = bars.tied
-        at_vertices = _added(bars.vertex_map, bars.vertices[tied], ends[:, 1:][tied])
-        return at_facets, at_vertices[self._vertices]
+        facet_map, tied = self.triangles.facet_map, bars.tied
+        at_vertices = summed(bars.vertex_map, bars.vertices[tied], ends[:, 1:][tied])
+        return summed(facet_map, places, parts)[: facet_map.size_local], at_vertices[self._vertices]
 
     def _spread(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The owned unknowns (f + v, b) at the triangles (n, 3 b) and at the bars (m, 3 b)."""
@@ -300,13 +298,3 @@ class HybridSystem:
         ]
         jump, largest = np.max(comm.allgather(local), axis=0)
         return float(jump / largest) if largest > 0.0 else 0.0
-
-
-def _added(index_map: Any, places: IndexArray, values: FloatArray) -> FloatArray:
-    """The sums (owned, b) of values (m, b) at local places (m,) of all ranks; collective."""
-    size = values.shape[1]
-    vector = la.vector(index_map, size)
-    vector.array[:] = 0.0
-    np.add.at(vector.array.reshape(-1, size), places, values)
-    vector.scatter_reverse(la.InsertMode.add)
-    return vector.array.reshape(-1, size)[: index_map.size_local]

@@ -18,7 +18,10 @@ import scipy.linalg
 
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
+from contact_locking.mesh.lagrange import lagrange as lagrange_element
+from contact_locking.mesh.lagrange import nodal_functions
 
+_CELL = "triangle"
 #: The corners of the reference triangle.
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 #: The corners of each facet of a triangle; the facet is opposite to the corner of its number.
@@ -92,34 +95,19 @@ def legendre(degree: int, s: FloatArray) -> FloatArray:
 
 def lagrange(degree: int, points: FloatArray) -> FloatArray:
     """The Lagrange polynomials (q, m) of the reference triangle at points (q, 2)."""
-    return _tabulated(degree, points, 0)[0]
+    return np.ones((len(points), 1)) if degree == 0 else nodal_functions(_CELL, degree, points)
 
 
 def lagrange_gradients(degree: int, points: FloatArray) -> FloatArray:
     """The gradients (q, m, 2) of the Lagrange polynomials of degree >= 1 at points (q, 2)."""
-    return np.moveaxis(_tabulated(degree, points, 1)[1:], 0, 2)
-
-
-def _tabulated(degree: int, points: FloatArray, derivatives: int) -> FloatArray:
-    """Values, and derivatives along x and y, of the Lagrange polynomials: (1 or 3, q, m)."""
-    if degree == 0:
-        values = np.zeros((1 + 2 * derivatives, len(points), 1))
-        values[0] = 1.0
-        return values
-    element = basix.create_element(
-        basix.ElementFamily.P, basix.CellType.triangle, degree, basix.LagrangeVariant.equispaced
-    )
-    return np.asarray(element.tabulate(derivatives, points)[:, :, :, 0])
+    return np.moveaxis(lagrange_element(_CELL, degree).tabulate(1, points)[1:, :, :, 0], 0, 2)
 
 
 def _lattice(degree: int) -> FloatArray:
     """The points (m, 2) of the Lagrange polynomials on the reference triangle."""
     if degree == 0:
-        return np.full((1, 2), 1.0 / 3.0)
-    element = basix.create_element(
-        basix.ElementFamily.P, basix.CellType.triangle, degree, basix.LagrangeVariant.equispaced
-    )
-    return np.asarray(element.points)
+        return CORNERS.mean(axis=0, keepdims=True)
+    return np.asarray(lagrange_element(_CELL, degree).points)
 
 
 def _in_parts(points: FloatArray) -> FloatArray:
@@ -163,7 +151,7 @@ def _normal_jumps(degree: int) -> FloatArray:
         # The cut from a corner is between the parts of the facets that meet at the corner.
         for sign, part in zip((1.0, -1.0), [i for i in range(3) if i != corner], strict=True):
             places = CORNERS[corner] + np.outer(s, along)
-            values = lagrange(degree, _back(part, places))
+            values = lagrange(degree, out_of_part(part, places))
             block[:, :, part] = sign * np.einsum("qp,mij,j->qipm", values, _tensors(), normal)
         rows.append(block.reshape(-1, 9 * m))
     return np.concatenate(rows)
@@ -190,13 +178,13 @@ def _moments(degree: int, stresses: FloatArray) -> FloatArray:
         normal = np.array([along[1], -along[0]])
         normal *= np.sign(normal @ (CORNERS[first] - CORNERS[facet]))
         places = CORNERS[first] + np.outer(s, along)
-        values = lagrange(degree, _back(facet, places))
+        values = lagrange(degree, out_of_part(facet, places))
         tractions = np.einsum("npm,qp,mij,j->nqi", stresses[:, facet], values, _tensors(), normal)
         found[:, facet] = np.einsum("q,qj,nqi->nji", weights, legendre(degree, s), tractions)
     return found
 
 
-def _back(part: int, places: FloatArray) -> FloatArray:
+def out_of_part(part: int, places: FloatArray) -> FloatArray:
     """The coordinates in the reference triangle of places (q, 2) in a part."""
     edges = (_PARTS[part, 1:] - _PARTS[part, 0]).T
     return np.asarray(np.linalg.solve(edges, (places - _PARTS[part, 0]).T).T)

@@ -1,18 +1,10 @@
 """From the bound for the frozen friction bound to one for Coulomb's law, whose bound moves.
 
-Let u solve the continuous problem on the polygon of the mesh with the friction bound
-``G = mu R |sigma_nu|``, where ``R s = sum_i phi_i sum_j R_ij <s, phi_j>/w_j`` has the matrix of the
-discrete R, and let e bound ``|u' - u_h|_a`` and e' bound ``|sigma(u') - s|`` in the norm of A^-1,
-for the solution u' with the bound ``G_h`` of u_h kept fixed and the equilibrated stress s.  With
-``kappa = c rho < 1``
+    |u - u_h|_a <= e + (kappa e' + c r)/(1 - kappa),    r = |mu R |s_nu| - G_h|  in L2(Gamma_C),
 
-    |u - u_h|_a <= e + (kappa e' + c r)/(1 - kappa),    r = |mu R |s_nu| - G_h|  in L2(Gamma_C).
-
-The discrete rho is an upper bound, as the fields w_g are continuous ones, and as the weights of the
-nodes are at least the mass matrix of the phi_i.  c is the upper bound of
-:mod:`contact_locking.certificate.guaranteed.slip_constant`, if kappa is below 1 with it.  Otherwise
-it is that of the displacements on the mesh, from below, and the result is an estimate.  The proof
-is in docs/certificate.md.
+with the bounds e and e' of energy norm and stress (`FrozenBound`).  c is the upper bound of
+:func:`slip_constant` if kappa is below 1 with it, and else that of the displacements on the mesh:
+the result is an estimate then.  The proof is in docs/certificate.md.
 """
 
 from __future__ import annotations
@@ -20,7 +12,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from dolfinx import la
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import NotApplicable
@@ -31,6 +22,7 @@ from contact_locking.certificate.guaranteed.slip_constant import slip_constant
 from contact_locking.certificate.kappa import Kappa
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.nodal_contact import joint_norm
+from contact_locking.mesh.rank_sums import summed
 from contact_locking.parallel import on_every_rank
 
 _PROVED = (
@@ -97,13 +89,12 @@ def _residual(tractions: ContactTractions) -> FloatArray:
         raise NotApplicable("contact acts at the nodes of quadratic displacements")
     if not on_every_rank(surface.domain.comm, bound.smoothing.is_positive()):
         raise NotApplicable("R has negative entries")
-    work = surface.scalar_function(np.zeros(len(surface.nodes)))
-    for number, nodes in enumerate(tractions.nodes.T):
+    shares = np.empty((*tractions.nodes.shape, 1))
+    for number in range(shares.shape[1]):
         one = np.zeros_like(tractions.pressure)
         one[:, number] = 1.0
-        shares = tractions.lengths * product_integral(tractions.pressure, one)
-        np.add.at(work.x.array, nodes, shares)
-    work.x.scatter_reverse(la.InsertMode.add)
-    pressure = contact.acting(work.x.array[surface.nodes] / surface.weights)
+        shares[:, number, 0] = tractions.lengths * product_integral(tractions.pressure, one)
+    work = summed(surface.scalar_space.dofmap.index_map, tractions.nodes, shares)[:, 0]
+    pressure = contact.acting(work[surface.nodes] / surface.weights)
     moved = bound.evaluate(pressure, np.zeros(len(pressure)))
     return contact.acting(moved - tractions.fields.bound)

@@ -1,18 +1,9 @@
 """An upper bound of the constant c in ``|v_tau| <= c |v|_a`` on Gamma_C, by stresses in balance.
 
-For the affine function g on each facet of Gamma_C, let s_g be a stress with ``div s_g = 0``, the
-traction ``g t`` along the tangent t of Gamma_C, and no other traction where none is free.  With the
-affine function P v_tau on each facet that is nearest to v_tau in L2,
+    c^2 <= c_0^2 + max_K sum_F C_F^2/alpha_K,   c_0 = max |s_g|/|g| with |s_g| in the norm of A^-1,
 
-    |P v_tau|^2 = int s_g : eps(v) <= c_0 |P v_tau| |v|_a,    c_0 = max |s_g|/|g|,
-
-with ``|s_g|`` in the norm of A^-1, for g = P v_tau and all v that are zero on Gamma_D.  The trace
-of a rigid motion r is affine, so that ``|v_tau - P v_tau|_F <= |v - r|_F <= C_F |eps(v)|_K`` on a
-facet F of a triangle K.  Together
-
-    c^2 <= c_0^2 + max_K sum_F C_F^2/alpha_K.
-
-The proof is in docs/certificate.md.
+for stresses s_g with ``div s_g = 0`` and the traction ``g t`` along the tangent t of Gamma_C that
+is affine on each facet, and the constants C_F of the trace.  The proof is in docs/certificate.md.
 """
 
 from __future__ import annotations
@@ -22,7 +13,7 @@ import math
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.eigenvalue import largest_eigenvalue
+from contact_locking.certificate.elliptic import largest_eigenvalue
 from contact_locking.certificate.guaranteed.bars import Bars
 from contact_locking.certificate.guaranteed.body import Elasticity
 from contact_locking.certificate.guaranteed.boundary_conditions import held_components
@@ -55,7 +46,7 @@ def slip_constant(
     signs = triangles.signs[cells, sides, None] ** np.arange(_DEGREE + 1)
     shapes = (scale[:, None] * signs)[:, :, None] * tangents[:, None]
     boundary = Boundary(held, np.zeros((size, 3, _DEGREE + 1, 2)))
-    bars = Bars(triangles, _DEGREE, held, np.full(size, np.inf))
+    bars = Bars(triangles, _DEGREE, held)
     system = HybridSystem(triangles, element, boundary, bars, state.settings.linear)
     quarters = len(element.quarters)
     with system.traces(elasticity.compliance(np.zeros((size, 3, quarters)))) as traces:

@@ -18,14 +18,16 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from dolfinx import fem
 
+from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.certificate.penalty_error import distance
-from contact_locking.convergence import on_mesh_of
 from contact_locking.errors import NotRefined
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells
 from contact_locking.monitor import Monitor
+from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.process.adaptivity.finer import finer_mesh
 from contact_locking.process.adaptivity.marking import marked_cells
 from contact_locking.process.adaptivity.mesh_sequence import MEASURES
@@ -37,6 +39,8 @@ from contact_locking.study_file.parameters import CertificateParameters, Paramet
 # The share of the squared bound that the marked cells have.  Fewer meshes reach the same bound
 # than with a smaller share.
 _SHARE = 0.7
+# A node may lie outside the other mesh by this share of the body because of rounding.
+_PADDING = 1e-8
 # No mesh has more unknowns.
 _MOST = 100_000
 _PROVED = (
@@ -88,6 +92,29 @@ def sharpen(
                 }
                 if name == "guaranteed":
                     errors[name]["reason"] = _PROVED.format(cells=domain.num_cells)
+
+
+def on_mesh_of(u: fem.Function, other: fem.Function) -> fem.Function:
+    """``u`` interpolated into the space of ``other``, on the same or another mesh; collective.
+
+    Raises ValueError if a node of ``other`` lies in no cell of the mesh of u.
+    """
+    space, source = other.function_space, u.function_space
+    found = fem.Function(space)
+    if source.mesh is space.mesh:
+        found.interpolate(u)
+        return found
+    mesh = space.mesh
+    cells = mesh.topology.index_map(mesh.topology.dim)
+    everywhere = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+    x = source.mesh.geometry.x
+    padding = _PADDING * maximum(source.mesh.comm, np.abs(x))
+    owners = fem.create_interpolation_data(space, source, everywhere, padding=padding)
+    if on_any_rank(mesh.comm, _compat.point_owners(owners) < 0):
+        raise ValueError("the mesh of the reference reaches beyond the mesh of the solution")
+    found.interpolate_nonmatching(u, everywhere, owners)
+    found.x.scatter_forward()
+    return found
 
 
 def _rank(entry: Mapping[str, Any]) -> tuple[bool, float]:

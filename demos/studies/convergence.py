@@ -12,19 +12,15 @@ from pathlib import Path
 import numpy as np
 from dolfinx import fem
 
-from contact_locking import _compat
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
 from contact_locking.files.ownership import write_text
 from contact_locking.laws.convex import squared_norm
 from contact_locking.mesh.domain import Domain
-from contact_locking.parallel import maximum, on_any_rank
+from contact_locking.process.adaptivity.sharper_bound import on_mesh_of
 from contact_locking.results.names import TABLE_LINES
 from contact_locking.results.read import Row, read_rows
 from contact_locking.results.solution import StudySolution
-
-# A node may lie outside the other mesh by this share of the body because of rounding.
-_PADDING = 1e-8
 
 
 @dataclass(frozen=True)
@@ -63,29 +59,6 @@ def distance(solution: StudySolution, reference: StudySolution) -> Norms:
     difference.interpolate(on_mesh_of(solution.displacement, reference.displacement))
     difference.x.array[:] -= reference.displacement.x.array
     return norms(difference, reference.domain, reference.parameters.contact_names)
-
-
-def on_mesh_of(u: fem.Function, other: fem.Function) -> fem.Function:
-    """``u`` interpolated into the space of ``other``, on the same or another mesh; collective.
-
-    Raises ValueError if a node of ``other`` lies in no cell of the mesh of u.
-    """
-    space, source = other.function_space, u.function_space
-    found = fem.Function(space)
-    if source.mesh is space.mesh:
-        found.interpolate(u)
-        return found
-    mesh = space.mesh
-    cells = mesh.topology.index_map(mesh.topology.dim)
-    everywhere = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
-    x = source.mesh.geometry.x
-    padding = _PADDING * maximum(source.mesh.comm, np.abs(x))
-    owners = fem.create_interpolation_data(space, source, everywhere, padding=padding)
-    if on_any_rank(mesh.comm, _compat.point_owners(owners) < 0):
-        raise ValueError("the mesh of the reference reaches beyond the mesh of the solution")
-    found.interpolate_nonmatching(u, everywhere, owners)
-    found.x.scatter_forward()
-    return found
 
 
 def fitted_rate(sizes: Sequence[float], errors: Sequence[float]) -> float:

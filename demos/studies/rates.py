@@ -9,10 +9,10 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from convergence import fitted_rate
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from contact_locking.convergence import fitted_rate
 from contact_locking.extras.pictures import style
 
 _COLOURS = (style.BLUE, style.VERMILION, style.ORANGE, style.SKY, style.BLACK, style.GREY)
