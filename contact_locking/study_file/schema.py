@@ -141,7 +141,7 @@ def _shown(value: Any) -> str:
 _VERSION = "http://json-schema.org/draft-07/schema#"
 #: Marks of `contact_locking.study_file.parameters.base.entry` that are not part of the schema, and
 #: the titles that pydantic makes from the names of keys.
-_INTERNAL = ("scalar", "optional", "hidden", "title")
+_INTERNAL = ("scalar", "vector", "vectors", "optional", "hidden", "title")
 _PLACES = {"INDEX": r"\d+", "NAME": r"[^.]+"}
 
 

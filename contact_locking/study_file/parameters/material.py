@@ -18,6 +18,7 @@ from .values import (
     PositiveScalar,
     PositiveScalarOrInfinite,
     Scalar,
+    ScalarDirection,
 )
 from .wording import show
 
@@ -54,7 +55,7 @@ class StrainLimit(Section):
     at_least: NegativeScalarOrInfinite | None = entry(
         None, "lower limit m < 0 of volume or direction", "1", scalar=True, optional=True
     )
-    along: tuple[Scalar, ...] | None = entry(
+    along: ScalarDirection | None = entry(
         None, "direction a, of any length", "1", scalar=True, optional=True
     )
     matrix: tuple[tuple[Scalar, ...], ...] | None = entry(
@@ -88,8 +89,6 @@ class StrainLimit(Section):
             )
         elif self.at_most is None:
             yield Fault(("at_most",), "is missing")
-        if self.along is not None and not any(self.along):
-            yield Fault(("along",), f"must not be the zero vector, as in {show(self.along)}")
         if self.matrix is not None:
             yield from _matrix_faults(self.matrix)
 

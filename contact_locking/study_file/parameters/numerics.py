@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, field_validator
 
-from .base import Fault, Section, below, entry
+from .base import Fault, Section, entry
 from .probes import MOST_POINTS, Probe
 from .values import (
     Count,
@@ -189,11 +189,6 @@ class OutputParameters(Section):
         if len(directory.encode()) > _LONGEST_PATH:
             raise ValueError(f"must have at most {_LONGEST_PATH} bytes")
         return directory
-
-    def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """The points of probes that do not have ``dim`` coordinates."""
-        for index, probe in enumerate(self.probes):
-            yield from below(("probes", index), probe.dimension_faults(dim))
 
 
 class AdaptParameters(Section):

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from .base import Fault, Place, Section, entry, vector_faults
+from .base import Fault, Place, Section, entry
 from .values import Number
 
 #: The table has a row for each point, and for each step of a process.
@@ -19,8 +19,8 @@ _PointCount = Annotated[int, Field(strict=True, ge=2, le=MOST_POINTS)]
 class Line(Section):
     """Equally spaced points on the segment between two points, both ends included."""
 
-    start: tuple[Number, ...] = entry(..., "the first point", "length", alias="from")
-    to: tuple[Number, ...] = entry(..., "the last point", "length")
+    start: tuple[Number, ...] = entry(..., "the first point", "length", alias="from", vector=True)
+    to: tuple[Number, ...] = entry(..., "the last point", "length", vector=True)
     count: _PointCount = entry(..., "number of points, both ends included", "1")
 
     @property
@@ -35,7 +35,11 @@ class Probe(Section):
     """Points of the body at rest; exactly one of the keys."""
 
     points: Annotated[tuple[tuple[Number, ...], ...], Field(max_length=MOST_POINTS)] | None = entry(
-        None, "points of the body, each a list of coordinates", "length", optional=True
+        None,
+        "points of the body, each a list of coordinates",
+        "length",
+        optional=True,
+        vectors=True,
     )
     line: Line | None = entry(None, "points on a line", optional=True)
 
@@ -58,11 +62,3 @@ class Probe(Section):
             yield from ((("line",), point) for point in self.line.points)
         for number, point in enumerate(self.points or ()):
             yield ("points", number), point
-
-    def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """The points that do not have ``dim`` coordinates."""
-        if self.line is not None:
-            yield from vector_faults(("line", "from"), self.line.start, dim)
-            yield from vector_faults(("line", "to"), self.line.to, dim)
-        for number, point in enumerate(self.points or ()):
-            yield from vector_faults(("points", number), point, dim)
