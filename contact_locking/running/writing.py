@@ -27,8 +27,7 @@ from contact_locking.results.output_folder import (
     on_root_of,
     require_own,
 )
-from contact_locking.results.solution import StudySolution
-from contact_locking.results.summary import summary_text
+from contact_locking.results.solution import StudySolution, summary_text
 
 
 class FieldSeries(contextlib.AbstractContextManager["FieldSeries"]):

@@ -17,7 +17,7 @@ from contact_locking import InputError, StudySolution, solve
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.foundation import Foundation
 from contact_locking.results.contact_points import OPEN
-from contact_locking.study.shapes import FOUNDATIONS
+from contact_locking.study.contacts import FOUNDATIONS
 from contact_locking.study_file.parameters import rigid_body
 from contact_locking.study_file.parameters.base import Section, dimension_faults, entry
 

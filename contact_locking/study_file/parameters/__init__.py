@@ -24,9 +24,8 @@ from .contact_sections import (
     OneOrSeveral,
     Smoothing,
 )
-from .eigenstrain import Eigenstrain
 from .fit import Curve, FitParameters, FittedNumber
-from .material import Elasticity, MaterialParameters, Region, StrainLimit
+from .material import Eigenstrain, Elasticity, MaterialParameters, Region, StrainLimit
 from .mesh import MeshParameters
 from .numerics import (
     AdaptParameters,
