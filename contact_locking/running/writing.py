@@ -103,7 +103,7 @@ def write(
                 made = own.finish()
                 on_root_of(comm, target, partial(made.rename, staging / names.FIELDS))
         if wanted.fields and "xdmf" in wanted.formats:
-            with explained_in(target) if comm.size == 1 else contextlib.nullcontext():
+            with _explained_alone(target, comm):
                 xdmf.write(solution, staging / names.XDMF, comm)
         if wanted.picture:
             try:
