@@ -50,8 +50,7 @@ if TYPE_CHECKING:
     )
     from contact_locking.process.adaptivity import solve, solve_adaptively
     from contact_locking.process.solving import check, solve_assembled, solve_steps
-    from contact_locking.results.solution import Solution, StudySolution
-    from contact_locking.results.state import State
+    from contact_locking.results.solution import Solution, State, StudySolution
     from contact_locking.running.writing import save, write
     from contact_locking.sensitivity.parameters import Number
     from contact_locking.solver.task import Settings
@@ -141,7 +140,7 @@ _HOME = {
     "Settings": "solver.task",
     "Solution": "results.solution",
     "Sphere": "laws.foundation",
-    "State": "results.state",
+    "State": "results.solution",
     "StrainBall": "problem.limits",
     "StudySolution": "results.solution",
     "Support": "supports.supports",

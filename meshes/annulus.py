@@ -21,6 +21,9 @@ class Annulus(Geometry):
     outer_radius: float = parameter(2.0, "length", "radius of the annulus")
     quarter: bool = parameter(False, "1", "only x > 0 and y > 0")
 
+    dim = 2
+    contact_names = ("inner",)
+
     def validate(self) -> None:
         """Check that the outer circle is larger."""
         if self.outer_radius <= self.inner_radius:
@@ -28,11 +31,6 @@ class Annulus(Geometry):
                 f"outer_radius: {self.outer_radius:g} is not more than the inner radius, "
                 f"{self.inner_radius:g}"
             )
-
-    @property
-    def dim(self) -> int:
-        """The dimension, 2."""
-        return 2
 
     @property
     def thickness(self) -> float:
@@ -48,11 +46,6 @@ class Annulus(Geometry):
     def measure(self) -> float:
         """The area of the sector."""
         return self.angle / 2 * (self.outer_radius**2 - self.inner_radius**2)
-
-    @property
-    def contact_names(self) -> tuple[str, ...]:
-        """Where the zone is."""
-        return ("inner",)
 
     @property
     def zone(self) -> Zone:
@@ -74,25 +67,8 @@ class Annulus(Geometry):
 
     def shape(self, occ: Any) -> dict[str, list[int]]:
         """The sector between arcs of a quarter circle, whose centres of mass tell the radii."""
-        origin = occ.addPoint(0, 0, 0)
-        axes = [(1, 0), (0, 1), (-1, 0), (0, -1)][: 2 if self.quarter else 4]
-        rings = [
-            [occ.addPoint(radius * x, radius * y, 0) for x, y in axes]
-            for radius in (self.inner_radius, self.outer_radius)
-        ]
-        inner, outer = (
-            [
-                occ.addCircleArc(start, origin, end)
-                for start, end in pairwise(points if self.quarter else [*points, points[0]])
-            ]
-            for points in rings
-        )
-        if self.quarter:
-            bottom, left = (occ.addLine(*ends) for ends in zip(*rings, strict=True))
-            loops = [occ.addCurveLoop([bottom, *outer, left, *inner])]
-        else:
-            loops = [occ.addCurveLoop(outer), occ.addCurveLoop(inner)]
-        return {"body": [occ.addPlaneSurface(loops)]}
+        radii = (self.inner_radius, self.outer_radius)
+        return {"body": [sector(occ, occ.addPoint(0, 0, 0), radii, self.quarter)]}
 
     def facet_name(self, centre: Point) -> str:
         """The name of the side with this centre of mass.
@@ -108,3 +84,31 @@ class Annulus(Geometry):
         return (
             "inner" if math.hypot(x, y) < middle * math.sin(math.pi / 4) * 4 / math.pi else "outer"
         )
+
+
+def sector(occ: Any, origin: int, radii: tuple[float, float], quarter: bool) -> int:
+    """The tag of a new surface between two circles about ``origin``; the first radius may be 0.
+
+    It is bounded by arcs of a quarter circle.  With ``quarter`` it is the part in x > 0 and y > 0.
+    """
+    axes = [(1, 0), (0, 1), (-1, 0), (0, -1)][: 2 if quarter else 4]
+    rings = [
+        [occ.addPoint(radius * x, radius * y, 0) for x, y in axes]
+        if radius
+        else [origin] * len(axes)
+        for radius in radii
+    ]
+    inner, outer = (
+        [
+            occ.addCircleArc(start, origin, end)
+            for start, end in pairwise(points if quarter else [*points, points[0]])
+            if start != end
+        ]
+        for points in rings
+    )
+    if quarter:
+        bottom, left = (occ.addLine(*ends) for ends in zip(*rings, strict=True))
+        loops = [occ.addCurveLoop([bottom, *outer, left, *inner])]
+    else:
+        loops = [occ.addCurveLoop(part) for part in (outer, inner) if part]
+    return int(occ.addPlaneSurface(loops))

@@ -19,10 +19,7 @@ class Ball(Round):
 
     h: float = parameter(0.2, "length", "target element size")
 
-    @property
-    def dim(self) -> int:
-        """The dimension, 3."""
-        return 3
+    dim = 3
 
     @property
     def measure(self) -> float:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from .geometry import GROWTH, Geometry, Point, Zone, dimension, length, parameter, vector
 
@@ -18,6 +18,8 @@ class Box(Geometry):
 
     dim: int = parameter(2, "1", "dimension of the body, 2 or 3")
     size: tuple[float, ...] = parameter((), "length", "edges along x, (y,) and up; empty: all 1")
+
+    contact_names: ClassVar[tuple[str, ...]] = ("bottom",)
 
     def validate(self) -> None:
         """Check the dimension and the edges."""
@@ -45,11 +47,6 @@ class Box(Geometry):
     def sides(self) -> tuple[str, ...]:
         """The names of the sides of the block, two for each axis."""
         return ("left", "right", *("front", "back")[: 2 * (self.dim - 2)], "bottom", "top")
-
-    @property
-    def contact_names(self) -> tuple[str, ...]:
-        """Where the zone is."""
-        return ("bottom",)
 
     @property
     def zone(self) -> Zone:

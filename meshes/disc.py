@@ -23,6 +23,8 @@ class Round(Geometry):
     )
     quarter: bool = parameter(False, "1", "only the part between the planes of symmetry")
 
+    contact_names = ("contact",)
+
     def validate(self) -> None:
         """Check the contact width against the radius and the element size."""
         if self.reach >= self.radius:
@@ -52,11 +54,6 @@ class Round(Geometry):
         return self.radius / 4 if self.contact_width is None else self.contact_width
 
     @property
-    def contact_names(self) -> tuple[str, ...]:
-        """Where the zone is."""
-        return ("contact",)
-
-    @property
     def rise(self) -> float:
         """The height at which the contact part ends."""
         return self.radius - math.sqrt(self.radius**2 - self.reach**2)
@@ -78,16 +75,13 @@ class Disc(Round):
 
     half: bool = parameter(True, "1", "only the lower half, with a flat top")
 
+    dim = 2
+
     def validate(self) -> None:
         """Check the contact width, and refuse a quarter of a whole disc."""
         super().validate()
         if self.quarter and not self.half:
             raise ValueError("quarter: only the half disc can be quartered; set half: true")
-
-    @property
-    def dim(self) -> int:
-        """The dimension, 2."""
-        return 2
 
     @property
     def measure(self) -> float:

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
+from .annulus import sector
 from .curved import Curved
 from .geometry import GROWTH, Geometry, Zone, parameter
 
@@ -28,6 +28,11 @@ class DiscInRing(Geometry):
     )
     quarter: bool = parameter(False, "1", "only x > 0 and y > 0")
 
+    dim = 2
+    bodies = 2
+    cell_names = ("disc", "ring")
+    contact_names = ("rim", "inner")
+
     def validate(self) -> None:
         """Check the order of the circles, and that the overlap is small."""
         if self.outer_radius <= max(self.inner_radius, self.radius):
@@ -41,11 +46,6 @@ class DiscInRing(Geometry):
             raise ValueError(f"h_ring: {self.fine:g} is more than h, {self.h:g}")
 
     @property
-    def dim(self) -> int:
-        """The dimension, 2."""
-        return 2
-
-    @property
     def core(self) -> float:
         """The radius of the hole, 0 without one."""
         return 0.0 if self.hole is None else self.hole
@@ -54,11 +54,6 @@ class DiscInRing(Geometry):
     def fine(self) -> float:
         """The element size of the ring."""
         return 0.7 * self.h if self.h_ring is None else self.h_ring
-
-    @property
-    def bodies(self) -> int:
-        """The number of parts that share no nodes."""
-        return 2
 
     @property
     def thickness(self) -> float:
@@ -77,20 +72,10 @@ class DiscInRing(Geometry):
         return self.angle / 2 * squares
 
     @property
-    def cell_names(self) -> tuple[str, ...]:
-        """The bodies."""
-        return ("disc", "ring")
-
-    @property
     def facet_names(self) -> tuple[str, ...]:
         """The circles and, for a quarter, the straight sides."""
         hole = [] if self.hole is None else ["hole"]
         return (*hole, "rim", "inner", "outer", *["bottom", "left"][: 2 * self.quarter])
-
-    @property
-    def contact_names(self) -> tuple[str, ...]:
-        """The two sides of the interface."""
-        return ("rim", "inner")
 
     @property
     def zone(self) -> Zone:
@@ -110,33 +95,9 @@ class DiscInRing(Geometry):
         """Both bodies between arcs of a quarter circle, each with corners of its own."""
         origin = occ.addPoint(0, 0, 0)
         return {
-            "disc": [self._sector(occ, origin, self.core, self.radius)],
-            "ring": [self._sector(occ, origin, self.inner_radius, self.outer_radius)],
+            "disc": [sector(occ, origin, (self.core, self.radius), self.quarter)],
+            "ring": [sector(occ, origin, (self.inner_radius, self.outer_radius), self.quarter)],
         }
-
-    def _sector(self, occ: Any, origin: int, low: float, high: float) -> int:
-        """The part of the sector between two radii."""
-        axes = [(1, 0), (0, 1), (-1, 0), (0, -1)][: 2 if self.quarter else 4]
-        rings = []
-        for radius in (low, high):
-            if radius == 0.0:
-                rings.append([origin] * len(axes))
-                continue
-            rings.append([occ.addPoint(radius * x, radius * y, 0) for x, y in axes])
-        arcs = [
-            [
-                occ.addCircleArc(start, origin, end)
-                for start, end in pairwise(points if self.quarter else [*points, points[0]])
-                if start != end
-            ]
-            for points in rings
-        ]
-        if self.quarter:
-            bottom, left = (occ.addLine(*ends) for ends in zip(*rings, strict=True))
-            loops = [occ.addCurveLoop([bottom, *arcs[1], left, *arcs[0]])]
-        else:
-            loops = [occ.addCurveLoop(part) for part in reversed(arcs) if part]
-        return int(occ.addPlaneSurface(loops))
 
     def name_of(self, model: Any, tag: int, regions: dict[str, list[int]]) -> str:
         """The name of a side, which tells the bodies apart by the cells beside it."""

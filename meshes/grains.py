@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from .curved import Curved
 from .geometry import Geometry, Point, Zone, parameter
 
 _Disc = tuple[float, float, float]
@@ -30,6 +29,11 @@ class Grains(Geometry):
     distance: float | None = parameter(None, "length", "gap left between the discs; null: none")
     seed: int = parameter(1, "1", "another number makes another packing")
 
+    dim = 2
+    contact_names = ("grains",)
+    facet_names = ("grains",)
+    cell_names = ("grains",)
+
     def validate(self) -> None:
         """Check the numbers and the sizes."""
         if not 1 <= self.count <= 1000:
@@ -38,11 +42,6 @@ class Grains(Geometry):
             raise ValueError(f"spread: must be less than 1, not {self.spread:g}")
         if self.width < 2.0 * self.radius * (1.0 + self.spread):
             raise ValueError(f"width: {self.width:g} is less than the largest disc")
-
-    @property
-    def dim(self) -> int:
-        """The dimension, 2."""
-        return 2
 
     @property
     def bodies(self) -> int:
@@ -60,31 +59,11 @@ class Grains(Geometry):
         return math.pi * sum(radius**2 for _, _, radius in self.discs)
 
     @property
-    def contact_names(self) -> tuple[str, ...]:
-        """Where the zone is."""
-        return ("grains",)
-
-    @property
     def zone(self) -> Zone:
         """All of the box."""
         far = 4.0 * self.count * self.radius + self.width
         box = {"XMin": -far, "XMax": far, "YMin": -far, "YMax": far}
         return Zone("Box", box, self.measure)
-
-    @property
-    def facet_names(self) -> tuple[str, ...]:
-        """The circles."""
-        return ("grains",)
-
-    @property
-    def cell_names(self) -> tuple[str, ...]:
-        """The discs."""
-        return ("grains",)
-
-    @property
-    def curved(self) -> tuple[Curved, ...]:
-        """None, as one name has many circles."""
-        return ()
 
     @property
     def discs(self) -> list[_Disc]:

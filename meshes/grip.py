@@ -21,22 +21,17 @@ class Grip(Geometry):
     width: float = parameter(0.5, "length", "width of the fingers")
     length: float = parameter(2.5, "length", "height of the fingers above the middle of the disc")
 
+    dim = 2
+    bodies = 3
+    cell_names = ("ball", "left", "right")
+    contact_names = ("rim", "left_pad", "right_pad")
+
     def validate(self) -> None:
         """Check that the fingers end above the disc."""
         if self.length <= self.radius:
             raise ValueError(
                 f"length: {self.length:g} is not more than the radius, {self.radius:g}"
             )
-
-    @property
-    def dim(self) -> int:
-        """The dimension, 2."""
-        return 2
-
-    @property
-    def bodies(self) -> int:
-        """The number of parts that share no nodes."""
-        return 3
 
     @property
     def thickness(self) -> float:
@@ -49,20 +44,10 @@ class Grip(Geometry):
         return math.pi * self.radius**2 + 2 * self.width * (self.length + self.radius)
 
     @property
-    def cell_names(self) -> tuple[str, ...]:
-        """The disc and the fingers."""
-        return ("ball", "left", "right")
-
-    @property
     def facet_names(self) -> tuple[str, ...]:
         """The circle and the sides of the fingers."""
         parts = ("pad", "root", "back")
         return ("rim", *(f"{side}_{part}" for side in ("left", "right") for part in parts))
-
-    @property
-    def contact_names(self) -> tuple[str, ...]:
-        """The circle and the pads."""
-        return ("rim", "left_pad", "right_pad")
 
     @property
     def zone(self) -> Zone:

@@ -20,6 +20,8 @@ class Inclusion(Box):
         (), "length", "centre of the inclusion; empty: the middle of the block"
     )
 
+    cell_names = ("body", "inclusion")
+
     def validate(self) -> None:
         """Check that the inclusion is inside the block and not smaller than an element."""
         super().validate()
@@ -36,11 +38,6 @@ class Inclusion(Box):
                 f"radius: an inclusion of {self.radius:g} around {list(centre)} does not stay "
                 f"inside the block {list(self.size)}"
             )
-
-    @property
-    def cell_names(self) -> tuple[str, ...]:
-        """The block around the inclusion, and the inclusion."""
-        return ("body", "inclusion")
 
     @property
     def curved(self) -> tuple[Curved, ...]:

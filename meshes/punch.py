@@ -19,6 +19,8 @@ class Punch(Box):
 
     half_width: float = parameter(0.25, "length", "half-width of the punch: contact ends there")
 
+    contact_names = ("contact",)
+
     def validate(self) -> None:
         """Check that the punch leaves a free part and is not narrower than an element."""
         super().validate()
@@ -38,11 +40,6 @@ class Punch(Box):
         """The sides of the block, with other names on the planes of symmetry, and contact."""
         sides = ("symmetry_y", "back") if self.dim == 3 else ()
         return ("symmetry", "right", *sides, "bottom", "top", "contact")
-
-    @property
-    def contact_names(self) -> tuple[str, ...]:
-        """Where the zone is."""
-        return ("contact",)
 
     @property
     def zone(self) -> Zone:

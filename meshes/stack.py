@@ -30,6 +30,10 @@ class Stack(Block):
     )
     slope: float = parameter(0, "1", "rise of the interface over its length along x")
 
+    bodies = 2
+    cell_names = ("lower", "upper")
+    contact_names = ("lower_top", "upper_bottom")
+
     def validate(self) -> None:
         """Check the edges of both blocks and the slope of the interface."""
         super().validate()
@@ -55,11 +59,6 @@ class Stack(Block):
         return ((self.size, self.h), (self.upper, self.fine))
 
     @property
-    def bodies(self) -> int:
-        """The number of parts that share no nodes."""
-        return 2
-
-    @property
     def thickness(self) -> float:
         """The shortest edge of both blocks."""
         return min(*self.size, *self.upper)
@@ -70,21 +69,11 @@ class Stack(Block):
         return math.prod(self.size) + math.prod(self.upper)
 
     @property
-    def cell_names(self) -> tuple[str, ...]:
-        """The blocks."""
-        return ("lower", "upper")
-
-    @property
     def facet_names(self) -> tuple[str, ...]:
         """The sides of both blocks."""
         *around, bottom, top = self.sides
         of_upper = (f"upper_{name}" for name in (*around, "bottom"))
         return (*around, bottom, "lower_top", *of_upper, top)
-
-    @property
-    def contact_names(self) -> tuple[str, ...]:
-        """The two sides of the interface."""
-        return ("lower_top", "upper_bottom")
 
     @property
     def zone(self) -> Zone:

@@ -9,7 +9,7 @@ tables     ``name(argument)`` with the name of a `Table`
 ========== ==================================================================
 """
 
-from .grammar import (
+from .operations import (
     CONSTANTS,
     FUNCTIONS,
     LARGEST,
@@ -19,9 +19,8 @@ from .grammar import (
     SMALLEST,
     TIME,
 )
-from .lookup_table import ANY_TABLE, NO_TABLES, Table
 from .parsing import parse
-from .tree import Expression, Lookup
+from .tree import ANY_TABLE, NO_TABLES, Expression, Lookup, Table
 
 __all__ = [
     "ANY_TABLE",

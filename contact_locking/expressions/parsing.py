@@ -19,20 +19,19 @@ import numpy as np
 from contact_locking.errors import InputError
 from contact_locking.plain_text import nearest
 
-from .grammar import (
+from .operations import (
     CONSTANTS,
     FUNCTIONS,
     LARGEST,
     MAX_DEPTH,
     MAX_EXPONENT,
     MAX_LENGTH,
+    NUMPY,
     OPERATORS,
     POSITION,
     shortened,
 )
-from .lookup_table import NO_TABLES, Table
-from .operations import NUMPY
-from .tree import Apply, Expression, Lookup, Name, Node, Number
+from .tree import NO_TABLES, Apply, Expression, Lookup, Name, Node, Number, Table
 
 # Such as 210 GPa.
 _WITH_UNIT = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)? *[^\W\d_]+(/\w+)?\d?", re.IGNORECASE)

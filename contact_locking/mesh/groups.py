@@ -9,8 +9,8 @@ import numpy as np
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.mesh.cell_kind import facet_normals
-from contact_locking.mesh.curved_cells import mean_normals, measures
 from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.lagrange import mean_normals, measures
 
 # A boundary part is plane if the mean normal is longer, and closed if the mean normal is shorter.
 _FLAT, _CLOSED = 1.0 - 1e-6, 1e-2

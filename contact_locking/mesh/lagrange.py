@@ -1,4 +1,4 @@
-"""Lagrange's elements on the reference cells: their nodes and the functions of these."""
+"""Lagrange's elements on the reference cells, and the maps of curved cells, of degree 2."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import basix
 import numpy as np
 
 from contact_locking.arrays import FloatArray
+from contact_locking.mesh.cell_kind import CellKind
 
 
 @cache
@@ -24,3 +25,53 @@ def nodal_functions(cell: str, degree: int, points: FloatArray) -> FloatArray:
         # basix aborts without points.
         return np.zeros((0, element.dim))
     return np.asarray(element.tabulate(0, points)[0, :, :, 0])
+
+
+# The Jacobian has the degree 2 in triangles and 3 in other cells.  It is looked at on a lattice of
+# this degree.
+_LATTICE = 6
+# The rule for measures is exact for cells, and to many digits for facets.
+_DEGREE = 8
+
+
+def curved_jacobians(kind: CellKind, nodes: FloatArray) -> FloatArray:
+    """The Jacobians (k, q) on a lattice of points of cells with nodes (k, n, d)."""
+    lattice = basix.create_lattice(
+        basix.CellType[kind.name], _LATTICE, basix.LatticeType.equispaced, True
+    )
+    slopes = lagrange(kind.name, 2).tabulate(1, lattice)[1:, :, :, 0]
+    return np.asarray(np.linalg.det(np.einsum("aqn,knd->kqda", slopes, nodes)))
+
+
+def measures(kind: CellKind, nodes: FloatArray) -> FloatArray:
+    """The measures (k,) of curved cells with nodes (k, n, d)."""
+    slopes, weights = _slopes(kind)
+    return np.abs(np.linalg.det(np.einsum("aqn,knd->kqda", slopes, nodes))) @ weights
+
+
+def mean_normals(kind: CellKind, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The integrals of a normal (k, d) and of 1 (k,) over curved facets with nodes (k, n, d)."""
+    slopes, weights = _slopes(kind)
+    normals = _normals(slopes, nodes)
+    return np.einsum("kqd,q->kd", normals, weights), np.linalg.norm(normals, axis=2) @ weights
+
+
+def normals_at_nodes(kind: CellKind, nodes: FloatArray) -> FloatArray:
+    """Unit normals (k, n, d) of curved facets at their nodes (k, n, d)."""
+    element = lagrange(kind.name, 2)
+    normals = _normals(element.tabulate(1, element.points)[1:, :, :, 0], nodes)
+    return np.asarray(normals / np.linalg.norm(normals, axis=2, keepdims=True))
+
+
+def _normals(slopes: FloatArray, nodes: FloatArray) -> FloatArray:
+    """Normals (k, q, d) whose lengths are the Jacobians, for derivatives (d - 1, q, n)."""
+    along = np.einsum("aqn,knd->akqd", slopes, nodes)
+    if len(along) == 1:
+        return np.stack([along[0][..., 1], -along[0][..., 0]], axis=-1)
+    return np.asarray(np.cross(*along))
+
+
+def _slopes(kind: CellKind) -> tuple[FloatArray, FloatArray]:
+    """The derivatives (dim, q, n) of the nodes' functions at Gauss's points, and their weights."""
+    points, weights = basix.make_quadrature(basix.CellType[kind.name], _DEGREE)
+    return lagrange(kind.name, 2).tabulate(1, points)[1:, :, :, 0], np.asarray(weights)

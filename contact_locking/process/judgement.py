@@ -15,13 +15,12 @@ from contact_locking.fields import plausibility
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum
 from contact_locking.problem.parts import describe_loose, describe_slide
+from contact_locking.results.between_nodes import uncovered_entry
 from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.contact_points import OPEN, STICK
 from contact_locking.results.derived import Contacts, gather_contacts, on_gamma_c
 from contact_locking.results.quantities import computed
-from contact_locking.results.solution import Differentiable, Solution
-from contact_locking.results.state import State
-from contact_locking.results.uncovered_boundary import uncovered_entry
+from contact_locking.results.solution import Differentiable, Solution, State
 from contact_locking.solver.task import SavedState
 
 _WAY_OUT_OF_SLIDING = (

@@ -33,8 +33,7 @@ from contact_locking.process.timeline import Timeline
 from contact_locking.results.history import History, Row
 from contact_locking.results.probe_table import ProbeSample
 from contact_locking.results.quantities import columns, components
-from contact_locking.results.solution import StudySolution
-from contact_locking.results.state import State
+from contact_locking.results.solution import State, StudySolution
 from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem
 

@@ -1,9 +1,13 @@
-"""The result of a solve: the displacement, the derived fields and the summary."""
+"""The result of a solve: the displacement, the derived fields, the state and the summary."""
 
 from __future__ import annotations
 
+import json
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
 
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
@@ -14,12 +18,27 @@ from contact_locking.results.history import History
 if TYPE_CHECKING:
     from dolfinx import fem
 
+    from contact_locking.contact.state import ContactState
     from contact_locking.fem.spaces import Element
     from contact_locking.mesh.domain import Domain
     from contact_locking.results.derived import ContactFields
     from contact_locking.results.probe_table import ProbeSample
-    from contact_locking.results.state import State
+    from contact_locking.solver.multipliers import Multipliers
+    from contact_locking.solver.task import SavedState
     from contact_locking.study_file.parameters import Parameters
+
+
+@dataclass(frozen=True)
+class State:
+    """Displacement, multipliers, travel of foundations, and the memory of friction.
+
+    A solver may start from ``saved``; ``contacts`` are the memories of friction at each contact
+    after the step that has ended with the solution.
+    """
+
+    saved: SavedState
+    multipliers: Multipliers
+    contacts: tuple[ContactState, ...]
 
 
 class Differentiable(Protocol):
@@ -98,3 +117,33 @@ class StudySolution(Solution):
     history: History = field(default_factory=History)  # the steps up to this one, none without
     probes: tuple[ProbeSample, ...] = ()  # the probes of the steps up to this one, none without
     halved: tuple[str, ...] = ()  # which steps were halved, in words
+
+
+def summary_text(summary: dict[str, Any]) -> str:
+    """The summary as JSON.
+
+    JSON has no infinity and no NaN.  The value is null in their place, and the mapping
+    ``not_finite`` gives the number under its dotted key.
+    """
+    not_finite: dict[str, str] = {}
+    plain = _jsonable(summary, "", not_finite)
+    if not_finite:
+        plain["not_finite"] = not_finite
+    return json.dumps(plain, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _jsonable(value: Any, key: str, not_finite: dict[str, str]) -> Any:
+    match value:
+        case dict():
+            return {
+                str(name): _jsonable(item, f"{key}.{name}" if key else str(name), not_finite)
+                for name, item in value.items()
+            }
+        case list() | tuple() | np.ndarray():
+            return [_jsonable(item, f"{key}.{i}", not_finite) for i, item in enumerate(value)]
+        case np.generic():
+            return _jsonable(value.item(), key, not_finite)
+        case float() if not math.isfinite(value):
+            not_finite[key] = str(value)
+            return None
+    return value

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -30,41 +30,17 @@ if TYPE_CHECKING:
     from contact_locking.extras.pictures.animation import Film
 
 
-class Filming(Protocol):
-    """The settings of a run for its film."""
+class Recording:
+    """The film of a run, on rank 0: the bodies of all steps, if it ``is_wanted``."""
 
-    def add(self, solution: StudySolution) -> None:
-        """Add a solved step; collective."""
-
-    def finish(self, monitor: Monitor) -> tuple[bytes | None, str | None]:
-        """The GIF file on rank 0, and why there is none if there should be one; collective."""
-
-
-def film_of(parameters: Parameters) -> Filming:
-    """The film that a study file asks for."""
-    wanted = parameters.output
-    return _Recording() if wanted.animation and wanted.picture else _Nothing()
-
-
-class _Nothing:
-    def add(self, solution: StudySolution) -> None:
-        pass
-
-    def finish(self, monitor: Monitor) -> tuple[bytes | None, str | None]:
-        return None, None
-
-
-class _Recording:
-    """The bodies of all steps, on rank 0."""
-
-    def __init__(self) -> None:
+    def __init__(self, is_wanted: bool) -> None:
+        self._is_wanted = is_wanted
         self._film: Film | None = None
-        self._solution: StudySolution | None = None
         self._problem: str | None = None
 
     def add(self, solution: StudySolution) -> None:
-        self._solution = solution
-        if self._problem is not None:
+        """Add a solved step; collective."""
+        if not self._is_wanted or self._problem is not None:
             return
         try:
             from contact_locking.extras.pictures.animation import MOST_PIECES, Film, Frame
@@ -84,9 +60,8 @@ class _Recording:
         if body is not None:
             self._film.add(Frame(len(solution.history), solution.time, body))
 
-    def finish(self, monitor: Monitor) -> tuple[bytes | None, str | None]:
-        if self._solution is None:
-            return None, None
+    def finish(self, comm: MPI.Intracomm, monitor: Monitor) -> tuple[bytes | None, str | None]:
+        """The GIF file on rank 0, and why there is none if there should be one; collective."""
         drawn: bytes | None = None
         if self._film is not None and len(self._film.frames) > 1:
             from contact_locking.extras.pictures.animation import animation
@@ -99,8 +74,7 @@ class _Recording:
             except Exception as error:
                 # An error of the animation must not lose the results of a long process.
                 self._problem = f"no animation was drawn: {type(error).__name__}: {error}"
-        self._problem = self._solution.domain.comm.bcast(self._problem, root=0)
-        return drawn, self._problem
+        return drawn, comm.bcast(self._problem, root=0)
 
 
 def run_steps(
@@ -167,7 +141,7 @@ def _written(
         series = None
         if parameters.output.fields:
             series = stack.enter_context(writing.FieldSeries(target, comm))
-        film = film_of(parameters)
+        film = Recording(parameters.output.animation and parameters.output.picture)
         ended: InputError | None = None
         try:
             for solution in solutions:
@@ -185,7 +159,7 @@ def _written(
             ended = error
         assert last is not None
         fields = None if series is None else series.finish()
-        animation, problem = film.finish(monitor)
+        animation, problem = film.finish(comm, monitor)
         if problem is not None:
             last.summary["warnings"] = [*last.summary.get("warnings", []), problem]
         warnings = writing.write(last, target, save_state, fields, animation)

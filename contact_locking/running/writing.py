@@ -27,8 +27,7 @@ from contact_locking.results.output_folder import (
     on_root_of,
     require_own,
 )
-from contact_locking.results.solution import StudySolution
-from contact_locking.results.summary import summary_text
+from contact_locking.results.solution import StudySolution, summary_text
 
 
 class FieldSeries(contextlib.AbstractContextManager["FieldSeries"]):
@@ -104,7 +103,7 @@ def write(
                 made = own.finish()
                 on_root_of(comm, target, partial(made.rename, staging / names.FIELDS))
         if wanted.fields and "xdmf" in wanted.formats:
-            with explained_in(target) if comm.size == 1 else contextlib.nullcontext():
+            with _explained_alone(target, comm):
                 xdmf.write(solution, staging / names.XDMF, comm)
         if wanted.picture:
             try:

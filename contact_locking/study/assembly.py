@@ -32,6 +32,7 @@ from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.probe_points import locate
 from contact_locking.study_file.named_numbers import resolved
 from contact_locking.study_file.parameters import LoadParameters, Parameters
+from contact_locking.study_file.parameters.base import dimension_faults
 from contact_locking.study_file.parameters.mesh import BoundaryPart, MeshParameters
 from contact_locking.supports.conditions import ComponentCondition, constrain
 from contact_locking.supports.supports import Support
@@ -277,7 +278,7 @@ def with_placed_parts(domain: Domain, given: MeshParameters) -> Domain:
     """
     if not given.parts:
         return domain
-    for fault in given.dimension_faults(domain.dim):
+    for fault in dimension_faults(given, domain.dim):
         raise InputError(fault.message, ".".join(map(str, ("mesh", *fault.place))))
     rounding = _ROUNDING * float(np.ptp(domain.bounding_box, axis=0).max())
     places = {

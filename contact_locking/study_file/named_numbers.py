@@ -37,7 +37,7 @@ def resolved(parameters: Parameters) -> Parameters:
     pattern = re.compile(rf"\b(?:{'|'.join(map(re.escape, named))})\b(?!\s*\()")
     data = plain(parameters)
     del data["parameters"]
-    for place, text, _ in expressions(parameters, ()):
+    for place, text, _ in expressions(parameters):
         written = pattern.sub(lambda found: f"({named[found[0]]!r})", text)
         assign(data, ".".join(map(str, place)), written)
     return Parameters.model_validate(data)

@@ -17,8 +17,7 @@ from contact_locking.meshes import BUILDERS
 from contact_locking.study_file.parameters import MeshParameters, Parameters
 from contact_locking.study_file.parameters.base import marks
 from contact_locking.study_file.parameters.keys import (
-    may_be_list,
-    may_be_vector,
+    key_patterns,
     section_in,
     visible_fields,
 )
@@ -141,7 +140,7 @@ def _shown(value: Any) -> str:
 _VERSION = "http://json-schema.org/draft-07/schema#"
 #: Marks of `contact_locking.study_file.parameters.base.entry` that are not part of the schema, and
 #: the titles that pydantic makes from the names of keys.
-_INTERNAL = ("scalar", "optional", "hidden", "title")
+_INTERNAL = ("scalar", "vector", "vectors", "optional", "hidden", "title")
 _PLACES = {"INDEX": r"\d+", "NAME": r"[^.]+"}
 
 
@@ -201,12 +200,13 @@ def _varied_keys() -> dict[str, Any]:
     values = {"$ref": "#/$defs/VariedValues"}
     properties: dict[str, Any] = {}
     patterns: dict[str, Any] = {}
-    for parts, description in _places(Parameters):
+    about = {row.key: row.description for row in rows()}
+    for parts in key_patterns(Parameters):
         key = ".".join(parts)
         if parts[0] == "study" or key == "output.directory":
             continue
         if _PLACES.keys().isdisjoint(parts):
-            properties[key] = {**values, "description": description}
+            properties[key] = {**values, "description": about[key]}
         else:
             pattern = r"\.".join(_PLACES.get(part, re.escape(part)) for part in parts)
             patterns[f"^{pattern}$"] = values
@@ -216,25 +216,6 @@ def _varied_keys() -> dict[str, Any]:
         "properties": properties,
         "patternProperties": patterns,
     }
-
-
-def _places(
-    model: type[BaseModel], above: tuple[str, ...] = ()
-) -> Iterator[tuple[tuple[str, ...], str]]:
-    """All keys and entries of lists and mappings below a section, with their descriptions."""
-    for name, field in visible_fields(model).items():
-        key, description = (*above, name), field.description or ""
-        path, section = section_in(field.annotation)
-        paths = [path, ("INDEX", *path)] if may_be_list(field.annotation) else [path]
-        yield key, description
-        if may_be_vector(field.annotation):
-            yield (*key, "INDEX"), description
-        for steps in paths:
-            yield from (((*key, *steps[: end + 1]), description) for end in range(len(steps)))
-            if section is not None:
-                yield from _places(section, (*key, *steps))
-    if model is MeshParameters:
-        yield from ((tuple(row.key.split(".")), row.description) for row in rows() if row.builders)
 
 
 def _varied_values() -> dict[str, Any]:

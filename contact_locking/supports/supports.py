@@ -18,8 +18,8 @@ from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.fem.facet_nodes import facet_nodes
 from contact_locking.mesh.cell_kind import CellKind
-from contact_locking.mesh.curved_cells import normals_at_nodes
 from contact_locking.mesh.domain import Domain, Where
+from contact_locking.mesh.lagrange import normals_at_nodes
 from contact_locking.mesh.rank_sums import summed
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
 

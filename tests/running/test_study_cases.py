@@ -12,8 +12,7 @@ from study_folder import STUDY
 
 from contact_locking import study_file
 from contact_locking.errors import InputError
-from contact_locking.running.studies import table
-from contact_locking.running.studies.cases import Outcome, cases_of
+from contact_locking.running.studies.cases import Outcome, cases_of, row_of
 
 pytestmark = pytest.mark.serial
 
@@ -67,4 +66,4 @@ def test_any_study_has_cases_or_is_refused(
         again = study_file.load(saved).parameters
         assert again == case.parameters
         assert study_file.fingerprint(again) == case.name
-        json.dumps(table.row(case, Outcome("not run")), allow_nan=False).encode()
+        json.dumps(row_of(case, Outcome("not run")), allow_nan=False).encode()

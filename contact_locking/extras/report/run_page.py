@@ -12,10 +12,18 @@ from contact_locking.results.in_words import weakest
 from contact_locking.results.quantities import QUANTITIES, Quantity, look_up
 from contact_locking.results.read import RunResults
 
-from .analysis_charts import branch_charts, derivative_charts, fit_chart, rows_of_derivatives
 from .charts import Chart
 from .pictures import frames, picture
-from .run_charts import adapt_charts, adapted, contact_charts, history_charts
+from .run_charts import (
+    adapt_charts,
+    adapted,
+    branch_charts,
+    contact_charts,
+    derivative_charts,
+    fit_chart,
+    history_charts,
+    rows_of_derivatives,
+)
 from .templates import render
 from .words import MEANINGS, shown
 

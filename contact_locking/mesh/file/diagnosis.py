@@ -12,11 +12,11 @@ import numpy as np
 
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh.curved_cells import curved_jacobians
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.contiguity import Touching, check_contiguity
 from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.topology import Facets, components, longest_edges, signed_measures
+from contact_locking.mesh.lagrange import curved_jacobians
 
 # A cell has collapsed, or nearly collapsed, if its least Jacobian at a corner, |cell| d! for a
 # simplex, over (longest distance of corners)^d is below these shares.

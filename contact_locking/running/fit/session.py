@@ -18,8 +18,7 @@ from contact_locking.plain_text import count
 from contact_locking.process.solving import solve
 from contact_locking.results.names import FIT, FIT_PICTURE
 from contact_locking.results.output_folder import KEY, on_root_of, reserved
-from contact_locking.results.solution import StudySolution
-from contact_locking.results.summary import summary_text
+from contact_locking.results.solution import StudySolution, summary_text
 from contact_locking.running import writing
 from contact_locking.running.process import run_steps
 from contact_locking.study_file.parameters import Parameters
@@ -108,7 +107,7 @@ def _write(target: Path, content: dict[str, Any]) -> str | None:
     with atomic.staging(target) as made:
         (made / FIT).write_text(summary_text(content), encoding="utf-8")
         try:
-            from contact_locking.extras.report.analysis_charts import fit_chart
+            from contact_locking.extras.report.run_charts import fit_chart
 
             (made / FIT_PICTURE).write_bytes(fit_chart(content).png)
         except ImportError as error:

@@ -21,7 +21,6 @@ from contact_locking.running.studies.signals import stoppable
 from contact_locking.study_file import StudyFile
 from contact_locking.study_file.parameters import Parameters
 
-from . import table
 from .cases import (
     Case,
     Outcome,
@@ -33,6 +32,7 @@ from .cases import (
     outcome,
     require_own,
     strangers,
+    write_table,
 )
 from .executor import Plan, launcher
 from .local import LocalExecutor
@@ -82,7 +82,7 @@ class Study:
 
     def write_table(self) -> None:
         """Write the table of all cases. Raises OSError."""
-        table.write(self.directory, self.cases, [self.outcomes[case.name] for case in self.cases])
+        write_table(self.directory, self.cases, [self.outcomes[case.name] for case in self.cases])
 
 
 def run(file: StudyFile, plan: Plan, console: Console) -> Study:

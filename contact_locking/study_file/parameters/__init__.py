@@ -9,13 +9,13 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Self
 
-from pydantic import BaseModel, ModelWrapValidatorHandler, model_validator
+from pydantic import ModelWrapValidatorHandler, model_validator
 
 from contact_locking.errors import InputError
 from contact_locking.expressions import ANY_TABLE, POSITION, TIME, parse
 from contact_locking.plain_text import nearest
 
-from .base import Fault, Place, Section, below, entry, marks
+from .base import Fault, Place, Section, below, dimension_faults, entry, leaves, marks, sections
 from .boundary import LoadParameters, Spring, TableParameters, name_faults
 from .contact_sections import (
     ContactParameters,
@@ -24,9 +24,8 @@ from .contact_sections import (
     OneOrSeveral,
     Smoothing,
 )
-from .eigenstrain import Eigenstrain
 from .fit import Curve, FitParameters, FittedNumber
-from .material import Elasticity, MaterialParameters, Region, StrainLimit
+from .material import Eigenstrain, Elasticity, MaterialParameters, Region, StrainLimit
 from .mesh import MeshParameters
 from .numerics import (
     AdaptParameters,
@@ -202,7 +201,7 @@ class Parameters(Section):
 
     def timed(self) -> Iterator[tuple[str, str]]:
         """The key and the text of every expression that may depend on the time t."""
-        for place, text, variables in expressions(self, ()):
+        for place, text, variables in expressions(self):
             if variables == TIME:
                 yield ".".join(map(str, place)), text
 
@@ -384,7 +383,7 @@ class Parameters(Section):
         for name in set(names) & set(numbers):
             yield Fault(("parameters", name), "is the name of a table as well")
         tables = {name: ANY_TABLE[name] for name in names}
-        for place, text, variables in expressions(self, ()):
+        for place, text, variables in expressions(self):
             if not variables:
                 continue
             try:
@@ -400,22 +399,13 @@ class Parameters(Section):
                 )
 
     def _dimension_faults(self, dim: int) -> Iterator[Fault]:
-        sections: list[
-            tuple[Place, MeshParameters | LoadParameters | ContactSection | OutputParameters]
-        ] = [
-            (("mesh",), self.mesh),
-            (("loads",), self.loads),
-            (("output",), self.output),
-            *self._contact_sections(),
-        ]
-        for place, section in sections:
-            yield from below(place, section.dimension_faults(dim))
+        yield from dimension_faults(self, dim)
         yield from below(("material",), self.material.dimension_faults(dim, self.mesh.axisymmetric))
         for place, contact in self._contact_sections() if self.mesh.axisymmetric else ():
             if contact.foundation is not None:
                 where = (*place, "foundation")
                 yield from below(where, contact.foundation.revolution_faults())
-        for place, text, variables in expressions(self, ()):
+        for place, text, variables in expressions(self):
             try:
                 known = (*POSITION[:dim], *variables, *(self.parameters or ()))
                 infinite = place[-1] in _MAY_BE_INFINITE
@@ -430,23 +420,11 @@ def _unknown_name(place: Place, name: str, known: Sequence[str], what: str) -> I
         yield Fault(place, f"{message}; there are {', '.join(known)}")
 
 
-def expressions(section: BaseModel, place: Place) -> Iterator[tuple[Place, str, str]]:
+def expressions(whole: Section) -> Iterator[tuple[Place, str, str]]:
     """Place, text and variables beside x, y, z of every expression below a section."""
-    for name, field in type(section).model_fields.items():
-        here = (*place, field.alias or name)
-        scalar = marks(field).get("scalar")
-        for inner, value in _leaves(getattr(section, name), here):
-            if isinstance(value, BaseModel):
-                yield from expressions(value, inner)
-            elif scalar and isinstance(value, str):
-                yield inner, value, scalar if isinstance(scalar, str) else ""
-
-
-def _leaves(value: Any, place: Place) -> Iterator[tuple[Place, Any]]:
-    """The values in nested lists and mappings, with their places."""
-    if isinstance(value, tuple | dict):
-        items = value.items() if isinstance(value, dict) else enumerate(value)
-        for key, item in items:
-            yield from _leaves(item, (*place, key))
-    else:
-        yield place, value
+    for here, section in sections(whole):
+        for name, field in type(section).model_fields.items():
+            scalar = marks(field).get("scalar")
+            for inner, value in leaves(getattr(section, name), (*here, field.alias or name)):
+                if scalar and isinstance(value, str):
+                    yield inner, value, scalar if isinstance(scalar, str) else ""

@@ -43,20 +43,6 @@ def below(place: Place, faults: Iterable[Fault]) -> Iterator[Fault]:
     return (Fault((*place, *fault.place), fault.message) for fault in faults)
 
 
-def vector_faults(place: Place, vector: Any, dim: int) -> Iterator[Fault]:
-    """The fault of a vector that has not ``dim`` components; None has no fault."""
-    if vector is not None and len(vector) != dim:
-        yield Fault(
-            place, f"must have {dim} components in {dim}D, not {len(vector)}: {show(vector)}"
-        )
-
-
-def zero_faults(key: str, direction: tuple[float, ...] | None) -> Iterator[Fault]:
-    """The fault of a direction that is zero; None has no fault."""
-    if direction is not None and not any(direction):
-        yield Fault((key,), f"must not be the zero vector, as in {show(direction)}")
-
-
 class Section(BaseModel):
     """A mapping of the study file. Unknown keys are refused; an empty section has its defaults."""
 
@@ -76,12 +62,18 @@ class Section(BaseModel):
         """The faults of the values of the section together."""
         return iter(())
 
+    def _faults_in(self, dim: int) -> Iterator[Fault]:
+        """The faults in ``dim`` dimensions but for the vectors, which `dimension_faults` checks."""
+        return iter(())
+
 
 def entry(default: Any, description: str, unit: str = "", **more: Any) -> Any:
     """A key with its default (``...`` for a required key), description and unit.
 
     Of ``more``, ``alias`` goes to pydantic. The rest is kept with the unit: ``scalar`` marks
-    expressions, ``optional`` the keys that a dump leaves out if they are null.
+    expressions, and ``optional`` the keys that a dump leaves out if they are null. ``vector`` and
+    ``vectors`` mark one or several vectors with as many components as the body has dimensions, or
+    as the mark says.
     """
     alias = more.pop("alias", None)
     extra = {"unit": unit, **more}
@@ -91,3 +83,41 @@ def entry(default: Any, description: str, unit: str = "", **more: Any) -> Any:
 def marks(field: FieldInfo) -> dict[str, Any]:
     """The unit and the marks that `entry` keeps with a key."""
     return dict(field.json_schema_extra) if isinstance(field.json_schema_extra, dict) else {}
+
+
+def leaves(value: Any, place: Place) -> Iterator[tuple[Place, Any]]:
+    """The values in nested lists and mappings, with their places."""
+    if isinstance(value, tuple | dict):
+        items = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, item in items:
+            yield from leaves(item, (*place, key))
+    else:
+        yield place, value
+
+
+def sections(section: Section, place: Place = ()) -> Iterator[tuple[Place, Section]]:
+    """A section and all sections below it, with their places."""
+    yield place, section
+    for name, field in type(section).model_fields.items():
+        for inner, value in leaves(getattr(section, name), (*place, field.alias or name)):
+            if isinstance(value, Section):
+                yield from sections(value, inner)
+
+
+def dimension_faults(whole: Section, dim: int) -> Iterator[Fault]:
+    """The values below a section that do not fit a body of ``dim`` dimensions."""
+    for place, section in sections(whole):
+        for name, field in type(section).model_fields.items():
+            given, value = marks(field), getattr(section, name)
+            mark = given.get("vector") or given.get("vectors")
+            if mark is None or not isinstance(value, tuple):
+                continue
+            here, size = (*place, field.alias or name), dim if mark is True else mark
+            vectors = [((*here, index), one) for index, one in enumerate(value)]
+            if "vector" in given:
+                vectors = [(here, value)]
+            for at, vector in vectors:
+                if len(vector) != size:
+                    told = f"must have {size} components in {size}D, not {len(vector)}"
+                    yield Fault(at, f"{told}: {show(vector)}")
+        yield from below(place, section._faults_in(dim))

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from contact_locking.expressions import CONSTANTS, FUNCTIONS, POSITION, TIME
 
-from .base import Fault, Place, Section, entry, vector_faults
+from .base import Fault, Place, Section, entry
 from .values import Along, Names, PositiveScalar, Text, TimedScalar, TimeScalar
 
 # All tractions and pressures are compiled into one form, which takes seconds for 200 of them and
@@ -22,7 +22,9 @@ class Traction(Section):
     """sigma nu = g on a part of the boundary."""
 
     on: Names = entry(..., "name(s) of parts of the boundary")
-    value: tuple[TimedScalar, ...] = entry(..., "components of g", "stress", scalar="t")
+    value: tuple[TimedScalar, ...] = entry(
+        ..., "components of g", "stress", scalar="t", vector=True
+    )
 
 
 class Pressure(Section):
@@ -42,7 +44,7 @@ class TotalForce(Section):
 
     on: Names = entry(..., "name(s) of parts of the boundary, which share the force by their sizes")
     value: tuple[TimeScalar, ...] = entry(
-        ..., "components of F; in 2D for a unit of thickness", "force", scalar="t"
+        ..., "components of F; in 2D for a unit of thickness", "force", scalar="t", vector=True
     )
 
 
@@ -51,7 +53,7 @@ class Displacement(Section):
 
     on: Names = entry(..., "name(s) of parts of the boundary")
     value: tuple[TimedScalar | None, ...] = entry(
-        ..., "components of u; null leaves one free", "length", scalar="t"
+        ..., "components of u; null leaves one free", "length", scalar="t", vector=True
     )
 
     def _faults(self) -> Iterator[Fault]:
@@ -66,6 +68,7 @@ class Support(Section):
     along: Along = entry(
         ...,
         "the direction m: normal (the outward normal of the mesh), or a vector of any length",
+        vector=True,
     )
     value: TimedScalar = entry(0.0, "the displacement along m", "length", scalar="t")
 
@@ -79,6 +82,7 @@ class Spring(Section):
         None,
         "the direction m: normal, or a vector of any length; null: springs in all directions",
         optional=True,
+        vector=True,
     )
 
 
@@ -86,7 +90,7 @@ class LoadParameters(Section):
     """Body force f0, tractions g, pressures, prescribed displacements and supports, (2)-(4)."""
 
     body_force: tuple[TimedScalar, ...] | None = entry(
-        None, "components of f0; null: none", "force/volume", scalar="t"
+        None, "components of f0; null: none", "force/volume", scalar="t", vector=True
     )
     tractions: Annotated[tuple[Traction, ...], Field(max_length=_MOST_TRACTIONS)] = entry(
         (), "parts of Gamma_N with their g"
@@ -153,22 +157,6 @@ class LoadParameters(Section):
                             ("displacements", index),
                             f"component {axis} on '{name}' is prescribed by entry {first} already",
                         )
-
-    def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """The vectors that do not have ``dim`` components."""
-        yield from vector_faults(("body_force",), self.body_force, dim)
-        for index, traction in enumerate(self.tractions):
-            yield from vector_faults(("tractions", index, "value"), traction.value, dim)
-        for index, force in enumerate(self.forces):
-            yield from vector_faults(("forces", index, "value"), force.value, dim)
-        for index, displacement in enumerate(self.displacements):
-            yield from vector_faults(("displacements", index, "value"), displacement.value, dim)
-        for index, support in enumerate(self.supports):
-            if support.along != "normal":
-                yield from vector_faults(("supports", index, "along"), support.along, dim)
-        for index, spring in enumerate(self.springs):
-            if spring.along != "normal":
-                yield from vector_faults(("springs", index, "along"), spring.along, dim)
 
 
 #: Names that a table may not have.

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, Tag
 
-from .base import Fault, Section, below, entry
+from .base import Fault, Section, entry
 from .rigid_body import Foundation
 from .values import (
     LIST,
@@ -145,10 +145,6 @@ class ContactSection(Section):
                 ("against",),
                 f"'{both[0]}' is in on as well; bodies that touch each other share all names",
             )
-
-    def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        if self.foundation is not None:
-            yield from below(("foundation",), self.foundation.dimension_faults(dim))
 
     def resolved(self, key: str, common: FrictionParameters) -> ContactParameters:
         """The section at ``key`` of the file, with its friction completed by ``common``."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Sequence
+from functools import cache
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel
@@ -67,41 +68,39 @@ def _choices(annotation: Any) -> list[Any]:
     return [annotation]
 
 
+@cache
+def key_patterns(
+    model: type[BaseModel], above: tuple[str, ...] = ()
+) -> tuple[tuple[str, ...], ...]:
+    """All keys below a section by their parts, and their entries as INDEX of a list or NAME."""
+    found = []
+    for name, field in visible_fields(model).items():
+        key = (*above, name)
+        path, section = section_in(field.annotation)
+        paths = [path, ("INDEX", *path)] if may_be_list(field.annotation) else [path]
+        found.append(key)
+        if may_be_vector(field.annotation):
+            found.append((*key, "INDEX"))
+        for steps in paths:
+            found += [(*key, *steps[: end + 1]) for end in range(len(steps))]
+            if section is not None:
+                found += key_patterns(section, (*key, *steps))
+    if model is MeshParameters:
+        names = {name for builder in BUILDERS.values() for name in builder_types(builder)}
+        found += [(*above, name) for name in sorted(names)]
+    return tuple(found)
+
+
 def known_keys(model: type[BaseModel], place: Sequence[str | int]) -> list[str]:
     """The keys of a mapping at ``place`` below ``model``; empty if no mapping can be there.
 
     Raises KeyError with the index of the first part of ``place`` that does not exist.
     """
-    current: type[BaseModel] | None = model
-    waiting: list[str] = []
-    listed = vector = False
-    keys = _keys(model)
+    patterns: Sequence[tuple[str, ...]] = key_patterns(model)
     for depth, part in enumerate(place):
-        if (listed or vector) and str(part).isdecimal():
-            current = None if vector else current
-            keys = [] if vector else keys
-            listed = vector = False
-            continue
-        listed = vector = False
-        if waiting:
-            if waiting.pop(0) == "INDEX" and not str(part).isdecimal():
-                raise KeyError(depth)
-        elif current is None or part not in keys:
+        fitting = (str(part), "NAME", "INDEX") if str(part).isdecimal() else (str(part), "NAME")
+        patterns = [pattern[1:] for pattern in patterns if pattern and pattern[0] in fitting]
+        if not patterns:
             raise KeyError(depth)
-        elif field := visible_fields(current).get(str(part)):
-            path, current = section_in(field.annotation)
-            waiting = list(path)
-            listed = may_be_list(field.annotation)
-            vector = may_be_vector(field.annotation)
-        else:
-            # The part is a parameter of a mesh builder.
-            current = None
-        keys = _keys(current) if current is not None and not waiting else []
-    return keys
-
-
-def _keys(model: type[BaseModel]) -> list[str]:
-    own = list(visible_fields(model))
-    if model is MeshParameters:
-        own += sorted({name for builder in BUILDERS.values() for name in builder_types(builder)})
-    return own
+    names = dict.fromkeys(pattern[0] for pattern in patterns if pattern)
+    return [name for name in names if name not in ("INDEX", "NAME")]

@@ -16,8 +16,8 @@ from contact_locking.mesh.file.xdmf_grids import is_xdmf
 from contact_locking.meshes import BUILDERS
 from contact_locking.plain_text import nearest
 
-from .base import Fault, FaultsError, Section, below, entry, refuse_if, vector_faults, zero_faults
-from .values import Condition, Integer, Names, Number, NumberOrInfinite, Switch, Text
+from .base import Fault, FaultsError, Section, entry, refuse_if
+from .values import Condition, Direction, Integer, Names, Number, NumberOrInfinite, Switch, Text
 from .wording import show, unknown_key, value_message
 
 #: The keys that are no parameters of builders.
@@ -27,11 +27,8 @@ _SHARED = ("builder", "file", "facets", "axisymmetric", "curved", "parts")
 class Plane(Section):
     """(x - point) . normal = 0."""
 
-    point: tuple[Number, ...] = entry(..., "a point of the plane", "length")
-    normal: tuple[Number, ...] = entry(..., "normal of the plane, of any length", "1")
-
-    def _faults(self) -> Iterator[Fault]:
-        return zero_faults("normal", self.normal)
+    point: tuple[Number, ...] = entry(..., "a point of the plane", "length", vector=True)
+    normal: Direction = entry(..., "normal of the plane, of any length", "1", vector=True)
 
 
 class BoundaryPart(Section):
@@ -41,7 +38,7 @@ class BoundaryPart(Section):
     plane: Plane | None = entry(None, "a plane that contains the facets", optional=True)
     box: tuple[tuple[NumberOrInfinite, ...], tuple[NumberOrInfinite, ...]] | None = entry(
         None, "a box that contains the facets, by its least and greatest coordinates", "length",
-        optional=True,
+        optional=True, vectors=True,
     )  # fmt: skip
     expression: Condition | None = entry(
         None, "a condition on x, y, z that holds on the facets, such as x < 0.5 and y > 0",
@@ -56,12 +53,7 @@ class BoundaryPart(Section):
             if any(a > b for a, b in zip(low, high, strict=False)):
                 yield Fault(("box",), "has the greatest coordinates before the least")
 
-    def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """The vectors that do not have ``dim`` components, and z in 2D."""
-        for name in ("point", "normal") if self.plane else ():
-            yield from vector_faults(("plane", name), getattr(self.plane, name), dim)
-        for index, corner in enumerate(self.box or ()):
-            yield from vector_faults(("box", index), corner, dim)
+    def _faults_in(self, dim: int) -> Iterator[Fault]:
         if self.expression is not None:
             try:
                 parse(self.expression, POSITION[:dim], condition=True)
@@ -181,11 +173,6 @@ class MeshParameters(Section):
             yield Fault(("curved",), "must be false: curved cells are read from Gmsh files only")
         if self.geometry is not None and not self.geometry.curved:
             yield Fault(("curved",), f"must be false: {self.builder} has straight sides")
-
-    def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """The parts whose places do not fit a body of ``dim`` dimensions."""
-        for name, part in self.parts.items():
-            yield from below(("parts", name), part.dimension_faults(dim))
 
 
 def _section_faults(builder: str, geometry: Any) -> Iterator[Fault]:

@@ -9,8 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, field_validator
 
-from .base import Fault, Section, below, entry
-from .probes import MOST_POINTS, Probe
+from .base import Fault, Place, Section, entry
 from .values import (
     Count,
     Degree,
@@ -25,6 +24,60 @@ from .values import (
     Tolerance,
 )
 from .wording import show
+
+#: The table has a row for each point, and for each step of a process.
+MOST_POINTS = 10_000
+
+_PointCount = Annotated[int, Field(strict=True, ge=2, le=MOST_POINTS)]
+
+
+class Line(Section):
+    """Equally spaced points on the segment between two points, both ends included."""
+
+    start: tuple[Number, ...] = entry(..., "the first point", "length", alias="from", vector=True)
+    to: tuple[Number, ...] = entry(..., "the last point", "length", vector=True)
+    count: _PointCount = entry(..., "number of points, both ends included", "1")
+
+    @property
+    def points(self) -> tuple[tuple[float, ...], ...]:
+        """The points from the first to the last."""
+        shares = [number / (self.count - 1) for number in range(self.count)]
+        ends = list(zip(self.start, self.to, strict=True))
+        return tuple(tuple((1.0 - s) * a + s * b for a, b in ends) for s in shares)
+
+
+class Probe(Section):
+    """Points of the body at rest; exactly one of the keys."""
+
+    points: Annotated[tuple[tuple[Number, ...], ...], Field(max_length=MOST_POINTS)] | None = entry(
+        None,
+        "points of the body, each a list of coordinates",
+        "length",
+        optional=True,
+        vectors=True,
+    )
+    line: Line | None = entry(None, "points on a line", optional=True)
+
+    def _faults(self) -> Iterator[Fault]:
+        if (self.points is None) == (self.line is None):
+            yield Fault((), "give exactly one of points and line")
+        line = self.line
+        if line is not None and len(line.start) != len(line.to):
+            message = f"must have {len(line.start)} coordinates as from, not {len(line.to)}"
+            yield Fault(("line", "to"), message)
+
+    @property
+    def count(self) -> int:
+        """The number of points."""
+        return self.line.count if self.line is not None else len(self.points or ())
+
+    def places(self) -> Iterator[tuple[Place, tuple[float, ...]]]:
+        """Each point with the key that defines the point, relative to the probe."""
+        if self.line is not None:
+            yield from ((("line",), point) for point in self.line.points)
+        for number, point in enumerate(self.points or ()):
+            yield ("points", number), point
+
 
 # Linux's PATH_MAX is 4096, and the names of the files are appended to the folder.
 _LONGEST_PATH = 3900
@@ -189,11 +242,6 @@ class OutputParameters(Section):
         if len(directory.encode()) > _LONGEST_PATH:
             raise ValueError(f"must have at most {_LONGEST_PATH} bytes")
         return directory
-
-    def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """The points of probes that do not have ``dim`` coordinates."""
-        for index, probe in enumerate(self.probes):
-            yield from below(("probes", index), probe.dimension_faults(dim))
 
 
 class AdaptParameters(Section):

@@ -7,11 +7,12 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
 
-from .base import Fault, Place, Section, below, entry, vector_faults, zero_faults
+from .base import Fault, Place, Section, entry
 from .values import (
     LIST,
     SECTION,
     TEXT,
+    Direction,
     NonNegative,
     Number,
     Positive,
@@ -36,15 +37,17 @@ class Motion(Section):
     """x = about + R (X - about) + translation, from rest: without motion x = X."""
 
     translation: Translation | None = entry(
-        None, "components of the displacement; null: none", "length", scalar="t", optional=True
-    )
+        None, "components of the displacement; null: none", "length",
+        scalar="t", optional=True, vector=True,
+    )  # fmt: skip
     rotation: Rotation | None = entry(
         None, "angle, in 3D the components of a rotation vector; null: none", "rad",
-        scalar="t", optional=True,
+        scalar="t", optional=True, vector=3,
     )  # fmt: skip
     about: tuple[Number, ...] | None = entry(
-        None, "the point of the tool at rest about which the tool turns", "length", optional=True
-    )
+        None, "the point of the tool at rest about which the tool turns", "length",
+        optional=True, vector=True,
+    )  # fmt: skip
 
     def _faults(self) -> Iterator[Fault]:
         if self.translation is None and self.rotation is None:
@@ -53,18 +56,12 @@ class Motion(Section):
             missing, there = ("about", "rotation") if self.about is None else ("rotation", "about")
             yield Fault((missing,), f"is missing beside {there}")
 
-    def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """The vectors that do not have ``dim`` components, and an angle of another kind."""
-        yield from vector_faults(("translation",), self.translation, dim)
-        yield from vector_faults(("about",), self.about, dim)
+    def _faults_in(self, dim: int) -> Iterator[Fault]:
         if dim == 2 and isinstance(self.rotation, tuple):
             yield Fault(("rotation",), "is one angle in 2D, and no list")
-        if dim == 3 and self.rotation is not None:
-            if isinstance(self.rotation, tuple):
-                yield from vector_faults(("rotation",), self.rotation, dim)
-            else:
-                message = "is a vector with 3 components in 3D: the axis times the angle"
-                yield Fault(("rotation",), message)
+        if dim == 3 and isinstance(self.rotation, float | str):
+            message = "is a vector with 3 components in 3D: the axis times the angle"
+            yield Fault(("rotation",), message)
 
     @property
     def angles(self) -> tuple[float | str, ...] | None:
@@ -84,57 +81,37 @@ MotionOrTranslation = Annotated[
 MOST_CORNERS = 10_000
 
 
-class Shape(Section):
-    """The shape of a rigid body; its lists of numbers are vectors in space."""
-
-    def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """The vectors that do not have ``dim`` components."""
-        for name in type(self).model_fields:
-            value = getattr(self, name)
-            if isinstance(value, tuple):
-                yield from vector_faults((name,), value, dim)
-
-
-class HalfSpace(Shape):
+class HalfSpace(Section):
     """(x - point) . normal <= 0."""
 
-    point: tuple[Number, ...] = entry(..., "a point of its surface", "length")
-    normal: tuple[Number, ...] = entry(
-        ..., "normal of its surface, towards the body; of any length", "1"
+    point: tuple[Number, ...] = entry(..., "a point of its surface", "length", vector=True)
+    normal: Direction = entry(
+        ..., "normal of its surface, towards the body; of any length", "1", vector=True
     )
 
-    def _faults(self) -> Iterator[Fault]:
-        return zero_faults("normal", self.normal)
 
-
-class Sphere(Shape):
+class Sphere(Section):
     """|x - centre| <= radius; a disc in 2D."""
 
-    centre: tuple[Number, ...] = entry(..., "its centre", "length")
+    centre: tuple[Number, ...] = entry(..., "its centre", "length", vector=True)
     radius: Positive = entry(..., "its radius", "length")
 
 
-class Cylinder(Shape):
+class Cylinder(Section):
     """Distance of x from the line through ``centre`` along ``axis`` <= radius; a disc in 2D."""
 
-    centre: tuple[Number, ...] = entry(..., "a point of its axis", "length")
+    centre: tuple[Number, ...] = entry(..., "a point of its axis", "length", vector=True)
     radius: Positive = entry(..., "its radius", "length")
-    axis: tuple[Number, ...] | None = entry(
-        None, "its direction, in 3D only; null: [0, 1, 0]", "1", optional=True
+    axis: Direction | None = entry(
+        None, "its direction, in 3D only; null: [0, 1, 0]", "1", optional=True, vector=3
     )
 
-    def _faults(self) -> Iterator[Fault]:
-        return zero_faults("axis", self.axis)
-
-    def dimension_faults(self, dim: int) -> Iterator[Fault]:
+    def _faults_in(self, dim: int) -> Iterator[Fault]:
         if dim == 2 and self.axis is not None:
             yield Fault(("axis",), "must be left out in 2D")
-            yield from vector_faults(("centre",), self.centre, dim)
-        else:
-            yield from super().dimension_faults(dim)
 
 
-class Surface(Shape):
+class Surface(Section):
     """A surface of triangles from a file; outside is where they run counterclockwise."""
 
     file: Text = entry(
@@ -151,12 +128,10 @@ class Surface(Shape):
     )
     scale: Positive = entry(1.0, "factor of its coordinates, such as 0.001 from mm to m", "1")
     shift: tuple[Number, ...] | None = entry(
-        None, "added to its coordinates after scale; null: nothing", "length", optional=True
-    )
+        None, "added to its coordinates after scale; null: nothing", "length",
+        optional=True, vector=3,
+    )  # fmt: skip
     turned: Switch = entry(False, "whether the other side of the triangles is outside")
-
-    def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        yield from vector_faults(("shift",), self.shift, 3)
 
 
 _Corners = Annotated[
@@ -175,19 +150,17 @@ class FoundationSpring(Section):
     stiffness: Positive = entry(
         ..., "k, the force per travel; in 2D for a unit of thickness", "force/length"
     )
-    along: tuple[Number, ...] | None = entry(
-        None, "its line, of any length; null: the line of force", "1", optional=True
+    along: Direction | None = entry(
+        None, "its line, of any length; null: the line of force", "1", optional=True, vector=True
     )
-
-    def _faults(self) -> Iterator[Fault]:
-        if self.along is not None:
-            yield from zero_faults("along", self.along)
 
 
 class Tilt(Section):
     """The rigid body turns by a small angle about a point until the moments balance."""
 
-    about: tuple[Number, ...] = entry(..., "the point of the rigid body at rest", "length")
+    about: tuple[Number, ...] = entry(
+        ..., "the point of the rigid body at rest", "length", vector=True
+    )
     stiffness: NonNegative = entry(
         0.0,
         "moment per angle of a spring about the point, in 2D for a unit of thickness; 0: the "
@@ -215,6 +188,7 @@ class Foundation(Section):
         "is on the left of the way from corner to corner",
         "length",
         optional=True,
+        vectors=2,
     )
     surface: SurfaceOrFile | None = entry(
         None, "in 3D a surface of triangles or a height map; a text is its file", optional=True
@@ -225,6 +199,7 @@ class Foundation(Section):
         "length",
         scalar="t",
         optional=True,
+        vector=True,
     )
     force: tuple[TimeScalar, ...] | None = entry(
         None,
@@ -233,8 +208,8 @@ class Foundation(Section):
         "force, in 2D force/length",
         scalar="t",
         optional=True,
+        vector=True,
     )
-
     spring: FoundationSpring | None = entry(
         None,
         "the rigid body gives way along a line by force/stiffness, beyond its motion; a force is "
@@ -289,27 +264,11 @@ class Foundation(Section):
             return Motion.model_construct(translation=self.motion)
         return self.motion
 
-    def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """The vectors that do not have ``dim`` components, and a shape of another dimension."""
-        yield from vector_faults(("force",), self.force, dim)
-        if self.spring is not None:
-            yield from vector_faults(("spring", "along"), self.spring.along, dim)
-        if self.tilt is not None:
-            yield from vector_faults(("tilt", "about"), self.tilt.about, dim)
-        name, shape = self.shape
-        if isinstance(shape, Shape):
-            yield from below((name,), shape.dimension_faults(dim))
+    def _faults_in(self, dim: int) -> Iterator[Fault]:
         if self.polyline is not None and dim != 2:
             yield Fault(("polyline",), "is for 2D; in 3D take surface")
         if self.surface is not None and dim != 3:
             yield Fault(("surface",), "is for 3D; in 2D take polyline")
-        if isinstance(self.polyline, tuple):
-            for index, corner in enumerate(self.polyline):
-                yield from vector_faults(("polyline", index), corner, 2)
-        if isinstance(self.motion, tuple):
-            yield from vector_faults(("motion",), self.motion, dim)
-        elif self.motion is not None:
-            yield from below(("motion",), self.motion.dimension_faults(dim))
 
     def revolution_faults(self) -> Iterator[Fault]:
         """A shape or a motion that is not one of revolution about x = 0."""

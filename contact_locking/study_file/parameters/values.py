@@ -166,6 +166,12 @@ def _along(value: Any) -> Literal["normal"] | tuple[float, ...]:
     return direction
 
 
+def _not_zero(value: tuple[float | str, ...]) -> tuple[float | str, ...]:
+    if not any(value):
+        raise ValueError(f"must not be the zero vector, as in {show(value)}")
+    return value
+
+
 def _number_or_text(value: Any) -> str:
     return TEXT if isinstance(value, str) else NUMBER
 
@@ -202,6 +208,7 @@ PositiveOrInfinite = Annotated[
 ]
 Tolerance = Annotated[float, Field(gt=0, lt=1), BeforeValidator(_finite), AfterValidator(_not_tiny)]
 Share = Annotated[float, Field(gt=0, le=1), BeforeValidator(_finite), AfterValidator(_not_tiny)]
+Direction = Annotated[tuple[Number, ...], AfterValidator(_not_zero)]
 Integer = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
 Count = Annotated[int, Field(strict=True, ge=1, le=10**9), BeforeValidator(_whole)]
 Degree = Annotated[int, Field(strict=True, ge=1, le=2), BeforeValidator(_whole)]
@@ -214,6 +221,7 @@ Along = Annotated[
 ]
 Condition = Annotated[str, BeforeValidator(_condition)]
 Scalar = Annotated[float | str, BeforeValidator(_IN_SPACE)]
+ScalarDirection = Annotated[tuple[Scalar, ...], AfterValidator(_not_zero)]
 TimedScalar = Annotated[float | str, BeforeValidator(_IN_SPACE_AND_TIME)]
 TimeScalar = Annotated[float | str, BeforeValidator(_OF_TIME)]
 PositiveScalar = Annotated[_PositiveOrText, BeforeValidator(_IN_SPACE)]
