@@ -103,15 +103,15 @@ class SurfaceMesh:
         from scipy.sparse.csgraph import connected_components
         from scipy.spatial import cKDTree
 
-        own = np.arange(len(self.points))[self.own]
-        found = []
-        balls = cKDTree(self.points).query_ball_point(self.points[own], radius, return_sorted=True)
-        for row, (node, ball) in enumerate(zip(own, balls, strict=True)):
+        first, last, _ = self.own.indices(len(self.points))
+        tree, found = cKDTree(self.points), []
+        for node in range(first, last):
+            ball = tree.query_ball_point(self.points[node], radius, return_sorted=True)
             column = np.asarray(ball, dtype=np.int64)
             _, piece = connected_components(self.edges[column][:, column], directed=False)
             column = column[piece == piece[np.searchsorted(column, node)]]
             lengths = np.linalg.norm(self.points[column] - self.points[node], axis=1)
-            found.append((np.full(len(column), row), column, lengths))
+            found.append((np.full(len(column), node - first), column, lengths))
         return _joined(found)
 
 

@@ -234,7 +234,8 @@ class FilteredMultigrid:
 
     ``matrix`` is stored in blocks (BAIJ), in which products take half the time, and has its
     near-nullspace.  ``limit`` is the most that may be filtered; more is projected.  ``coarser`` is
-    what :class:`Multigrid` takes, and belongs to this object.  ``overrides`` are options of the user.
+    what :class:`Multigrid` takes, and belongs to this object.  ``overrides`` are options of the
+    user.
     """
 
     def __init__(

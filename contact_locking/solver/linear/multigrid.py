@@ -36,8 +36,8 @@ class Multigrid:
 
     ``coarser`` is the space below the matrix's own, if there is one: relaxation on the finest
     level, and algebraic multigrid for the Galerkin product below.  Without it, or where the user
-    wants another preconditioner, PETSc coarsens the matrix itself.  ``overrides`` are options of the
-    user.
+    wants another preconditioner, PETSc coarsens the matrix itself.  ``overrides`` are options of
+    the user.
     """
 
     def __init__(
