@@ -115,19 +115,26 @@ class ConvolutionOperator:
 
         surface, radius = self._surface, self._radius
         weights = surface.weights
-        row, column, distance = surface.within(radius)
-        distance = np.asarray(distance / radius)
-        kernel = _kernel(distance)
-        if surface.axisymmetric:
-            radii = surface.points[:, 0]
-            chord = 2.0 / radius * np.sqrt(radii[surface.own][row] * radii[column])
-            kernel = _around(distance, np.asarray(chord))
-        kernel = kernel * weights[column]
-        count = len(weights[surface.own])
-        total = np.bincount(row, kernel, minlength=count)
-        # A held node without free nodes around has nothing to average, and no friction.
-        share = np.divide(kernel, total[row], out=np.zeros_like(kernel), where=total[row] > 0.0)
-        return csr_matrix((share, (row, column)), shape=(count, len(weights)))
+        counts = np.zeros(len(weights[surface.own]), dtype=np.int32)
+        columns, shares = [np.empty(0, dtype=np.int32)], [np.empty(0)]
+        for row, column, distance in surface.within(radius):
+            apart = np.asarray(distance / radius)
+            kernel = _kernel(apart)
+            if surface.axisymmetric:
+                radii = surface.points[:, 0]
+                chord = 2.0 / radius * np.sqrt(radii[surface.own][row] * radii[column])
+                kernel = _around(apart, np.asarray(chord))
+            kernel = kernel * weights[column]
+            first, last = row[0], row[-1] + 1
+            total = np.bincount(row - first, kernel)[row - first]
+            counts[first:last] = np.bincount(row - first)
+            columns.append(column.astype(np.int32))
+            # A held node without free nodes around has nothing to average, and no friction.
+            none = np.zeros_like(kernel)
+            shares.append(np.divide(kernel, total, out=none, where=total > 0.0))
+        starts = np.concatenate([[0], np.cumsum(counts)])
+        shape = len(counts), len(weights)
+        return csr_matrix((np.concatenate(shares), np.concatenate(columns), starts), shape=shape)
 
     @cached_property
     def _norm(self) -> float:

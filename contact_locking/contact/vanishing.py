@@ -22,10 +22,10 @@ class VanishingOperator:
 
     def __init__(self, smoothing: Smoothing, surface: SurfaceMesh, radius: float) -> None:
         self._smoothing = smoothing
-        row, column, distance = surface.within(radius)
-        held = surface.weights[column] == 0.0
         self._factor: FloatArray = np.ones(len(surface.weights[surface.own]))
-        np.minimum.at(self._factor, row[held], distance[held] / radius)
+        for row, column, distance in surface.within(radius):
+            held = surface.weights[column] == 0.0
+            np.minimum.at(self._factor, row[held], distance[held] / radius)
 
     def apply(self, values: FloatArray) -> FloatArray:
         return self._factor * self._smoothing.apply(self._factor * values)
