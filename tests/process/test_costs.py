@@ -50,6 +50,27 @@ def test_the_estimate_agrees_with_what_was_measured_within_a_factor_of_1_5(
     assert gigabytes / 1.5 < found.memory / 1e9 < 1.5 * gigabytes
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("degree", "cells", "limit", "mu", "gigabytes"),
+    [
+        (1, (200, 82, 1), math.inf, 0.0, 0.57),
+        (1, (200, 82, 1), 2e-5, 0.0, 0.67),
+        (1, (200, 82, 1), math.inf, 0.3, 1.0),
+        (1, (81, 81, 4), math.inf, 0.0, 0.82),
+        (2, (52, 52, 1), math.inf, 0.0, 0.80),
+        (2, (30, 30, 4), math.inf, 0.0, 1.14),
+    ],
+)
+def test_the_estimate_of_plates_agrees_with_what_was_measured_within_a_factor_of_1_5(
+    degree: int, cells: tuple[int, ...], limit: float, mu: float, gigabytes: float
+) -> None:
+    unknowns, as_cube = compact(degree, "hexahedron", *cells)
+    changes = {"material__locking_limit": limit, "friction__coefficient": mu}
+    found = forecast.estimate(block(3, 0.5, **changes), 3, unknowns, 1, as_cube)
+    assert gigabytes / 1.5 < found.memory / 1e9 < 1.5 * gigabytes
+
+
 def compact(degree: int, kind: str, *cells: int) -> tuple[int, int]:
     """The unknowns of a grid, and those of the cube that takes as long to factorise."""
     corners = [[0.0, 0.0, 0.0], [200.0, 100.0, 1.0]]
@@ -91,9 +112,6 @@ def test_plates_of_100_000_unknowns_are_factorised_by_default(
     unknowns, as_cube = compact(degree, "hexahedron", *cells)
     assert unknowns > 95_000
     assert chosen("auto", 3, as_cube) == "direct"
-    # No machine that assembles such a plate lacks the memory for its factor.
-    found = forecast.estimate(block(3, 0.5), 3, unknowns, 1, as_cube).memory
-    assert found < 1.2e9
 
 
 @pytest.mark.serial
