@@ -159,7 +159,9 @@ class Coulomb:
         """The friction bound on a surface, with R there."""
         if self.sticks:
             return NoSlip(surface)
-        return FrictionBound(surface, smoothing, self.law, self.is_zero)
+        # Without friction nothing asks for R, whose matrix would be made for its field.
+        kernel = Identity() if self.is_zero else smoothing
+        return FrictionBound(surface, kernel, self.law, self.is_zero)
 
 
 def default_radius(surface: ContactSurface) -> float:

@@ -128,8 +128,9 @@ class NodalContact:
         is_other = is_anew or on_any_rank(surface.domain.comm, free != self.free)
         if is_other or np.any(sides != self._sides):
             # R leaves out the nodes that are not free, and each side is averaged alone.
-            self.friction.smoothing.destroy()
-            self.friction.smoothing = self.given.friction.smoothing.on(surface, free, sides)
+            if not self.friction.frictionless:
+                self.friction.smoothing.destroy()
+                self.friction.smoothing = self.given.friction.smoothing.on(surface, free, sides)
             self.free, self._sides = free, sides
 
     def _put(self, gaps: FloatArray, normals: FloatArray) -> None:

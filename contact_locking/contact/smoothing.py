@@ -13,7 +13,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.contact.surface_mesh import SurfaceMesh
 from contact_locking.parallel import on_every_rank
 
@@ -103,19 +103,27 @@ class ConvolutionOperator(Smoothing):
 
         surface, radius = self._surface, self._radius
         weights = surface.weights
-        row, column, distance = surface.within(radius)
-        distance = np.asarray(distance / radius)
-        kernel = _kernel(distance)
-        if surface.axisymmetric:
-            radii = surface.points[:, 0]
-            chord = 2.0 / radius * np.sqrt(radii[surface.own][row] * radii[column])
-            kernel = _around(distance, np.asarray(chord))
-        kernel = kernel * weights[column]
-        count = len(weights[surface.own])
-        total = np.bincount(row, kernel, minlength=count)
-        # A held node without free nodes around has nothing to average, and no friction.
-        share = np.divide(kernel, total[row], out=np.zeros_like(kernel), where=total[row] > 0.0)
-        return csr_matrix((share, (row, column)), shape=(count, len(weights)))
+        counts = np.zeros(len(weights[surface.own]), dtype=np.int32)
+        columns: list[IndexArray] = [np.empty(0, dtype=np.int32)]
+        shares = [np.empty(0)]
+        for row, column, distance in surface.within(radius):
+            apart = np.asarray(distance / radius)
+            kernel = _kernel(apart)
+            if surface.axisymmetric:
+                radii = surface.points[:, 0]
+                chord = 2.0 / radius * np.sqrt(radii[surface.own][row] * radii[column])
+                kernel = _around(apart, np.asarray(chord))
+            kernel = kernel * weights[column]
+            first, last = row[0], row[-1] + 1
+            total = np.bincount(row - first, kernel)[row - first]
+            counts[first:last] = np.bincount(row - first)
+            columns.append(column.astype(np.int32))
+            # A held node without free nodes around has nothing to average, and no friction.
+            none = np.zeros_like(kernel)
+            shares.append(np.divide(kernel, total, out=none, where=total > 0.0))
+        starts = np.concatenate([[0], np.cumsum(counts)])
+        shape = len(counts), len(weights)
+        return csr_matrix((np.concatenate(shares), np.concatenate(columns), starts), shape=shape)
 
     @cached_property
     def _norm(self) -> float:
@@ -223,10 +231,10 @@ class VanishingOperator(Smoothing):
 
     def __init__(self, smoothing: Smoothing, surface: SurfaceMesh, radius: float) -> None:
         self._smoothing = smoothing
-        row, column, distance = surface.within(radius)
-        held = surface.weights[column] == 0.0
         self._factor: FloatArray = np.ones(len(surface.weights[surface.own]))
-        np.minimum.at(self._factor, row[held], distance[held] / radius)
+        for row, column, distance in surface.within(radius):
+            held = surface.weights[column] == 0.0
+            np.minimum.at(self._factor, row[held], distance[held] / radius)
 
     def apply(self, values: FloatArray) -> FloatArray:
         return self._factor * self._smoothing.apply(self._factor * values)

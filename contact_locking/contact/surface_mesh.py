@@ -6,7 +6,7 @@ sides of a fold, are therefore far apart.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 _ROUNDING = 1e-12
 # The distances from so many nodes are in memory as a full matrix at a time.
 _ROWS = 256
+
+
+#: Some own nodes, other nodes, and their distances.
+Pairs = tuple[IntArray, IntArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -70,11 +74,11 @@ class SurfaceMesh:
         means = np.divide(sums, total, out=np.zeros_like(sums), where=total > 0.0)
         return np.asarray(means[self.parts])
 
-    def within(self, radius: float) -> tuple[IntArray, IntArray, FloatArray]:
-        """All p pairs of an own node and a node nearer than ``radius``.
+    def within(self, radius: float) -> Iterator[Pairs]:
+        """All p pairs of an own node and a node nearer than ``radius``, some own nodes at a time.
 
-        Returns the numbers of the own nodes, the numbers of the other nodes, and the distances,
-        (p,) each.
+        Yields the numbers of own nodes, in their order, the numbers of the other nodes, and the
+        distances, (p,) each.  All pairs together may take more memory than a solve.
 
         In 2D the distance is the length of the curve between the nodes.  In 3D the distance is the
         length of the straight line, for nodes that are connected within the ball of that radius
@@ -83,42 +87,30 @@ class SurfaceMesh:
         ``(radius * curvature)^2/24``.
         """
         near = self._along_curves if self.points.shape[1] == 2 else self._inside_balls
-        rows, columns, distances = near(radius)
-        inside = distances < radius * (1.0 - _ROUNDING)
-        return rows[inside], columns[inside], distances[inside]
+        for row, column, distance in near(radius):
+            inside = distance < radius * (1.0 - _ROUNDING)
+            yield row[inside], column[inside], distance[inside]
 
-    def _along_curves(self, radius: float) -> tuple[IntArray, IntArray, FloatArray]:
+    def _along_curves(self, radius: float) -> Iterator[Pairs]:
         from scipy.sparse.csgraph import dijkstra
 
         first, last, _ = self.own.indices(len(self.points))
-        found = []
         for start in range(first, last, _ROWS):
             some = np.arange(start, min(start + _ROWS, last))
             lengths = dijkstra(self.edges, directed=False, indices=some, limit=radius)
             row, column = np.nonzero(np.isfinite(lengths))
-            found.append((row + start - first, column, lengths[row, column]))
-        return _joined(found)
+            yield row + start - first, column, lengths[row, column]
 
-    def _inside_balls(self, radius: float) -> tuple[IntArray, IntArray, FloatArray]:
+    def _inside_balls(self, radius: float) -> Iterator[Pairs]:
         from scipy.sparse.csgraph import connected_components
         from scipy.spatial import cKDTree
 
-        own = np.arange(len(self.points))[self.own]
-        found = []
-        balls = cKDTree(self.points).query_ball_point(self.points[own], radius, return_sorted=True)
-        for row, (node, ball) in enumerate(zip(own, balls, strict=True)):
+        first, last, _ = self.own.indices(len(self.points))
+        tree = cKDTree(self.points)
+        for node in range(first, last):
+            ball = tree.query_ball_point(self.points[node], radius, return_sorted=True)
             column = np.asarray(ball, dtype=np.int64)
             _, piece = connected_components(self.edges[column][:, column], directed=False)
             column = column[piece == piece[np.searchsorted(column, node)]]
             lengths = np.linalg.norm(self.points[column] - self.points[node], axis=1)
-            found.append((np.full(len(column), row), column, lengths))
-        return _joined(found)
-
-
-def _joined(
-    found: Sequence[tuple[IntArray, IntArray, FloatArray]],
-) -> tuple[IntArray, IntArray, FloatArray]:
-    if not found:
-        return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
-    rows, columns, lengths = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    return rows, columns, lengths
+            yield np.full(len(column), node - first), column, lengths

@@ -5,6 +5,7 @@ Boundary parts and regions have the names of Gmsh's physical groups.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -162,20 +163,20 @@ class Domain:
     def compact_size(self, unknowns: int, degree: int) -> int:
         """The unknowns of a cube that takes as long to factorise as this body; collective.
 
-        A factorisation depends on the separators of the mesh.  In a plate of t layers of nodes
-        with N nodes in all they have sqrt(t N) nodes, and in a cube N^(2/3).  The cells for each
-        facet of the boundary give about t.  A body in 2D counts as it is.
+        A factorisation depends on the separators of the mesh: n^2 nodes in a cube with n along each
+        edge, and t m in a plate of m by m by t.  The plate is the one with as many cells and as
+        many facets outside as the body.  A body in 2D counts as it is.
         """
         if self.dim == 2:
             return unknowns
         facets = self.mesh.topology.index_map(self.dim - 1)
         boundary = dmesh.exterior_facet_indices(self.mesh.topology)
         outside = self.comm.allreduce(int(np.sum(boundary < facets.size_local)))
-        nodes = unknowns / self.dim
-        # A cube of n^3 small cubes has 6 n^3 tetrahedra and 12 n^2 triangles outside, or n^3
-        # hexahedra and 6 n^2 quadrilaterals: n is twice their quotient, or six times.
-        layers = (2.0 if self.kind.is_simplex else 6.0) * degree * self.num_cells / outside
-        return min(unknowns, round(self.dim * (layers * nodes) ** 0.75))
+        # A box of tetrahedra is divided into six, and its sides into two triangles each.
+        boxes, squares = (6, 2) if self.kind.is_simplex else (1, 1)
+        width, thickness = _plate(self.num_cells / boxes, outside / squares)
+        separator = (degree * width + 1.0) * (degree * thickness + 1.0)
+        return min(unknowns, round(self.dim * separator**1.5))
 
     def where(self, point: FloatArray) -> str:
         """A point (d,) in words, ``x = 1, y = 2``; coordinates that are rounding are 0."""
@@ -201,6 +202,17 @@ class Domain:
         return InputError(
             f"no {kind} named {name!r} in {self.origin}{nearest(name, known)}; it has: {there}", key
         )
+
+
+def _plate(boxes: float, squares: float) -> tuple[float, float]:
+    """Width m and thickness t <= m with ``m^2 t = boxes`` and ``2 m^2 + 4 m t = squares``.
+
+    m is the largest root of ``m^3 - (squares/2) m + 2 boxes``.  Where there is none, as for a ball,
+    m is that of the cube with so many squares.
+    """
+    cube = math.sqrt(squares / 6.0)
+    width = 2.0 * cube * math.cos(math.acos(-min(boxes / cube**3, 1.0)) / 3.0)
+    return width, boxes / width**2
 
 
 def from_geometry(

@@ -21,8 +21,9 @@ from contact_locking.solver.linear.factorised import FILTER_LIMIT, MODERATE_CONT
 from contact_locking.study_file.parameters import Parameters
 
 # Bytes, measured with DOLFINx 0.9, OpenBLAS and CHOLMOD: of a rank with all libraries, of an
-# unknown by dimension, and coefficient and power of the factor in its rows.
-_RANK, _UNKNOWN = 0.23e9, {2: 1.6e3, 3: 6.9e3}
+# unknown by dimension, with and without limits of the strain, and coefficient and power of the
+# factor in its rows.
+_RANK, _UNKNOWN, _ELASTIC = 0.23e9, {2: 1.6e3, 3: 6.9e3}, {2: 1.6e3, 3: 5.5e3}
 _FACTOR = {2: (1.6e3, 1.0), 3: (145.0, 4 / 3)}
 # The factor in pieces on several ranks, relative to that on one rank.
 _IN_PIECES = 2.0
@@ -78,12 +79,13 @@ def estimate(
     if parameters.adapt is not None:
         unknowns, compact = max(unknowns, parameters.adapt.max_dofs), None
     factorised: float = unknowns if compact is None else compact
+    material = parameters.material
+    locks = material.limits or any(part.limits for part in material.regions.values())
     extra, is_direct = 0.0, chosen(parameters.solver.linear, dim, int(factorised)) == "direct"
     if not is_direct:
         limit = FILTER_LIMIT[dim, parameters.discretisation.degree]
         factorised = _FILTERED * unknowns
-        material = parameters.material
-        if not (material.limits or any(part.limits for part in material.regions.values())):
+        if not locks:
             # Nothing but the nodes of a side, at most.
             factorised = dim * (unknowns / dim) ** (1.0 - 1.0 / dim)
         if dim == 3 and factorised > limit:
@@ -94,7 +96,7 @@ def estimate(
             factorised = min(factorised, limit)
     coefficient, power = _FACTOR[dim]
     factor = (_IN_PIECES if ranks > 1 else 1.0) * coefficient * factorised**power
-    memory = ranks * _RANK + _UNKNOWN[dim] * unknowns + factor + extra
+    memory = ranks * _RANK + (_UNKNOWN if locks else _ELASTIC)[dim] * unknowns + factor + extra
     if parameters.adapt is not None:
         return Estimate(memory, ranks, "at most")
     return Estimate(memory, ranks, "about" if is_direct or unknowns <= _LARGEST else "at least")

@@ -24,7 +24,6 @@ from contact_locking.solver.linear.ksp import (
     default_options,
     is_direct,
 )
-from contact_locking.solver.linear.options import PREFIX
 from contact_locking.solver.task import Task
 
 
@@ -192,7 +191,6 @@ class NewtonSolver:
         self._tolerance, self._last, self._least_steps = settings.tolerance, np.inf, 0
         self._raised: BaseException | None = None
         self._snes = snes = PETSc.SNES().create(system.comm)
-        snes.setOptionsPrefix(PREFIX)
         snes.setFunction(self._kept(lambda _, x, f: system.residual(x, f)), self._f)
         snes.setJacobian(self._kept(self._assemble), self._matrix)
         snes.setType(PETSc.SNES.Type.PYTHON)

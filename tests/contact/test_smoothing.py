@@ -17,6 +17,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.contact.coulomb import Convolution
 from contact_locking.contact.smoothing import ConvolutionOperator, HelmholtzOperator, Smoothing
 from contact_locking.contact.surface import ContactSurface
+from contact_locking.contact.surface_mesh import SurfaceMesh
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.study.assembly import assemble
@@ -179,12 +180,18 @@ def test_distances_in_two_dimensions_are_lengths_along_the_curve(comm: MPI.Intra
     assert smoothed == pytest.approx(expected, abs=1e-12)
 
 
+def pairs_within(whole: SurfaceMesh, radius: float) -> list[Any]:
+    """All pairs together; a rank may have none."""
+    nothing = np.empty(0, dtype=int), np.empty(0, dtype=int), np.empty(0)
+    return [np.concatenate(parts) for parts in zip(nothing, *whole.within(radius), strict=True)]
+
+
 def test_a_closed_curve_is_measured_the_shorter_way_around() -> None:
     comm = MPI.COMM_WORLD
     surface = surface_of(comm, (1.0, 1.0), (8, 8), lambda x: np.full(x.shape[1], True))
     whole = surface.whole()
     assert len(whole.facets) == len(whole.points) == 32
-    rows, columns, distances = whole.within(2.0)
+    rows, columns, distances = pairs_within(whole, 2.0)
     assert distances.max(initial=0.0) <= 2.0
     # On a square of circumference 4 all nodes except the opposite node are nearer than 2.
     assert (np.bincount(rows, minlength=len(surface.nodes)) == 31).all()
@@ -201,7 +208,7 @@ def test_a_fold_in_three_dimensions_is_left_out_and_a_flat_piece_measured_straig
 
     surface = surface_of(comm, (1.0, 0.5, 0.1), (10, 5, 2), around_the_end)
     whole, points = surface.whole(), surface.points
-    rows, columns, distances = whole.within(0.25)
+    rows, columns, distances = pairs_within(whole, 0.25)
     pairs = points[rows], whole.points[columns]
     assert distances == pytest.approx(np.linalg.norm(pairs[0] - pairs[1], axis=1), abs=1e-14)
     far_from_the_end = points[rows][:, 0] < 0.7

@@ -37,7 +37,7 @@ def matrix(comm: MPI.Intracomm) -> Iterator[PETSc.Mat]:
 
 
 def left() -> dict[str, Any]:
-    return dict(PETSc.Options(PREFIX).getAll())
+    return dict(PETSc.Options().getAll())
 
 
 @pytest.mark.parametrize("name", ["ksp type", "ksp-type", "", "1", "ksp_type\n"])
@@ -170,6 +170,25 @@ def test_levels_of_multigrid_get_their_options_and_the_database_is_left_clean(
     destroy_ksp(ksp)
     assert user.used == {"mg_levels_ksp_max_it", "mg_levels_pc_type"}
     assert user.unused() == ["snes_rtol"]
+    assert left() == before
+
+
+def test_a_solver_takes_the_options_of_the_user_and_none_of_another_solver(
+    comm: MPI.Intracomm,
+) -> None:
+    before = left()
+    PETSc.Options().setValue(f"{PREFIX}ksp_rtol", 1e-3)
+    try:
+        other = create_ksp(comm, {"ksp_type": "gmres", "ksp_max_it": 7}, {"pc_type": "jacobi"})
+        ksp = create_ksp(comm, {"ksp_type": "cg"})
+        assert (ksp.getType(), ksp.getPC().getType()) == ("cg", None)
+        assert ksp.getTolerances()[0] == other.getTolerances()[0] == 1e-3
+        assert ksp.getTolerances()[3] != other.getTolerances()[3] == 7
+        destroy_ksp(other)
+        destroy_ksp(ksp)
+        assert UserOptions().unused() == []
+    finally:
+        PETSc.Options().delValue(f"{PREFIX}ksp_rtol")
     assert left() == before
 
 

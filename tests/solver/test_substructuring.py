@@ -21,7 +21,7 @@ from contact_locking.solver.linear.direct import substructuring
 from contact_locking.solver.linear.direct.substructure import is_available
 from contact_locking.solver.linear.direct.substructuring import Separator
 from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp, direct_options
-from contact_locking.solver.linear.options import PREFIX, InsertedOptions
+from contact_locking.solver.linear.options import PREFIX
 
 SEVERAL = MPI.COMM_WORLD.size > 1
 IN_PIECES = SEVERAL and is_available(MPI.COMM_WORLD)
@@ -193,9 +193,9 @@ def test_mumps_takes_over_for(
     elif reason == "switched off":
         monkeypatch.setenv("CONTACT_LOCKING_NATIVE", "0")
     elif reason == "no such partitioner":
-        named = {"mat_partitioning_type": "nonsense"}
-        options = InsertedOptions(named, prefix=PREFIX + "separator_")
-        request.addfinalizer(options.remove)
+        options = PETSc.Options(PREFIX + "separator_")
+        options.setValue("mat_partitioning_type", "nonsense")
+        request.addfinalizer(lambda: options.delValue("mat_partitioning_type"))
     else:
         monkeypatch.setattr(
             "contact_locking.solver.linear.direct.substructuring._partition",

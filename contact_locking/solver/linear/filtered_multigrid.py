@@ -20,7 +20,7 @@ is much stiffer than others; the iterations grow like the square root of the con
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,7 +60,13 @@ class Projection:
     components of a node.  The projection owns ``rows``.
     """
 
-    def __init__(self, rows: PETSc.Mat, stiffness: FloatArray, soft: PETSc.Mat) -> None:
+    def __init__(
+        self,
+        rows: PETSc.Mat,
+        stiffness: FloatArray,
+        soft: PETSc.Mat,
+        overrides: Mapping[str, Any],
+    ) -> None:
         # C, the diagonal of B^-1, and K.
         self._rows, self._compliance = rows, 1.0 / stiffness
         inverse = _inverse_blocks(soft)
@@ -82,7 +88,7 @@ class Projection:
         self._factor: PETSc.KSP | None = None
         if rows.getSize()[0] > 0:
             comm = rows.getComm()
-            self._factor = create_ksp(comm, direct_options(comm), prefix=PREFIX + "projection_")
+            self._factor = create_ksp(comm, direct_options(comm), overrides, PREFIX + "projection_")
             self._factor.setOperators(self._coupling)
             self._factor.setUp()
 
@@ -177,7 +183,9 @@ class Filter:
     are those of the first values, and serve all that follow.
     """
 
-    def __init__(self, matrix: PETSc.Mat, nodes: npt.NDArray[np.int32]) -> None:
+    def __init__(
+        self, matrix: PETSc.Mat, nodes: npt.NDArray[np.int32], overrides: Mapping[str, Any]
+    ) -> None:
         self._matrix, self._nodes = matrix, nodes
         self._comm, size = matrix.getComm(), matrix.getBlockSize()
         first = matrix.getOwnershipRange()[0] // size
@@ -190,7 +198,7 @@ class Filter:
         self._right.setUp()
         self._left = self._right.duplicate()
         options = direct_options(self._comm)
-        self._ksp = create_ksp(self._comm, options, prefix=PREFIX + "filter_")
+        self._ksp = create_ksp(self._comm, options, overrides, PREFIX + "filter_")
 
     def serves(self, nodes: npt.NDArray[np.int32]) -> bool:
         """Whether it takes in these nodes, and few others; collective."""
@@ -226,14 +234,22 @@ class FilteredMultigrid:
 
     ``matrix`` is stored in blocks (BAIJ), in which products take half the time, and has its
     near-nullspace.  ``limit`` is the most that may be filtered; more is projected.  ``coarser`` is
-    what :class:`Multigrid` takes, and belongs to this object.
+    what :class:`Multigrid` takes, and belongs to this object.  ``overrides`` are options of the
+    user.
     """
 
-    def __init__(self, matrix: PETSc.Mat, limit: int, coarser: Sequence[CoarserSpace] = ()) -> None:
+    def __init__(
+        self,
+        matrix: PETSc.Mat,
+        limit: int,
+        coarser: Sequence[CoarserSpace] = (),
+        overrides: Mapping[str, Any] | None = None,
+    ) -> None:
         self._matrix, self._limit, self._coarser = matrix, limit, coarser
+        self._overrides = overrides or {}
         self._unblocked = Unblocked()
         self._smoothed = matrix
-        self._multigrid = Multigrid(matrix.getComm(), coarser)
+        self._multigrid = Multigrid(matrix.getComm(), coarser, self._overrides)
         self._product = matrix.createVecLeft()
         self._soft: PETSc.Mat | None = None
         # The last filter that was made, and the same if it takes part at present.
@@ -275,13 +291,13 @@ class FilteredMultigrid:
         if smoothed is not self._smoothed:
             self._multigrid.destroy()
             self._smoothed = smoothed
-            self._multigrid = Multigrid(self._matrix.getComm(), self._coarser)
+            self._multigrid = Multigrid(self._matrix.getComm(), self._coarser, self._overrides)
         by_entry = self._unblocked.of(smoothed)
         self._multigrid.set_up(smoothed, by_entry)
         self._filter = None if stiff is None or projects else self._filter_of(stiff)
         if stiff is not None and projects:
             self._forget()
-            self._projection = Projection(*stiff.find_rows(), by_entry)
+            self._projection = Projection(*stiff.find_rows(), by_entry, self._overrides)
 
     def smooth_more(self) -> None:
         """Let multigrid take more steps of its smoother; to be called after :meth:`refresh`."""
@@ -355,7 +371,7 @@ class FilteredMultigrid:
         """The filter that was made last, if it serves, or a new one; collective."""
         if self._made is None or not self._made.serves(stiff.nodes):
             self._forget()
-            self._made = Filter(self._matrix, self._chosen(stiff))
+            self._made = Filter(self._matrix, self._chosen(stiff), self._overrides)
         self._made.refresh()
         return self._made
 

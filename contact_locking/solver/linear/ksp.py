@@ -11,7 +11,7 @@ from contact_locking import _compat
 from contact_locking.errors import InputError
 from contact_locking.solver.linear.direct import SPARE_MEMORY, Substructuring
 from contact_locking.solver.linear.factorised import chosen
-from contact_locking.solver.linear.options import PREFIX, InsertedOptions
+from contact_locking.solver.linear.options import PREFIX, InsertedOptions, of_prefix
 
 LINEAR_FAILURE = "the linear solve failed (solver.linear: direct is the most robust)"
 
@@ -116,7 +116,6 @@ def create_ksp(
     Its options stay in PETSc's database until :func:`factorise` or :func:`destroy_ksp`.
     """
     ksp = PETSc.KSP().create(comm)
-    ksp.setOptionsPrefix(prefix)
     ksp.setErrorIfNotConverged(True)
     ksp.setAttr(_OPTIONS, configure([ksp], defaults, overrides, prefix))
     return ksp
@@ -152,7 +151,7 @@ class IterationListener:
 def factorise(ksp: PETSc.KSP) -> None:
     """Factorise for all solves to come, and take the options out of the database; collective.
 
-    A solver that is kept beside others must not lend them its options.
+    A solver that is kept does not leave them there.
     """
     ksp.setUp()
     ksp.getAttr(_OPTIONS).remove()
@@ -171,12 +170,16 @@ def configure(
     overrides: Mapping[str, Any] | None = None,
     prefix: str = PREFIX,
 ) -> InsertedOptions:
-    """Let PETSc's objects take their options, to be removed after their last solve; collective."""
+    """Let PETSc's objects take their options, to be removed after their last solve; collective.
+
+    Their prefix is one of their own, so that they take no options of another solver.
+    """
     bare = _PRODUCTS_ON_ONE_RANK if PETSc.COMM_WORLD.size == 1 else {}
     fitting = _fitting(defaults, overrides, prefix)
     options = InsertedOptions(fitting, overrides, prefix, bare)
     try:
         for solver in solvers:
+            solver.setOptionsPrefix(options.prefix)
             solver.setFromOptions()
             if fitting.items() >= _IN_PIECES.items() and isinstance(solver, PETSc.KSP):
                 _complete(solver.getPC())
@@ -202,7 +205,7 @@ def option(
     database = PETSc.Options(prefix)
     if database.hasName(name):
         return database.getString(name)
-    return {**defaults, **(overrides or {})}.get(name)
+    return {**defaults, **of_prefix(overrides or {}, prefix)}.get(name)
 
 
 def _fitting(
@@ -216,7 +219,7 @@ def _fitting(
     if is_other and defaults.get("pc_factor_mat_solver_type") == _SERIAL_PACKAGE:
         bare = {name: value for name, value in defaults.items() if name != _ORDERING}
         return {**bare, "pc_factor_mat_solver_type": _PARALLEL_PACKAGE}
-    names = {**PETSc.Options(prefix).getAll(), **(overrides or {})}
+    names = {**PETSc.Options(prefix).getAll(), **of_prefix(overrides or {}, prefix)}
     is_of_package = any(name.startswith(_OF_PACKAGES) for name in names)
     if defaults.items() >= _IN_PIECES.items() and (is_other or is_of_package):
         return {**defaults, **_BY_MUMPS}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from petsc4py import PETSc
@@ -36,12 +36,14 @@ class Multigrid:
 
     ``coarser`` is the space below the matrix's own, if there is one: relaxation on the finest
     level, and algebraic multigrid for the Galerkin product below.  Without it, or where the user
-    wants another preconditioner, PETSc coarsens the matrix itself.
+    wants another preconditioner, PETSc coarsens the matrix itself.  ``overrides`` are options of
+    the user.
     """
 
-    def __init__(self, comm: Any, coarser: Sequence[CoarserSpace]) -> None:
+    def __init__(
+        self, comm: Any, coarser: Sequence[CoarserSpace], overrides: Mapping[str, Any]
+    ) -> None:
         self._pc = PETSc.PC().create(comm)
-        self._pc.setOptionsPrefix(_PREFIX)
         self._coarser = list(coarser)
         self._product: PETSc.Mat | None = None
         algebraic = multigrid_options() | _ALGEBRAIC
@@ -50,15 +52,16 @@ class Multigrid:
             below = {_COARSE + name: value for name, value in algebraic.items()}
             above = {name: algebraic[name] for name in algebraic if name.startswith("mg_levels_")}
             options = {"pc_type": "mg", _COARSE + "ksp_type": "preonly"} | below | above | _FINEST
-            self._pc.setType(PETSc.PC.Type.MG)
-            self._pc.setMGLevels(2)
-            self._pc.setMGInterpolation(1, self._coarser[0].prolongation)
         self._more_steps = 2 * algebraic[_SMOOTHER_STEPS]
-        is_free = option(_SMOOTHER_STEPS, {}, prefix=_PREFIX) is None
-        self._options = configure([self._pc], options, prefix=_PREFIX)
+        is_free = option(_SMOOTHER_STEPS, {}, overrides, _PREFIX) is None
+        self._options = configure([self._pc], options, overrides, _PREFIX)
         self._may_smooth_more = is_free and self._pc.getType() in _WITH_LEVELS
         if self._pc.getType() != PETSc.PC.Type.MG:
             self._coarser = []
+        # The levels take the prefix that the options have by now.
+        for space in self._coarser:
+            self._pc.setMGLevels(2)
+            self._pc.setMGInterpolation(1, space.prolongation)
 
     def set_up(self, matrix: PETSc.Mat, by_entry: PETSc.Mat) -> None:
         """Take the present values of a matrix in blocks and of its copy ``by_entry``."""

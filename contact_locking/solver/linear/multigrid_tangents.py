@@ -14,7 +14,6 @@ from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, 
 from contact_locking.solver.linear.gmres import Gmres
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
 from contact_locking.solver.linear.multigrid import CoarserSpace
-from contact_locking.solver.linear.options import InsertedOptions
 from contact_locking.solver.linear.tangent_solver import Assemble, Follow, TangentSolver
 
 # How much a linear solve aims to reduce its right-hand side at least: 3e-3 saves no tangents.
@@ -64,12 +63,10 @@ class MultigridTangents(TangentSolver):
     ) -> None:
         super().__init__(matrix)
         self._dim = dim
-        # Before anybody's defaults, so that they win.
-        self._user_options = InsertedOptions({}, options)
         with ExitStack() as made:
             # PETSc raises for values that it does not know, and nothing may stay in its database.
-            made.callback(self._user_options.remove)
-            self._multigrid = FilteredMultigrid(matrix, FILTER_LIMIT[dim, degree], coarser)
+            limit = FILTER_LIMIT[dim, degree]
+            self._multigrid = FilteredMultigrid(matrix, limit, coarser, options)
             made.callback(self._multigrid.destroy)
             self._gmres = Gmres(matrix, self._multigrid, options, listen)
             made.pop_all()
@@ -137,7 +134,6 @@ class MultigridTangents(TangentSolver):
     def destroy(self) -> None:
         self._gmres.destroy()
         self._multigrid.destroy()
-        self._user_options.remove()
 
     def _filter(self) -> None:
         self._multigrid.refresh(self._stiff)

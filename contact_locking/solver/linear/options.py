@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -12,6 +13,8 @@ from contact_locking import _compat
 from contact_locking.errors import InputError
 
 PREFIX = "contact_locking_"
+
+_NUMBERS = itertools.count(1)
 
 # A name of an option is one word.
 _NAME = re.compile(r"[A-Za-z]\w*")
@@ -44,12 +47,13 @@ class UserOptions(dict[str, Any]):
 
 
 class InsertedOptions:
-    """Options under a prefix in PETSc's database, until they are removed.
+    """Options for one solver in PETSc's database, until they are removed.
 
-    To be removed only after the last solve: levels of multigrid and factorisations ask for theirs
-    when they are set up, and again whenever that is repeated.  Options that the user already has in
-    the database (``-contact_locking_...``) win over ``overrides``, and those over ``defaults``.
-    ``bare`` are those that PETSc asks for without a prefix.
+    They stand under ``prefix`` of this object, which no other solver has.  To be removed only after
+    the last solve: levels of multigrid and factorisations ask for theirs when they are set up, and
+    again whenever that is repeated.  Options that the user has in the database under the prefix
+    that is given (``-contact_locking_...``) win over those of ``overrides``, and those over
+    ``defaults``.  ``bare`` are those that PETSc asks for without a prefix.
     """
 
     def __init__(
@@ -59,27 +63,43 @@ class InsertedOptions:
         prefix: str = PREFIX,
         bare: Mapping[str, Any] | None = None,
     ) -> None:
-        self._prefix, self._ours = prefix, list[str]()
-        self._bare = InsertedOptions(bare, prefix="") if bare else None
+        self.prefix, self._shared = f"solver{next(_NUMBERS)}_{prefix}", prefix
         self._user = overrides if isinstance(overrides, UserOptions) else UserOptions()
-        database = PETSc.Options(prefix)
-        # hasName would count as a use of the option.
-        present = {name.lower() for name in database.getAll()}
-        for key, value in {**defaults, **(overrides or {})}.items():
-            if key.lower() not in present:
-                database.setValue(key, value)
-                self._ours.append(key)
+        own = {name.lower(): value for name, value in of_prefix(overrides or {}, prefix).items()}
+        self._of_database = PETSc.Options(prefix).getAll()
+        self._ours = {**defaults, **own, **self._of_database}
+        database = PETSc.Options(self.prefix)
+        for key, value in self._ours.items():
+            database.setValue(key, value)
+        present = PETSc.Options().getAll()
+        self._bare = {name: value for name, value in (bare or {}).items() if name not in present}
+        for name, value in self._bare.items():
+            PETSc.Options().setValue(name, value)
 
     def remove(self) -> None:
         """Take them out again, and remember which were asked for; more than once does no harm."""
-        database = PETSc.Options(self._prefix)
+        database, part = PETSc.Options(self.prefix), _part(self._shared)
         for key in self._ours:
-            if key in self._user and _compat.petsc_option_used(self._prefix + key):
-                self._user.used.add(key)
+            is_used = _compat.petsc_option_used(self.prefix + key)
+            if is_used and key in self._of_database:
+                # To ask for it makes it used.
+                PETSc.Options(self._shared).hasName(key)
+            elif is_used:
+                self._user.used |= {name for name in self._user if name.lower() == part + key}
             database.delValue(key)
-        self._ours = []
-        if self._bare is not None:
-            self._bare.remove()
+        for name in self._bare:
+            PETSc.Options().delValue(name)
+        self._ours, self._bare = {}, {}
+
+
+def of_prefix(options: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+    """The options of the user for the solvers under a prefix, without what it adds to PREFIX."""
+    part = _part(prefix)
+    return {name[len(part) :]: value for name, value in options.items() if name.startswith(part)}
+
+
+def _part(prefix: str) -> str:
+    return prefix[len(PREFIX) :] if prefix.startswith(PREFIX) else ""
 
 
 def require_names(names: Iterable[str], section: str | None = None) -> None:

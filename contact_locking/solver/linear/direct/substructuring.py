@@ -128,9 +128,9 @@ def _partition(counts: IndexArray, neighbours: IndexArray, parts: int) -> IndexA
     )
     graph = edges.convert("mpiadj", PETSc.Mat())
     partitioning = PETSc.MatPartitioning().create(PETSc.COMM_SELF)
-    partitioning.setOptionsPrefix(_PREFIX)
     partitioning.setAdjacency(graph)
     options = InsertedOptions({"mat_partitioning_nparts": parts}, prefix=_PREFIX)
+    partitioning.setOptionsPrefix(options.prefix)
     result = PETSc.IS()
     try:
         partitioning.setFromOptions()
