@@ -21,6 +21,9 @@ from contact_locking.solver.equilibria.bound_map import BoundMap, BoundVectors
 _HALVINGS, _DECREASE = 4, 1e-4
 # Newton's method gives up after so many steps that did not lower the residual.
 _VAIN = 2
+# A relative residual below this that no step lowers is that of rounding in Tresca's problems, which
+# the map multiplies where a small change of the bounds moves the body far.
+_ROUNDING = 1e-3
 # With deflation a step is at most so many times as long as the bounds.
 _LONGEST = 1.0
 # Bounds as near as this to each other, relative to their size, belong to one solution.
@@ -60,7 +63,10 @@ class Deflation:
 
 @dataclass
 class MapNewton:
-    """Solves ``G = share Phi(G)`` to a relative ``tolerance``, in ``limit`` steps at most."""
+    """Solves ``G = share Phi(G)`` in ``limit`` steps at most.
+
+    The solution is as sharp as the relative ``tolerance``, or as rounding in the map lets it be.
+    """
 
     problem: BoundMap
     tolerance: float
@@ -80,13 +86,13 @@ class MapNewton:
                 return None
             merit = known.factor(bounds) * vectors.norm(found[1])
             lowest, vain = min(merit, lowest), 0 if merit < lowest else vain + 1
-            if vain > _VAIN and not known.known:
-                return None
             wanted, left = found
             size = max(vectors.norm(wanted), np.finfo(float).tiny)
             self.left = vectors.norm(left) / size
-            if self.left <= self.tolerance:
+            if self.left <= (_ROUNDING if vain else self.tolerance):
                 return None if known.is_known(bounds) else bounds
+            if vain > _VAIN and not known.known:
+                return None
             slope = np.eye(len(bounds)) - self.share * problem.derivative()
             step, _ = vectors.solved(slope, -left)
             if not np.all(np.isfinite(step)):

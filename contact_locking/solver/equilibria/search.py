@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import itertools
 import math
@@ -11,11 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.errors import InputError
+from contact_locking.errors import InputError, NotConverged
 from contact_locking.solver.equilibria.bound_map import BoundMap
 from contact_locking.solver.equilibria.branch import Branch, BranchPoint
 from contact_locking.solver.equilibria.newton import Deflation, MapNewton
 from contact_locking.solver.equilibria.paths import OverFriction
+from contact_locking.solver.interior_point.method import InteriorPoint
+from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.task import SolverReport, Task
 
 # Tresca's problems need to be solved this much more sharply than the bounds, and those with bounds
@@ -106,8 +109,31 @@ class Equilibria:
         fro, where it arrives from one of them.
         """
         starts = (before.between(point, 1.0), point.bounds, before.bounds)
-        tries = (self._newton.solve(start) for start in starts)
+        tries = (self._solve(start) for start in starts)
         return next((found for found in tries if found is not None), None)
+
+    def _solve(self, start: FloatArray, deflation: Deflation | None = None) -> FloatArray | None:
+        """The bounds of a solution from a start, None if none was found; collective."""
+        found = self._newton.solve(start, deflation)
+        if found is None or self._newton.left <= self._newton.tolerance:
+            return found
+        with contextlib.suppress(NotConverged):
+            self._settle()
+            vectors = self.map.vectors
+            return vectors.gather([contact.bounds for contact in vectors.contacts])
+        return None
+
+    def _settle(self) -> Multipliers:
+        """Solve from the last value of the map, with bounds that follow the pressure; collective.
+
+        Raises NotConverged.  Rounding in the map is nothing to such bounds.
+        """
+        assert self.report.last is not None
+        solver = InteriorPoint(self._task.aside(self.report))
+        try:
+            return solver.solve_near(self.report.last)
+        finally:
+            solver.destroy()
 
     def others(self, first: FloatArray) -> Iterator[FloatArray]:
         """Solutions beside a known one: those on branches, then those that deflation finds.
@@ -117,7 +143,7 @@ class Equilibria:
         """
         vectors = self.map.vectors
         # Near a fold the bounds of the interior point method are rougher than their tolerance.
-        refined = self._newton.solve(first)
+        refined = self._solve(first)
         known = [first if refined is None else refined]
         deflation = Deflation(vectors, known, vectors.norm(first))
         without = self.map(np.zeros(vectors.size))
@@ -134,7 +160,7 @@ class Equilibria:
                 continue
             starts = self._starts(without, known)
             while tried < len(starts):
-                new = self._newton.solve(starts[tried], deflation)
+                new = self._solve(starts[tried], deflation)
                 tried += 1
                 if new is not None:
                     known.append(new)
@@ -158,11 +184,18 @@ class Equilibria:
         return int(self.map.vectors.solved(slope, slope[0])[1])
 
     def enter(self, bounds: FloatArray, report: SolverReport) -> None:
-        """Put the solution with these bounds into the system and a report; collective."""
+        """Put the solution with these bounds into the system and a report; collective.
+
+        Raises NotConverged where bounds that are rough are not near enough.
+        """
         wanted = self.map(bounds)
         vectors = self.map.vectors
         report.friction_change = vectors.norm(wanted - bounds) / (vectors.norm(wanted) or 1.0)
-        report.multipliers, report.last = self.map.multipliers, self.report.last
+        report.multipliers = self.map.multipliers
+        if report.friction_change > self._newton.tolerance:
+            report.multipliers = self._settle()
+            report.friction_change = self.report.friction_change
+        report.last = self.report.last
         report.duality_gap, report.is_infeasible = self.report.duality_gap, False
 
     def destroy(self) -> None:

@@ -168,6 +168,13 @@ class InteriorPoint:
         """As :meth:`solve`, from the iterate of the solve before, for other friction bounds."""
         return self._solve(loosened, self._start_on)
 
+    def solve_near(self, last: LastIterate) -> Multipliers:
+        """As :meth:`solve`, by the pieces of the laws alone, from a state that is near a solution.
+
+        Friction bounds that follow pressure and slip need not have been followed to that state.
+        """
+        return self._solve(1.0, lambda: self._start_near(last))
+
     @property
     def can_go_on(self) -> bool:
         """Whether :meth:`solve_on` can; the bounds must not be those of contacts without slip."""
@@ -390,6 +397,15 @@ class InteriorPoint:
         self._begin()
         return False
 
+    def _start_near(self, last: LastIterate) -> bool:
+        """Newton's method on the pieces of the laws; raises NotConverged unless it arrives."""
+        self.is_elastic = False
+        if self._tangent.direct is not None:
+            pieces = self._all_pieces()
+            if self._take(pieces, pieces.from_last(last)):
+                return True
+        raise NotConverged("the pieces of the laws are too far away")
+
     def _start_on(self) -> bool:
         """Put the iterate into the friction cones of the present bounds; collective."""
         for bound in self._families.bounds:
@@ -428,6 +444,10 @@ class InteriorPoint:
         is_first = self.approach == self._tuning.approaches[0]
         if self._tangent.direct is None or not (suits and is_first):
             return None
+        return self._all_pieces()
+
+    def _all_pieces(self) -> ActiveSet:
+        bounds = self._families.bounds
         return ActiveSet(
             self._task, self._tangent, bounds, self.bound_moves, self._judge, self._tuning
         )
