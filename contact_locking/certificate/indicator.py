@@ -135,12 +135,10 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
     the strains, as in simplices and parallelepipeds.  The cells around a node are those of one
     named region, because stress and strain may jump between regions.
 
-    ``total`` estimates ``int (s_exact - s) : (e_exact - e)`` and is not a bound.  Because the
-    locking law is monotone, this integral is at least ``a(u_exact - u, u_exact - u)``, which
-    ``elastic`` estimates.  The product with the strain is necessary: in a locked zone P1 elements
-    reach the limit in about every second cell in 2D and in fewer cells in 3D, so that Z alternates
-    between cells on every mesh, while the strain hardly does.  Raises NotApplicable for an element
-    whose strain is not determined by the values at its points.  Collective.
+    ``total`` estimates ``int (s_exact - s) : (e_exact - e)``, which is at least what ``elastic``
+    estimates, ``a(u_exact - u, u_exact - u)``; neither is a bound (docs/certificate.md).  Raises
+    NotApplicable for an element whose strain is not determined by the values at its points.
+    Collective.
     """
     points, element = state.points, state.problem.element
     pairs = element.kinematics.mandel_pairs(state.dim)

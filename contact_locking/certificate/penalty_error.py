@@ -24,18 +24,13 @@ def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
     """``a(u - u*, u - u*)/2 <= eta^2``, where u* solves (19) on this mesh with G kept fixed.
 
     For an admissible field w (``|eps(w)| <= M``, ``w_nu <= gap``), and with Z, p and
-    ``t = -sigma_tau`` of the penalised solution u,
+    ``t = -sigma_tau`` of the penalised solution u, summed over all sets of strains,
 
         eta^2 = a(w - u, w - u)/2 + int (M |Z| - Z : eps(w)) + int p (gap - w_nu)
-                + int (G |w_tau - u_old| - t . (w_tau - u_old)),
+                + int (G |w_tau - u_old| - t . (w_tau - u_old)).
 
-    where every term is non-negative.  With several sets of strains, ``M |Z| - Z : eps(w)`` stands
-    for the sum of ``M |y| - y : L eps(w)`` over them.  eta^2 is the primal energy of w minus the
-    dual energy of (Z, p, t), with which u is in equilibrium (docs/certificate.md).
-
-    To obtain w, an elastic field is subtracted from u that removes the penetration, and the result
-    is moved towards an admissible field until the strain keeps the limit.  Returns ``energy_norm``,
-    a bound of ``sqrt(a(u - u*, u - u*))``; ``relative``, this bound over the energy norm of u; and
+    The proof, and how w is found, are in docs/certificate.md.  Returns ``energy_norm``, a bound of
+    ``sqrt(a(u - u*, u - u*))``; ``relative``, this bound over the energy norm of u; and
     ``displacement_norm``, a bound of ``|u - u*|_V``; or None with a ``reason``.  Collective; takes
     one factorisation.
     """

@@ -120,7 +120,7 @@ class ToolBalance:
         springs = np.array([tool.stiffness for tool in self.tools])
 
         def left_at(sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
-            found, slopes = state.at(sizes)
+            found, slopes, _ = state.at(sizes)
             return forces - springs * sizes - found, slopes + np.diag(springs)
 
         left, slopes = left_at(sizes)
@@ -154,7 +154,8 @@ class ToolBalance:
         count = len(self.tools)
         if not self._acts:
             return np.zeros((count, *self.contact.normals.shape)), np.zeros((count, count))
-        tractions, corner = _State(self, u).block(floor)
+        state = _State(self, u)
+        _, corner, tractions = state.at(state.start, floor)
         return tractions, corner + np.diag([tool.stiffness for tool in self.tools])
 
 
@@ -194,38 +195,25 @@ class _State:
         found = np.einsum("ik,jk,k->ij", self._along, self._along, self._pressed) / self._epsilon
         return np.asarray(self._comm.allreduce(found))
 
-    def at(self, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The forces g (m,) and their slopes (m, m) at sizes of the motions."""
+    def at(
+        self, sizes: FloatArray, floor: float = 0.0
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The forces g (m,), their slopes (m, m), and the tractions (m, k, d) that ``-m`` makes.
+
+        ``sizes`` are those of the motions, and ``floor`` is a stiffness that contact has besides.
+        """
         step, across = sizes - self.start, self._across
         excess = self._excess - step @ self._along
         slip = self._slip - np.einsum("m,mkd->kd", step, across)
         size = np.sqrt(np.sum(slip**2, axis=1) + self._length**2)
-        rubbing, shares = self._weights * self._bound, np.einsum("kd,mkd->mk", slip, across)
+        inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
+        rubs, shares = self._bound * inverse, np.einsum("kd,mkd->mk", slip, across)
+        normal = -self._along * ((excess > 0.0) / self._epsilon + floor)
+        bends = rubs[:, None] * (across - (shares * inverse**2)[..., None] * slip)
         forces = -self._along @ (self._pressed * np.maximum(excess, 0.0)) / self._epsilon
-        stiff = self._pressed * (excess > 0.0) / self._epsilon
-        slopes = np.einsum("ik,jk,k->ij", self._along, self._along, stiff)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slides = rubbing > 0.0
-            forces -= np.sum((rubbing * shares / size)[:, slides], axis=1)
-            products = np.einsum("ikd,jkd->ijk", across, across) / size
-            bends = rubbing * (products - shares[:, None] * shares[None] / size**3)
-            slopes += np.sum(bends[..., slides], axis=2)
+        forces -= shares @ (self._weights * rubs)
+        slopes = -np.einsum("ik,jk,k->ij", self._along, normal, self._pressed)
+        slopes += np.einsum("ikd,jkd,k->ij", across, bends, self._weights)
         whole = self._comm.allreduce(np.vstack([forces, slopes]))
-        return whole[0], whole[1:]
-
-    def block(self, floor: float) -> tuple[FloatArray, FloatArray]:
-        """The tractions that the blocks of the laws make of ``-m``, and ``dg/dq``."""
-        across = self._across
-        normal = -self._along * ((self._excess > 0.0) / self._epsilon + floor)
-        size = np.sqrt(np.sum(self._slip**2, axis=1) + self._length**2)
-        shares = np.einsum("kd,mkd->mk", self._slip, across)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            bends = self._bound[:, None] * (
-                across / size[:, None] - (shares / size**3)[..., None] * self._slip
-            )
-        bends[:, self._bound == 0.0] = 0.0
-        free = self._contact.free
-        tractions = (free * normal)[..., None] * self._normals - bends
-        products = -np.einsum("ik,jk,k->ij", self._along, normal, self._pressed)
-        products += np.einsum("ikd,jkd,k->ij", across, bends, self._weights)
-        return tractions, np.asarray(self._comm.allreduce(products))
+        tractions = (self._contact.free * normal)[..., None] * self._normals - bends
+        return whole[0], whole[1:], tractions

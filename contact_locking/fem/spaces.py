@@ -308,47 +308,29 @@ def element_of(
     an axisymmetric body, of ``boxes`` and of ``curved`` cells.  Raises InputError where there is no
     such element.
     """
-    if boxes:
-        return _of_boxes(degree, limit_at, axisymmetric, curved)
-    if curved:
-        return _of_curved_cells(degree, limit_at, axisymmetric)
-    if axisymmetric:
-        return _OF_REVOLUTION[degree]
-    return _ELEMENTS[degree, limit_at or "vertices"]
-
-
-def _of_boxes(degree: int, limit_at: str | None, axisymmetric: bool, curved: bool) -> Element:
     cells = "quadrilaterals and hexahedra"
-    if axisymmetric:
+    if boxes and axisymmetric:
         raise InputError(
             f"is for triangles so far, not for {cells}; mesh the half section with triangles",
             "mesh.axisymmetric",
         )
-    if limit_at == "vertices":
-        raise InputError(
-            f"must be gauss on {cells}, where a rule with the corners as its points would not keep "
-            "a body with constant stress in equilibrium; leave the key out",
-            "discretisation.limit_at",
-        )
-    if curved:
-        _require_degree_two(degree)
-        return Q2_CURVED
-    return {1: Q1, 2: Q2}[degree]
-
-
-def _require_degree_two(degree: int) -> None:
-    if degree != 2:
+    if curved and degree != 2:
         raise InputError(
             "must be 2 in curved cells, as their sides have the degree 2", "discretisation.degree"
         )
-
-
-def _of_curved_cells(degree: int, limit_at: str | None, axisymmetric: bool) -> Element:
-    _require_degree_two(degree)
-    if limit_at == "vertices":
+    if limit_at == "vertices" and (boxes or curved):
         raise InputError(
-            "must be gauss in curved cells, where the strain is not affine, so that a limit at the "
-            "corners would not hold in between; leave the key out, or take mesh.curved: false",
+            f"must be gauss on {cells}, where a rule with the corners as its points would not keep "
+            "a body with constant stress in equilibrium; leave the key out"
+            if boxes
+            else "must be gauss in curved cells, where the strain is not affine, so that a limit "
+            "at the corners would not hold in between; leave the key out, or take mesh.curved: "
+            "false",
             "discretisation.limit_at",
         )
-    return replace(P2_REVOLUTION, curved=True) if axisymmetric else P2_CURVED
+    if boxes:
+        return Q2_CURVED if curved else {1: Q1, 2: Q2}[degree]
+    if axisymmetric:
+        found = _OF_REVOLUTION[degree]
+        return replace(found, curved=True) if curved else found
+    return P2_CURVED if curved else _ELEMENTS[degree, limit_at or "vertices"]

@@ -221,8 +221,8 @@ def test_a_penalty_has_its_bounds_and_no_guaranteed_one(comm: MPI.Intracomm) -> 
     found = solve(study, comm)
     assert found.converged
     said = found.summary["certificate"]
-    assert "cells with straight sides" in said["errors"]["guaranteed"]["reason"]
-    assert "in curved cells" in said["limit_load"]["reason"]
+    for entry in (said["errors"]["guaranteed"], said["limit_load"]):
+        assert "cells with straight sides" in entry["reason"]
     assert said["errors"]["penalty"]["relative"] < 0.2
 
 
