@@ -40,8 +40,9 @@ _ROUGH, _FEW = 1e-3, 8
 # Bounds are foreseen to fall to this share of themselves at most.
 _FALL = 0.1
 # Forces without a limit grow by this power of the penalty at least, over nearly a power of ten of
-# it, some only from 1e6 on.  Forces with a limit hardly grow.
-_GROWTH, _OVER = 0.7, 0.9
+# it, some only from 1e6 on, and by no larger power than the last in the step before they are told.
+# Forces with a limit hardly grow.
+_GROWTH, _OVER, _JUMP = 0.7, 0.9, 1.3
 
 _GROWS = (
     "; with penalties of {soft:.2g} and {stiff:.2g} times the stiffness of the material there are "
@@ -78,10 +79,11 @@ class Stage:
         ratio = min(max(self.force / before.force, _FALL), 10.0**apart)
         return np.asarray(self.bounds * ratio ** ((power - self.power) / apart))
 
-    def grows_from(self, softer: Stage) -> bool:
-        """Whether the force grows with the penalty from another stage to this one."""
-        least = 10.0 ** (_GROWTH * (self.power - softer.power))
-        return self.force > least * softer.force > 0.0
+    def growth_from(self, softer: Stage) -> float:
+        """The power of the penalty by which the force grows from another stage to this one."""
+        if not min(self.force, softer.force) > 0.0:
+            return 0.0
+        return math.log10(self.force / softer.force) / (self.power - softer.power)
 
     def told(self, softer: Stage) -> str:
         """That the force grows from another stage to this one, whose state is left, in words."""
@@ -144,8 +146,11 @@ class Stiffening:
         can_grow = self._task.target.penalty.epsilon == 0.0
         for stage in self._stages():
             softer = [item for item in known if stage.power - item.power >= _OVER]
+            grows = bool(softer) and stage.growth_from(softer[-1]) > _GROWTH
+            # A step to another solution may be large.
+            grows = grows and _GROWTH < stage.growth_from(known[-1]) < _JUMP
             known.append(stage)
-            if not (can_grow and softer and stage.grows_from(softer[-1])):
+            if not (can_grow and grows):
                 continue
             if math.isnan(without):
                 found = force_with_friction(self._task)
