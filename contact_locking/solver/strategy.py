@@ -16,6 +16,7 @@ from contact_locking.errors import Infeasible, InputError, NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
 from contact_locking.solver.equilibria.search import solve_on_branch
+from contact_locking.solver.equilibria.stiffening import Way, solve_by_penalties
 from contact_locking.solver.fixed_point import fixed_point
 from contact_locking.solver.interior_point import InteriorPoint, explain_by_friction, is_impossible
 from contact_locking.solver.last_iterate import LastIterate
@@ -118,8 +119,8 @@ _RESCUE = 30
 # Solves with a known friction bound are as sharp as a share of its last change, and so sharp at
 # least.
 _SHARE_OF_CHANGE, _LOOSEST = 1e-2, 1e-2
-# The branch over the share of friction may take so many times the tangents of the solve that fails,
-# or so many where that fails at once.
+# The solutions over the penalty, and then the branch over the share of friction, may take so many
+# times the tangents of the solve that fails, or so many where that fails at once.
 _TIMES, _AT_LEAST = 12, 1000
 # From a saved state Newton either arrives within so many steps and updates of the bound, or takes
 # more tangents than the interior point method needs from nothing.  Where it is that near, the
@@ -264,10 +265,14 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
         return report
     if polish(task, _RESCUE, near=False):
         return task.succeed()
-    follows, most = task.follows_branch and goes_on(), max(_AT_LEAST, _TIMES * report.tangents)
-    if follows and (folds := solve_on_branch(task, most)) is not None:
-        report.warnings += [_PAST_FOLDS.format(folds=folds)] if folds else []
-        return task.succeed()
+    if goes_on():
+        most = max(_AT_LEAST, _TIMES * report.tangents)
+        way = solve_by_penalties(task, most)
+        if way is not Way.LOST:
+            return task.succeed() if way is Way.SOLVED else report
+        if task.follows_branch and (folds := solve_on_branch(task, most)) is not None:
+            report.warnings += [_PAST_FOLDS.format(folds=folds)] if folds else []
+            return task.succeed()
     if not nothing_is_admissible():
         explain_by_friction(task)
     return report

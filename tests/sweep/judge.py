@@ -72,6 +72,15 @@ def complaint(found: Found) -> str:
     return ", ".join(f"{name} {value:.2g}" for value, name in worst)
 
 
+def asked_for(discrete: Discrete, state: State) -> float:
+    """The forces of loads and elasticity, over those of contact, friction and locking."""
+    contact, scales = discrete.contact, _Scales(discrete, state)
+    assert contact is not None
+    force = contact.forces(state.pressure[:, None] * contact.normals - state.traction)
+    largest = max(scales.norm(force), scales.norm(discrete.forces(state.locking)))
+    return scales.norm(discrete.load - scales.stiffness @ state.u) / largest
+
+
 class _Scales:
     """Energies, the norm of forces, and what rounding in u makes of both."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 import time
 import traceback
 from collections.abc import Callable
@@ -40,15 +41,16 @@ GOOD = (SOLVED, INFEASIBLE, REFUSED, WEDGED, CLAIM)
 _DERIVED = 10
 # Beyond this the problem is impossible for certain, Clarabel's accuracy considered.
 _EXCESS = 1e-7
-# Penalties over Young's modulus, and how much larger the next makes a pressure without a limit.
-_PENALTIES, _GROWTH = (1e3, 1e4, 1e5, 1e6, 1e7), 5.0
-# Words of what the program tells of forces that grow without a limit.
-_GROWS = ("grow with the penalty", "of the pressure without friction, and grows")
+# Words of what the program tells of forces that grow without a limit, and of the state it leaves.
+_GROWS = "grow with the penalty"
+_STATE = r"penalty\.n: (\S+), penalty\.epsilon: (\S+) and friction\.regularisation: (\S+)"
+# Of forces that balance each other loads and elasticity ask for a smaller share than this.
+_NEEDLESS = 0.05
 # Words of what the program claims about a problem that it does not solve.
 _CLAIMS = (
     "infeasible",
     "cannot hold the body",
-    "grow with the penalty",
+    _GROWS,
     "nothing resists",
     "that the nodes miss",
 )
@@ -96,7 +98,7 @@ def outcome_of(
 def outcome_of_case(case: Case, checks: bool = True, family: str = "", seed: int = 0) -> Outcome:
     """Solve and judge; with ``checks`` the conic solver and the problem in other units, too."""
     outcome = Outcome(family, seed, BROKEN, study=case.study, row=case.row)
-    start = time.perf_counter()
+    start = time.process_time()
     try:
         _solve(case, outcome, checks)
     except (InputError, ValidationError) as error:
@@ -109,7 +111,7 @@ def outcome_of_case(case: Case, checks: bool = True, family: str = "", seed: int
         outcome.kind, outcome.reason = BROKEN, f"{type(error).__name__}: {error}"
     except Exception:
         outcome.kind, outcome.reason = BROKEN, traceback.format_exc()
-    outcome.seconds = outcome.seconds or time.perf_counter() - start
+    outcome.seconds = outcome.seconds or time.process_time() - start
     return outcome
 
 
@@ -125,15 +127,15 @@ def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
     if case.verge is not None:
         outcome.study = at_the_verge(case, problem)
         problem = assemble(Parameters.model_validate(outcome.study), comm, problem.domain)
-    start = time.perf_counter()
+    start = time.process_time()
     problem, (solution,) = _solved(problem, lambda given: [solve_assembled(given)])
-    outcome.seconds = time.perf_counter() - start
+    outcome.seconds = time.process_time() - start
     discrete = discretise(problem.parameters, problem.domain, solution.displacement.function_space)
     discrete = unseen.with_band(case.truth, discrete)
     outcome.tangents = int(solution.summary["iterations"]["tangents"])
     _judge(case.truth, solution, discrete, outcome, checks)
-    if outcome.kind == NOT_SOLVED and any(words in outcome.reason for words in _GROWS):
-        outcome.kind = WEDGED if forces_grow(outcome.study, problem) else NOT_SOLVED
+    if outcome.kind == NOT_SOLVED and _GROWS in outcome.reason:
+        outcome.kind = WEDGED if balances_itself(outcome.study, solution) else NOT_SOLVED
 
 
 def _solved(
@@ -158,7 +160,7 @@ def _solve_process(case: Case, problem: StudyProblem, outcome: Outcome, checks: 
     outcome.tangents = max((int(row["tangents"]) for row in found[-1].history), default=0)
     outcome.reason = told = str(found[-1].summary["reason"])
     if not found[-1].converged:
-        is_told = "grow with the penalty" in told
+        is_told = _GROWS in told
         outcome.kind = WEDGED if is_told else NOT_SOLVED
         if told.startswith("infeasible"):
             outcome.kind = INFEASIBLE
@@ -234,27 +236,24 @@ class _Seen:
         return [solution]
 
 
-def forces_grow(study: Study, problem: StudyProblem) -> bool:
-    """Whether the largest pressure grows in proportion to the penalty of contact and locking.
+def balances_itself(study: Study, solution: StudySolution) -> bool:
+    """Whether the state that is left solves the problem with the penalties told of, without need.
 
-    Each solution is judged by the sums of the sweep, and the stiffest two that are right decide.
+    What loads and elasticity ask for is a small share of its forces, which balance each other.  So
+    they do times any factor, with penalties that are larger by it: they have no limit.
     """
-    largest: list[float] = []
-    for share in _PENALTIES:
-        n, length = share * problem.material.young, problem.domain.extent
-        changed = copy.deepcopy(study)
-        changed["penalty"] = {"n": n, "epsilon": length / n}
-        changed["friction"]["regularisation"] = length / share
-        penalised = assemble(Parameters.model_validate(changed), MPI.COMM_SELF, problem.domain)
-        discrete = discretise(penalised.parameters, penalised.domain, penalised.u.function_space)
-        solution = solve_assembled(penalised)
-        if not solution.converged:
-            break
-        state = state_of(solution, discrete)
-        if judge.complaint(judge.violations(solution.parameters, discrete, state)):
-            break
-        largest.append(float(np.max(state.pressure)))
-    return len(largest) > 1 and largest[-1] > _GROWTH * largest[-2]
+    told = re.search(_STATE, str(solution.summary["reason"]))
+    if told is None:
+        return False
+    n, epsilon, length = map(float, told.groups())
+    changed = copy.deepcopy(study)
+    changed["penalty"] = {"n": n, "epsilon": epsilon}
+    changed["friction"]["regularisation"] = length
+    parameters = Parameters.model_validate(changed)
+    discrete = discretise(parameters, solution.domain, solution.displacement.function_space)
+    state = state_of(solution, discrete)
+    is_right = not judge.complaint(judge.violations(parameters, discrete, state))
+    return is_right and judge.asked_for(discrete, state) < _NEEDLESS
 
 
 def at_the_verge(case: Case, problem: StudyProblem) -> Study:

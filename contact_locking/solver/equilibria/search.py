@@ -55,6 +55,14 @@ def has_map(task: Task) -> bool:
     return bool(0 < nodes <= _MOST_NODES)
 
 
+def sharpened(task: Task) -> Task:
+    """The task with the settings that values of the map need."""
+    return task.with_settings(
+        tolerance=_SHARPER * task.settings.tolerance,
+        max_iterations=_LONGER * task.settings.max_iterations,
+    )
+
+
 class Equilibria:
     """The fixed points of the map of the friction bounds of a task, found one after the other.
 
@@ -66,13 +74,8 @@ class Equilibria:
         self._task, self.report, self._most_tangents = task, SolverReport(), most_tangents
         #: How the branch ends that has no more solutions, in words.
         self.end = ""
-        settings = task.settings
-        aside = task.aside(self.report).with_settings(
-            tolerance=_SHARPER * settings.tolerance,
-            max_iterations=_LONGER * settings.max_iterations,
-        )
-        self.map = BoundMap(aside)
-        self._newton = MapNewton(self.map, settings.friction_tolerance)
+        self.map = BoundMap(sharpened(task.aside(self.report)))
+        self._newton = MapNewton(self.map, task.settings.friction_tolerance)
 
     def on_branch(
         self, start: FloatArray | None = None, direction: float = 1.0, bold: bool = False

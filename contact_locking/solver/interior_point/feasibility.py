@@ -26,19 +26,14 @@ _ROUNDS = 8
 # on.
 _LITTLE = 1e-3
 _HALVINGS = 4
-# The penalties over the stiffness to find out with whether forces grow, the softest first, as these
-# are easier to solve for.
-_PENALTIES = (1e2, 1e3, 1e4, 1e5, 1e6, 1e7)
-# Forces without a limit grow in proportion to the penalty, some only from 1e6 on, and forces with a
-# limit hardly grow.
-_GROWTH = 5.0
 
 _INFEASIBLE_WAY_OUT = (
     "Refine the mesh, lower the prescribed displacements, raise material.locking_limit (or the "
     "limits of material.locking), or move the foundation away; a soft penalty.n has a solution "
     "that exceeds the limit."
 )
-_FRICTION_WAY_OUT = (
+#: What to do where friction wedges the body in.
+FRICTION_WAY_OUT = (
     "Lower friction.coefficient.  Where friction wedges the body in, the pressure may grow without "
     "a bound, and there may be no equilibrium."
 )
@@ -52,7 +47,7 @@ def explain_by_friction(task: Task) -> None:
         report.reason += f"; {share}"
         # Without slip the suggestion names a smaller coefficient already.
         if not any(contact.friction.stands for contact in task.system.rubbing):
-            report.suggestion = _FRICTION_WAY_OUT
+            report.suggestion = FRICTION_WAY_OUT
 
 
 def is_impossible(task: Task) -> bool:
@@ -142,89 +137,46 @@ def share_of_friction(task: Task) -> str | None:
     a search, and proves nothing.  Displacement and friction bounds of the system are left as they
     are; what it took is added to the report.
     """
-    system, rubbing = task.system, task.system.rubbing
-    if not rubbing or system.held_by_friction:
+    if not task.system.rubbing or task.system.held_by_friction:
         return None
-    prescribed = system.constraints.held_part(system.u.x.array)
-    with _tries(task) as tries:
-
-        def contact_force(share: float) -> float | None:
-            """The sum of all pressures with this share of the coefficient, None if not solved."""
-            system.u.x.array[:] = prescribed
-            solver = InteriorPoint(task.aside(tries), share=share)
-            try:
-                return _contact_force(system, solver.solve())
-            except NotConverged:
-                return None
-            finally:
-                solver.destroy()
-
-        low, high, last = 0.0, 1.0, contact_force(_LITTLE)
-        if last is None:
-            return None
-        first = last
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            found = contact_force(middle)
-            if found is None:
-                high = middle
-            else:
-                low, last = middle, found
+    low, high, first = 0.0, 1.0, force_with_friction(task)
+    if first is None:
+        return None
+    last = first
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        found = force_with_friction(task, middle)
+        if found is None:
+            high = middle
+        else:
+            low, last = middle, found
     growth = f" (and {last / first:.3g} times the contact force of none)" if first else ""
-    wedged = f"; {words}" if (words := growth_with_the_penalty(task)) else ""
     return (
         f"a solution was found with {100.0 * low:.0f} % of friction.coefficient{growth}, but "
-        f"not with {100.0 * high:.0f} %{wedged}"
+        f"not with {100.0 * high:.0f} %"
     )
 
 
-def growth_with_the_penalty(task: Task) -> str:
-    """Whether the forces of penalised solutions grow with the penalty, in words; collective.
+def force_with_friction(task: Task, share: float = _LITTLE) -> float | None:
+    """The sum of all pressures with a share of the coefficient, None if not solved; collective.
 
-    Where they do, the penalised solutions have no limit that the inequality could be solved by.
-    The stiffest two of the penalties that are solved show it, and prove nothing; "" where they say
-    nothing.  Displacement and friction bounds of the system are left as they are; what it took is
-    added to the report.
+    Displacement and friction bounds of the system are left as they are; what it took is added to
+    the report.
     """
-    if task.target.penalty.epsilon > 0.0:
-        return ""
-    forces = list[tuple[float, float]]()
-    for stiffness in _PENALTIES:
-        force = _penalised_force(task, _regularised(_stiff(task.target, stiffness)))
-        if force is None:
-            break
-        forces.append((stiffness, force))
-    if len(forces) < 2:
-        return ""
-    (soft, small), (stiff, large) = forces[-2:]
-    if not large > _GROWTH * small > 0.0:
-        return ""
-    return (
-        f"with penalties of {soft:.0e} and {stiff:.0e} times the stiffness of the material "
-        f"there are solutions, and the stiffer one has {large / small:.2g} times the contact "
-        "force of the other: its forces grow with the penalty, and there seems to be no "
-        "equilibrium without one"
-    )
-
-
-def _penalised_force(task: Task, target: Target) -> float | None:
-    """The sum of all pressures with the penalties of a target, None if not solved; collective."""
     system = task.system
-    prescribed = system.constraints.held_part(system.u.x.array)
     with _tries(task) as tries:
-        solver = InteriorPoint(task.aside(tries, target))
+        system.u.x.array[:] = 0.0
+        system.constraints.apply(system.u)
+        solver = InteriorPoint(task.aside(tries), share=share)
         try:
-            for approach in solver.approaches:
-                solver.approach = approach
-                system.u.x.array[:] = prescribed
-                with contextlib.suppress(NotConverged):
-                    return _contact_force(system, solver.solve())
+            return contact_force(system, solver.solve())
+        except NotConverged:
             return None
         finally:
             solver.destroy()
 
 
-def _contact_force(system: PenalisedSystem, found: Multipliers) -> float:
+def contact_force(system: PenalisedSystem, found: Multipliers) -> float:
     """The sum of all pressures; collective."""
     pairs = zip(system.contacts, found.contacts, strict=True)
     return sum(float(item.surface.integral(forces.pressure)) for item, forces in pairs)
@@ -249,14 +201,6 @@ def _stiff(target: Target, stiffness: float = _STIFF) -> Target:
     """
     n = stiffness * target.stiffness
     return target.with_penalty(Penalty(n, target.length / n, target.penalty.regularisations))
-
-
-def _regularised(target: Target) -> Target:
-    """The penalised problem with friction regularised as the penalty of contact would do it."""
-    penalty = target.penalty
-    least = penalty.epsilon * target.young
-    lengths = tuple(max(length, least) for length in penalty.regularisations)
-    return target.with_penalty(dataclasses.replace(penalty, regularisations=lengths))
 
 
 def _largest(fails: Callable[[float], Infeasible | None], excluded: float) -> tuple[float, float]:

@@ -1,0 +1,267 @@
+"""Solutions with penalties from soft to stiff, each the start of the next: a solver, and evidence.
+
+With a finite penalty the friction bounds of all solutions have a limit.  As the penalty grows, the
+forces either settle, and then the bounds lead to the solution of the target, or they grow with it:
+friction wedges the body in.  Such forces balance each other, whatever the loads are, so that
+nothing but the penalty gives them their size.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import enum
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import NotConverged
+from contact_locking.laws.penalty import Penalty
+from contact_locking.solver.equilibria.bound_map import BoundMap, BoundVectors
+from contact_locking.solver.equilibria.newton import MapNewton
+from contact_locking.solver.equilibria.search import FARTHEST, has_map, sharpened
+from contact_locking.solver.interior_point.feasibility import (
+    FRICTION_WAY_OUT,
+    contact_force,
+    force_with_friction,
+)
+from contact_locking.solver.interior_point.method import InteriorPoint
+from contact_locking.solver.task import SolverReport, Target, Task
+
+# Powers of ten of the penalty over the stiffness of the material: the softest, and the stiffest
+# before the inequality itself.
+_SOFTEST, _STIFFEST = 1.0, 7.0
+# The longest step in powers of ten, the shortest, and how much longer the next may be.
+_LONGEST, _SHORTEST, _LONGER = 1.0, 0.1, 1.5
+# On the way bounds need not be sharper, and Newton's method takes so many steps at most.
+_ROUGH, _FEW = 1e-3, 8
+# Bounds are foreseen to fall to this share of themselves at most.
+_FALL = 0.1
+# Forces without a limit grow by this power of the penalty at least, over nearly a power of ten of
+# it, some only from 1e6 on, and by no larger power than the last in the step before they are told.
+# Forces with a limit hardly grow.
+_GROWTH, _OVER, _JUMP = 0.7, 0.9, 1.3
+
+_GROWS = (
+    "; with penalties of {soft:.2g} and {stiff:.2g} times the stiffness of the material there are "
+    "solutions, and the stiffer one has {growth:.2g} times the contact force of the other: its "
+    "forces grow with the penalty, and there seems to be no equilibrium without one; the state "
+    "that is left is that of penalty.n: {n:g}, penalty.epsilon: {epsilon:g} and "
+    "friction.regularisation: {length:g}"
+)
+
+
+class Way(enum.Enum):
+    """Where the penalties have led: to a solution, to forces that grow, or nowhere."""
+
+    SOLVED, WEDGED, LOST = range(3)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A solution with penalties of ``10**power`` times the stiffness of the material.
+
+    ``bounds`` (m,) are its friction bounds, and ``force`` is the sum of its pressures.
+    """
+
+    power: float
+    target: Target
+    bounds: FloatArray
+    force: float
+
+    def foreseen(self, before: Stage | None, power: float) -> FloatArray:
+        """The bounds at another power, if they go on to grow like the force, or to fall."""
+        if before is None or not min(before.force, self.force) > 0.0:
+            return self.bounds
+        apart = self.power - before.power
+        ratio = min(max(self.force / before.force, _FALL), 10.0**apart)
+        return np.asarray(self.bounds * ratio ** ((power - self.power) / apart))
+
+    def growth_from(self, softer: Stage) -> float:
+        """The power of the penalty by which the force grows from another stage to this one."""
+        if not min(self.force, softer.force) > 0.0:
+            return 0.0
+        return math.log10(self.force / softer.force) / (self.power - softer.power)
+
+    def told(self, softer: Stage) -> str:
+        """That the force grows from another stage to this one, whose state is left, in words."""
+        penalty = self.target.penalty
+        return _GROWS.format(
+            soft=10.0**softer.power,
+            stiff=10.0**self.power,
+            growth=self.force / softer.force,
+            n=penalty.n,
+            epsilon=penalty.epsilon,
+            length=max(penalty.regularisations),
+        )
+
+
+def solve_by_penalties(task: Task, most_tangents: float = math.inf) -> Way:
+    """Solve with soft penalties, then with stiffer and stiffer ones; collective.
+
+    The solution is in the system, or that with the penalties which show that forces grow, as the
+    reason then tells; else the system is left as it was.  It takes about so many tangents at most.
+    """
+    if not task.system.rubbing or task.system.held_by_friction:
+        return Way.LOST
+    task.monitor.message("following the solutions from softer penalties")
+    stiffening = Stiffening(task, most_tangents)
+    found = stiffening.report
+    try:
+        with task.system.preserved(only_on_failure=True):
+            way = stiffening.followed()
+            if way is Way.LOST:
+                raise _Lost
+    except _Lost:
+        return Way.LOST
+    finally:
+        task.report.tangents += found.tangents
+        task.report.linear += found.linear
+    task.report.multipliers, task.report.last = found.multipliers, found.last
+    task.report.duality_gap, task.report.friction_change = found.duality_gap, found.friction_change
+    if way is Way.WEDGED:
+        task.report.reason += found.reason
+        task.report.suggestion = FRICTION_WAY_OUT
+    return way
+
+
+class Stiffening:
+    """The stages of a task, which end after ``most_tangents``; all methods are collective.
+
+    The solution of the last stage is in the system.  ``report`` has its multipliers, and counts
+    the tangents.
+    """
+
+    def __init__(self, task: Task, most_tangents: float) -> None:
+        self._task, self._most_tangents = task, most_tangents
+        self.report = SolverReport()
+        self._vectors = BoundVectors(task.system) if has_map(task) else None
+        self._last = _last_power(task.target)
+
+    def followed(self) -> Way:
+        """Where the stages lead."""
+        known, without = list[Stage](), math.nan
+        can_grow = self._task.target.penalty.epsilon == 0.0
+        for stage in self._stages():
+            softer = [item for item in known if stage.power - item.power >= _OVER]
+            grows = bool(softer) and stage.growth_from(softer[-1]) > _GROWTH
+            # A step to another solution may be large.
+            grows = grows and _GROWTH < stage.growth_from(known[-1]) < _JUMP
+            known.append(stage)
+            if not (can_grow and grows):
+                continue
+            if math.isnan(without):
+                found = force_with_friction(self._task)
+                without = math.inf if found is None else found
+            is_far = stage.force > FARTHEST * without
+            is_last = stage.power >= self._last and without < math.inf
+            if (is_far or is_last) and self._arrives(stage, stage.target):
+                self.report.reason = stage.told(softer[-1])
+                return Way.WEDGED
+        is_last = bool(known) and known[-1].power >= self._last
+        return Way.SOLVED if is_last and self._arrives(known[-1], self._task.target) else Way.LOST
+
+    def _stages(self) -> Iterator[Stage]:
+        before: Stage | None = None
+        known = self._from_nothing(min(_SOFTEST, self._last - 1.0))
+        step = _LONGEST
+        while known is not None:
+            yield known
+            if known.power >= self._last or self.report.tangents > self._most_tangents:
+                return
+            found = None
+            while found is None and step >= _SHORTEST and self._vectors is not None:
+                found = self._onwards(before, known, min(known.power + step, self._last))
+                step = 0.5 * step if found is None else min(_LONGER * step, _LONGEST)
+            if found is None:
+                # Where the solutions turn back others may lead on.
+                step = _LONGEST
+                found = self._from_nothing(min(known.power + step, self._last))
+            before, known = known, found
+
+    def _arrives(self, stage: Stage, target: Target) -> bool:
+        """Whether Newton's method leads from a stage to the solution of a target."""
+        if self._vectors is None:
+            # The interior point method is sharp.
+            return target is stage.target
+        sharp = self._task.settings.friction_tolerance
+        return self._solved(target, stage.bounds, sharp) is not None
+
+    def _onwards(self, before: Stage | None, known: Stage, power: float) -> Stage | None:
+        target, last = _softened(self._task.target, power), self.report.last
+        start = known.foreseen(before, power)
+        bounds = self._solved(target, start, _ROUGH, _FEW)
+        if bounds is None:
+            self.report.last = last
+            return None
+        return self._stage(power, target, bounds)
+
+    def _solved(
+        self, target: Target, start: FloatArray, tolerance: float, limit: int = MapNewton.limit
+    ) -> FloatArray | None:
+        problem = BoundMap(sharpened(self._task.aside(self.report, target)))
+        newton = MapNewton(problem, tolerance, limit)
+        try:
+            found = newton.solve(start)
+        finally:
+            problem.destroy()
+        self.report.multipliers, self.report.friction_change = problem.multipliers, newton.left
+        return found
+
+    def _from_nothing(self, power: float) -> Stage | None:
+        system, target = self._task.system, _softened(self._task.target, power)
+        solver = InteriorPoint(self._task.aside(self.report, target))
+        try:
+            for approach in solver.approaches:
+                solver.approach = approach
+                system.u.x.array[:] = 0.0
+                system.constraints.apply(system.u)
+                with contextlib.suppress(NotConverged):
+                    self.report.multipliers = solver.solve()
+                    return self._stage(power, target, self._bounds())
+            return None
+        finally:
+            solver.destroy()
+
+    def _bounds(self) -> FloatArray:
+        if self._vectors is None:
+            return np.empty(0)
+        return self._vectors.gather([item.bounds for item in self._vectors.contacts])
+
+    def _stage(self, power: float, target: Target, bounds: FloatArray) -> Stage:
+        assert self.report.multipliers is not None
+        force = contact_force(self._task.system, self.report.multipliers)
+        return Stage(power, target, bounds, force)
+
+
+def _last_power(target: Target) -> float:
+    """The power at which the penalties are those of the target, or the stiffest."""
+    penalty = target.penalty
+    if math.isinf(penalty.n) or penalty.epsilon == 0.0:
+        return _STIFFEST
+    stiffest = max(penalty.n, target.length / penalty.epsilon)
+    return math.log10(stiffest / target.stiffness)
+
+
+def _softened(target: Target, power: float) -> Target:
+    """The target with penalties no stiffer than a power of ten times the stiffness.
+
+    Friction is regularised as the penalty of contact would do it.  The numbers have three digits,
+    so that a message can give them.
+    """
+    penalty = target.penalty
+    n = min(penalty.n, _rounded(10.0**power * target.stiffness))
+    epsilon = max(penalty.epsilon, _rounded(target.length / (10.0**power * target.stiffness)))
+    least = _rounded(epsilon * target.young)
+    lengths = tuple(max(length, least) for length in penalty.regularisations)
+    return target.with_penalty(Penalty(n, epsilon, lengths))
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.3g}")
+
+
+class _Lost(Exception):
+    """The penalties lead nowhere."""
