@@ -37,7 +37,7 @@ def functions(kind: CellKind, corners: FloatArray, points: FloatArray) -> FloatA
         jacobian = np.sqrt(np.maximum((area - bend) ** 2 + 4.0 * turn * _cross(b, d) * along, 0.0))
         s = 2.0 * along / (area - bend + jacobian)
         t = 2.0 * turn * _cross(b, y) / (area + bend + jacobian)
-        places = np.stack([s, t], axis=2, dtype=np.float64)
+        places = np.stack([s, t], axis=2).astype(np.float64)
     return kind.basis(places.reshape(-1, kind.dim)).reshape(*points.shape[:2], kind.corners)
 
 

@@ -64,7 +64,8 @@ def areas(side: Side) -> FloatArray:
     found = np.zeros(len(side.points))
     places = 0.5 + np.array([[i, j] for i in (-1, 1) for j in (-1, 1)]) / math.sqrt(12.0)
     a, b, c, d = np.moveaxis(side.corners, 1, 0)
-    for (s, t), values in zip(places.tolist(), QUADRILATERAL.basis(places), strict=True):
+    for place, values in zip(places, QUADRILATERAL.basis(places), strict=True):
+        s, t = map(float, place)
         normals = np.cross((1 - t) * (b - a) + t * (d - c), (1 - s) * (c - a) + s * (d - b))
         sizes = 0.25 * np.linalg.norm(normals, axis=1)
         np.add.at(found, side.facets, sizes[:, None] * values)

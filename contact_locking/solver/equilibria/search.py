@@ -122,8 +122,7 @@ class Equilibria:
             return found
         with contextlib.suppress(NotConverged):
             self._settle()
-            vectors = self.map.vectors
-            return vectors.gather([contact.bounds for contact in vectors.contacts])
+            return self.map.vectors.in_force()
         return None
 
     def _settle(self) -> Multipliers:

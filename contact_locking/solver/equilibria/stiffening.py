@@ -226,9 +226,7 @@ class Stiffening:
             solver.destroy()
 
     def _bounds(self) -> FloatArray:
-        if self._vectors is None:
-            return np.empty(0)
-        return self._vectors.gather([item.bounds for item in self._vectors.contacts])
+        return np.empty(0) if self._vectors is None else self._vectors.in_force()
 
     def _stage(self, power: float, target: Target, bounds: FloatArray) -> Stage:
         assert self.report.multipliers is not None
