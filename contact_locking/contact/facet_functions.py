@@ -28,7 +28,7 @@ def functions(kind: CellKind, corners: FloatArray, points: FloatArray) -> FloatA
     if kind.is_simplex:
         edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
         away = (points - corners[:, :1]).transpose(0, 2, 1)
-        places = np.linalg.solve(edges, away).transpose(0, 2, 1)
+        places = np.asarray(np.linalg.solve(edges, away).transpose(0, 2, 1), dtype=float)
     else:
         a, b, c, d = (corners[:, i : i + 1] for i in range(4))
         b, c, d, y = b - a, c - a, d - b - c + a, points - a

@@ -55,7 +55,7 @@ def quadrilaterals(n: int, sign: float, share: float, warp: float = 0.0) -> Side
     at = (grid + steps) / n
     height = at @ PLANE[3] + warp * np.prod(2.0 * at - 1.0, axis=1)
     first = (grid[:, 0] < n) & (grid[:, 1] < n)
-    facets = np.flatnonzero(first)[:, None] + [0, 1, n + 1, n + 2]
+    facets = np.flatnonzero(first)[:, None] + np.array([0, 1, n + 1, n + 2])
     points = np.column_stack([at, height])
     return Side(points, QUADRILATERAL, facets, sign * unit_normals(points[facets]))
 
@@ -65,7 +65,7 @@ def areas(side: Side) -> FloatArray:
     found = np.zeros(len(side.points))
     places = 0.5 + np.array([[i, j] for i in (-1, 1) for j in (-1, 1)]) / math.sqrt(12.0)
     a, b, c, d = np.moveaxis(side.corners, 1, 0)
-    for (s, t), values in zip(places, QUADRILATERAL.basis(places), strict=True):
+    for s, t, values in zip(*places.T, QUADRILATERAL.basis(places), strict=True):
         normals = np.cross((1 - t) * (b - a) + t * (d - c), (1 - s) * (c - a) + s * (d - b))
         sizes = 0.25 * np.linalg.norm(normals, axis=1)
         np.add.at(found, side.facets, sizes[:, None] * values)

@@ -72,7 +72,7 @@ def forces_at(solution: cl.Solution) -> tuple[Any, Any]:
 @pytest.mark.parametrize(("dim", "cells"), [(2, "simplex"), (3, "simplex"), (3, "box")])
 def test_a_block_presses_where_it_has_slid_to(dim: int, cells: str) -> None:
     """Over five facets in 2D: forces and moments balance, and the pressure is below the block."""
-    grids = {"mesh__cells": cells, "mesh__structured": cells == "box"}
+    grids: dict[str, Any] = {"mesh__cells": cells, "mesh__structured": cells == "box"}
     solution, places, forces = last_forces(sliding(dim, **grids))
     assert solution.summary["warnings"] == []
     normal = float(np.abs(forces[:, -1]).sum()) / 2.0
