@@ -22,7 +22,6 @@ from contact_locking.study_file.parameters.base import marks
 from contact_locking.study_file.parameters.keys import section_in, visible_fields
 from contact_locking.study_file.parameters.wording import show
 
-from .load import with_absolute_paths
 from .source import read
 
 _DEMOS = Path(__file__).parent / "demos"
@@ -69,13 +68,25 @@ def starter(like: str, file: str | Path) -> str:
         raise InputError(f"--like: no demo is named {show(like)}{known}")
     demo = (_DEMOS / f"{like}.yml").resolve()
     # A tool in a file stays where the demo has it.
-    data, _ = with_absolute_paths(read(demo).data, demo.parent)
+    data = _with_absolute_paths(read(demo).data, demo.parent)
     directory = f"results/{Path(file).stem}"
     data["output"] = {**data.get("output", {}), "directory": directory}
     shown = shlex.quote(printable(str(file), keep=""))
     head = _HEAD.format(like=like, file=shown, directory=printable(directory, keep=""))
     parts = [head, *_parts(data)]
     return "\n".join(parts)
+
+
+def _with_absolute_paths(value: Any, folder: Path) -> Any:
+    """The data of a study file, where the name of each file has its folder."""
+    match value:
+        case dict():
+            return {key: _with_absolute_paths(item, folder) for key, item in value.items()}
+        case list():
+            return [_with_absolute_paths(item, folder) for item in value]
+        case str() if (folder / value).is_file():
+            return str(folder / value)
+    return value
 
 
 def _parts(data: Mapping[str, Any]) -> Iterator[str]:
