@@ -15,7 +15,6 @@ from contact_locking.results.contact_points import STATE_NAMES, ContactPoints
 
 
 def _columns(axes: Sequence[str]) -> dict[str, list[str]]:
-    """The columns of each field of the contact points, in the order of the file."""
 
     def vector(name: str) -> list[str]:
         return [f"{name}_{axis}" for axis in axes]

@@ -209,7 +209,6 @@ def _too_much(data: dict[str, Any], cases: Sequence[Mapping[str, Any]]) -> Fault
 
 
 def _size(value: Any) -> int:
-    """The number of values in nested lists and mappings."""
     if isinstance(value, dict | list | tuple):
         return 1 + sum(map(_size, value.values() if isinstance(value, dict) else value))
     return 1

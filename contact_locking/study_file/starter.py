@@ -90,7 +90,6 @@ def _with_absolute_paths(value: Any, folder: Path) -> Any:
 
 
 def _parts(data: Mapping[str, Any]) -> Iterator[str]:
-    """The text of each section of the file."""
     for name in visible_fields(Parameters):
         one = list(_section(Parameters, data, 0, True, (name,)))
         yield "".join(f"{text}\n" for line in one for text in _text(line))
@@ -140,7 +139,6 @@ def _section(
 
 
 def _builder(data: Mapping[str, Any], depth: int, given: bool) -> Iterator[_Line]:
-    """The parameters of the builder of a mesh."""
     for entry in fields(BUILDERS[data.get("builder", "block")]):
         about = _about(entry.metadata["unit"], entry.metadata["description"])
         if entry.name in data:
@@ -169,7 +167,6 @@ def _text(line: _Line) -> list[str]:
 
 
 def _flow(value: Any) -> str:
-    """A value as YAML in one line."""
     match value:
         case dict():
             items = (f"{_flow(key)}: {_flow(item)}" for key, item in value.items())

@@ -366,7 +366,6 @@ def _drawing(trend: Trend, label: str) -> dict[str, Any]:
 
 
 def _scale(count: int) -> ListedColormap:
-    """As many colours as there are curves."""
     return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.93, count)))
 
 

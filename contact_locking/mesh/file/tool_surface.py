@@ -52,7 +52,6 @@ def read_heights(path: Path, spacing: Sequence[float] | None) -> tuple[FloatArra
 
 
 def _numbers(path: Path) -> FloatArray:
-    """The rows of a file, (rows, columns)."""
     try:
         if path.suffix.lower() == ".npy":
             found = np.load(path, allow_pickle=False)

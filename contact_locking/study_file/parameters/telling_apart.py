@@ -96,7 +96,6 @@ def _is_vector(value: Sequence[Any]) -> bool:
 
 
 def _agree(values: Sequence[Any]) -> bool:
-    """Whether all values are the same one."""
     return len(set(map(_identity, values))) < 2
 
 

@@ -83,7 +83,6 @@ def _negative(value: Any) -> float | str:
 
 
 def _number_or_infinite(value: Any) -> float:
-    """The number, also minus infinity."""
     return value if value == -math.inf else _number(value, infinite=True)
 
 
