@@ -16,9 +16,8 @@ from contact_locking.plain_text import nearest
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.base import MOST_FAULTS, Fault, FaultsError
 from contact_locking.study_file.parameters.keys import known_keys
-from contact_locking.study_file.parameters.telling_apart import labels
 from contact_locking.study_file.parameters.values import CHOICES
-from contact_locking.study_file.parameters.wording import show, unknown_key, value_message
+from contact_locking.study_file.parameters.wording import labels, show, unknown_key, value_message
 
 from .dump import dump
 from .schema import rows

@@ -21,7 +21,7 @@ from contact_locking.extras.pictures import style
 from contact_locking.results.quantities import QUANTITIES, Quantity
 from contact_locking.results.read import Row, number
 from contact_locking.study_file.parameters.study import StudyParameters
-from contact_locking.study_file.parameters.telling_apart import told_apart
+from contact_locking.study_file.parameters.wording import told_apart
 
 from .charts import Chart, chart
 from .words import shown
