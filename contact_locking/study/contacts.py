@@ -231,7 +231,6 @@ def _foundation(
 
 
 def _motion(given: rigid_body.Foundation, key: str, dim: int, clock: Clock) -> RigidMotion:
-    """The motion from rest at the present time."""
     moved = given.moved
     if moved is None:
         return RigidMotion.rest(dim)
@@ -286,7 +285,6 @@ class TimedForce:
         return np.array(values)
 
     def _size(self, time: float) -> float:
-        """F at a time."""
         force = self._vector(self._force, time)
         size = float(force @ self.direction)
         at = f" at t = {time:g}" if any(law.names for law in self._force) else ""
