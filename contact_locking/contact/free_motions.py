@@ -282,11 +282,9 @@ def _axes(contact: NodalContact, tilt: Tilt) -> FloatArray:
     axes = np.eye(1 if surface.domain.dim == 2 else 3)
     arms = [SmallMotion.about(about, skew(axis)).at(surface.points) for axis in axes]
     facing = np.array([np.sum(contact.normals * arm, axis=1) for arm in arms]) * contact.free
-    weights = surface.weights
-    comm = surface.domain.comm
-    gram, size = comm.allreduce(np.array([facing * weights @ facing.T, _norms(arms, weights)]))
+    gram = surface.domain.comm.allreduce(facing * surface.weights @ facing.T)
     values, vectors = np.linalg.eigh(gram)
-    kept = values > _TURNS * np.trace(size)
+    kept = values > _TURNS * sum(float(np.sum(surface.integral(arm**2))) for arm in arms)
     if not kept.any():
         raise InputError(
             "is a point about which the foundation turns without moving to or from the body; "
@@ -301,11 +299,6 @@ def _axes(contact: NodalContact, tilt: Tilt) -> FloatArray:
         if len(found) < kept.sum() and np.linalg.norm(rest) >= _APART:
             found.append(rest / np.linalg.norm(rest))
     return np.array(found)
-
-
-def _norms(arms: Sequence[FloatArray], weights: FloatArray) -> FloatArray:
-    """The products (m, m) of displacements (k, d), with weights (k,)."""
-    return np.array([[weights @ np.sum(a * b, axis=1) for b in arms] for a in arms])
 
 
 def _plain(values: Any) -> float | list[float]:
