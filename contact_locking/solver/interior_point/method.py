@@ -205,10 +205,12 @@ class InteriorPoint:
         with np.errstate(all="ignore"):
             if not self._take(pieces, pieces.from_last(last)):
                 return None
-        report.last = self._last()
         if self.bound_moves:
             report.friction_change = judge.friction_change
-        return self.multipliers()
+        # The last iterate is inside of the cones, and no longer the solution.
+        found = self.multipliers()
+        report.last = self._last()
+        return found
 
     def _leaves_law(self) -> bool:
         """Whether a locking stress is far from its penalty law at the displacement; collective."""
