@@ -121,7 +121,7 @@ _RESCUE = 30
 _SHARE_OF_CHANGE, _LOOSEST = 1e-2, 1e-2
 # The solutions over the penalty, and then the branch over the share of friction, may take so many
 # times the tangents of the solve that fails, or so many where that fails at once.
-_TIMES, _AT_LEAST = 12, 1000
+_TIMES, _AT_LEAST = 16, 1000
 # From a saved state Newton either arrives within so many steps and updates of the bound, or takes
 # more tangents than the interior point method needs from nothing.  Where it is that near, the
 # relative residual at the start is below the last of these numbers.
@@ -257,8 +257,9 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
             report.from_saved = solver.from_last
             # Newton's last steps want a linear solver as sharp as they are.
             direct = None if solver.is_elastic else solver.direct
-            if direct is not None and is_in_reach(task):
-                polish(task, _POLISH, direct)
+            polishes = direct is not None and is_in_reach(task)
+            if not (polishes and polish(task, _POLISH, direct)):
+                report.multipliers = solver.finish() or report.multipliers
             return task.succeed()
     task.add_stage(penalty, report.tangents)
     if is_unbalanced():

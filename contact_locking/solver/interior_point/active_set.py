@@ -114,7 +114,8 @@ class ActiveSet:
         )
         target = task.target
         self._springs = float(task.system.held_by_contact) * target.ellipticity / target.length
-        self._moving = list(bounds) if bound_moves else []
+        # Pieces need no inside of the friction cones.
+        self._moving = [dataclasses.replace(item, least=0.0) for item in bounds if bound_moves]
         self._standing = [] if bound_moves else list(bounds)
         self._laws = {family: self._law(family) for family in tangent.families}
 

@@ -191,6 +191,31 @@ class InteriorPoint:
             finally:
                 self._task.report.friction_change = self._judge.friction_change
 
+    def finish(self) -> Multipliers | None:
+        """The solution by the pieces of the laws, where cones have left it rough; collective.
+
+        None where it is not rough, where linear solves are iterative, and where that method does
+        not arrive: displacement and report are then as they were.
+        """
+        report, judge, last = self._task.report, self._judge, self._task.report.last
+        is_done = self.is_elastic or self._pieces is not None or self._tangent.direct is None
+        if is_done or last is None or not (judge.leaves_gap or self._leaves_law()):
+            return None
+        pieces = self._all_pieces()
+        with np.errstate(all="ignore"):
+            if not self._take(pieces, pieces.from_last(last)):
+                return None
+        if self.bound_moves:
+            report.friction_change = judge.friction_change
+        # The last iterate is inside of the cones, and no longer the solution.
+        found = self.multipliers()
+        report.last = self._last()
+        return found
+
+    def _leaves_law(self) -> bool:
+        """Whether a locking stress is far from its penalty law at the displacement; collective."""
+        return self._has_law and not self._judge.keeps_penalty_law(self._iterate)
+
     def take_loads(self) -> None:
         """Take the present loads of the system for the next solve."""
         self._tangent.take_loads()
@@ -341,10 +366,14 @@ class InteriorPoint:
     @property
     def _wants_law(self) -> bool:
         """Whether locking stresses shall keep their penalty law, which no polishing gives them."""
-        target, polishes = self._task.target, self._tangent.direct is not None
+        return self._has_law and self._tangent.direct is None and self._loosened == 1.0
+
+    @property
+    def _has_law(self) -> bool:
+        """Whether there is a penalty law of locking that rounding in strains is not in the way of."""
+        target = self._task.target
         has_digits = target.penalty.n <= self._tuning.stiffest_law * target.stiffness
-        is_wanted = has_digits and bool(self._families.strains)
-        return is_wanted and not polishes and self._loosened == 1.0
+        return has_digits and bool(self._families.strains)
 
     def _rests(self) -> bool:
         """Whether the body is at rest without multipliers; collective."""
