@@ -12,6 +12,7 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.contact import Contact, Gap
 from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
+from contact_locking.contact.no_slip import NoSlip
 from contact_locking.contact.smoothing import Identity
 from contact_locking.contact.state import ContactState
 from contact_locking.contact.surface import ContactSurface
@@ -42,24 +43,21 @@ class NodalContact:
     On a foundation that moves, the slip is relative to it: ``reference`` is
     ``(u_{k-1} + drag)_tau`` as a function, for the forms.
 
-    The constructor is collective.  ``space`` is the displacement space of ``element``, ``limited``
-    its space of limited values, and ``slip`` the regularisation of a friction that has none of its
-    own.  Raises InputError for a foundation behind Gamma_C.
+    The constructor is collective.  ``surface`` is the place of the contact, ``others`` are those of
+    all other contacts, and ``slip`` is the regularisation of a friction that has none of its own.
+    Raises InputError for a foundation behind Gamma_C.
     """
 
     def __init__(
         self,
-        domain: Domain,
-        space: fem.FunctionSpace,
-        constraints: Constraints,
         given: Contact,
-        element: Element,
-        limited: fem.FunctionSpace,
+        surface: ContactSurface,
+        others: Sequence[ContactSurface],
+        constraints: Constraints,
         slip: float,
     ) -> None:
         self.given, self.key, self.on = given, given.key, given.on
-        surface = _surface(domain, space, given, element, limited)
-        self.surface, self._constraints = surface, constraints
+        self.surface, self._constraints, domain = surface, constraints, surface.domain
         self.foundation = _placed(domain, given)
         gap, normals = self.foundation.at_nodes(surface)
         self._first_gap = gap
@@ -67,7 +65,8 @@ class NodalContact:
         self.against = tuple(given.against or ())
         self._sides: IntArray = surface.sides(normals)
         smoothing = given.friction.smoothing.on(surface, self.free, self._sides)
-        self.friction = given.friction.on(surface, smoothing)
+        friction = given.friction.on(surface, smoothing)
+        self.friction = friction.beside(others) if isinstance(friction, NoSlip) else friction
         own = 0.0 if self.friction.stands else given.friction.regularisation
         self.regularisation = fem.Constant(domain.mesh, slip if own is None else own)
         count, dim = len(surface.nodes), domain.dim
@@ -270,14 +269,14 @@ def joint_norm(contacts: Sequence[NodalContact], values: Sequence[FloatArray]) -
     return float(np.linalg.norm(norms)) if len(norms) > 1 else sum(norms)
 
 
-def _surface(
+def place_of(
+    given: Contact,
     domain: Domain,
     space: fem.FunctionSpace,
-    given: Contact,
     element: Element,
     limited: fem.FunctionSpace,
 ) -> ContactSurface:
-    """The place of a contact; collective."""
+    """The place of a contact; ``limited`` is the space of limited values; collective."""
     if given.against is None:
         return ContactSurface(domain, space, given.on, f"{given.key}.on", element, limited)
     is_gap = isinstance(given.foundation, Gap | GivenGap)
