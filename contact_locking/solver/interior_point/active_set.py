@@ -104,6 +104,8 @@ class ActiveSet:
         tuning: Tuning,
     ) -> None:
         self._task, self._tangent, self._judge = task, tangent, judge
+        #: The duality gap of the solution.
+        self.gap = 0.0
         self._pieces = Pieces()
         pieces = self._pieces
         self._tuning = dataclasses.replace(
@@ -252,7 +254,7 @@ class ActiveSet:
             is_linearised = False
             if not keeps:
                 tangent.refresh()
-                task.report.tangents += 1
+                task.counts.tangents += 1
                 bound_step = BoundStep(self._moving, tangent, self._tuning)
             else:
                 assert bound_step is not None
@@ -266,7 +268,7 @@ class ActiveSet:
             if reached and reached_before:
                 if self._rests():
                     raise NotConverged("nothing presses the body to the foundations")
-                task.report.duality_gap = max(measures.gap, 0.0)
+                self.gap = max(measures.gap, 0.0)
                 return iterate
             if reached:
                 # One more step by the same tangent takes off most of what is left.
@@ -331,7 +333,7 @@ class ActiveSet:
             law.advance(direction.steps[family])
         if not self._moving:
             return
-        self._task.report.friction += 1
+        self._task.counts.friction += 1
         wanted, _ = self._judge.compare(self._moving)
         for bound, values in zip(self._moving, wanted, strict=True):
             bound.set(values)
