@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -35,8 +36,8 @@ class Tools(Sequence[FreeMotion]):
         self, motions: Sequence[FreeMotion], epsilon: fem.Constant, bounds: BoundsInForce
     ) -> None:
         self._motions = tuple(motions)
-        firsts = [item for item in self if item is item.siblings[0]]
-        self.balances = [ToolBalance(item.siblings, epsilon, bounds) for item in firsts]
+        groups = itertools.groupby(motions, key=lambda item: item.contact)
+        self.balances = [ToolBalance(tuple(group), epsilon, bounds) for _, group in groups]
 
     def __len__(self) -> int:
         return len(self._motions)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 from dolfinx import fem
@@ -75,6 +75,7 @@ class NodalContact:
         self.reference = surface.vector_function(np.zeros((count, dim)), "old_slip")
         self.state = ContactState.at_rest(count, dim)
         self.travel = SmallMotion.rest(dim)
+        self._travels: dict[Hashable, SmallMotion] = {}
         self._gaps = self.gaps
         # How far the foundation itself has moved in the step, without its travel.
         self._moved: FloatArray = np.zeros((count, dim))
@@ -105,7 +106,7 @@ class NodalContact:
     def enter(self, state: ContactState) -> None:
         """Begin a step with the memory of friction; collective."""
         self.state = state
-        self.move_foundation(self.travel)
+        self._refresh()
 
     def place(self) -> None:
         """Put the foundation to its present place, or pair bodies where they are; collective.
@@ -137,12 +138,18 @@ class NodalContact:
         dim = self.surface.domain.dim
         self.normal.x.array.reshape(-1, dim)[self.surface.blocks] = normals
         self.normal.x.scatter_forward()
-        self.move_foundation(self.travel)
+        self._refresh()
 
-    def move_foundation(self, travel: SmallMotion) -> None:
-        """Let forces move the foundation by ``travel`` in all; collective."""
-        self.travel, normals, points = travel, self.normals, self.surface.arms
-        way = travel.at(points)
+    def move_foundation(self, key: Hashable, travel: SmallMotion) -> None:
+        """Let forces move the foundation by ``travel``, beside those of other keys; collective."""
+        self._travels[key] = travel
+        self.travel = sum(self._travels.values(), SmallMotion.rest(self.surface.domain.dim))
+        self._refresh()
+
+    def _refresh(self) -> None:
+        """Take the travel of the foundation into gaps and slips; collective."""
+        normals, points = self.normals, self.surface.arms
+        way = self.travel.at(points)
         self.gap.x.array[self.surface.nodes] = self._gaps + np.sum(normals * way, axis=1)
         self.gap.x.scatter_forward()
         self.drag = self._moved + (way - self.state.travel.at(points))
