@@ -206,7 +206,7 @@ class _State:
         self._normals, self._along = normals, np.einsum("mkd,kd->mk", fields, normals)
         self._across = fields - self._along[..., None] * normals
         self._bound = balance._bounds[contact]
-        self._length = float(contact.regularisation.value)
+        self._length = float(balance._bounds.lengths[contact].value)
         self._weights = contact.surface.weights
         self._pressed = self._weights * contact.free
         facing = -np.minimum(self._along[0], 0.0)

@@ -32,8 +32,8 @@ class NodalContact:
     ``given`` holds the data of the contact, ``key`` its name in messages, and ``on`` are its
     boundary parts.  ``foundation`` is its foundation at its place.  ``normal`` and ``gap`` are
     functions with the normal and the limited value of the gap at the nodes.  ``friction`` computes
-    the friction bound of pressures and slips.  ``regularisation`` is the length that smooths
-    friction.
+    the friction bound of pressures and slips.  ``regularisation`` is the length to
+    smooth friction with.
     ``free`` (k,) marks the nodes whose normal displacement is not prescribed; neither pressure nor
     friction acts at the other nodes.  ``against`` are the boundary parts of the other body that
     ``on`` touches, none for a foundation; displacements are jumps then.
@@ -68,7 +68,7 @@ class NodalContact:
         friction = given.friction.on(surface, smoothing)
         self.friction = friction.beside(others) if isinstance(friction, NoSlip) else friction
         own = 0.0 if self.friction.stands else given.friction.regularisation
-        self.regularisation = fem.Constant(domain.mesh, slip if own is None else own)
+        self.regularisation = slip if own is None else own
         count, dim = len(surface.nodes), domain.dim
         self.normal = surface.vector_function(normals, "contact_normal")
         self.gap = surface.scalar_function(surface.limited_gap(gap), "gap")
@@ -238,13 +238,12 @@ class NodalContact:
         """The accumulated slip ``s_k = s_{k-1} + |u_tau - u_{k-1,tau}|`` (k,) at the nodes."""
         return self.state.slip + np.linalg.norm(self.increment(u), axis=1)
 
-    def state_after(self, u: fem.Function, sticks: BoolArray) -> ContactState:
+    def state_after(self, u: fem.Function, holds: BoolArray) -> ContactState:
         """The memory of friction if the step ends with the displacement u; collective.
 
-        At nodes that stick (k,) without regularisation the slip is zero but for the tolerance of
-        the solver, which would add up over many steps: these nodes keep their place.
+        At nodes that stick without regularisation, which ``holds`` (k,) marks, the slip is zero but
+        for the tolerance of the solver, which would add up over many steps: they keep their place.
         """
-        holds = sticks & (float(self.regularisation.value) == 0.0)
         along, tangential = self.split(u)
         place = np.where(holds[:, None], self.references, tangential)
         slip = np.where(holds, self.state.slip, self.slips(u))

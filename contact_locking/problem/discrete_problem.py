@@ -90,7 +90,7 @@ class DiscreteProblem:
             for i, item in enumerate(contacts)
         )
         self.warnings = [text for contact in nodal for text in contact.warnings()]
-        slips = tuple(float(contact.regularisation.value) for contact in nodal)
+        slips = tuple(contact.regularisation for contact in nodal)
         self.penalty = Penalty(n, epsilon, slips)
         origin = _origin(body, self.material)
         self.data = forms.ProblemData(

@@ -16,7 +16,7 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum
 from contact_locking.problem.parts import describe_loose, describe_slide
 from contact_locking.results.body_fields import BodyFields
-from contact_locking.results.contact_points import OPEN, STICK
+from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import Contacts, gather_contacts, on_gamma_c
 from contact_locking.results.quantities import computed
 from contact_locking.results.solution import Differentiable, Solution
@@ -80,9 +80,7 @@ def state_of(state: SolvedState) -> State:
         travels=state.system.tools.travels,
         last=state.report.last,
     )
-    after = tuple(
-        fields.contact.state_after(problem.u, fields.state == STICK) for fields in state.contacts
-    )
+    after = tuple(fields.contact.state_after(problem.u, fields.holds) for fields in state.contacts)
     return State(saved, state.multipliers, after)
 
 

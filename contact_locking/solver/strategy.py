@@ -434,8 +434,8 @@ def _solve_by(
         solve(math.inf, nothing_slips=True)
         if nested:
             system.bounds.enter(nested, wanted())
-            reached = fixed_point(task, solve, wanted, nested)
-            found = found.settled(*reached)
+            change, contraction = fixed_point(task, solve, wanted, nested)
+            found = found.settled(change, contraction)
         return Attempt(solver, found)
     except NotConverged as failure:
         multipliers = found.multipliers or solver.multipliers()

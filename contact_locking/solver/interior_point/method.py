@@ -279,7 +279,7 @@ class InteriorPoint:
         task, settings = self._task, self._task.settings
         self._judge.friction_change, self._first = 0.0, None
         self._left = self._stiffest = math.inf
-        self._crawled = 0
+        self._crawled, self._gap = 0, 0.0
         self._pieces, self.from_last = None, False
         try:
             is_found = start()
@@ -291,10 +291,8 @@ class InteriorPoint:
         if self.is_elastic:
             unbalanced = self._tangent.residual_norms([])[0]
             task.monitor.iteration(0, unbalanced / (self._tangent.force_scale or 1.0))
-            return 0.0
-        if is_found:
-            assert self._pieces is not None
-            return self._pieces.gap
+        if self.is_elastic or is_found:
+            return self._gap
         limit, tuning = settings.max_iterations, self._tuning
         steps_left = tuning.steps_for_law if self._wants_law else 0
         for iteration in range(limit + 1):
@@ -437,7 +435,7 @@ class InteriorPoint:
         """Take the solution of that method, if it has found one."""
         if found is None:
             return False
-        self._pieces, self._iterate = pieces, found
+        self._pieces, self._iterate, self._gap = pieces, found, pieces.gap
         return True
 
     # 2. The stopping rule.
