@@ -150,7 +150,7 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
         "iterations": {
             "tangents": report.tangents,
             "linear": report.linear,
-            "friction": report.friction,
+            "friction": report.updates,
         },
         "friction_fixed_point": {
             "change": report.friction_change,

@@ -58,10 +58,10 @@ def fixed_point(
         change = joint_norm(rubbing, [b - a for a, b in zip(used, new, strict=True)])
         relative = change / size if size > 0.0 else change
         changes.append(relative)
-        counts.friction += 1
+        counts.updates += 1
         observed = contraction_factor(changes, settings.friction_tolerance)
         contraction = contraction if observed is None else observed
-        task.monitor.friction_update(counts.friction, relative, contraction)
+        task.monitor.friction_update(counts.updates, relative, contraction)
         if is_sharp and relative <= settings.friction_tolerance:
             return relative, contraction
         bounds.enter(rubbing, new)

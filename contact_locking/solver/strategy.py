@@ -214,9 +214,9 @@ def _follow(path: PenaltyPath, task: Task, stages: list[dict[str, float | int]])
         else:
             newton.solve(_INTERMEDIATE_TOLERANCE)
             task.system.update_bounds()
-            counts.friction += bool(task.system.rubbing)
+            counts.updates += bool(task.system.rubbing)
         stages.append(stage_of(penalty, counts.tangents - before))
-        task.monitor.counted(counts.tangents, counts.friction)
+        task.monitor.counted(counts.tangents, counts.updates)
 
     try:
         follow(path, stage)
@@ -477,5 +477,5 @@ def solve(method: str, task: Task, saved: SavedState | None = None) -> SolverRep
         raise InputError(f"no solver {method!r}; there are: {', '.join(METHODS)}", "solver.method")
     report = METHODS[method](task, saved)
     task.system.tools.rest(task.system.u)
-    task.monitor.counted(report.tangents, report.friction)
+    task.monitor.counted(report.tangents, report.updates)
     return report

@@ -74,7 +74,7 @@ class Counts:
 
     tangents: int = 0
     linear: int = 0
-    friction: int = 0
+    updates: int = 0
 
     def add(self, aside: Counts) -> None:
         """Count what auxiliary problems took, whose updates of the bounds do not count."""
@@ -123,7 +123,7 @@ class SolverReport(Outcome):
     suggestion: str = ""
     tangents: int = 0
     linear: int = 0
-    friction: int = 0
+    updates: int = 0
     admissible_factor: tuple[float, float] | None = None
     from_saved: bool = False
     stages: Sequence[dict[str, float | int]] = ()

@@ -123,9 +123,7 @@ def _foundation(
     timed_shape = text is not None and is_timed(parse(text, (*AXES, TIME), tables=clock.tables))
     motion = partial(_motion, given, f"{key}.motion", dim, clock)
     is_moved = given.moved is not None or timed_shape
-    found = RigidFoundation(domain.comm, dim, body, motion, key, is_moved, shape)
-    found.shape_warnings += placement.warnings
-    return found
+    return RigidFoundation(domain.comm, dim, body, motion, key, is_moved, shape, placement.warnings)
 
 
 def _motion(given: Foundation, key: str, dim: int, clock: Clock) -> RigidMotion:

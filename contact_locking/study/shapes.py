@@ -92,7 +92,7 @@ def _surface(given: rigid_body.Surface, placement: Placement) -> Foundation:
         placement.comm,
         lambda: read_surface(Path(given.file), given.scale, shift, given.turned, given.spacing),
     )
-    placement.warnings += [f"{placement.key}.surface: {text}" for text in found.warnings]
+    placement.warnings.extend(f"{placement.key}.surface: {text}" for text in found.warnings)
     return TriangulatedSurface(found.points, found.triangles)
 
 

@@ -228,7 +228,7 @@ def equilibria(task: Task, first: SolverReport, most: int) -> Iterator[Equilibri
             before = replace(counts)
             found = search.enter(bounds)
             own = Counts(counts.tangents - before.tangents, counts.linear - before.linear)
-            task.monitor.counted(own.tangents, own.friction)
+            task.monitor.counted(own.tangents, own.updates)
             with task.system.preserved():
                 index = search.index()
             stages = [stage_of(task.target.penalty, own.tangents)]

@@ -333,7 +333,7 @@ class ActiveSet:
             law.advance(direction.steps[family])
         if not self._moving:
             return
-        self._task.counts.friction += 1
+        self._task.counts.updates += 1
         wanted, _ = self._judge.compare(self._moving)
         for bound, values in zip(self._moving, wanted, strict=True):
             bound.set(values)

@@ -301,10 +301,9 @@ class InteriorPoint:
             if not np.isfinite(measures.equilibrium + measures.gap):
                 raise NotConverged("the interior point iteration lost its digits")
             if self._rests():
-                self.is_elastic, measures.gap = True, 0.0
-                self._judge.friction_change = 0.0
+                self.is_elastic, self._judge.friction_change = True, 0.0
                 task.system.remove_friction()
-                break
+                return 0.0
             # Other bounds ask for another displacement, however near they are.
             is_enough = iteration > 0 or not self._goes_on
             reached = is_enough and measures.reached(settings, tuning.gap_tolerance, self._loosened)
@@ -327,7 +326,7 @@ class InteriorPoint:
                 break
             self.require_feasible()
             raise NotConverged(f"the interior point step vanished ({measures})")
-        self._goes_on = not (self.is_elastic or self.bound_moves)
+        self._goes_on = not self.bound_moves
         return measures.gap
 
     @property
@@ -508,7 +507,7 @@ class InteriorPoint:
         self._left = (1.0 - t) * measures.equilibrium
         if self._moving:
             self._follow(t)
-            counts.friction += 1
+            counts.updates += 1
         return True
 
     def _searched(self, measures: Measures) -> tuple[Direction, float]:
