@@ -56,7 +56,7 @@ class SolvedState:
         body = BodyFields(problem, system, found)
         pairs = zip(data.contacts, found.contacts, strict=True)
         contacts = tuple(
-            ContactFields(contact, u, forces, data.bounds[contact]) for contact, forces in pairs
+            ContactFields(contact, u, forces, data.bounds) for contact, forces in pairs
         )
         return cls(problem, system, target, settings, report, found, body, contacts)
 

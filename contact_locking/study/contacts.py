@@ -103,7 +103,7 @@ def _surface(given: rigid_body.Surface, placement: Placement) -> Foundation:
         placement.comm,
         lambda: read_surface(Path(given.file), given.scale, shift, given.turned, given.spacing),
     )
-    placement.warnings += [f"{placement.key}.surface: {text}" for text in found.warnings]
+    placement.warnings.extend(f"{placement.key}.surface: {text}" for text in found.warnings)
     return TriangulatedSurface(found.points, found.triangles)
 
 
@@ -225,9 +225,7 @@ def _foundation(
     timed_shape = text is not None and is_timed(parse(text, (*AXES, TIME), tables=clock.tables))
     motion = partial(_motion, given, f"{key}.motion", dim, clock)
     is_moved = given.moved is not None or timed_shape
-    found = RigidFoundation(domain.comm, dim, body, motion, key, is_moved, shape)
-    found.shape_warnings += placement.warnings
-    return found
+    return RigidFoundation(domain.comm, dim, body, motion, key, is_moved, shape, placement.warnings)
 
 
 def _motion(given: rigid_body.Foundation, key: str, dim: int, clock: Clock) -> RigidMotion:

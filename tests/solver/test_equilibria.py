@@ -16,7 +16,7 @@ from sweep.case import Study, clamp, study
 
 from contact_locking import find_equilibria, study_file
 from contact_locking.arrays import FloatArray
-from contact_locking.errors import InputError
+from contact_locking.errors import InputError, NotConverged
 from contact_locking.extras import report
 from contact_locking.process import solving
 from contact_locking.process.of_study import solver_of
@@ -31,7 +31,7 @@ from contact_locking.solver.equilibria.paths import OverFriction
 from contact_locking.solver.equilibria.search import Equilibria, has_map, solve_on_branch
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.strategy import solve
-from contact_locking.solver.task import Task
+from contact_locking.solver.task import Outcome, Task
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
@@ -118,7 +118,7 @@ def test_the_solution_on_the_branch_is_that_of_the_method_without_friction_that_
     known = solver.system.bounds[contact]
     solver.begin()
     task = Task(solver.system, solver.target, solver.settings)
-    assert solve_on_branch(task) == 0
+    assert solve_on_branch(task)[1] == 0
     assert contact.norm(solver.system.bounds[contact] - known) <= 1e-5 * contact.norm(known)
     solver.close()
 
@@ -211,8 +211,8 @@ def test_where_equilibrium_is_lost_the_branch_says_how_much_friction_has_one() -
     """The contact force of docs/studies.md, section 5, grows without a limit at 0.292."""
     solver = _wedged()
     task = Task(solver.system, solver.target, solver.settings)
-    assert solve_on_branch(task) is None
-    assert "ends near 97.3 % of friction.coefficient" in task.report.reason
+    with pytest.raises(NotConverged, match=r"ends near 97.3 % of friction.coefficient"):
+        solve_on_branch(task)
     solver.close()
 
 
@@ -325,11 +325,11 @@ def test_the_method_of_the_solver_falls_back_on_the_branch(monkeypatch: Any) -> 
     """A method that takes no step leaves it to the branch, for a finite n as well."""
     from contact_locking.solver import strategy
 
-    def fails(solver: Any, nested: Any, task: Task, last: Any) -> None:
-        task.report.reason = "not tried"
+    def fails(solver: Any, *_: Any) -> strategy.Attempt:
+        return strategy.Attempt(solver, Outcome(), NotConverged("not tried"))
 
     monkeypatch.setattr(strategy, "_solve_by", fails)
-    monkeypatch.setattr(strategy, "polish", lambda *given, **named: False)
+    monkeypatch.setattr(strategy, "polish", lambda *given, **named: None)
     solver = _solver(_weakening(1e4))
     report = solve("auto", Task(solver.system, solver.target, solver.settings))
     assert report.converged

@@ -105,6 +105,8 @@ class ActiveSet:
         tuning: Tuning,
     ) -> None:
         self._task, self._tangent, self._judge = task, tangent, judge
+        #: The duality gap of the solution.
+        self.gap = 0.0
         self._pieces = Pieces()
         pieces = self._pieces
         self._tuning = dataclasses.replace(
@@ -256,7 +258,7 @@ class ActiveSet:
             is_linearised = False
             if not (keeps or (self._few is not None and self._few.take())):
                 tangent.refresh()
-                task.report.tangents += 1
+                task.counts.tangents += 1
                 bound_step = BoundStep(self._moving, tangent, self._tuning)
                 self._few = self._few_changes()
             else:
@@ -270,7 +272,7 @@ class ActiveSet:
             if reached and reached_before:
                 if self._rests():
                     raise NotConverged("nothing presses the body to the foundations")
-                task.report.duality_gap = max(measures.gap, 0.0)
+                self.gap = max(measures.gap, 0.0)
                 return iterate
             if reached:
                 # One more step by the same tangent takes off most of what is left.
@@ -344,7 +346,7 @@ class ActiveSet:
             law.advance(direction.steps[family])
         if not self._moving:
             return
-        self._task.report.friction += 1
+        self._task.counts.updates += 1
         wanted, _ = self._judge.compare(self._moving)
         for bound, values in zip(self._moving, wanted, strict=True):
             bound.set(values)
