@@ -13,7 +13,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.contact.surface_mesh import SurfaceMesh
 from contact_locking.parallel import on_every_rank
 
@@ -116,7 +116,8 @@ class ConvolutionOperator:
         surface, radius = self._surface, self._radius
         weights = surface.weights
         counts = np.zeros(len(weights[surface.own]), dtype=np.int32)
-        columns, shares = [np.empty(0, dtype=np.int32)], [np.empty(0)]
+        columns: list[IndexArray] = [np.empty(0, dtype=np.int32)]
+        shares: list[FloatArray] = [np.empty(0)]
         for row, column, distance in surface.within(radius):
             apart = np.asarray(distance / radius)
             kernel = _kernel(apart)

@@ -33,7 +33,8 @@ class FewChanges:
         # By rank, family and point.
         self._answers: dict[tuple[int, int, int], FloatArray] = {}
         self._points: list[tuple[int, int, int]] = []
-        self._changes, self._matrix = np.zeros(0), np.zeros((0, 0))
+        self._changes: FloatArray = np.zeros(0)
+        self._matrix: FloatArray = np.zeros((0, 0))
 
     def take(self) -> bool:
         """Take the present stiffnesses; False where they have changed too much; collective."""
