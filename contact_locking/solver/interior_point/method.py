@@ -370,7 +370,7 @@ class InteriorPoint:
 
     @property
     def _has_law(self) -> bool:
-        """Whether there is a penalty law of locking that rounding in strains is not in the way of."""
+        """Whether locking has a penalty law, and rounding in strains is not in its way."""
         target = self._task.target
         has_digits = target.penalty.n <= self._tuning.stiffest_law * target.stiffness
         return has_digits and bool(self._families.strains)
