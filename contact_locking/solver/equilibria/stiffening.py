@@ -31,8 +31,9 @@ from contact_locking.solver.task import Counts, Outcome, Target, Task
 _SOFTEST, _STIFFEST = 1.0, 7.0
 # The longest step in powers of ten, the shortest, and how much longer the next may be.
 _LONGEST, _SHORTEST, _LONGER = 1.0, 0.1, 1.5
-# On the way bounds need not be sharper, and Newton's method takes so many steps at most.
-_ROUGH, _FEW = 1e-3, 8
+# On the way bounds need not be sharper, and those that show growth may be rougher than those of a
+# solution by this factor.  Newton's method takes so many steps at most.
+_ROUGH, _EVIDENCE, _FEW = 1e-3, 10.0, 8
 # Bounds are foreseen to fall to this share of themselves at most.
 _FALL = 0.1
 # Forces without a limit grow by this power of the penalty at least, over nearly a power of ten of
@@ -185,22 +186,22 @@ class Stiffening:
             # The interior point method is sharp.
             return target is stage.target
         sharp = self._task.settings.friction_tolerance
+        if target is stage.target:
+            sharp *= _EVIDENCE
         return self._solved(target, stage.bounds, sharp) is not None
 
     def _onwards(self, before: Stage | None, known: Stage, power: float) -> Stage | None:
         target, before_it = _softened(self._task.target, power), self.found
         start = known.foreseen(before, power)
-        bounds = self._solved(target, start, _ROUGH, _FEW)
+        bounds = self._solved(target, start, _ROUGH)
         if bounds is None:
             self.found = before_it
             return None
         return self._stage(power, target, bounds)
 
-    def _solved(
-        self, target: Target, start: FloatArray, tolerance: float, limit: int = MapNewton.limit
-    ) -> FloatArray | None:
+    def _solved(self, target: Target, start: FloatArray, tolerance: float) -> FloatArray | None:
         problem = BoundMap(sharpened(self._task.aside(self.counts, target)), self.found.last)
-        newton = MapNewton(problem, tolerance, limit)
+        newton = MapNewton(problem, tolerance, _FEW)
         try:
             found = newton.solve(start)
         finally:
