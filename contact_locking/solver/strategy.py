@@ -136,8 +136,8 @@ _FEW_STEPS, _FEW_UPDATES, _NEAR = 6, 12, 0.1
 
 _NEWTON_WAY_OUT = "Try solver.method: interior_point, lower penalty.n or raise penalty.epsilon."
 _NOT_NESTED = (
-    "solver.friction: nested does not arrive ({reason}); the solution is that of inside, which "
-    "needs no contraction"
+    "solver.friction: nested does not arrive ({reason}); inside, which needs no contraction, took "
+    "its place"
 )
 _FACTORISED = (
     "the iterative solver of solver.linear did not converge; the direct solver took its place"
@@ -237,76 +237,105 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
     The interior point method starts from nothing.  Where Newton's method arrives from the saved
     state, the interior point method is not run.
     """
-    penalty, counts, told = task.target.penalty, task.counts, list[str]()
-    nested = task.system.rubbing if task.settings.nested else ()
-    is_unbalanced = functools.cache(task.is_unbalanced)
-    verdict = functools.cache(lambda: judge(task))
-
-    def solved(found: Outcome, *warnings: str, from_saved: bool = False) -> SolverReport:
-        stages = [stage_of(penalty, counts.tangents)]
-        return SolverReport.solved(
-            found, counts, stages=stages, warnings=warnings, from_saved=from_saved
-        )
-
-    def ended(report: SolverReport) -> SolverReport:
-        stages = [stage_of(penalty, counts.tangents)]
-        return replace(report, **vars(counts), stages=stages)
-
-    def goes_on(failure: NotConverged) -> bool:
-        if isinstance(failure, Infeasible) or is_unbalanced():
-            return False
-        # Penalised problems have solutions where nothing is admissible.
-        return not (penalty.is_strict and verdict() is not None)
-
+    penalty, proofs = task.target.penalty, Proofs(task)
     task.monitor.stage(1, 1, penalty.n, penalty.epsilon)
     if saved is not None and (arrived := _newton_from(saved, task)) is not None:
-        return solved(arrived, from_saved=True)
+        return _solved(task, arrived, from_saved=True)
+    nested = task.system.rubbing if task.settings.nested else ()
     last = None if saved is None else saved.last
-    with contextlib.closing(_attempts(task, nested, last, goes_on)) as attempts:
+    with contextlib.closing(_attempts(task, nested, last, proofs.leave_hope)) as attempts:
         for attempt in attempts:
-            solver, found = attempt.solver, attempt.found
-            if attempt.failure is not None:
-                if not solver.bound_moves:
-                    told = [_NOT_NESTED.format(reason=attempt.failure)]
-                continue
-            # Newton's last steps want a linear solver as sharp as they are.
-            direct = None if solver.is_elastic else solver.direct
-            polishes = direct is not None and is_in_reach(task)
-            polished = polish(task, _POLISH, found, direct) if polishes else None
-            found = polished or solver.finish(found)
-            warnings = [*attempt.warnings, *(told if solver.bound_moves else ())]
-            return solved(found, *warnings, from_saved=solver.from_last)
+            if attempt.failure is None:
+                found, from_last = _finished(task, attempt), attempt.solver.from_last
+                return _solved(task, found, attempt.warnings, from_saved=from_last)
+    return _by_other_ways(task, attempt, proofs)
+
+
+class Proofs:
+    """The proofs that a problem has no solution, each computed when it is first asked for."""
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+
+    @functools.cached_property
+    def is_unbalanced(self) -> bool:
+        """Whether no forces of contact and friction balance the loads; collective."""
+        return self._task.is_unbalanced()
+
+    @functools.cached_property
+    def verdict(self) -> Verdict | None:
+        """Whether anything is admissible; collective."""
+        return judge(self._task)
+
+    def leave_hope(self, failure: NotConverged) -> bool:
+        """Whether there may be a solution after a failure; collective."""
+        if isinstance(failure, Infeasible) or self.is_unbalanced:
+            return False
+        # Penalised problems have solutions where nothing is admissible.
+        return not self._task.target.penalty.is_strict or self.verdict is None
+
+
+def _solved(
+    task: Task, found: Outcome, warnings: Sequence[str] = (), from_saved: bool = False
+) -> SolverReport:
+    stages = [stage_of(task.target.penalty, task.counts.tangents)]
+    return SolverReport.solved(
+        found, task.counts, stages=stages, warnings=warnings, from_saved=from_saved
+    )
+
+
+def _finished(task: Task, attempt: Attempt) -> Outcome:
+    """The solution of an attempt to its last digits, as far as a method arrives there."""
+    solver = attempt.solver
+    # Newton's last steps want a linear solver as sharp as they are.
+    direct = None if solver.is_elastic else solver.direct
+    polishes = direct is not None and is_in_reach(task)
+    polished = polish(task, _POLISH, attempt.found, direct) if polishes else None
+    return polished or solver.finish(attempt.found)
+
+
+def _by_other_ways(task: Task, attempt: Attempt, proofs: Proofs) -> SolverReport:
+    """What Newton's method, penalties or the branch find after a failure, or why there is none.
+
+    Collective.
+    """
     failure = attempt.failure
     assert failure is not None
     report = SolverReport(
-        **vars(found),
+        **vars(attempt.found),
         is_infeasible=isinstance(failure, Infeasible),
-        is_unbalanced=is_unbalanced(),
+        is_unbalanced=proofs.is_unbalanced,
         reason=str(failure),
         suggestion=_interior_way_out(task),
         warnings=attempt.warnings,
     )
-    if not report.is_unbalanced:
-        if (polished := polish(task, _RESCUE, found, near=False)) is not None:
-            return solved(polished, *attempt.warnings)
-        if goes_on(failure):
-            most = max(_AT_LEAST, _TIMES * counts.tangents)
-            stiffened = solve_by_penalties(task, most)
-            if stiffened.way is Way.SOLVED:
-                return solved(stiffened.found, *attempt.warnings)
-            if stiffened.way is Way.WEDGED:
-                reason = report.reason + stiffened.reason
-                report = replace(report, reason=reason, suggestion=FRICTION_WAY_OUT)
-                return replace(ended(report), **vars(stiffened.found))
-        if task.follows_branch and goes_on(failure):
-            try:
+    if report.is_unbalanced:
+        return _ended(report, task)
+    if (polished := polish(task, _RESCUE, attempt.found, near=False)) is not None:
+        return _solved(task, polished, attempt.warnings)
+    if proofs.leave_hope(failure):
+        most = max(_AT_LEAST, _TIMES * task.counts.tangents)
+        stiffened = solve_by_penalties(task, most)
+        if stiffened.way is Way.SOLVED:
+            return _solved(task, stiffened.found, attempt.warnings)
+        if stiffened.way is Way.WEDGED:
+            known, reason = vars(stiffened.found), report.reason + stiffened.reason
+            report = replace(report, **known, reason=reason, suggestion=FRICTION_WAY_OUT)
+            return _ended(report, task)
+        try:
+            if task.follows_branch:
                 found, folds = solve_on_branch(task, most)
                 past = [_PAST_FOLDS.format(folds=folds)] if folds else []
-                return solved(found, *attempt.warnings, *past)
-            except NotConverged as end:
-                report = replace(report, reason="; ".join(filter(None, (report.reason, str(end)))))
-        report = _explained(report, verdict(), task)
-    return ended(report)
+                return _solved(task, found, [*attempt.warnings, *past])
+        except NotConverged as end:
+            report = replace(report, reason="; ".join(filter(None, (report.reason, str(end)))))
+    return _ended(_explained(report, proofs.verdict, task), task)
+
+
+def _ended(report: SolverReport, task: Task) -> SolverReport:
+    """The report of a failure with what all ways together took."""
+    stages = [stage_of(task.target.penalty, task.counts.tangents)]
+    return replace(report, **vars(task.counts), stages=stages)
 
 
 def _explained(report: SolverReport, verdict: Verdict | None, task: Task) -> SolverReport:
@@ -369,6 +398,7 @@ def _attempts(
         yield from attempt(InteriorPoint(task, bound_moves=False), nested)
         if isinstance(failure, Infeasible):
             return
+        warnings.append(_NOT_NESTED.format(reason=failure))
     number, count = 0, 1
     while number < count and (number == 0 or goes_on(failure)):
         solver = InteriorPoint(task)
