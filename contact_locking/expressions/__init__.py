@@ -12,11 +12,9 @@ tables     ``name(argument)`` with the name of a `Table`
 from .operations import (
     CONSTANTS,
     FUNCTIONS,
-    LARGEST,
     MAX_DEPTH,
     MAX_LENGTH,
     POSITION,
-    SMALLEST,
     TIME,
 )
 from .parsing import parse
@@ -26,12 +24,10 @@ __all__ = [
     "ANY_TABLE",
     "CONSTANTS",
     "FUNCTIONS",
-    "LARGEST",
     "MAX_DEPTH",
     "MAX_LENGTH",
     "NO_TABLES",
     "POSITION",
-    "SMALLEST",
     "TIME",
     "Expression",
     "Lookup",

@@ -10,9 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from contact_locking.arrays import LARGEST as LARGEST
-from contact_locking.arrays import SMALLEST as SMALLEST
-
 POSITION = ("x", "y", "z")
 #: The time of a problem with steps.
 TIME = "t"

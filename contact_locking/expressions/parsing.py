@@ -16,13 +16,13 @@ from typing import NoReturn
 
 import numpy as np
 
+from contact_locking.arrays import LARGEST
 from contact_locking.errors import InputError
 from contact_locking.plain_text import nearest
 
 from .operations import (
     CONSTANTS,
     FUNCTIONS,
-    LARGEST,
     MAX_DEPTH,
     MAX_EXPONENT,
     MAX_LENGTH,

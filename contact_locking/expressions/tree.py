@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from contact_locking.arrays import LARGEST
 from contact_locking.errors import InputError
 
-from .operations import LARGEST, NUMPY, shortened, ufl_operations
+from .operations import NUMPY, shortened, ufl_operations
 
 # An argument may lie outside of the table by this share of its range, which is rounding.
 _ROUNDING = 1e-9

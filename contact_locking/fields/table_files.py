@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import LARGEST, FloatArray
 from contact_locking.errors import InputError, with_key
-from contact_locking.expressions import LARGEST, Table
+from contact_locking.expressions import Table
 from contact_locking.files.csv_file import number_at, place_of, rows_of
 from contact_locking.parallel import on_root
 from contact_locking.study_file.parameters import TableParameters

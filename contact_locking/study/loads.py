@@ -16,9 +16,9 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from contact_locking.arrays import AXES, FloatArray
+from contact_locking.arrays import AXES, LARGEST, FloatArray
 from contact_locking.errors import InputError, with_key
-from contact_locking.expressions import LARGEST, TIME, Expression, Lookup, parse
+from contact_locking.expressions import TIME, Expression, Lookup, parse
 from contact_locking.fem.compiled import integral
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.clock import Clock, LargestSoFar, is_timed

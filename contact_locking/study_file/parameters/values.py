@@ -26,12 +26,12 @@ from pydantic import (
     WithJsonSchema,
 )
 
+from contact_locking.arrays import SMALLEST
 from contact_locking.errors import InputError
 from contact_locking.expressions import (
     ANY_TABLE,
     NO_TABLES,
     POSITION,
-    SMALLEST,
     TIME,
     Table,
     parse,
