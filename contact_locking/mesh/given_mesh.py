@@ -74,10 +74,10 @@ class NamedFacets:
             return tuple(where)
         if len(where) == 2 and isinstance(where[0], dmesh.MeshTags):
             where = where[0].find(where[1])
-        self._put(key, self._given(np.asarray(where), key), key)
+        self._put(key, self._facet_numbers(np.asarray(where), key), key)
         return (key,)
 
-    def _given(self, facets: npt.NDArray[Any], key: str) -> IndexArray:
+    def _facet_numbers(self, facets: npt.NDArray[Any], key: str) -> IndexArray:
         """Facets as an array of their local numbers; collective."""
         index_map = self._mesh.topology.index_map(self._mesh.topology.dim - 1)
         count = index_map.size_local + index_map.num_ghosts

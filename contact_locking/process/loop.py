@@ -154,7 +154,7 @@ class Steps(Iterator[StudySolution]):
                 self._halved, self.history = step.halved, step.history
                 solution = self._solution(state, energy, step.time)
                 solution.summary["restart"] = f"the step was read from {path}"
-                solution = self._told(solution)
+                solution = self._with_history(solution)
                 yield solution
                 timeline.skip_to(step.time)
                 last, before = solution.state, Moment.of(state)
@@ -211,7 +211,7 @@ class Steps(Iterator[StudySolution]):
                     solution.summary |= sensitivities.of(made, state.contacts, at)
                 seconds = time.perf_counter() - began
                 self.history.rows.append(row_of(solution, self.history, at, energy, seconds))
-                solution = self._told(solution)
+                solution = self._with_history(solution)
                 if not (solution.converged or report.is_infeasible):
                     self._out_of_reach.tell(solution, at)
                 yield solution
@@ -279,7 +279,7 @@ class Steps(Iterator[StudySolution]):
         last.summary["warnings"] += new
         last.summary |= {"converged": False, "reason": reason, "suggestion": ""}
 
-    def _told(self, solution: StudySolution) -> StudySolution:
+    def _with_history(self, solution: StudySolution) -> StudySolution:
         """A solution with the history of the process."""
         self._probes += tuple(
             dataclasses.replace(taken, step=len(self.history), time=solution.time)

@@ -18,7 +18,7 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.process import checkpoint, forecast, several
-from contact_locking.process.checkpoint.restart import solved_already, told
+from contact_locking.process.checkpoint.restart import solved_already, start_in_words
 from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.loop import Steps
@@ -177,7 +177,7 @@ def _static(
             monitor.message("computing derivatives")
             solution.summary |= sensitivities.of(solver.derivatives(report).made, state.contacts)
         sensitivities.close()
-    solution.summary["restart"] = None if restart is None else told(restart, report)
+    solution.summary["restart"] = None if restart is None else start_in_words(restart, report)
     if problem.parameters.branches is not None:
         monitor.message("following the branch of solutions")
         found = several.branch_of_study(problem, solver, solution.converged)

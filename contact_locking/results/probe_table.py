@@ -52,11 +52,11 @@ def sample(
         *(f"stress_{pair}" for pair in pairs),
         *(f"locking_stress_{pair}" for pair in pairs),
     ]
-    elastic, locking = (_own(points, field) for field in (elastic_stress, locking_stress))
+    elastic, locking = (_local_values(points, field) for field in (elastic_stress, locking_stress))
     own = np.column_stack(
         [
-            _own(points, displacement),
-            _own(points, strain_norm),
+            _local_values(points, displacement),
+            _local_values(points, strain_norm),
             (elastic + locking)[:, places],
             locking[:, places],
         ]
@@ -85,7 +85,7 @@ def text(samples: Sequence[ProbeSample]) -> str:
     return csv_text(columns, rows)
 
 
-def _own(points: ProbePoints, field: fem.Function) -> FloatArray:
+def _local_values(points: ProbePoints, field: fem.Function) -> FloatArray:
     """The values (m, n) of a field at the m points of this rank."""
     size = int(np.prod(field.ufl_shape, dtype=int))
     places = np.zeros((len(points.own), 3))

@@ -127,7 +127,7 @@ def test_the_mesh_of_a_film_is_in_memory_once() -> None:
 def test_equal_frames_stay_frames_of_their_own(tmp_path: Path) -> None:
     path = tmp_path / "animation.gif"
     path.write_bytes(gif([Frame(step, 0.1 * step, flat_body(0.2)) for step in (1, 2, 3)]))
-    assert [frame.told for frame in frames(path)] == [f"t = 0.{k}, step {k}" for k in (1, 2, 3)]
+    assert [frame.caption for frame in frames(path)] == [f"t = 0.{k}, step {k}" for k in (1, 2, 3)]
 
 
 @pytest.mark.serial
@@ -231,7 +231,7 @@ def test_the_slider_shows_each_step_by_mouse_and_keys_and_asks_for_nothing(
 ) -> None:
     def shown() -> Any:
         images = "[...document.querySelectorAll('#film img')].filter(i => !i.hidden)"
-        visible = f"{images}.map(i => [i.dataset.told, i.clientWidth > 100])"
+        visible = f"{images}.map(i => [i.dataset.caption, i.clientWidth > 100])"
         told = "document.getElementById('shown-frame').textContent"
         return tab.evaluate(f"[{visible}, {told}]")
 

@@ -82,8 +82,8 @@
     const show = () => {
       const chosen = Number(slider.value);
       images.forEach((image, number) => { image.hidden = number !== chosen; });
-      words.textContent = images[chosen].dataset.told;
-      slider.setAttribute("aria-valuetext", images[chosen].dataset.told);
+      words.textContent = images[chosen].dataset.caption;
+      slider.setAttribute("aria-valuetext", images[chosen].dataset.caption);
     };
     const stop = () => {
       clearInterval(timer);

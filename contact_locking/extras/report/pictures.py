@@ -60,7 +60,7 @@ class PageFrame:
     image: str
 
     @property
-    def told(self) -> str:
+    def caption(self) -> str:
         """The time and the step in words."""
         return f"t = {self.time:.4g}, step {self.step}"
 

@@ -31,7 +31,7 @@ def solved_already(
     return None
 
 
-def told(directory: str | Path, report: SolverReport) -> str:
+def start_in_words(directory: str | Path, report: SolverReport) -> str:
     """How a solve has used the state that was saved in a folder, in words."""
     if not report.from_saved:
         return f"from nothing, as the state in {directory} is too far away"

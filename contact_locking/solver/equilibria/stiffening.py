@@ -82,7 +82,7 @@ class Stage:
             return 0.0
         return math.log10(self.force / softer.force) / (self.power - softer.power)
 
-    def told(self, softer: Stage) -> str:
+    def growth_in_words(self, softer: Stage) -> str:
         """That the force grows from another stage to this one, whose state is left, in words."""
         penalty = self.target.penalty
         return _GROWS.format(
@@ -157,7 +157,7 @@ class Stiffening:
             is_far = stage.force > FARTHEST * without
             is_last = stage.power >= self._last and without < math.inf
             if (is_far or is_last) and self._arrives(stage, stage.target):
-                return Way.WEDGED, stage.told(softer[-1])
+                return Way.WEDGED, stage.growth_in_words(softer[-1])
         is_last = bool(known) and known[-1].power >= self._last
         arrives = is_last and self._arrives(known[-1], self._task.target)
         return Way.SOLVED if arrives else Way.LOST, ""
