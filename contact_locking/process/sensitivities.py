@@ -50,7 +50,7 @@ class StudyNumber:
     """
 
     def __init__(self, problem: StudyProblem, name: str) -> None:
-        self._base, self.name = problem, name
+        self.name = name
         self.value = number_at(problem.parameters, name)
         step = width(self, problem.domain.extent)
         self._sides = [_Side(problem, name, self.value + sign * step) for sign in (1.0, -1.0)]

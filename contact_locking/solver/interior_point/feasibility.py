@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from contact_locking.arrays import FloatArray
 from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem.system import PenalisedSystem
@@ -176,12 +176,9 @@ def _tries(task: Task) -> Iterator[Counts]:
             task.counts.add(tries)
 
 
-def _stiff(target: Target, stiffness: float = _STIFF) -> Target:
-    """A penalised problem, the multipliers of which balance where nothing is admissible.
-
-    They grow with the penalty there, which is ``stiffness`` times |A|.
-    """
-    n = stiffness * target.stiffness
+def _stiff(target: Target) -> Target:
+    """A penalised problem, the multipliers of which balance where nothing is admissible."""
+    n = _STIFF * target.stiffness
     return target.with_penalty(Penalty(n, target.length / n, target.penalty.regularisations))
 
 
@@ -199,7 +196,7 @@ def _largest(fails: Callable[[float], Infeasible | None], excluded: float) -> tu
     return 0.0, excluded
 
 
-def _rest_is_admissible(system: PenalisedSystem, prescribed: npt.NDArray[np.float64]) -> bool:
+def _rest_is_admissible(system: PenalisedSystem, prescribed: FloatArray) -> bool:
     """Whether u = 0 is within the limit and the gaps and has the prescribed values; collective."""
     moves = bool(np.any(prescribed != 0.0))
     overlaps = any(bool(np.any(contact.gaps < 0.0)) for contact in system.contacts)
