@@ -16,7 +16,7 @@ class Stack(Block):
     The interface rises by ``slope`` from left to right, about the middle of the lower block.
     Cells: lower, upper.  Facets of the lower block: left, right, in 3D front, back, bottom, and
     lower_top; of the upper block: upper_left, upper_right, in 3D upper_front, upper_back,
-    upper_bottom, and top.  The contact zone is the interface.  Structured blocks are grids each.
+    upper_bottom, and top.  The contact zone is the interface.  Structured: two grids.
     """
 
     upper: tuple[float, ...] = parameter(

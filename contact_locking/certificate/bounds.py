@@ -156,7 +156,8 @@ def _over(most: float, room: float) -> float:
 def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     """The bounds where contact alone stops a rigid motion, so that ``|.|_V`` is not a norm.
 
-    Springs on Gamma_C carry the load.  F is a part of the B of docs/certificate.md.
+    Springs on Gamma_C carry the load.  Friction adds F (:func:`_remembered`) to the B of
+    docs/certificate.md.
     """
     if state.problem.sliding:
         raise NotApplicable("friction alone holds a rigid motion")

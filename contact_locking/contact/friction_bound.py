@@ -1,4 +1,4 @@
-"""The bound of the friction traction at the nodes of a contact."""
+"""The bound of the friction traction at the nodes of a contact: Coulomb's, and that of no slip."""
 
 from __future__ import annotations
 

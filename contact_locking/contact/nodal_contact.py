@@ -32,11 +32,11 @@ class NodalContact:
     ``given`` holds the data of the contact, ``key`` its name in messages, and ``on`` are its
     boundary parts.  ``foundation`` is its foundation at its place.  ``normal`` and ``gap`` are
     functions with the normal and the limited value of the gap at the nodes.  ``friction`` computes
-    the friction bound of pressures and slips.  ``regularisation`` is the length to
-    smooth friction with.
-    ``free`` (k,) marks the nodes whose normal displacement is not prescribed; neither pressure nor
-    friction acts at the other nodes.  ``against`` are the boundary parts of the other body that
-    ``on`` touches, none for a foundation; displacements are jumps then.
+    the friction bound of pressures and slips.  ``regularisation`` is the length that smooths
+    friction in the problem that is to be solved.  ``free`` (k,) marks the nodes whose normal
+    displacement is not prescribed; neither pressure nor friction acts at the other nodes.
+    ``against`` are the boundary parts of the other body that ``on`` touches, none for a foundation;
+    displacements are jumps then.
 
     ``state`` is the memory of friction from earlier steps, ``travel`` the motion that forces give
     to the foundation, and ``drag`` (k, d) how far the foundation has moved in the step.

@@ -13,9 +13,9 @@ at the nodes; for quadratic ones c1 are the control values (:class:`~contact_loc
 Trace`).  The b_i have the sum 1, and so have the psi_i: a constant pressure on side 1 is one on
 side 2.  All integrals are over the part of side 1 that side 2 covers, and the dual basis is that
 of this part (Popp et al., doi:10.1016/j.cma.2010.11.004).  The facets of side 2 are projected into
-the plane of each facet of side 1 and cut there, so that every integral is exact.  The functions of
-quadrilaterals that are no parallelograms are no polynomials: their integrals have errors of some
-1e-11, and larger ones where the Jacobians at two corners have a quotient below 1/6.
+the plane of each facet of side 1 and cut there, so that integrals of polynomials are exact.  The
+functions of quadrilaterals that are no parallelograms are no polynomials: their integrals have
+errors of some 1e-11, and larger ones where the Jacobians at two corners have a quotient below 1/6.
 
 A quadrilateral of side 1 whose corners are not in one plane is projected into its mean plane, as
 are those of side 2 that it faces.  The gap has the heights of both over this plane.  Integrals are

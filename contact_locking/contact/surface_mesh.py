@@ -23,7 +23,6 @@ _ROUNDING = 1e-12
 # The distances from so many nodes are in memory as a full matrix at a time.
 _ROWS = 256
 
-
 #: Some own nodes, other nodes, and their distances.
 Pairs = tuple[IntArray, IntArray, FloatArray]
 

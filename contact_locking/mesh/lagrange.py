@@ -10,6 +10,12 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.mesh.cell_kind import CellKind
 
+# The Jacobian has the degree 2 in triangles and 3 in other cells.  It is looked at on a lattice of
+# this degree.
+_LATTICE = 6
+# The rule for measures is exact for cells, and to many digits for facets.
+_DEGREE = 8
+
 
 @cache
 def lagrange(cell: str, degree: int) -> basix.finite_element.FiniteElement:
@@ -25,13 +31,6 @@ def nodal_functions(cell: str, degree: int, points: FloatArray) -> FloatArray:
         # basix aborts without points.
         return np.zeros((0, element.dim))
     return np.asarray(element.tabulate(0, points)[0, :, :, 0])
-
-
-# The Jacobian has the degree 2 in triangles and 3 in other cells.  It is looked at on a lattice of
-# this degree.
-_LATTICE = 6
-# The rule for measures is exact for cells, and to many digits for facets.
-_DEGREE = 8
 
 
 def curved_jacobians(kind: CellKind, nodes: FloatArray) -> FloatArray:

@@ -83,10 +83,8 @@ class Equilibria:
         ``start`` and ``direction`` are those of :meth:`Branch.points`, ``bold`` of :class:`Branch`.
         """
         folds, before = 0, None
-        branch, is_strict = (
-            Branch(OverFriction(self.map), bold),
-            self._task.target.penalty.is_strict,
-        )
+        branch = Branch(OverFriction(self.map), bold)
+        is_strict = self._task.target.penalty.is_strict
         most = _MOST_POINTS if start is None else _FEWER_POINTS
         points = itertools.islice(branch.points(start, direction), most)
         for point in points:

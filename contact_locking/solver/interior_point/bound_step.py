@@ -44,9 +44,9 @@ from contact_locking.solver.interior_point.tuning import Tuning
 class MovingBound:
     """``G = mu(|u_tau|) |R p|`` of ``contact``, from the pressure p of the cones ``pressing``.
 
-    It is the bound in force of the ``system``.
-    The cones ``friction`` use the bound, times ``share``.  No bound is smaller than the share
-    ``least`` of the largest, so that the friction cones have an inside.
+    It is the bound in force of the ``system``.  The cones ``friction`` use the bound, times
+    ``share``.  No bound is smaller than the share ``least`` of the largest, so that the friction
+    cones have an inside.
     """
 
     system: PenalisedSystem
