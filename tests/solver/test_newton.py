@@ -16,7 +16,8 @@ from contact_locking.laws.penalty import Penalty
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.linear.direct.substructuring import Pieces
 from contact_locking.solver.newton import NewtonSolver
-from contact_locking.solver.strategy import PenaltyPath, solve
+from contact_locking.solver.penalty_path import PenaltyPath
+from contact_locking.solver.strategy import solve
 from contact_locking.solver.task import Settings, Target, Task
 from contact_locking.study.assembly import assemble
 
