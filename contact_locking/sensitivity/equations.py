@@ -22,10 +22,10 @@ from contact_locking.parallel import maximum
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.bound_step import MovingBound
 from contact_locking.solver.interior_point.centred import centred
+from contact_locking.solver.interior_point.families import Families, families_of
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.lorentz import norm
-from contact_locking.solver.interior_point.method import Families, families_of
 from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.task import Target
 

@@ -92,7 +92,7 @@ class ActiveSet:
     """Newton's method on the pieces for the families and the friction bounds of a system.
 
     It uses the tangent of the interior point method, with blocks of its own.  Linear solves have to
-    be direct.  Bounds that do not move are those of the contacts.
+    be direct.  Bounds that do not move are those in force.
     """
 
     def __init__(

@@ -1,0 +1,78 @@
+"""The families of cones of a system: one for each set of strains, and two for each contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet, PrincipalSet, StrainSet
+from contact_locking.problem.system import PenalisedSystem
+from contact_locking.solver.interior_point.bound_step import MovingBound
+from contact_locking.solver.interior_point.contact_cones import ContactCones
+from contact_locking.solver.interior_point.contact_nodes import ContactNodes
+from contact_locking.solver.interior_point.family import Family
+from contact_locking.solver.interior_point.friction_cones import FrictionCones
+from contact_locking.solver.interior_point.locking_cones import LockingCones, StrainHalfLines
+from contact_locking.solver.interior_point.principal_cones import PrincipalCones
+from contact_locking.solver.interior_point.strain_operator import StrainOperator
+from contact_locking.solver.task import Target
+
+_CONES: dict[type[StrainSet], type[LockingCones | StrainHalfLines | PrincipalCones]] = {
+    NormSet: LockingCones,
+    HalfSpaceSet: StrainHalfLines,
+    PrincipalSet: PrincipalCones,
+}
+
+
+@dataclass(frozen=True)
+class Families:
+    """All families of a system, and what ties friction to the pressure of its contact.
+
+    A family of cones of another kind is one more entry of the list that :func:`families_of` makes.
+    ``strains`` has the operator of each set of strains.
+    """
+
+    every: list[Family]
+    bounds: list[MovingBound]
+    strains: list[StrainOperator]
+    nodes: list[ContactNodes]
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; collective."""
+        for operator in self.strains:
+            operator.destroy()
+        for item in self.nodes:
+            item.destroy()
+
+
+def families_of(
+    system: PenalisedSystem, target: Target, least_bound: float, share: float = 1.0
+) -> Families:
+    """A family for each set of strains, and contact and friction for each part of Gamma_C.
+
+    Without friction on a part there is no family for it, and there is none at all for the contact
+    of a tool without a force, which does not touch the body.  ``least_bound`` is the share of the
+    largest friction bound that no bound is smaller than, and ``share`` that of friction that acts.
+    Collective.
+    """
+    penalty = target.penalty
+    data, space = system.data, system.u.function_space
+    strains = [StrainOperator(space, data, item, system.kept) for item in data.sets]
+    families: list[Family] = []
+    for number, operator in enumerate(strains):
+        made = next(cones for law, cones in _CONES.items() if isinstance(operator.law, law))
+        families.append(made(operator, penalty.compliance, number))
+    bounds, touching = [], []
+    resting = [tool.contact for tool in system.tools if not tool.acts]
+    for number, contact in enumerate(system.contacts):
+        if contact in resting:
+            continue
+        nodes = ContactNodes(contact, number, system)
+        touching.append(nodes)
+        pressing = ContactCones(nodes, penalty.epsilon, target.length)
+        families.append(pressing)
+        if not contact.friction.frictionless:
+            regularisation = penalty.regularisations[number]
+            rubbing = FrictionCones(nodes, regularisation, target.length)
+            families.append(rubbing)
+            bounds.append(MovingBound(system, contact, pressing, rubbing, least_bound, share))
+    return Families(families, bounds, strains, touching)
