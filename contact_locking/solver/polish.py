@@ -66,6 +66,9 @@ def polish(task: Task, most_steps: int, direct: PETSc.KSP | None = None, near: b
     finally:
         newton.destroy()
     report.multipliers = None
+    if contraction is not None:
+        # The updates of a polish begin at the solution: their changes are errors of the solves.
+        report.contraction = contraction
     return True
 
 

@@ -252,7 +252,8 @@ def test_the_branch_of_a_block_that_wedges_has_bounds_that_grow() -> None:
     # The closed form of docs/studies.md, section 5, is fitted to solves below the fold.
     assert found.folds[0] * 0.3 == pytest.approx(0.292, abs=5e-4)
     assert "grows" in found.end
-    assert max(point.share for point in found.points) == found.folds[0]
+    # The bounds of points of a branch are known to 1e-4, which near the fold moves shares by 1e-7.
+    assert max(point.share for point in found.points) == pytest.approx(found.folds[0], abs=1e-6)
     solver.close()
 
 
