@@ -15,7 +15,18 @@ from contact_locking.errors import InputError
 from contact_locking.expressions import ANY_TABLE, POSITION, TIME, parse
 from contact_locking.plain_text import nearest
 
-from .base import Fault, FaultsError, Place, Section, below, dimension_faults, entry, leaves, marks, sections
+from .base import (
+    Fault,
+    FaultsError,
+    Place,
+    Section,
+    below,
+    dimension_faults,
+    entry,
+    leaves,
+    marks,
+    sections,
+)
 from .boundary import LoadParameters, Spring, TableParameters, name_faults
 from .contact_sections import (
     ContactParameters,
