@@ -41,6 +41,9 @@ class Stack(Block):
         edges = tuple(length("upper", edge) for edge in vector("upper", given, self.dim))
         object.__setattr__(self, "upper", edges)
         object.__setattr__(self, "slope", real("slope", self.slope))
+        if self.structured and self.dim == 3 and self.cells == "simplex":
+            # Gmsh splits the sides of these prisms in another way than their boxes.
+            raise ValueError("structured: a stack in 3D is a grid of boxes alone; add cells: box")
         if self.fine > self.h:
             raise ValueError(f"h_upper: {self.fine:g} is more than h, {self.h:g}")
         if 0.5 * abs(self.slope) * max(self.size[0], edges[0]) > 0.5 * min(

@@ -61,10 +61,16 @@ def module(path: Path) -> str:
 FILES = {module(path): path for path in (*PACKAGE.rglob("*.py"), *PACKAGE.glob("meshes/*.py"))}
 
 
+@functools.cache
+def tree_of(name: str) -> ast.Module:
+    """A module of the package, parsed."""
+    return ast.parse(FILES[name].read_text(encoding="utf-8"))
+
+
 def imported(name: str) -> Iterator[str]:
     """The names that a module imports, also inside functions and for type checkers."""
     package = name if FILES[name].name == "__init__.py" else name.rpartition(".")[0]
-    for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
+    for node in ast.walk(tree_of(name)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -132,6 +138,34 @@ def test_docstrings_refer_to_modules_that_exist() -> None:
     }
     assert len(referred) > 5
     assert {word for word in referred if word not in FILES and word not in short} == set()
+
+
+def written(tree: ast.AST) -> Iterator[tuple[str, str]]:
+    """The objects and attributes that a piece of code assigns to, also to an element of one."""
+    for node in ast.walk(tree):
+        part = node.value if isinstance(node, ast.Subscript) else node
+        is_stored = isinstance(getattr(node, "ctx", None), ast.Store)
+        if is_stored and isinstance(part, ast.Attribute):
+            yield ast.unparse(part.value), part.attr
+
+
+def test_no_module_but_those_of_contacts_writes_to_a_contact_or_its_friction() -> None:
+    """By name: nothing of the name of an attribute or a property of these is assigned to."""
+    names: set[str] = set()
+    for module in (
+        "contact_locking.contact.nodal_contact",
+        "contact_locking.contact.friction_bound",
+    ):
+        names |= {name for owner, name in written(tree_of(module)) if owner == "self"}
+        names |= {n.name for n in ast.walk(tree_of(module)) if isinstance(n, ast.FunctionDef)}
+    assert {"friction", "gap", "state", "travel", "regularisation", "smoothing"} <= names
+    assert not [
+        f"{module}: {owner}.{name}"
+        for module in FILES
+        if not module.startswith("contact_locking.contact.")
+        for owner, name in written(tree_of(module))
+        if name in names and owner != "self"
+    ]
 
 
 def test_nothing_imports_the_command_line() -> None:

@@ -13,7 +13,7 @@ from contact_locking.errors import NotConverged
 from contact_locking.parallel import maximum, minimum
 from contact_locking.solver.equilibria.bound_map import BoundMap
 from contact_locking.solver.equilibria.search import has_map
-from contact_locking.solver.task import SolverReport, Task
+from contact_locking.solver.task import Counts, Task
 
 # An eigenvalue counts as real whose imaginary part is a smaller share of it, and as none that is a
 # smaller share of the norm.
@@ -31,7 +31,7 @@ def critical_friction(state: SolvedState) -> dict[str, Any]:
     every slip.  ``mode_peak`` is the place where the bound of the eigenvector is largest.
     """
     none: dict[str, Any] = dict.fromkeys(("share", "coefficient", "mode_peak"))
-    task = Task(state.system, state.target, state.settings).aside(SolverReport())
+    task = Task(state.system, state.target, state.settings).aside(Counts())
     if not has_map(task):
         return {
             **none,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from functools import partial
 
 import basix
 import numpy as np
@@ -153,7 +152,8 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
     if element.degree == 1:
         means = np.einsum("kq,kqm->km", weights, values.reshape(*weights.shape, 3 * m))
         means /= weights.sum(axis=1, keepdims=True)
-        defect = _recovered(state, means) - _at_corners(state, values)
+        corners = lagrange(state.problem.domain.kind.name, 1).points
+        defect = _recovered(state, means) - _at(state, values, corners)
     elif element.strain_degree > 0:
         defect = _defect_of_quadratic(state, values)
     else:
@@ -189,35 +189,28 @@ def _defect_of_quadratic(state: SolvedState, values: FloatArray) -> FloatArray:
 
     ``values`` are those at the points of the strains.  Collective.
     """
-    element, name = state.problem.element, state.problem.domain.kind.name
-    degree = element.strain_degree
-    functions = partial(nodal_functions, name, degree)
-    own = gauss_points.points(name, degree)
-    if element.limit_at == "vertices":
-        own = lagrange(name, degree).points
-    in_cells = values.reshape(-1, len(own), values.shape[1])
-    inverse = np.linalg.inv(functions(own))
-
-    def at(places: FloatArray) -> FloatArray:
-        return np.einsum("nq,kqm->knm", functions(places) @ inverse, in_cells)
-
-    at_points = at(gauss_points.points(name, 1))
-    given = at(lagrange(name, 2).points)
-    recovery = PatchRecovery(state.problem.domain.mesh, len(in_cells))
+    name = state.problem.domain.kind.name
+    at_points = _at(state, values, gauss_points.points(name, 1))
+    given = _at(state, values, lagrange(name, 2).points)
+    recovery = PatchRecovery(state.problem.domain.mesh, len(given))
     defect = np.empty_like(given)
-    for inside in _regions(state, len(in_cells)):
+    for inside in _regions(state, len(given)):
         defect[inside] = recovery.nodal(at_points[inside], inside) - given[inside]
     return defect
 
 
-def _at_corners(state: SolvedState, values: FloatArray) -> FloatArray:
-    """The values (k, c, m) at the corners, or (k, 1, m) of constants, of those at the points."""
-    shape = state.points.by_cell(state.points.weights).shape
-    in_cells = values.reshape(*shape, values.shape[1])
-    if in_cells.shape[1] == 1:
-        return in_cells
-    shares = gauss_points.shares(state.problem.domain.kind.name)
-    return np.asarray(np.einsum("cq,kqm->kcm", np.linalg.inv(shares), in_cells))
+def _at(state: SolvedState, values: FloatArray, places: FloatArray) -> FloatArray:
+    """The values (k, n, m) at n places of each cell of those at the points of the strains."""
+    element, name = state.problem.element, state.problem.domain.kind.name
+    degree = element.strain_degree
+    if degree == 0:
+        return values[:, None]
+    own = gauss_points.points(name, degree)
+    if element.limit_at == "vertices":
+        own = lagrange(name, degree).points
+    inverse = np.linalg.inv(nodal_functions(name, degree, own))
+    table = nodal_functions(name, degree, places) @ inverse
+    return np.einsum("nq,kqm->knm", table, values.reshape(-1, len(own), values.shape[1]))
 
 
 def _mass(name: str, degree: int) -> FloatArray:

@@ -171,7 +171,7 @@ def friction(state: SolvedState, fields: ContactFields) -> tuple[float, float, f
     work, zero exactly where (22) holds.  The excess is ``int [|t| - G]^+`` over ``int G``.  The
     wrong sign is ``int [-t . s]^+`` over the work: friction dissipates work and never adds work.
     """
-    epsilon = float(fields.contact.regularisation.value)
+    epsilon = fields.regularisation
     weights = state.weights(fields)
     size = np.linalg.norm(fields.traction, axis=1)
     slip = np.sqrt(np.sum(fields.increment**2, axis=1) + epsilon**2)

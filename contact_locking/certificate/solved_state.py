@@ -56,7 +56,7 @@ class SolvedState:
         body = BodyFields(problem, system, found)
         pairs = zip(data.contacts, found.contacts, strict=True)
         contacts = tuple(
-            ContactFields(contact, u, forces, data.bounds[contact]) for contact, forces in pairs
+            ContactFields(contact, u, forces, data.bounds) for contact, forces in pairs
         )
         return cls(problem, system, target, settings, report, found, body, contacts)
 
@@ -157,8 +157,8 @@ class StrainPoints:
         self._owned = mesh.topology.index_map(dim).size_local
         kept, dx = state.system.kept, state.problem.data.locking_dx
         self._kept = kept
-        self._space = kept("tensors", lambda: element.tensor_space(mesh))
-        scalar = self._scalar = kept("scalars", lambda: element.strain_space(mesh))
+        self._space = element.shared_strain_space(kept, mesh, element.strain_shape(mesh))
+        scalar = self._scalar = element.shared_strain_space(kept, mesh)
         weights = kept(
             "locking weights",
             lambda: fem.assemble_vector(compiled.form(ufl.TestFunction(scalar) * dx)).array,

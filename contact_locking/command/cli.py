@@ -220,7 +220,6 @@ def _run_command(arguments: argparse.Namespace, program: bool = False) -> int:
 
 
 def _interrupted(interrupt: KeyboardInterrupt, arguments: argparse.Namespace) -> int:
-    """Say that the command was interrupted, and what there is of its results."""
     said = str(interrupt) or "interrupted"
     if left := getattr(arguments, "left", lambda: "")():
         said += f"\n{left}"

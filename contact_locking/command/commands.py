@@ -326,7 +326,6 @@ def _importing() -> Iterator[None]:
 
 
 def _overrides(arguments: argparse.Namespace) -> list[str]:
-    """The changes of the study file that the command line asks for."""
     if arguments.output is None:
         return list(arguments.set)
     # Every JSON string is a YAML string.

@@ -1,4 +1,4 @@
-"""The friction bounds of all contacts at present, which solvers change and forms use."""
+"""The friction of all contacts at present, which solvers change and forms use."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class BoundsInForce:
     """The friction bound G in force at each contact, a stress; all are zero at first.
 
     ``bounds[contact]`` are the values (k,) at the owned nodes of the contact.  To set them is
-    collective.
+    collective.  ``lengths[contact]`` is the length that smooths friction.
     """
 
     def __init__(self, contacts: Sequence[NodalContact]) -> None:
@@ -23,6 +23,10 @@ class BoundsInForce:
             contact: contact.surface.scalar_function(
                 np.zeros(len(contact.surface.nodes)), "friction_bound"
             )
+            for contact in contacts
+        }
+        self.lengths = {
+            contact: fem.Constant(contact.surface.domain.mesh, contact.regularisation)
             for contact in contacts
         }
 

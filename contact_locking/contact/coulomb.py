@@ -80,7 +80,8 @@ class Convolution(Kernel):
             raise InputError(f"is 'keep' or 'vanish', not {self.at_supports!r}", key)
 
     def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
-        whole, radius = surface.whole(free, sides), self._radius(surface)
+        whole = surface.whole(free, sides)
+        radius = default_radius(surface) if self.radius is None else self.radius
         smoothing = self._inside(surface, whole, sides, radius)
         if self.at_supports == "keep":
             return smoothing
@@ -100,9 +101,6 @@ class Convolution(Kernel):
             f"{', '.join(surface.names)}, so R hardly smooths; refine the mesh there or enlarge "
             "the radius"
         ]
-
-    def _radius(self, surface: ContactSurface) -> float:
-        return default_radius(surface) if self.radius is None else self.radius
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.mesh.cell_kind import CellKind
 
-# The edges of facets, as their corners, by the number of corners, in the order of DOLFINx.
-_EDGES = {2: [(0, 1)], 3: [(1, 2), (0, 2), (0, 1)], 4: [(0, 1), (0, 2), (1, 3), (2, 3)]}
+#: The edges of facets, as their corners, by the number of corners, in the order of DOLFINx.
+EDGES = {2: [(0, 1)], 3: [(1, 2), (0, 2), (0, 1)], 4: [(0, 1), (0, 2), (1, 3), (2, 3)]}
 
 
 def functions(kind: CellKind, corners: FloatArray, points: FloatArray) -> FloatArray:
@@ -28,7 +28,7 @@ def functions(kind: CellKind, corners: FloatArray, points: FloatArray) -> FloatA
     if kind.is_simplex:
         edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
         away = (points - corners[:, :1]).transpose(0, 2, 1)
-        places = np.linalg.solve(edges, away).transpose(0, 2, 1)
+        places = np.asarray(np.linalg.solve(edges, away).transpose(0, 2, 1), dtype=float)
     else:
         a, b, c, d = (corners[:, i : i + 1] for i in range(4))
         b, c, d, y = b - a, c - a, d - b - c + a, points - a
@@ -47,7 +47,7 @@ def bernstein(linear: FloatArray) -> FloatArray:
     They are those of the corners, of the edges, and of the middle of a quadrilateral.
     """
     found = [linear**2]
-    found += [2.0 * linear[..., [i]] * linear[..., [j]] for i, j in _EDGES[linear.shape[-1]]]
+    found += [2.0 * linear[..., [i]] * linear[..., [j]] for i, j in EDGES[linear.shape[-1]]]
     if linear.shape[-1] == 4:
         found.append(4.0 * linear[..., [0]] * linear[..., [3]])
     return np.concatenate(found, axis=-1)
@@ -56,7 +56,7 @@ def bernstein(linear: FloatArray) -> FloatArray:
 def nodal(linear: FloatArray) -> FloatArray:
     """The functions (..., n) of degree 2 of the nodes, as :func:`bernstein`."""
     unit = np.eye(linear.shape[-1])
-    ends = [[i, j] for i, j in _EDGES[len(unit)]] + [[0, 1, 2, 3]] * (len(unit) == 4)
+    ends = [[i, j] for i, j in EDGES[len(unit)]] + [[0, 1, 2, 3]] * (len(unit) == 4)
     nodes = np.array([*unit, *(unit[some].mean(axis=0) for some in ends)])
     return np.asarray(bernstein(linear) @ np.linalg.inv(bernstein(nodes)))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -33,8 +34,8 @@ class Tools(Sequence[FreeMotion]):
         self, motions: Sequence[FreeMotion], epsilon: fem.Constant, bounds: BoundsInForce
     ) -> None:
         self._motions = tuple(motions)
-        firsts = [item for item in self if item is item.siblings[0]]
-        self.balances = [ToolBalance(item.siblings, epsilon, bounds) for item in firsts]
+        groups = itertools.groupby(motions, key=lambda item: item.contact)
+        self.balances = [ToolBalance(tuple(group), epsilon, bounds) for _, group in groups]
 
     def __len__(self) -> int:
         return len(self._motions)
@@ -175,7 +176,7 @@ class _State:
         self._normals, self._along = normals, np.einsum("mkd,kd->mk", fields, normals)
         self._across = fields - self._along[..., None] * normals
         self._bound = balance._bounds[contact]
-        self._length = float(contact.regularisation.value)
+        self._length = float(balance._bounds.lengths[contact].value)
         self._weights = contact.surface.weights
         self._pressed = self._weights * contact.free
         #: The size of the displacements that excesses and slips are differences of.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from mpi4py import MPI
@@ -177,11 +177,11 @@ def _name_of(body: Foundation) -> str:
 class RigidFoundation(PlacedFoundation):
     """A foundation with a shape, at rest or with a prescribed motion from rest.
 
-    ``motion`` is its present motion, and ``is_timed`` says that it may move, or change its
-    shape.  ``key`` is that of the foundation in messages, and ``shape`` that of its shape below it,
-    by default the name of the class.  The methods raise InputError for a body whose distance is not
-    finite, and Misplaced for one that lies behind Gamma_C, or reaches into the body so that the way
-    out of it leads through the body.
+    ``motion`` is its present motion, and ``is_timed`` says that it may move, or change its shape.
+    ``key`` is that of the foundation in messages, and ``shape`` that of its shape below it, by
+    default the name of the class.  ``shape_warnings`` are about the shape itself.  The methods
+    raise InputError for a body whose distance is not finite, and Misplaced for one that lies behind
+    Gamma_C, or reaches into the body so that the way out of it leads through the body.
     """
 
     def __init__(
@@ -193,6 +193,7 @@ class RigidFoundation(PlacedFoundation):
         key: str,
         is_timed: bool,
         shape: str = "",
+        shape_warnings: Sequence[str] = (),
     ) -> None:
         super().__init__(comm, dim, key)
         self._body, self._motion = body, motion
@@ -204,8 +205,7 @@ class RigidFoundation(PlacedFoundation):
         # A body is judged once, at its first place, whether its orientation fits that of the
         # deformable body.
         self._is_oriented = False
-        #: Warnings about the shape itself.
-        self.shape_warnings: list[str] = []
+        self._shape_warnings = [*shape_warnings]
 
     def gap(self, x: FloatArray) -> FloatArray:
         return self._evaluated(self.now.gap, x)
@@ -294,7 +294,7 @@ class RigidFoundation(PlacedFoundation):
     def _reverse(self) -> None:
         assert isinstance(self._body, TriangulatedSurface | Polyline)
         self._body = self._body.reversed()
-        self.shape_warnings.append(
+        self._shape_warnings.append(
             f"{self._place}: it is that of a die, whose hole is inside of the outline, "
             f"but the body is not in the hole; the other side was taken: {_TURN[self._kind]}"
         )
@@ -341,7 +341,7 @@ class RigidFoundation(PlacedFoundation):
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
         """Warnings about the present gap (k,) at the nodes; collective."""
-        found, comm = [*self.shape_warnings], self._comm
+        found, comm = [*self._shape_warnings], self._comm
         body = self._body
         if isinstance(body, LevelSet):
             low, high = self._slopes(body, surface)

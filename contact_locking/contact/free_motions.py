@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from contact_locking.arrays import FloatArray, present
 from contact_locking.contact.contact import Tilt
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import InputError
-from contact_locking.laws.rigid_motion import SmallMotion, skew
+from contact_locking.laws.rigid_motion import SmallMotion, axis_of, skew
 from contact_locking.parallel import maximum, minimum, on_any_rank
 
 # A way below this share of the displacements is rounding.
@@ -38,13 +37,11 @@ class FreeMotion(ABC):
         int (sigma_nu nu + sigma_tau) . m + k q = F.
 
     A foundation may have several of these motions, and has the sum of their displacements.  In all
-    other ways it follows its given motion, or stands still.  ``key`` names the motion in messages,
-    and ``siblings`` are all free motions of the foundation, this one among them once it is made.
+    other ways it follows its given motion, or stands still.  ``key`` names the motion in messages.
     """
 
-    def __init__(self, contact: NodalContact, key: str, siblings: Sequence[FreeMotion]) -> None:
-        self.contact, self.key, self.siblings = contact, key, siblings
-        self._size = 0.0
+    def __init__(self, contact: NodalContact, key: str) -> None:
+        self.contact, self.key, self._size = contact, key, 0.0
 
     #: F at present, and the largest F that there will be.
     force: float = 0.0
@@ -59,8 +56,8 @@ class FreeMotion(ABC):
 
     @property
     @abstractmethod
-    def holds(self) -> bool:
-        """Whether force or spring hold the foundation at the body at present."""
+    def acts(self) -> bool:
+        """Whether the foundation presses on the body, if it is in the way, at present."""
 
     @abstractmethod
     def advance(self) -> None:
@@ -69,11 +66,6 @@ class FreeMotion(ABC):
     @abstractmethod
     def summary(self) -> tuple[str, dict[str, Any]]:
         """The key in an entry of ``contacts`` of summary.json, and the results below it."""
-
-    @property
-    def acts(self) -> bool:
-        """Whether the foundation presses on the body, if it is in the way, at present."""
-        return all(item.holds for item in self.siblings)
 
     @property
     def is_sprung(self) -> bool:
@@ -88,10 +80,7 @@ class FreeMotion(ABC):
     @travel.setter
     def travel(self, value: float) -> None:
         self._size = float(value)
-        whole = SmallMotion.rest(self.contact.surface.domain.dim)
-        for item in self.siblings:
-            whole = whole + item.motion.times(item.travel)
-        self.contact.move_foundation(whole)
+        self.contact.move_foundation(self, self.motion.times(self._size))
 
     @property
     def field(self) -> FloatArray:
@@ -131,10 +120,10 @@ class Travel(FreeMotion):
     spring along the surface of the body.
     """
 
-    def __init__(self, contact: NodalContact, siblings: Sequence[FreeMotion]) -> None:
+    def __init__(self, contact: NodalContact) -> None:
         self._given, self._spring = contact.given.force, contact.given.spring
         key = self._given.key if self._given else f"{contact.key}.foundation.spring"
-        super().__init__(contact, key, siblings)
+        super().__init__(contact, key)
         if self._given is not None:
             self.direction, self.largest = self._given.direction, self._given.largest
         else:
@@ -160,7 +149,7 @@ class Travel(FreeMotion):
         return SmallMotion(self.direction, np.zeros((dim, dim)))
 
     @property
-    def holds(self) -> bool:
+    def acts(self) -> bool:
         return self.force > 0.0 or self.is_sprung
 
     def touch(self, u: fem.Function, distance: float = 0.0) -> None:
@@ -209,14 +198,15 @@ class Turn(FreeMotion):
     """A turn by the small angle q about an axis through a pivot a: ``m(x) = w x (x - a)``.
 
     The axis w is a unit vector, across the plane in 2D.  Without a spring the tractions have no
-    moment about the axis.  The pivot follows the given motion of the foundation.
+    moment about the axis.  The pivot follows the given motion of the foundation.  ``beside`` is the
+    travel of the same foundation, if it has one.
     """
 
     def __init__(
-        self, contact: NodalContact, siblings: Sequence[FreeMotion], tilt: Tilt, axis: FloatArray
+        self, contact: NodalContact, tilt: Tilt, axis: FloatArray, beside: Travel | None
     ) -> None:
-        super().__init__(contact, f"{contact.key}.foundation.tilt", siblings)
-        self.axis, self._tilt = axis, tilt
+        super().__init__(contact, f"{contact.key}.foundation.tilt")
+        self.axis, self._tilt, self._beside = axis, tilt, beside
         self.advance()
 
     def advance(self) -> None:
@@ -233,15 +223,14 @@ class Turn(FreeMotion):
         return self._motion
 
     @property
-    def holds(self) -> bool:
-        return True
+    def acts(self) -> bool:
+        return self._beside is None or self._beside.acts
 
     def summary(self) -> tuple[str, dict[str, Any]]:
         """The pivot at rest, the angle, and the moment -k q about the pivot."""
-        turns = [item for item in self.siblings if isinstance(item, Turn)]
-        angle = np.sum([item.travel * item.axis for item in turns], axis=0)
-        moment = np.sum([-item.stiffness * item.travel * item.axis for item in turns], axis=0)
-        found: dict[str, Any] = {"angle": _plain(angle), "moment": _plain(moment)}
+        # The turns about all axes.
+        angle = axis_of(self.contact.travel.turn)
+        found: dict[str, Any] = {"angle": _plain(angle), "moment": _plain(-self.stiffness * angle)}
         return "tilt", {"about": [float(x) for x in present(self._tilt.about)], **found}
 
     def _require_two_sides(self) -> None:
@@ -264,11 +253,12 @@ def free_motions(contact: NodalContact) -> list[FreeMotion]:
     Raises InputError for those that nothing would stop.
     """
     given = contact.given
-    found: list[FreeMotion] = []
-    if given.force is not None or given.spring is not None:
-        found.append(Travel(contact, found))
+    goes = given.force is not None or given.spring is not None
+    travel = Travel(contact) if goes else None
+    found: list[FreeMotion] = [] if travel is None else [travel]
     if given.tilt is not None:
-        found += [Turn(contact, found, given.tilt, axis) for axis in _axes(contact, given.tilt)]
+        axes = _axes(contact, given.tilt)
+        found += [Turn(contact, given.tilt, axis, travel) for axis in axes]
     return found
 
 
@@ -282,11 +272,9 @@ def _axes(contact: NodalContact, tilt: Tilt) -> FloatArray:
     axes = np.eye(1 if surface.domain.dim == 2 else 3)
     arms = [SmallMotion.about(about, skew(axis)).at(surface.points) for axis in axes]
     facing = np.array([np.sum(contact.normals * arm, axis=1) for arm in arms]) * contact.free
-    weights = surface.weights
-    comm = surface.domain.comm
-    gram, size = comm.allreduce(np.array([facing * weights @ facing.T, _norms(arms, weights)]))
+    gram = surface.domain.comm.allreduce(facing * surface.weights @ facing.T)
     values, vectors = np.linalg.eigh(gram)
-    kept = values > _TURNS * np.trace(size)
+    kept = values > _TURNS * sum(float(np.sum(surface.integral(arm**2))) for arm in arms)
     if not kept.any():
         raise InputError(
             "is a point about which the foundation turns without moving to or from the body; "
@@ -301,11 +289,6 @@ def _axes(contact: NodalContact, tilt: Tilt) -> FloatArray:
         if len(found) < kept.sum() and np.linalg.norm(rest) >= _APART:
             found.append(rest / np.linalg.norm(rest))
     return np.array(found)
-
-
-def _norms(arms: Sequence[FloatArray], weights: FloatArray) -> FloatArray:
-    """The products (m, m) of displacements (k, d), with weights (k,)."""
-    return np.array([[weights @ np.sum(a * b, axis=1) for b in arms] for a in arms])
 
 
 def _plain(values: Any) -> float | list[float]:

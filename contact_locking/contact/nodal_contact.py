@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 from dolfinx import fem
@@ -12,6 +12,7 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.contact import Contact, Gap
 from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
+from contact_locking.contact.friction_bound import NoSlip
 from contact_locking.contact.smoothing import Identity
 from contact_locking.contact.state import ContactState
 from contact_locking.contact.surface import ContactSurface
@@ -31,8 +32,8 @@ class NodalContact:
     ``given`` holds the data of the contact, ``key`` its name in messages, and ``on`` are its
     boundary parts.  ``foundation`` is its foundation at its place.  ``normal`` and ``gap`` are
     functions with the normal and the limited value of the gap at the nodes.  ``friction`` computes
-    the friction bound of pressures and slips.  ``regularisation`` is the length that smooths
-    friction.
+    the friction bound of pressures and slips.  ``regularisation`` is the length to
+    smooth friction with.
     ``free`` (k,) marks the nodes whose normal displacement is not prescribed; neither pressure nor
     friction acts at the other nodes.  ``against`` are the boundary parts of the other body that
     ``on`` touches, none for a foundation; displacements are jumps then.
@@ -42,24 +43,21 @@ class NodalContact:
     On a foundation that moves, the slip is relative to it: ``reference`` is
     ``(u_{k-1} + drag)_tau`` as a function, for the forms.
 
-    The constructor is collective.  ``space`` is the displacement space of ``element``, ``limited``
-    its space of limited values, and ``slip`` the regularisation of a friction that has none of its
-    own.  Raises InputError for a foundation behind Gamma_C.
+    The constructor is collective.  ``surface`` is the place of the contact, ``others`` are those of
+    all other contacts, and ``slip`` is the regularisation of a friction that has none of its own.
+    Raises InputError for a foundation behind Gamma_C.
     """
 
     def __init__(
         self,
-        domain: Domain,
-        space: fem.FunctionSpace,
-        constraints: Constraints,
         given: Contact,
-        element: Element,
-        limited: fem.FunctionSpace,
+        surface: ContactSurface,
+        others: Sequence[ContactSurface],
+        constraints: Constraints,
         slip: float,
     ) -> None:
         self.given, self.key, self.on = given, given.key, given.on
-        surface = _surface(domain, space, given, element, limited)
-        self.surface, self._constraints = surface, constraints
+        self.surface, self._constraints, domain = surface, constraints, surface.domain
         self.foundation = _placed(domain, given)
         gap, normals = self.foundation.at_nodes(surface)
         self._first_gap = gap
@@ -67,15 +65,17 @@ class NodalContact:
         self.against = tuple(given.against or ())
         self._sides: IntArray = surface.sides(normals)
         smoothing = given.friction.smoothing.on(surface, self.free, self._sides)
-        self.friction = given.friction.on(surface, smoothing)
+        friction = given.friction.on(surface, smoothing)
+        self.friction = friction.beside(others) if isinstance(friction, NoSlip) else friction
         own = 0.0 if self.friction.stands else given.friction.regularisation
-        self.regularisation = fem.Constant(domain.mesh, slip if own is None else own)
+        self.regularisation = slip if own is None else own
         count, dim = len(surface.nodes), domain.dim
         self.normal = surface.vector_function(normals, "contact_normal")
         self.gap = surface.scalar_function(surface.limited_gap(gap), "gap")
         self.reference = surface.vector_function(np.zeros((count, dim)), "old_slip")
         self.state = ContactState.at_rest(count, dim)
         self.travel = SmallMotion.rest(dim)
+        self._travels: dict[Hashable, SmallMotion] = {}
         self._gaps = self.gaps
         # How far the foundation itself has moved in the step, without its travel.
         self._moved: FloatArray = np.zeros((count, dim))
@@ -106,7 +106,7 @@ class NodalContact:
     def enter(self, state: ContactState) -> None:
         """Begin a step with the memory of friction; collective."""
         self.state = state
-        self.move_foundation(self.travel)
+        self._refresh()
 
     def place(self) -> None:
         """Put the foundation to its present place, or pair bodies where they are; collective.
@@ -139,12 +139,18 @@ class NodalContact:
         dim = self.surface.domain.dim
         self.normal.x.array.reshape(-1, dim)[self.surface.blocks] = normals
         self.normal.x.scatter_forward()
-        self.move_foundation(self.travel)
+        self._refresh()
 
-    def move_foundation(self, travel: SmallMotion) -> None:
-        """Let forces move the foundation by ``travel`` in all; collective."""
-        self.travel, normals, points = travel, self.normals, self.surface.arms
-        way = travel.at(points)
+    def move_foundation(self, key: Hashable, travel: SmallMotion) -> None:
+        """Let forces move the foundation by ``travel``, beside those of other keys; collective."""
+        self._travels[key] = travel
+        self.travel = sum(self._travels.values(), SmallMotion.rest(self.surface.domain.dim))
+        self._refresh()
+
+    def _refresh(self) -> None:
+        """Take the travel of the foundation into gaps and slips; collective."""
+        normals, points = self.normals, self.surface.arms
+        way = self.travel.at(points)
         self.gap.x.array[self.surface.nodes] = self._gaps + np.sum(normals * way, axis=1)
         self.gap.x.scatter_forward()
         self.drag = self._moved + (way - self.state.travel.at(points))
@@ -233,13 +239,12 @@ class NodalContact:
         """The accumulated slip ``s_k = s_{k-1} + |u_tau - u_{k-1,tau}|`` (k,) at the nodes."""
         return self.state.slip + np.linalg.norm(self.increment(u), axis=1)
 
-    def state_after(self, u: fem.Function, sticks: BoolArray) -> ContactState:
+    def state_after(self, u: fem.Function, holds: BoolArray) -> ContactState:
         """The memory of friction if the step ends with the displacement u; collective.
 
-        At nodes that stick (k,) without regularisation the slip is zero but for the tolerance of
-        the solver, which would add up over many steps: these nodes keep their place.
+        At nodes that stick without regularisation, which ``holds`` (k,) marks, the slip is zero but
+        for the tolerance of the solver, which would add up over many steps: they keep their place.
         """
-        holds = sticks & (float(self.regularisation.value) == 0.0)
         along, tangential = self.split(u)
         place = np.where(holds[:, None], self.references, tangential)
         slip = np.where(holds, self.state.slip, self.slips(u))
@@ -271,14 +276,14 @@ def joint_norm(contacts: Sequence[NodalContact], values: Sequence[FloatArray]) -
     return float(np.linalg.norm(norms)) if len(norms) > 1 else sum(norms)
 
 
-def _surface(
+def place_of(
+    given: Contact,
     domain: Domain,
     space: fem.FunctionSpace,
-    given: Contact,
     element: Element,
     limited: fem.FunctionSpace,
 ) -> ContactSurface:
-    """The place of a contact; collective."""
+    """The place of a contact; ``limited`` is the space of limited values; collective."""
     if given.against is None:
         return ContactSurface(domain, space, given.on, f"{given.key}.on", element, limited)
     is_gap = isinstance(given.foundation, Gap | GivenGap)

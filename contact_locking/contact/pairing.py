@@ -13,8 +13,9 @@ at the nodes; for quadratic ones c1 are the control values (:class:`~contact_loc
 Trace`).  The b_i have the sum 1, and so have the psi_i: a constant pressure on side 1 is one on
 side 2.  All integrals are over the part of side 1 that side 2 covers, and the dual basis is that
 of this part (Popp et al., doi:10.1016/j.cma.2010.11.004).  The facets of side 2 are projected into
-the plane of each facet of side 1 and cut there, so that every integral is exact; on quadrilaterals
-that are no parallelograms, where the functions are no polynomials, it is so to rounding.
+the plane of each facet of side 1 and cut there, so that every integral is exact.  The functions of
+quadrilaterals that are no parallelograms are no polynomials: their integrals have errors of some
+1e-11, and larger ones where the Jacobians at two corners have a quotient below 1/6.
 
 A quadrilateral of side 1 whose corners are not in one plane is projected into its mean plane, as
 are those of side 2 that it faces.  The gap has the heights of both over this plane.  Integrals are
@@ -37,7 +38,7 @@ import basix
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
-from contact_locking.contact.facet_functions import bernstein, functions, nodal
+from contact_locking.contact.facet_functions import EDGES, bernstein, functions, nodal
 from contact_locking.mesh.cell_kind import CellKind, facet_normals, unit_normals
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ _ON_AXIS = 1e-9
 # By this factor the integrals of functions over quadrilaterals become more accurate than by a rule
 # that is exact for parallelograms, which these are up to a factor of rounding.  The last factor is
 # that of quadrilaterals with Jacobians of 1 and 1/6; more bent ones have the rule of these.
-_SMALL, _PARALLEL, _MOST_BENT = 1e-10, 1e-16, 0.42
+_SMALL, _PARALLEL, _MOST_BENT = 1e-12, 1e-16, 0.42
 # The cosine of 15 degrees.
 _SMOOTH = 0.966
 
@@ -230,30 +231,43 @@ def _bulge(side: Side) -> FloatArray:
     """The coefficients (m, c, c) of products of two functions, by which a side is farther out.
 
     They have nonzero entries above the diagonal.  At a corner of the body, whose normal is more
-    than 15 degrees off that of the facet, the side is straight.  At an end of a curve it is as
-    curved as at the other end of the facet.
+    than 15 degrees off that of the facet, the side is straight.  At an end of a curve the normal is
+    that of the facet, and turns half as far to the other end of the edge as the curve does.
     """
     count, areas = side.kind.corners, side.sizes()
     normals = np.zeros_like(side.points)
-    number = np.zeros(len(side.points))
     corners = side.facets[:, :count]
     for corner in corners.T:
         np.add.at(normals, corner, areas[:, None] * side.outward)
-        np.add.at(number, corner, 1.0)
     sizes = np.linalg.norm(normals, axis=1)
     normals = (normals / np.where(sizes > 0.0, sizes, 1.0)[:, None])[corners]
     found = np.zeros((len(corners), count, count))
-    for i in range(count):
-        for j in range(i + 1, count):
-            along = side.corners[:, j] - side.corners[:, i]
-            length = np.linalg.norm(along, axis=1)[:, None]
-            slopes = np.einsum("mci,mi->mc", normals[:, [i, j]], along / length)
-            off = np.sum(normals[:, [i, j]] * side.outward[:, None], axis=2)
-            slopes[off < _SMOOTH] = 0.0
-            if count == 2:
-                slopes = np.where(number[corners] == 1.0, -slopes[:, ::-1], slopes)
-            found[:, i, j] = 0.5 * length[:, 0] * (slopes[:, 1] - slopes[:, 0])
+    for (i, j), ends in zip(EDGES[count], _ends(side), strict=True):
+        along = side.corners[:, j] - side.corners[:, i]
+        length = np.linalg.norm(along, axis=1)[:, None]
+        slopes = np.einsum("mci,mi->mc", normals[:, [i, j]], along / length)
+        off = np.sum(normals[:, [i, j]] * side.outward[:, None], axis=2)
+        slopes[off < _SMOOTH] = 0.0
+        turns = np.where(ends, 2.0, 1.0) * (slopes[:, 1] - slopes[:, 0])
+        found[:, i, j] = 0.5 * length[:, 0] * turns
+    if count == 4:
+        # The product is that of both diagonals, whose coefficients have the sum of all edges.
+        found[:, 0, 3] = found.sum(axis=(1, 2))
     return found
+
+
+def _ends(side: Side) -> BoolArray:
+    """(e, m) whether a curve along each edge of the facets ends there: at a rim across the edge."""
+    corners = side.facets[:, : side.kind.corners]
+    rows = np.sort(side.kind.facets_of(corners), axis=1)
+    _, inverse, number = np.unique(rows, axis=0, return_inverse=True, return_counts=True)
+    is_rim = number[inverse.reshape(-1)] == 1
+    at_rim = np.isin(corners, rows[is_rim])
+    alone = np.bincount(corners.reshape(-1))[corners] == 1
+    # Along the rim a curve ends in a corner of the side, which has one facet.
+    edges = zip(EDGES[side.kind.corners], is_rim.reshape(-1, len(corners)), strict=False)
+    ends = [(alone | at_rim & ~along[:, None])[:, list(edge)] for edge, along in edges]
+    return np.any(ends, axis=2)
 
 
 def _candidates(one: Side, other: Side) -> tuple[IntArray, IntArray]:

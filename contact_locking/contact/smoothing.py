@@ -105,7 +105,7 @@ class ConvolutionOperator(Smoothing):
         weights = surface.weights
         counts = np.zeros(len(weights[surface.own]), dtype=np.int32)
         columns: list[IndexArray] = [np.empty(0, dtype=np.int32)]
-        shares = [np.empty(0)]
+        shares: list[FloatArray] = [np.empty(0)]
         for row, column, distance in surface.within(radius):
             apart = np.asarray(distance / radius)
             kernel = _kernel(apart)

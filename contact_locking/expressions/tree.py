@@ -129,7 +129,6 @@ def _names(node: Node) -> frozenset[str]:
 
 
 def _value(lookup: Lookup, argument: Any) -> Any:
-    """The value of a table in NumPy."""
     return lookup.table(argument)
 
 

@@ -19,6 +19,7 @@ from contact_locking import _compat
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
 from contact_locking.fem import gauss_points
+from contact_locking.fem.compiled import Kept
 from contact_locking.fem.trace import Rule, Trace
 from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
 
@@ -79,8 +80,12 @@ class Element:
 
     def tensor_space(self, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
         """The space of strains and stresses, (m, m) tensors; collective."""
+        return self.strain_space(mesh, self.strain_shape(mesh))
+
+    def strain_shape(self, mesh: dolfinx.mesh.Mesh) -> tuple[int, int]:
+        """The shape (m, m) of strains and stresses."""
         size = self.kinematics.tensor_size(mesh.topology.dim)
-        return self.strain_space(mesh, (size, size))
+        return size, size
 
     def nodal_space(self, mesh: dolfinx.mesh.Mesh, size: int) -> fem.FunctionSpace:
         """Continuous fields of the displacement's degree with ``size`` components; collective."""
@@ -101,6 +106,16 @@ class Element:
             return fem.functionspace(mesh, ("DG", self.strain_degree, shape))
         cell, degree = mesh.topology.cell_name(), self.strain_degree
         return fem.functionspace(mesh, gauss_points.element(cell, shape, degree))
+
+    def shared_strain_space(
+        self, kept: Kept, mesh: dolfinx.mesh.Mesh, shape: tuple[int, ...] = ()
+    ) -> fem.FunctionSpace:
+        """The :meth:`strain_space` that all have who share ``kept``; collective.
+
+        DOLFINx takes some milliseconds to make one, as long as a tangent of a small problem.
+        """
+        name = "strain space", self.strain_degree, self.limit_at, shape
+        return kept(name, lambda: self.strain_space(mesh, shape))
 
     def strain_places(self, mesh: dolfinx.mesh.Mesh) -> FloatArray:
         """The coordinates (d, k) of the points of the strains, local cell by local cell.

@@ -6,7 +6,7 @@ import contextlib
 import csv
 import io
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,28 @@ def csv_text(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     stream = io.StringIO()
     csv.writer(stream, lineterminator="\n").writerows([columns, *rows])
     return stream.getvalue()
+
+
+def read_own(
+    text: str, name: str, number: Callable[[str, str], float]
+) -> tuple[list[str], list[list[float]]]:
+    """The columns and the rows in the text of a table of this program, the file ``name``.
+
+    ``number`` reads a cell, by its column, and raises ValueError for another one.  Raises
+    InputError, with the line, for a table that this program has not written.
+    """
+    reader = csv.reader(io.StringIO(text, newline=""))
+    rows = []
+    try:
+        columns = next(reader, [])
+        if not columns:
+            raise InputError(f"{name}: is empty; solve the run again")
+        for cells in reader:
+            rows.append([number(*pair) for pair in zip(columns, cells, strict=True)])
+    except (ValueError, OverflowError, csv.Error):
+        message = f"is damaged: no row of {len(columns)} numbers"
+        raise InputError(f"{name}:{reader.line_num}: {message}") from None
+    return columns, rows
 
 
 @contextlib.contextmanager

@@ -130,7 +130,6 @@ def _look(size: int, beginning: bytes) -> str:
 
 
 def _add(directory: Path, new: Mapping[str, _Looks]) -> None:
-    """Add files to the list, and forget those that are gone."""
     old = {
         name: looks
         for name, looks in _listed(directory, None).items()

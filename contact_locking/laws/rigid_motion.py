@@ -82,6 +82,11 @@ def skew(axis: FloatArray) -> FloatArray:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
+def axis_of(turn: FloatArray) -> FloatArray:
+    """The axis (1,) or (3,) of a skew matrix, the inverse of :func:`skew`."""
+    return turn[[1], [0]] if len(turn) == 2 else turn[[2, 0, 1], [1, 2, 0]]
+
+
 def rotation(angles: FloatArray) -> FloatArray:
     """The rotation R by an angle (1,) in the plane, or by a rotation vector (3,), in radians.
 

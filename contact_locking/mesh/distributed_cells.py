@@ -99,7 +99,6 @@ class MeshShare:
 
 
 def _require_once(cells: IntArray, total: int, kind: CellKind) -> None:
-    """Raise InputError for a cell that is there twice."""
     _, first, number = np.unique(keys(cells, total), return_index=True, return_counts=True)
     if np.any(number > 1):
         nodes = _listed(cells[first[np.argmax(number > 1)]])
@@ -110,7 +109,6 @@ def _require_once(cells: IntArray, total: int, kind: CellKind) -> None:
 
 
 def _require_two_cells(facets: IntArray, total: int, kind: CellKind) -> None:
-    """Raise InputError for a facet of more than two cells."""
     _, first, number = np.unique(keys(facets, total), return_index=True, return_counts=True)
     if np.any(number > 2):
         where = int(np.argmax(number > 2))
@@ -193,7 +191,6 @@ class DistributedCells:
         return [*warnings, *self._warnings_about_boundary()]
 
     def _check_folds(self) -> None:
-        """Raise InputError for two cells on one side of their common facet."""
         folded = (self.shared[self.facets] == 2) & (self.sides[self.facets] != 0)
         if folded.any():
             cell, side = (index[:1] for index in np.nonzero(folded))

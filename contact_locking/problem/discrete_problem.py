@@ -13,8 +13,7 @@ from contact_locking.arrays import IndexArray
 from contact_locking.contact.bounds_in_force import BoundsInForce
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.free_motions import free_motions
-from contact_locking.contact.friction_bound import NoSlip
-from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.contact.nodal_contact import NodalContact, place_of
 from contact_locking.contact.state import ContactState
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
@@ -85,16 +84,13 @@ class DiscreteProblem:
         # The paper uses the compliance epsilon also for the regularisation length in (22): here
         # Young's modulus converts the compliance to a length.
         slip = self.material.young * epsilon
+        places = [place_of(item, domain, space, element, limited) for item in contacts]
         nodal = tuple(
-            NodalContact(domain, space, body.constraints, item, element, limited, slip)
-            for item in contacts
+            NodalContact(item, places[i], [*places[:i], *places[i + 1 :]], body.constraints, slip)
+            for i, item in enumerate(contacts)
         )
-        for contact in nodal:
-            if isinstance(contact.friction, NoSlip):
-                others = [other.surface for other in nodal if other is not contact]
-                contact.friction = contact.friction.beside(others)
         self.warnings = [text for contact in nodal for text in contact.warnings()]
-        slips = tuple(float(contact.regularisation.value) for contact in nodal)
+        slips = tuple(contact.regularisation for contact in nodal)
         self.penalty = Penalty(n, epsilon, slips)
         origin = _origin(body, self.material)
         self.data = forms.ProblemData(

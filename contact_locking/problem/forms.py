@@ -39,8 +39,8 @@ class ProblemData:
     ``elasticity`` maps displacements u and v to the form ``a(u, v)``, and ``elastic_stress`` maps a
     strain to a stress.  ``largest_eigenvalue`` is the largest eigenvalue of A at each point, and
     ``inverse_limit`` is 1/M of the ball.  ``loads`` is the linear form (f, .) (13), None without
-    loads.  ``contacts`` is empty for a body that touches nothing, and ``bounds`` are their friction
-    bounds at present.  ``n`` and ``epsilon`` are the penalty parameters.  ``element`` is the
+    loads.  ``contacts`` is empty for a body that touches nothing, and ``bounds`` is their
+    friction at present.  ``n`` and ``epsilon`` are the penalty parameters.  ``element`` is the
     element of the displacements.  ``limits`` are the sets of strains beside the ball.  ``tools``
     are the free motions of foundations.  ``own_energy`` is for a law that this package does not
     have: it maps u to a convex and differentiable functional J(u), whose derivative is added to
@@ -165,7 +165,7 @@ def slip(u: Expr, contact: NodalContact) -> Expr:
 def friction(u: Expr, contact: NodalContact, data: ProblemData) -> Expr:
     """The negative friction traction ``-sigma_tau`` of (22), for limited values u."""
     bound = data.bounds.function(contact)
-    return friction_traction(slip(u, contact), bound, contact.regularisation)
+    return friction_traction(slip(u, contact), bound, data.bounds.lengths[contact])
 
 
 def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
@@ -218,7 +218,7 @@ def energy(u: fem.Function, data: ProblemData) -> Expr:
         limited = contact.limited(u)
         density = contact_energy(contact.parts(limited)[0], contact.gap, data.epsilon)
         bound = data.bounds.function(contact)
-        density += friction_energy(slip(limited, contact), bound, contact.regularisation)
+        density += friction_energy(slip(limited, contact), bound, data.bounds.lengths[contact])
         form += density * contact.surface.ds
     return form if data.own_energy is None else form + data.own_energy(u)
 

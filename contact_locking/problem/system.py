@@ -103,7 +103,7 @@ class PenalisedSystem:
         """Set the parameters of the penalised forms."""
         self.data.n.value, self.data.epsilon.value = penalty.n, penalty.epsilon
         for contact, length in zip(self.contacts, penalty.regularisations, strict=True):
-            contact.regularisation.value = length
+            self.bounds.lengths[contact].value = length
 
     @property
     def rubbing(self) -> tuple[NodalContact, ...]:

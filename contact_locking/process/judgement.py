@@ -17,7 +17,7 @@ from contact_locking.parallel import maximum
 from contact_locking.problem.parts import describe_loose, describe_slide
 from contact_locking.results.between_nodes import uncovered_entry
 from contact_locking.results.body_fields import BodyFields
-from contact_locking.results.contact_points import OPEN, STICK
+from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import Contacts, gather_contacts, on_gamma_c
 from contact_locking.results.quantities import computed
 from contact_locking.results.solution import Differentiable, Solution, State
@@ -79,9 +79,7 @@ def state_of(state: SolvedState) -> State:
         travels=state.system.tools.travels,
         last=state.report.last,
     )
-    after = tuple(
-        fields.contact.state_after(problem.u, fields.state == STICK) for fields in state.contacts
-    )
+    after = tuple(fields.contact.state_after(problem.u, fields.holds) for fields in state.contacts)
     return State(saved, state.multipliers, after)
 
 
@@ -151,7 +149,7 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
         "iterations": {
             "tangents": report.tangents,
             "linear": report.linear,
-            "friction": report.friction,
+            "friction": report.updates,
         },
         "friction_fixed_point": {
             "change": report.friction_change,

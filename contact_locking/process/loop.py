@@ -154,7 +154,7 @@ class Steps(Iterator[StudySolution]):
                 self._halved, self.history = step.halved, step.history
                 solution = self._solution(state, energy, step.time)
                 solution.summary["restart"] = f"the step was read from {path}"
-                self._tell(solution)
+                solution = self._told(solution)
                 yield solution
                 timeline.skip_to(step.time)
                 last, before = solution.state, Moment.of(state)
@@ -211,7 +211,7 @@ class Steps(Iterator[StudySolution]):
                     solution.summary |= sensitivities.of(made, state.contacts, at)
                 seconds = time.perf_counter() - began
                 self.history.rows.append(row_of(solution, self.history, at, energy, seconds))
-                self._tell(solution)
+                solution = self._told(solution)
                 if not (solution.converged or report.is_infeasible):
                     self._out_of_reach.tell(solution, at)
                 yield solution
@@ -275,21 +275,23 @@ class Steps(Iterator[StudySolution]):
         if last is None:
             return
         new = self._halved[len(last.halved) :]
-        last.halved, last.summary["steps"]["halvings"] = self._halved, len(self._halved)
+        last.summary["steps"]["halvings"] = len(self._halved)
         last.summary["warnings"] += new
         last.summary |= {"converged": False, "reason": reason, "suggestion": ""}
 
-    def _tell(self, solution: StudySolution) -> None:
-        """Add the history of the process to a solution."""
-        halved, number = len(self._halved), len(self.history)
+    def _told(self, solution: StudySolution) -> StudySolution:
+        """A solution with the history of the process."""
         self._probes += tuple(
-            dataclasses.replace(taken, step=number, time=solution.time) for taken in solution.probes
+            dataclasses.replace(taken, step=len(self.history), time=solution.time)
+            for taken in solution.probes
         )
-        solution.probes = self._probes
         solution.summary.setdefault("restart", None)
-        solution.history, solution.halved = History([*self.history.rows]), self._halved
-        solution.summary["steps"] = totals(self.history, halved, self._planned)
+        solution.summary["steps"] = totals(self.history, len(self._halved), self._planned)
         solution.summary["warnings"] += [*self._halved, *self._solver.unused_options()]
+        history = History([*self.history.rows])
+        return dataclasses.replace(
+            solution, probes=self._probes, history=history, halved=self._halved
+        )
 
     def _seconds_left(self) -> float | None:
         """About how long the planned steps that are left will take; None before the first step."""

@@ -104,8 +104,8 @@ class ProblemSolver:
 
         Each is in the system in its turn.  Raises InputError where they cannot be searched.
         """
-        task = Task(self.system, self.target, self.settings, self._monitor, report)
-        yield from equilibria(task, most)
+        task = Task(self.system, self.target, self.settings, self._monitor)
+        yield from equilibria(task, report, most)
 
     def diagram(self, to: float, load: Callable[[float], None] | None = None) -> Diagram:
         """The branch of solutions up to ``to`` times the friction, or the loads; collective.

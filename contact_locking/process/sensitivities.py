@@ -12,7 +12,6 @@ from contact_locking.errors import InputError, NoDerivatives
 from contact_locking.parallel import maximum
 from contact_locking.process.of_study import settings_of
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.results.contact_points import STICK
 from contact_locking.results.derived import ContactFields
 from contact_locking.results.solution import StudySolution
 from contact_locking.sensitivity.derivatives import Derivatives, Table
@@ -106,7 +105,7 @@ class _Side:
             np.add(frozen.iterate.travels, step * change.displacement[owned:])
         )
         states = [
-            contact.state_after(problem.u, fields.state == STICK)
+            contact.state_after(problem.u, fields.holds)
             for contact, fields in zip(problem.contacts, contacts, strict=True)
         ]
         problem.enter(states)

@@ -90,7 +90,7 @@ class BodyFields:
 
         def compile_it() -> tuple[fem.FunctionSpace, fem.Expression]:
             expr = made()
-            space = element.strain_space(self.domain.mesh, expr.ufl_shape)
+            space = element.shared_strain_space(self._kept, self.domain.mesh, expr.ufl_shape)
             return space, compiled.interpolation(expr, space)
 
         at = "peaks" if element is not self._element else "points"

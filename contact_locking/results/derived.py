@@ -13,6 +13,7 @@ from dolfinx import fem
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.contact.bounds_in_force import BoundsInForce
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.outline import box_around
 from contact_locking.contact.surface import NodalAverage
@@ -45,7 +46,7 @@ class ContactFields:
     """The nodal fields of one contact, as arrays over its owned nodes."""
 
     def __init__(
-        self, contact: NodalContact, u: fem.Function, forces: ContactForces, bound: FloatArray
+        self, contact: NodalContact, u: fem.Function, forces: ContactForces, bounds: BoundsInForce
     ) -> None:
         self.contact, self.surface = contact, contact.surface
         self.normal, self.gap = contact.normals, contact.gaps
@@ -64,9 +65,11 @@ class ContactFields:
         self.pressure = forces.pressure
         self.traction = contact.split_nodal(0.0 - forces.friction)[1]
         self.smoothed_stress = -contact.friction.smoothing.apply(self.pressure)
-        self.bound = bound
+        self.bound, self.regularisation = bounds[contact], float(bounds.lengths[contact].value)
         slips = np.linalg.norm(self.traction, axis=1) >= _SLIP_SHARE * self.bound
         self.state = np.where(forces.touches, np.where(slips, SLIP, STICK), OPEN)
+        # The nodes that stick, without a slip that the regularisation needs.
+        self.holds = (self.state == STICK) & (self.regularisation == 0.0)
         self._u = u
 
     @cached_property

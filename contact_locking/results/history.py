@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -12,7 +10,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
-from contact_locking.files.csv_file import csv_text
+from contact_locking.files.csv_file import csv_text, read_own
 
 #: The columns of a step with their numbers; counts are integers.
 Row: TypeAlias = Mapping[str, float]
@@ -52,19 +50,11 @@ class History:
 
 def read_history(text: str, name: str) -> History:
     """The history in the text of the file ``name``.  Raises InputError for another table."""
-    lines = list(csv.reader(io.StringIO(text)))
-    columns = lines[0] if lines else []
+    columns, rows = read_own(text, name, _number)
     if columns[:2] != ["step", "t"] or len(set(columns)) != len(columns):
         raise InputError(f"{name}:1: is damaged: the columns must begin with step, t")
-    rows: list[Row] = []
-    for number, cells in enumerate(lines[1:], start=2):
-        try:
-            rows.append({key: _number(cell) for key, cell in zip(columns, cells, strict=True)})
-        except ValueError:
-            message = f"is damaged: no row of {len(columns)} numbers"
-            raise InputError(f"{name}:{number}: {message}") from None
-    return History(rows)
+    return History([dict(zip(columns, row, strict=True)) for row in rows])
 
 
-def _number(text: str) -> float:
-    return int(text) if text.lstrip("-").isdecimal() else float(text)
+def _number(column: str, cell: str) -> float:
+    return int(cell) if cell.lstrip("-").isdecimal() else float(cell)

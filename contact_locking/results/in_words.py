@@ -101,7 +101,6 @@ def _quantities(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
 
 
 def _critical_friction(found: Mapping[str, Any] | None) -> str | None:
-    """The friction at which the linearised problem is singular."""
     if found is None:
         return None
     if found["share"] is None:
@@ -239,7 +238,6 @@ def _tools(contacts: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
 
 
 def _reactions(summary: Mapping[str, Any]) -> str:
-    """The reaction of each boundary part that is held; empty without supports."""
     reactions = summary["reactions"]
     forces = [summary["contact_force"], summary["friction_force"], *reactions.values()]
     largest = max((abs(value) for force in forces for value in force), default=0.0)
@@ -290,7 +288,6 @@ def _at_most(change: str, bound: float, what: str, under: str) -> str:
 
 
 def _moving(entry: Mapping[str, Any] | None) -> str | None:
-    """The bound of the whole error with the friction bound that moves."""
     if entry is None or entry["relative"] is None:
         return None if entry is None else str(entry["reason"])
     return f"bound of the whole error {per_cent(entry['relative'])}, {entry['reason']}"

@@ -72,7 +72,7 @@ class Solution:
     elastic_error_indicator: fem.Function | None  # P0, the same for the elastic stress
     error_bound: fem.Function | None  # P0, the cells' shares in the guaranteed bound, if any
     contact_pressure: fem.Function  # P1, -sigma_nu >= 0
-    smoothed_stress: fem.Function  # P1, R sigma_nu
+    smoothed_stress: fem.Function  # P1, R sigma_nu, without friction sigma_nu
     tangential_traction: fem.Function  # P1, vector, sigma_tau
     contact_state: fem.Function  # P1, OPEN, STICK or SLIP
     friction_bound: fem.Function  # P1, mu |R sigma_nu|

@@ -194,7 +194,6 @@ def _write_checkpoint(solution: StudySolution, target: Path, folder: Path) -> No
 
 
 def _write_texts(solution: StudySolution, folder: Path) -> None:
-    """Write the text files; for rank 0."""
     points, facets = solution.contact_points, solution.contact_facets
     assert points is not None and facets is not None
     texts = {

@@ -55,18 +55,15 @@ class Residual:
     def per(self, other: Residual, width: float) -> Residual:
         """How much this is more than another one, over the width between them."""
 
-        def rates(
-            mine: Sequence[FloatArray], others: Sequence[FloatArray]
-        ) -> tuple[FloatArray, ...]:
-            pairs = zip(mine, others, strict=True)
-            return tuple(np.asarray((one - two) / width) for one, two in pairs)
+        def rate(mine: FloatArray, others: FloatArray) -> FloatArray:
+            return np.asarray((mine - others) / width)
 
         return Residual(
-            np.asarray((self.forces - other.forces) / width),
-            np.asarray((self.free - other.free) / width),
-            rates(self.gaps, other.gaps),
-            rates(self.bounds, other.bounds),
-            np.asarray((self.values - other.values) / width),
+            rate(self.forces, other.forces),
+            rate(self.free, other.free),
+            tuple(map(rate, self.gaps, other.gaps)),
+            tuple(map(rate, self.bounds, other.bounds)),
+            rate(self.values, other.values),
         )
 
 

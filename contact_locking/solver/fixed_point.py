@@ -21,12 +21,20 @@ from contact_locking.solver.task import Task
 _JUDGED = 10
 
 
+class Unsettled(NotConverged):
+    """The friction bound has not settled; ``reached`` is what :func:`fixed_point` returns."""
+
+    def __init__(self, message: str, reached: tuple[float, float | None]) -> None:
+        super().__init__(message)
+        self.reached = reached
+
+
 def fixed_point(
     task: Task,
     solve: Callable[[float], bool],
     evaluate: Callable[[], list[FloatArray]],
     contacts: Sequence[NodalContact] | None = None,
-) -> None:
+) -> tuple[float, float | None]:
     """Repeat ``g <- mu |R sigma_nu(u(g))|`` until g changes by ``friction_tolerance`` of itself.
 
     ``solve`` solves for the displacement under the present bounds of ``contacts``, by default all
@@ -34,13 +42,14 @@ def fixed_point(
     the bounds, infinity at first, than which it has to be sharper, and returns whether it was as
     sharp as the tolerances.  Changes count relative to the norm of the bound over all parts, or to
     ``task.least_bound()`` if that is larger.  Afterwards the system holds the bound of the last
-    solve, which agrees with that of its displacement to the tolerance, and ``report.contraction``
-    is the geometric mean of the ratios of successive changes.  Raises NotConverged after
+    solve, which agrees with that of its displacement to the tolerance.  Returns the last change
+    and the geometric mean of the ratios of successive changes.  Raises Unsettled after
     ``max_friction_updates``, or as soon as the last changes shrink too slowly to arrive by then.
     """
-    settings, report, bounds = task.settings, task.report, task.system.bounds
+    settings, counts, bounds = task.settings, task.counts, task.system.bounds
     rubbing = task.system.rubbing if contacts is None else contacts
     changes: list[float] = []
+    contraction: float | None = None
     for _ in range(settings.max_friction_updates):
         is_sharp = solve(changes[-1] if changes else math.inf)
         new = evaluate()
@@ -49,21 +58,21 @@ def fixed_point(
         change = joint_norm(rubbing, [b - a for a, b in zip(used, new, strict=True)])
         relative = change / size if size > 0.0 else change
         changes.append(relative)
-        report.friction += 1
-        report.friction_change = relative
+        counts.updates += 1
         observed = contraction_factor(changes, settings.friction_tolerance)
-        report.contraction = report.contraction if observed is None else observed
-        task.monitor.friction_update(report.friction, relative, report.contraction)
+        contraction = contraction if observed is None else observed
+        task.monitor.friction_update(counts.updates, relative, contraction)
         if is_sharp and relative <= settings.friction_tolerance:
-            return
+            return relative, contraction
         bounds.enter(rubbing, new)
         left = settings.max_friction_updates - len(changes)
         if _is_too_slow(changes, settings.friction_tolerance, left):
             break
-    factor = "" if report.contraction is None else f", contraction factor {report.contraction:.2f}"
-    raise NotConverged(
+    factor = "" if contraction is None else f", contraction factor {contraction:.2f}"
+    raise Unsettled(
         f"the friction bound still changes by {changes[-1]:.1e} of itself after "
-        f"{len(changes)} updates{factor}"
+        f"{len(changes)} updates{factor}",
+        (changes[-1], contraction),
     )
 
 

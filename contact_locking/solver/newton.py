@@ -294,8 +294,8 @@ class NewtonSolver:
             listener.raise_kept()
 
     def _count(self, tangents: int, iterations: int) -> None:
-        self._task.report.tangents += tangents
-        self._task.report.linear += iterations
+        self._task.counts.tangents += tangents
+        self._task.counts.linear += iterations
 
     def _assemble(self, _: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, __: PETSc.Mat) -> None:
         self._system.tangent(x, matrix)

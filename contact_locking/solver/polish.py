@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from petsc4py import PETSc
@@ -10,7 +11,7 @@ from petsc4py import PETSc
 from contact_locking.errors import NotConverged
 from contact_locking.solver.fixed_point import fixed_point
 from contact_locking.solver.newton import NewtonSolver
-from contact_locking.solver.task import SavedState, Target, Task
+from contact_locking.solver.task import Outcome, SavedState, Target, Task
 
 # The last digits of the friction bound need an equilibrium that is sharper than the bound.
 INNER_SHARE = 0.1
@@ -25,13 +26,17 @@ _POLISHED_UP_TO = 1e7
 # than the body.  Where the product is above this (relative to the forces), a few steps hardly
 # arrive.
 _REACH = 1e3
+# Of a state that no solver has found nothing is known.
+NOTHING = Outcome()
 
 
-def settle(newton: NewtonSolver, task: Task, least_steps: int = 0) -> None:
+def settle(
+    newton: NewtonSolver, task: Task, found: Outcome = NOTHING, least_steps: int = 0
+) -> Outcome:
     """Solve to the tolerances, with the friction bound's fixed point where there is friction.
 
     At least ``least_steps`` are taken; with friction each bound takes one, and its solve is only as
-    sharp as the bound is known.
+    sharp as the bound is known.  Returns what is known beside that of ``found``.
     """
     tolerance = task.settings.tolerance
 
@@ -42,16 +47,25 @@ def settle(newton: NewtonSolver, task: Task, least_steps: int = 0) -> None:
         return True
 
     if task.system.rubbing:
-        fixed_point(task, solve, task.system.penalty_bounds)
+        found = found.settled(*fixed_point(task, solve, task.system.penalty_bounds))
     newton.solve(tolerance, least_steps=0 if task.system.rubbing else least_steps)
+    # The multipliers are those of the laws.
+    return replace(found, multipliers=None)
 
 
-def polish(task: Task, most_steps: int, direct: PETSc.KSP | None = None, near: bool = True) -> bool:
-    """Whether Newton's method arrives from the present state; if not, that state is restored."""
+def polish(
+    task: Task,
+    most_steps: int,
+    found: Outcome = NOTHING,
+    direct: PETSc.KSP | None = None,
+    near: bool = True,
+) -> Outcome | None:
+    """Where Newton's method arrives from the present state; None if not, with that state restored.
+
+    ``found`` is what is known of the present state.
+    """
     if not has_digits(task.target):
-        return False
-    report = task.report
-    change, contraction = report.friction_change, report.contraction
+        return None
     limit = min(most_steps, task.settings.max_iterations)
     task.system.set_penalty(task.target.penalty)
     few = task.with_settings(max_iterations=limit)
@@ -59,17 +73,11 @@ def polish(task: Task, most_steps: int, direct: PETSc.KSP | None = None, near: b
     try:
         with task.system.preserved(only_on_failure=True):
             # One step takes off most of what is left within the tolerances.
-            settle(newton, few, least_steps=1)
+            polished = settle(newton, few, found, least_steps=1)
     except NotConverged:
-        report.friction_change, report.contraction = change, contraction
-        return False
+        return None
     finally:
         newton.destroy()
-    report.multipliers = None
-    if contraction is not None:
-        # The updates of a polish begin at the solution: their changes are errors of the solves.
-        report.contraction = contraction
-    return True
 
 
 def has_digits(target: Target) -> bool:
@@ -104,16 +112,16 @@ _MOST_STEPS, _MOST_UPDATES = 12, 12
 _NEAR, _ARRIVES = 500.0, {3: 50.0}
 
 
-def step_on(saved: SavedState, task: Task) -> bool:
-    """Whether Newton's method arrives from the step before, in a process with regularised friction.
+def step_on(saved: SavedState, task: Task) -> Outcome | None:
+    """Where Newton's method arrives from the step before, in a process with regularised friction.
 
     A point that sticks needs a slip of the order of delta in every step, and at the start of a step
     the slip is zero.  There the tangent of friction is ``G/delta``, far stiffer than on the way to
     the solution.  So the first step takes the secant ``G/sqrt(s^2 + delta^2)`` for the slip ``s``
     of the step before, which is exact if the point slides on as before.  If Newton's method does
-    not arrive, the displacement and the friction bounds are of no use.  Collective.
+    not arrive, None, and displacement and friction bounds are of no use.  Collective.
     """
-    settings, system, report = task.settings, task.system, task.report
+    settings, system = task.settings, task.system
     few = task.with_settings(
         max_iterations=min(_MOST_STEPS, settings.max_iterations),
         max_friction_updates=min(_MOST_UPDATES, settings.max_friction_updates),
@@ -124,14 +132,12 @@ def step_on(saved: SavedState, task: Task) -> bool:
     try:
         _first_step(newton, saved, task)
         if system.relative_residual(settings.tolerance) > _NEAR:
-            return False
-        settle(newton, few)
+            return None
+        return settle(newton, few)
     except NotConverged:
-        return False
+        return None
     finally:
         newton.destroy()
-    report.multipliers = None
-    return True
 
 
 def _first_step(newton: NewtonSolver, saved: SavedState, task: Task) -> None:
@@ -140,7 +146,7 @@ def _first_step(newton: NewtonSolver, saved: SavedState, task: Task) -> None:
     bounds = in_force.at(contacts)
     for contact, bound, slip in zip(contacts, bounds, saved.slips, strict=True):
         # At slip zero this bound has the secant of the whole bound as its tangent.
-        length = float(contact.regularisation.value)
+        length = float(in_force.lengths[contact].value)
         in_force[contact] = bound * length / np.hypot(slip, length) if length > 0.0 else bound
     newton.step()
     in_force.enter(contacts, bounds)

@@ -6,7 +6,7 @@ import contextlib
 import functools
 import math
 from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,13 +17,19 @@ from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
 from contact_locking.solver.equilibria.search import solve_on_branch
 from contact_locking.solver.equilibria.stiffening import Way, solve_by_penalties
-from contact_locking.solver.fixed_point import fixed_point
-from contact_locking.solver.interior_point import InteriorPoint, explain_by_friction, is_impossible
+from contact_locking.solver.fixed_point import Unsettled, fixed_point
+from contact_locking.solver.interior_point import InteriorPoint
+from contact_locking.solver.interior_point.feasibility import (
+    FRICTION_WAY_OUT,
+    Verdict,
+    judge,
+    share_of_friction,
+)
 from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE, is_direct
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.polish import has_digits, is_in_reach, polish, settle, step_on
-from contact_locking.solver.task import SavedState, SolverReport, Target, Task
+from contact_locking.solver.task import Outcome, SavedState, SolverReport, Target, Task, stage_of
 
 
 @dataclass(frozen=True)
@@ -102,7 +108,8 @@ def follow(
             step = 0.5 * (target - done)
             if step < limit:
                 where = f"n = {penalty.n:.3g}, epsilon = {penalty.epsilon:.3g}"
-                raise NotConverged(f"{failure} at {where}") from None
+                failure.args = (f"{failure} at {where}",)
+                raise
             target = done + step
             continue
         if target >= 1.0:
@@ -121,7 +128,7 @@ _RESCUE = 30
 _SHARE_OF_CHANGE, _LOOSEST = 1e-4, 1e-3
 # The solutions over the penalty, and then the branch over the share of friction, may take so many
 # times the tangents of the solve that fails, or so many where that fails at once.
-_TIMES, _AT_LEAST = 12, 1000
+_TIMES, _AT_LEAST = 16, 1000
 # From a saved state Newton either arrives within so many steps and updates of the bound, or takes
 # more tangents than the interior point method needs from nothing.  Where it is that near, the
 # relative residual at the start is below the last of these numbers.
@@ -168,49 +175,60 @@ def newton_with_continuation(task: Task, saved: SavedState | None = None) -> Sol
 
     From a saved state it goes on with the penalties of that state; where this fails, from nothing.
     """
-    report = task.report
-    report.suggestion = "  ".join([_NEWTON_WAY_OUT, *_friction_way_out(task)])
+    stages: list[dict[str, float | int]] = []
     if saved is not None:
         saved.enter(task.system)
         cautious = task.with_settings(max_iterations=min(_RESCUE, task.settings.max_iterations))
         try:
-            _follow(PenaltyPath.onwards(saved.penalty, task.target), cautious)
-            report.from_saved = True
-            return task.succeed()
+            found = _follow(PenaltyPath.onwards(saved.penalty, task.target), cautious, stages)
+            return SolverReport.solved(found, task.counts, stages=stages, from_saved=True)
         except NotConverged:
-            _forget(task)
+            task.system.clear()
+            stages.clear()
     if task.system.held_by_friction:
         # Without a bound nothing would hold the body while its pressure is sought.
         task.system.hold(task.target.young)
     try:
-        _follow(PenaltyPath.towards(task.target), task)
+        found = _follow(PenaltyPath.towards(task.target), task, stages)
     except NotConverged as failure:
-        report.reason = str(failure)
-        return report
-    return task.succeed()
+        way_out = "  ".join([_NEWTON_WAY_OUT, *_friction_way_out(task)])
+        known = vars(_reached(Outcome(), failure)) | vars(task.counts)
+        return SolverReport(**known, reason=str(failure), suggestion=way_out, stages=stages)
+    return SolverReport.solved(found, task.counts, stages=stages)
 
 
-def _follow(path: PenaltyPath, task: Task) -> None:
-    """Newton's method along a path of penalties; raises NotConverged, the last stage in place."""
-    newton, report = NewtonSolver(task), task.report
+def _follow(path: PenaltyPath, task: Task, stages: list[dict[str, float | int]]) -> Outcome:
+    """Newton's method along a path of penalties; raises NotConverged, the last stage in place.
+
+    The stages are added to ``stages``.
+    """
+    newton, counts, found = NewtonSolver(task), task.counts, Outcome()
 
     def stage(penalty: Penalty, last: bool) -> None:
+        nonlocal found
         task.system.set_penalty(penalty)
-        index, estimate = len(report.stages) + 1, round(path.decades) + 1
+        index, estimate = len(stages) + 1, round(path.decades) + 1
         task.monitor.stage(index, estimate, penalty.n, penalty.epsilon)
-        before = report.tangents
+        before = counts.tangents
         if last:
-            settle(newton, task)
+            found = settle(newton, task)
         else:
             newton.solve(_INTERMEDIATE_TOLERANCE)
             task.system.update_bounds()
-            report.friction += bool(task.system.rubbing)
-        task.add_stage(penalty, report.tangents - before)
+            counts.updates += bool(task.system.rubbing)
+        stages.append(stage_of(penalty, counts.tangents - before))
+        task.monitor.counted(counts.tangents, counts.updates)
 
     try:
         follow(path, stage)
+        return found
     finally:
         newton.destroy()
+
+
+def _reached(found: Outcome, failure: NotConverged) -> Outcome:
+    """What is known at the end of a solve that failed."""
+    return found.settled(*failure.reached) if isinstance(failure, Unsettled) else found
 
 
 def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
@@ -219,93 +237,147 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
     The interior point method starts from nothing.  Where Newton's method arrives from the saved
     state, the interior point method is not run.
     """
-    report, penalty = task.report, task.target.penalty
-    report.suggestion = _interior_way_out(task)
-    task.monitor.stage(1, 1, penalty.n, penalty.epsilon)
-    if saved is not None and _newton_from(saved, task):
-        task.add_stage(penalty, report.tangents)
-        report.from_saved = True
-        return task.succeed()
-    nested, told = task.system.rubbing if task.settings.nested else (), ""
+    penalty, counts, told = task.target.penalty, task.counts, list[str]()
+    nested = task.system.rubbing if task.settings.nested else ()
+    is_unbalanced = functools.cache(task.is_unbalanced)
+    verdict = functools.cache(lambda: judge(task))
 
-    @functools.cache
-    def nothing_is_admissible() -> bool:
-        return is_impossible(task)
+    def solved(found: Outcome, *warnings: str, from_saved: bool = False) -> SolverReport:
+        stages = [stage_of(penalty, counts.tangents)]
+        return SolverReport.solved(
+            found, counts, stages=stages, warnings=warnings, from_saved=from_saved
+        )
 
-    def is_unbalanced() -> bool:
-        report.is_unbalanced = report.is_unbalanced or task.is_unbalanced()
-        return report.is_unbalanced
+    def ended(report: SolverReport) -> SolverReport:
+        stages = [stage_of(penalty, counts.tangents)]
+        return replace(report, **vars(counts), stages=stages)
 
-    def goes_on() -> bool:
-        if report.is_infeasible or is_unbalanced():
+    def goes_on(failure: NotConverged) -> bool:
+        if isinstance(failure, Infeasible) or is_unbalanced():
             return False
         # Penalised problems have solutions where nothing is admissible.
-        return not (penalty.is_strict and nothing_is_admissible())
+        return not (penalty.is_strict and verdict() is not None)
 
-    with contextlib.closing(_approaches(task, bool(nested), goes_on)) as solvers:
-        for solver in solvers:
-            standing = [item for item in task.system.rubbing if item.friction.stands]
-            last, saved = None if saved is None else saved.last, None
-            _solve_by(solver, standing if solver.bound_moves else nested, task, last)
-            if report.reason:
+    task.monitor.stage(1, 1, penalty.n, penalty.epsilon)
+    if saved is not None and (arrived := _newton_from(saved, task)) is not None:
+        return solved(arrived, from_saved=True)
+    last = None if saved is None else saved.last
+    with contextlib.closing(_attempts(task, nested, last, goes_on)) as attempts:
+        for attempt in attempts:
+            solver, found = attempt.solver, attempt.found
+            if attempt.failure is not None:
                 if not solver.bound_moves:
-                    told = _NOT_NESTED.format(reason=report.reason)
+                    told = [_NOT_NESTED.format(reason=attempt.failure)]
                 continue
-            if nested and solver.bound_moves:
-                report.warnings.append(told)
-            task.add_stage(penalty, report.tangents)
-            report.from_saved = solver.from_last
             # Newton's last steps want a linear solver as sharp as they are.
             direct = None if solver.is_elastic else solver.direct
-            if direct is not None and is_in_reach(task):
-                polish(task, _POLISH, direct)
-            return task.succeed()
-    task.add_stage(penalty, report.tangents)
-    if is_unbalanced():
+            polishes = direct is not None and is_in_reach(task)
+            polished = polish(task, _POLISH, found, direct) if polishes else None
+            found = polished or solver.finish(found)
+            warnings = [*attempt.warnings, *(told if solver.bound_moves else ())]
+            return solved(found, *warnings, from_saved=solver.from_last)
+    failure = attempt.failure
+    assert failure is not None
+    report = SolverReport(
+        **vars(found),
+        is_infeasible=isinstance(failure, Infeasible),
+        is_unbalanced=is_unbalanced(),
+        reason=str(failure),
+        suggestion=_interior_way_out(task),
+        warnings=attempt.warnings,
+    )
+    if not report.is_unbalanced:
+        if (polished := polish(task, _RESCUE, found, near=False)) is not None:
+            return solved(polished, *attempt.warnings)
+        if goes_on(failure):
+            most = max(_AT_LEAST, _TIMES * counts.tangents)
+            stiffened = solve_by_penalties(task, most)
+            if stiffened.way is Way.SOLVED:
+                return solved(stiffened.found, *attempt.warnings)
+            if stiffened.way is Way.WEDGED:
+                reason = report.reason + stiffened.reason
+                report = replace(report, reason=reason, suggestion=FRICTION_WAY_OUT)
+                return replace(ended(report), **vars(stiffened.found))
+        if task.follows_branch and goes_on(failure):
+            try:
+                found, folds = solve_on_branch(task, most)
+                past = [_PAST_FOLDS.format(folds=folds)] if folds else []
+                return solved(found, *attempt.warnings, *past)
+            except NotConverged as end:
+                report = replace(report, reason="; ".join(filter(None, (report.reason, str(end)))))
+        report = _explained(report, verdict(), task)
+    return ended(report)
+
+
+def _explained(report: SolverReport, verdict: Verdict | None, task: Task) -> SolverReport:
+    """The report of a failure with its cause: the verdict, or too much friction; collective."""
+    if verdict is not None:
+        return replace(
+            report,
+            is_infeasible=task.target.penalty.is_strict,
+            reason=verdict.reason,
+            suggestion=verdict.way_out,
+            admissible_factor=verdict.factor,
+        )
+    share = share_of_friction(task)
+    if share is None:
         return report
-    if polish(task, _RESCUE, near=False):
-        return task.succeed()
-    if goes_on():
-        most = max(_AT_LEAST, _TIMES * report.tangents)
-        way = solve_by_penalties(task, most)
-        if way is not Way.LOST:
-            return task.succeed() if way is Way.SOLVED else report
-        if task.follows_branch and (folds := solve_on_branch(task, most)) is not None:
-            report.warnings += [_PAST_FOLDS.format(folds=folds)] if folds else []
-            return task.succeed()
-    if not nothing_is_admissible():
-        explain_by_friction(task)
-    return report
+    # Without slip the suggestion names a smaller coefficient already.
+    stands = any(contact.friction.stands for contact in task.system.rubbing)
+    suggestion = report.suggestion if stands else FRICTION_WAY_OUT
+    return replace(report, reason=f"{report.reason}; {share}", suggestion=suggestion)
 
 
-def _approaches(task: Task, nests: bool, goes_on: Callable[[], bool]) -> Generator[InteriorPoint]:
-    """A solver for each approach, as long as ``goes_on`` after the one before; collective.
+@dataclass(frozen=True)
+class Attempt:
+    """A solver with what it has found, or has reached before a failure.
+
+    ``warnings`` are about the way to it.
+    """
+
+    solver: InteriorPoint
+    found: Outcome
+    failure: NotConverged | None = None
+    warnings: Sequence[str] = ()
+
+
+def _attempts(
+    task: Task,
+    nested: Sequence[NodalContact],
+    last: LastIterate | None,
+    goes_on: Callable[[NotConverged], bool],
+) -> Generator[Attempt]:
+    """A solve for each approach, as long as one ``goes_on`` after the one before; collective.
 
     Where friction bounds are to be fixed points of whole solves, a solver that keeps them comes
     first.  No two solvers are there at a time, nor beside what ``goes_on`` solves, as each takes
     much memory.  An approach that an iterative solver ends goes again with a direct one, if auto
-    would have taken that.
+    would have taken that.  ``last`` is the solution of the step before, for the first solve.
     """
-    if nests:
-        solver = InteriorPoint(task, bound_moves=False)
+    failure, warnings = NotConverged(), list[str]()
+
+    def attempt(solver: InteriorPoint, nested: Sequence[NodalContact]) -> Generator[Attempt]:
+        nonlocal failure, last
         try:
-            yield solver
+            made = replace(_solve_by(solver, nested, task, last), warnings=[*warnings])
+            failure, last = made.failure or failure, None
+            yield made
         finally:
             solver.destroy()
-        if task.report.is_infeasible:
+
+    if nested:
+        yield from attempt(InteriorPoint(task, bound_moves=False), nested)
+        if isinstance(failure, Infeasible):
             return
     number, count = 0, 1
-    while number < count and (number == 0 or goes_on()):
+    while number < count and (number == 0 or goes_on(failure)):
         solver = InteriorPoint(task)
         count = len(solver.approaches)
         solver.approach = solver.approaches[number]
-        try:
-            yield solver
-        finally:
-            solver.destroy()
-        if task.report.reason == LINEAR_FAILURE and _may_factorise(task):
+        yield from attempt(solver, [item for item in task.system.rubbing if item.friction.stands])
+        if str(failure) == LINEAR_FAILURE and _may_factorise(task):
             task = task.with_settings(linear="direct")
-            task.report.warnings.append(_FACTORISED)
+            warnings.append(_FACTORISED)
         else:
             number += 1
 
@@ -337,15 +409,14 @@ def _friction_way_out(task: Task) -> list[str]:
 
 def _solve_by(
     solver: InteriorPoint, nested: Sequence[NodalContact], task: Task, last: LastIterate | None
-) -> None:
-    """Solve once, or for each value of ``nested`` bounds; a failure is written into the report.
+) -> Attempt:
+    """Solve once, or for each value of ``nested`` bounds.
 
     ``last`` is the solution of the step before, if there is one.  Where all bounds are nested, a
     solve goes on from the one before, and is as sharp as the bounds are known.
     """
-    system, report, tolerance = task.system, task.report, task.settings.tolerance
+    system, tolerance, found = task.system, task.settings.tolerance, Outcome()
     start = system.constraints.held_part(system.u.x.array)
-    report.reason, report.multipliers, report.last = "", None, None
 
     def enough(change: float) -> float:
         """The multiple of the tolerances that is enough after a change of the bounds."""
@@ -354,18 +425,19 @@ def _solve_by(
         return max(min(_SHARE_OF_CHANGE * change, _LOOSEST) / tolerance, 1.0)
 
     def solve(change: float, nothing_slips: bool = False) -> bool:
+        nonlocal found
         loosened = enough(change)
         if solver.can_go_on:
             with contextlib.suppress(NotConverged):
-                report.multipliers = solver.solve_on(loosened)
+                found = solver.solve_on(loosened)
                 return loosened == 1.0
         system.u.x.array[:] = start
-        report.multipliers = solver.solve(last, nothing_slips, loosened)
+        found = solver.solve(last, nothing_slips, loosened)
         return loosened == 1.0
 
     def wanted() -> list[FloatArray]:
-        assert report.multipliers is not None
-        pairs = zip(system.contacts, report.multipliers.contacts, strict=True)
+        assert found.multipliers is not None
+        pairs = zip(system.contacts, found.multipliers.contacts, strict=True)
         return [
             contact.friction_bound(system.u, forces.pressure)
             for contact, forces in pairs
@@ -377,33 +449,30 @@ def _solve_by(
         solve(math.inf, nothing_slips=True)
         if nested:
             system.bounds.enter(nested, wanted())
-            fixed_point(task, solve, wanted, nested)
+            change, contraction = fixed_point(task, solve, wanted, nested)
+            found = found.settled(change, contraction)
+        return Attempt(solver, found)
     except NotConverged as failure:
-        report.multipliers, report.last = report.multipliers or solver.multipliers(), None
-        report.reason, report.is_infeasible = str(failure), isinstance(failure, Infeasible)
+        multipliers = found.multipliers or solver.multipliers()
+        reached = Outcome(multipliers, friction_change=solver.friction_change)
+        return Attempt(solver, _reached(reached, failure), failure)
 
 
-def _newton_from(saved: SavedState, task: Task) -> bool:
-    """Whether Newton's method arrives from the saved state; if not, the system is cleared."""
+def _newton_from(saved: SavedState, task: Task) -> Outcome | None:
+    """Where Newton's method arrives from the saved state; None if not, with the system cleared."""
     system, settings = task.system, task.settings
     if is_direct(settings.linear, system.dim, system.size) and has_digits(task.target):
-        if saved.slips and system.rubbing and step_on(saved, task):
-            return True
+        if saved.slips and system.rubbing and (found := step_on(saved, task)) is not None:
+            return found
         saved.enter(system)
         task.system.set_penalty(task.target.penalty)
         if system.relative_residual(settings.tolerance) <= _NEAR:
             updates = min(_FEW_UPDATES, settings.max_friction_updates)
-            if polish(task.with_settings(max_friction_updates=updates), _FEW_STEPS):
-                return True
-    _forget(task)
-    return False
-
-
-def _forget(task: Task) -> None:
-    """Clear the system after a try from a saved state; the report keeps the counts of the try."""
-    task.system.clear()
-    task.report.stages.clear()
-    task.report.friction_change = task.report.contraction = None
+            few = task.with_settings(max_friction_updates=updates)
+            if (found := polish(few, _FEW_STEPS)) is not None:
+                return found
+    system.clear()
+    return None
 
 
 METHODS: Mapping[str, Callable[[Task, SavedState | None], SolverReport]] = {
@@ -423,8 +492,5 @@ def solve(method: str, task: Task, saved: SavedState | None = None) -> SolverRep
         raise InputError(f"no solver {method!r}; there are: {', '.join(METHODS)}", "solver.method")
     report = METHODS[method](task, saved)
     task.system.tools.rest(task.system.u)
-    if len(report.stages) == 1:
-        # The steps by which Newton's method polishes belong to the only stage too.
-        report.stages[0]["tangents"] = report.tangents
-    task.monitor.counted(report.tangents, report.friction)
+    task.monitor.counted(report.tangents, report.updates)
     return report

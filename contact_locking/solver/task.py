@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -69,18 +69,51 @@ class Target:
 
 
 @dataclass
-class SolverReport:
-    """How a solve went.  Counters add up over all stages; ``reason`` is in words.
+class Counts:
+    """What solves have taken: tangents, linear iterations, and updates of the friction bounds."""
 
-    ``is_infeasible`` says that nothing is admissible on this mesh, and ``is_unbalanced`` that no
-    forces balance the loads.  ``contraction`` is the factor
-    by which the friction fixed point shrank its update, None where there was too little to observe;
-    ``suggestion`` names the way out of a failure.  ``admissible_factor`` brackets the largest
-    multiple of the prescribed displacements that can be followed, if they cannot be.
+    tangents: int = 0
+    linear: int = 0
+    updates: int = 0
+
+    def add(self, aside: Counts) -> None:
+        """Count what auxiliary problems took, whose updates of the bounds do not count."""
+        self.tangents += aside.tangents
+        self.linear += aside.linear
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a solver has found beside the displacement and the friction bounds in the system.
+
     ``multipliers`` are set where they are unknowns of the solver; otherwise the laws give them.
     ``last`` is the last iterate of the interior point method, None where that did not arrive.
-    ``from_saved`` says that a saved state was what the solution was reached from.  ``warnings`` say
-    in words where another way was taken than the one asked for.
+    ``friction_change`` is the last change of the friction bounds, relative.  ``contraction`` is the
+    factor by which the friction fixed point shrank its update, None where there was too little to
+    observe.
+    """
+
+    multipliers: Multipliers | None = None
+    last: LastIterate | None = None
+    duality_gap: float | None = None
+    friction_change: float | None = None
+    contraction: float | None = None
+
+    def settled(self, change: float, contraction: float | None) -> Outcome:
+        """The same after a fixed point of the friction bounds."""
+        contraction = self.contraction if contraction is None else contraction
+        return dataclasses.replace(self, friction_change=change, contraction=contraction)
+
+
+@dataclass(frozen=True)
+class SolverReport(Outcome):
+    """How a solve went, and what it took over all stages; ``reason`` is in words.
+
+    ``is_infeasible`` says that nothing is admissible on this mesh, and ``is_unbalanced`` that no
+    forces balance the loads.  ``suggestion`` names the way out of a failure.  ``admissible_factor``
+    brackets the largest multiple of the prescribed displacements that can be followed, if they
+    cannot be.  ``from_saved`` says that a saved state was what the solution was reached from.
+    ``warnings`` say in words where another way was taken than the one asked for.
     """
 
     converged: bool = False
@@ -90,16 +123,22 @@ class SolverReport:
     suggestion: str = ""
     tangents: int = 0
     linear: int = 0
-    friction: int = 0
-    contraction: float | None = None
-    friction_change: float | None = None
-    duality_gap: float | None = None
+    updates: int = 0
     admissible_factor: tuple[float, float] | None = None
-    multipliers: Multipliers | None = None
     from_saved: bool = False
-    last: LastIterate | None = None
-    stages: list[dict[str, float | int]] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
+    stages: Sequence[dict[str, float | int]] = ()
+    warnings: Sequence[str] = ()
+
+    @classmethod
+    def solved(cls, found: Outcome, counts: Counts, **more: Any) -> SolverReport:
+        """The report of a solve whose criteria all hold."""
+        known = {**vars(found), **vars(counts), **more}
+        return cls(**known, converged=True, reason="every criterion held")
+
+
+def stage_of(penalty: Penalty, tangents: int) -> dict[str, float | int]:
+    """A stage of a solve that took so many tangents."""
+    return {"n": penalty.n, "epsilon": penalty.epsilon, "tangents": tangents}
 
 
 @dataclass(frozen=True)
@@ -127,7 +166,7 @@ class Settings:
 class Task:
     """The system that holds the displacement, the target to solve it for, and how to do that.
 
-    ``report`` counts what the strategies do, and tells how the solve went in the end.
+    ``counts`` is for what the solvers take.
     ``is_unbalanced`` says whether a proof shows that no forces of contact and friction balance the
     loads; it is collective.  ``follows_branch`` lets a solve that fails follow the branch of
     solutions over the share of friction.
@@ -137,7 +176,7 @@ class Task:
     target: Target
     settings: Settings = field(default_factory=Settings)
     monitor: Monitor = field(default_factory=Monitor)
-    report: SolverReport = field(default_factory=SolverReport)
+    counts: Counts = field(default_factory=Counts)
     is_unbalanced: Callable[[], bool] = lambda: False
     follows_branch: bool = True
 
@@ -146,10 +185,10 @@ class Task:
         settings = dataclasses.replace(self.settings, **changes)
         return dataclasses.replace(self, settings=settings)
 
-    def aside(self, report: SolverReport, target: Target | None = None) -> Task:
-        """A silent task for the same system with a report of its own, for an auxiliary problem."""
+    def aside(self, counts: Counts, target: Target | None = None) -> Task:
+        """A silent task for the same system with counts of its own, for an auxiliary problem."""
         return dataclasses.replace(
-            self, target=target or self.target, monitor=Monitor(), report=report
+            self, target=target or self.target, monitor=Monitor(), counts=counts
         )
 
     def least_bound(self) -> float:
@@ -163,18 +202,6 @@ class Task:
         strain = self.target.mean_strain(system.energy(), 0.0, tolerance)
         rounding = self.target.mean_strain(0.0, displacement, tolerance)
         return self.target.least_bound(max(strain, _ROUNDING_OF_SOLVES * rounding))
-
-    def add_stage(self, penalty: Penalty, tangents: int) -> None:
-        """Report a stage of the solve that took so many tangents."""
-        stage: dict[str, float | int] = {"n": penalty.n, "epsilon": penalty.epsilon}
-        self.report.stages.append(stage | {"tangents": tangents})
-        self.monitor.counted(self.report.tangents, self.report.friction)
-
-    def succeed(self) -> SolverReport:
-        """The report of a solve whose criteria all hold."""
-        report = self.report
-        report.converged, report.reason, report.suggestion = True, "every criterion held", ""
-        return report
 
 
 @dataclass(frozen=True)

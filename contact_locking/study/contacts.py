@@ -17,7 +17,7 @@ from contact_locking.contact.contact import Contact, FoundationSpring, Tilt
 from contact_locking.contact.coulomb import Convolution, Coulomb, Helmholtz, Kernel, Local
 from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
 from contact_locking.contact.surface import ContactSurface
-from contact_locking.errors import InputError, with_key
+from contact_locking.errors import InputError, NotConverged, with_key
 from contact_locking.expressions import TIME, Expression, parse
 from contact_locking.expressions.gradient import value_and_gradient
 from contact_locking.fields.clock import Clock, is_timed
@@ -103,7 +103,7 @@ def _surface(given: rigid_body.Surface, placement: Placement) -> Foundation:
         placement.comm,
         lambda: read_surface(Path(given.file), given.scale, shift, given.turned, given.spacing),
     )
-    placement.warnings += [f"{placement.key}.surface: {text}" for text in found.warnings]
+    placement.warnings.extend(f"{placement.key}.surface: {text}" for text in found.warnings)
     return TriangulatedSurface(found.points, found.triangles)
 
 
@@ -225,13 +225,10 @@ def _foundation(
     timed_shape = text is not None and is_timed(parse(text, (*AXES, TIME), tables=clock.tables))
     motion = partial(_motion, given, f"{key}.motion", dim, clock)
     is_moved = given.moved is not None or timed_shape
-    found = RigidFoundation(domain.comm, dim, body, motion, key, is_moved, shape)
-    found.shape_warnings += placement.warnings
-    return found
+    return RigidFoundation(domain.comm, dim, body, motion, key, is_moved, shape, placement.warnings)
 
 
 def _motion(given: rigid_body.Foundation, key: str, dim: int, clock: Clock) -> RigidMotion:
-    """The motion from rest at the present time."""
     moved = given.moved
     if moved is None:
         return RigidMotion.rest(dim)
@@ -286,7 +283,6 @@ class TimedForce:
         return np.array(values)
 
     def _size(self, time: float) -> float:
-        """F at a time."""
         force = self._vector(self._force, time)
         size = float(force @ self.direction)
         at = f" at t = {time:g}" if any(law.names for law in self._force) else ""
@@ -337,9 +333,13 @@ def _friction_law(domain: Domain, part: ContactParameters, clock: Clock) -> Fric
 
     def local(points: FloatArray, slip: FloatArray) -> FloatArray:
         places = dict(zip(AXES, points.T, strict=False))
-        return with_key(
-            key, lambda: np.broadcast_to(expression.numpy(**places, s=slip), slip.shape)
-        )
+        try:
+            return np.broadcast_to(expression.numpy(**places, s=slip), slip.shape)
+        except InputError as error:
+            # An iterate may slip farther than the solution, beyond the end of a table.
+            if slip.any():
+                raise NotConverged(f"{key}: {error}") from error
+            raise InputError(str(error), key) from error
 
     def whole(points: FloatArray, slip: FloatArray) -> FloatArray:
         mu = agree(comm, lambda: local(points, slip))

@@ -147,7 +147,6 @@ class _Load:
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """The rule of integration for the form compiler."""
         if self._constant:
             # The factor 2 pi r of an axisymmetric body has the degree 1, and so has the Jacobian of
             # a box in each coordinate.  That of a curved cell has the degree 3 at most, and that of

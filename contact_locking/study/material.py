@@ -122,7 +122,6 @@ class EigenstrainOfStudy:
 
 
 def _entries(tensor: tuple[Any, ...], name: str) -> Iterator[tuple[tuple[int, int], Any, str]]:
-    """Place, value and key of the entries of normal strains or of rows."""
     for i, row in enumerate(tensor):
         if isinstance(row, tuple):
             for j, one in enumerate(row):

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import copy
 import itertools
-import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,18 +12,16 @@ from typing import Any
 from pydantic import ValidationError
 
 from contact_locking.errors import InputError
-from contact_locking.mesh.file.tool_surface import check_size
 from contact_locking.plain_text import nearest
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.base import MOST_FAULTS, Fault, FaultsError, Place
+from contact_locking.study_file.parameters.base import MOST_FAULTS, Fault, FaultsError
 from contact_locking.study_file.parameters.keys import known_keys
-from contact_locking.study_file.parameters.telling_apart import labels
 from contact_locking.study_file.parameters.values import CHOICES
-from contact_locking.study_file.parameters.wording import show, unknown_key, value_message
+from contact_locking.study_file.parameters.wording import labels, show, unknown_key, value_message
 
 from .dump import dump
 from .schema import rows
-from .source import MAX_BYTES, Source, assign, read, similar, tell
+from .source import MAX_BYTES, Source, assign, read, tell
 
 # The symbols of the formulas, which users may take for keys.
 _SYMBOLS = {
@@ -93,68 +89,6 @@ def _elsewhere(name: str) -> str:
     keys = [row.key for row in rows() if "INDEX" not in row.key and "NAME" not in row.key]
     matches = [key for key in keys if key.rpartition(".")[2] == name]
     return f" (did you mean '{matches[0]}'?)" if matches else ""
-
-
-#: The places of all names of files.
-_FILES: tuple[Place, ...] = (
-    *(("mesh", "file"), ("mesh", "facets"), ("tables", "*", "file")),
-    *(("fit", "data"), ("fit", "data", "#"), ("fit", "data", "#", "file")),
-    *(
-        ("contact", *several, "foundation", shape, *end)
-        for several in ((), ("#",))
-        for shape in ("surface", "polyline")
-        for end in ((), ("file",))
-    ),
-)
-
-
-def with_absolute_paths(data: dict[str, Any], folder: Path) -> tuple[dict[str, Any], list[Fault]]:
-    """The data of a study file with absolute paths, and a fault for each file that is not there."""
-    faults = []
-    for place, name in list(_places(data)):
-        file = str(folder.absolute() / name)
-        # Not Path.is_file, which raises for a name that no file can have.
-        if not os.path.isfile(file):
-            if os.path.isdir(file):
-                faults.append(Fault(place, f"is a folder: {file}"))
-            elif os.path.exists(file):
-                faults.append(Fault(place, f"is a pipe or a device, and no file: {file}"))
-            else:
-                hint = similar(Path(file))
-                faults.append(Fault(place, f"there is no such file: {file}{hint}"))
-        elif place[0] == "contact":
-            # Before anything reads the file, also for its digest.
-            with contextlib.suppress(OSError):
-                try:
-                    check_size(Path(file))
-                except InputError as error:
-                    faults.append(Fault(place, str(error)))
-        data = _replaced(data, place, file)
-    return data, faults[:MOST_FAULTS]
-
-
-def _places(data: Any, patterns: Sequence[Place] = _FILES) -> Iterator[tuple[Place, str]]:
-    """All texts at places of the patterns: ``*`` stands for every key, ``#`` for every index."""
-    if isinstance(data, str) and () in patterns:
-        yield (), data
-    is_list = isinstance(data, list | tuple)
-    pairs = data.items() if isinstance(data, dict) else ()
-    for key, value in enumerate(data) if is_list else pairs:
-        fitting = (key,), ("#" if is_list else "*",)
-        if below := [pattern[1:] for pattern in patterns if pattern[:1] in fitting]:
-            yield from (((key, *place), text) for place, text in _places(value, below))
-
-
-def _replaced(data: Any, place: Place, value: Any) -> Any:
-    """A copy of the data with another value at a place that exists."""
-    if not place:
-        return value
-    first, *rest = place
-    if isinstance(data, dict):
-        return data | {first: _replaced(data[first], tuple(rest), value)}
-    copy = list(data)
-    copy[int(first)] = _replaced(copy[int(first)], tuple(rest), value)
-    return copy
 
 
 # To check as many takes some 20 s; a file of the demos has 50 values.
@@ -274,7 +208,6 @@ def _too_much(data: dict[str, Any], cases: Sequence[Mapping[str, Any]]) -> Fault
 
 
 def _size(value: Any) -> int:
-    """The number of values in nested lists and mappings."""
     if isinstance(value, dict | list | tuple):
         return 1 + sum(map(_size, value.values() if isinstance(value, dict) else value))
     return 1
@@ -288,11 +221,8 @@ def _with_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
 
 
 def _validate(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[Fault]]:
-    data, faults = with_absolute_paths(data, folder)
-    if faults:
-        return None, faults
     try:
-        return Parameters.model_validate(data), []
+        return Parameters.model_validate(data, context=folder), []
     except ValidationError as error:
         return None, faults_of(error)
     except UnicodeEncodeError as error:

@@ -196,7 +196,6 @@ def _mesh_schema() -> dict[str, Any]:
 
 
 def _varied_keys() -> dict[str, Any]:
-    """The keys that a study may vary, each with its values."""
     values = {"$ref": "#/$defs/VariedValues"}
     properties: dict[str, Any] = {}
     patterns: dict[str, Any] = {}
@@ -219,7 +218,6 @@ def _varied_keys() -> dict[str, Any]:
 
 
 def _varied_values() -> dict[str, Any]:
-    """A list of values, or a range as {geometric: [first, last, number of values]}."""
     number = {"type": "number"}
     count = {"type": "integer", "minimum": 2, "maximum": MAX_CASES}
     limits = {"type": "array", "items": [number, number, count], "minItems": 3, "maxItems": 3}

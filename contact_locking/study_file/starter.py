@@ -22,7 +22,6 @@ from contact_locking.study_file.parameters.base import marks
 from contact_locking.study_file.parameters.keys import section_in, visible_fields
 from contact_locking.study_file.parameters.wording import show
 
-from .load import with_absolute_paths
 from .source import read
 
 _DEMOS = Path(__file__).parent / "demos"
@@ -69,7 +68,7 @@ def starter(like: str, file: str | Path) -> str:
         raise InputError(f"--like: no demo is named {show(like)}{known}")
     demo = (_DEMOS / f"{like}.yml").resolve()
     # A tool in a file stays where the demo has it.
-    data, _ = with_absolute_paths(read(demo).data, demo.parent)
+    data = _with_absolute_paths(read(demo).data, demo.parent)
     directory = f"results/{Path(file).stem}"
     data["output"] = {**data.get("output", {}), "directory": directory}
     shown = shlex.quote(printable(str(file), keep=""))
@@ -78,8 +77,19 @@ def starter(like: str, file: str | Path) -> str:
     return "\n".join(parts)
 
 
+def _with_absolute_paths(value: Any, folder: Path) -> Any:
+    """The data of a study file, where the name of each file has its folder."""
+    match value:
+        case dict():
+            return {key: _with_absolute_paths(item, folder) for key, item in value.items()}
+        case list():
+            return [_with_absolute_paths(item, folder) for item in value]
+        case str() if (folder / value).is_file():
+            return str(folder / value)
+    return value
+
+
 def _parts(data: Mapping[str, Any]) -> Iterator[str]:
-    """The text of each section of the file."""
     for name in visible_fields(Parameters):
         one = list(_section(Parameters, data, 0, True, (name,)))
         yield "".join(f"{text}\n" for line in one for text in _text(line))
@@ -129,7 +139,6 @@ def _section(
 
 
 def _builder(data: Mapping[str, Any], depth: int, given: bool) -> Iterator[_Line]:
-    """The parameters of the builder of a mesh."""
     for entry in fields(BUILDERS[data.get("builder", "block")]):
         about = _about(entry.metadata["unit"], entry.metadata["description"])
         if entry.name in data:
@@ -158,7 +167,6 @@ def _text(line: _Line) -> list[str]:
 
 
 def _flow(value: Any) -> str:
-    """A value as YAML in one line."""
     match value:
         case dict():
             items = (f"{_flow(key)}: {_flow(item)}" for key, item in value.items())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from copy import deepcopy
 from typing import Any
@@ -10,6 +11,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import with_changes
+from scipy.sparse.linalg import splu
+from sweep.discrete import discretise
+from two_bodies import stack
 
 from contact_locking import InputError, solve, solve_steps
 from contact_locking.results.contact_points import OPEN, SLIP, STICK
@@ -95,6 +99,45 @@ def test_a_rough_floor_beside_a_wall_with_friction() -> None:
         floor, wall = points.parts()
         assert SLIP not in floor.state and SLIP in wall.state
         assert wall.pressure.max() < 1.0
+
+
+@pytest.mark.serial
+def test_two_beams_without_slip_may_have_no_set_of_pressed_nodes() -> None:
+    """Each set sticks; a node of it pulls, or one beside it enters the other beam."""
+    beam = [4.0, 1.0]
+    given = stack(
+        2,
+        0.9,
+        mesh__upper=beam,
+        mesh__size=beam,
+        loads__displacements=[{"on": ["left", "upper_left"], "value": [0.0, 0.0]}],
+        loads__tractions=[{"on": "top", "value": [0.0, -1e-5]}],
+        friction__coefficient=math.inf,
+        solver__max_friction_updates=2,
+        solver__max_iterations=20,
+    )
+    found = solve(given, MPI.COMM_SELF)
+    assert not found.converged
+    discrete = discretise(given, found.domain, found.displacement.function_space)
+    contact, free = discrete.contact, discrete.free
+    assert contact is not None
+    seen = contact.seen[:, free].toarray().reshape(-1, 2, free.sum())[contact.decides]
+    normals = contact.normals[contact.decides]
+    along = np.stack([normals, normals @ [[0.0, 1.0], [-1.0, 0.0]]], axis=1)
+    jumps = np.einsum("kcd,kdj->ckj", along, seen).reshape(-1, free.sum())
+    solved = splu(discrete.stiffness.tocsc()[free][:, free]).solve
+    alone, compliance = jumps @ solved(discrete.load[free]), jumps @ solved(jumps.T)
+    count = len(normals)
+    assert 2**count == 128
+    assert np.abs(contact.gap[contact.decides]).max() < 1e-15
+    for pressed in itertools.product([False, True], repeat=count):
+        is_pressed = np.array(pressed)
+        held = np.flatnonzero(np.tile(is_pressed, 2))
+        forces = np.zeros(2 * count)
+        forces[held] = np.linalg.solve(compliance[np.ix_(held, held)], alone[held])
+        depth = (alone - compliance @ forces)[:count]
+        pulls, enters = forces[:count][is_pressed], depth[~is_pressed]
+        assert pulls.min(initial=0.0) < 0.0 or enters.max(initial=0.0) > 1e-6 * abs(alone).max()
 
 
 @pytest.mark.parametrize(

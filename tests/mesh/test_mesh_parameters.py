@@ -47,6 +47,8 @@ def test_impossible_element_sizes_are_refused(name: str, key: str) -> None:
         ("block", {"h": 1e-4}, "h: 0.0001 would make about 2e\\+08 cells"),
         ("block", {"h_contact": 2e-5, "dim": 3}, "h_contact: 2e-05 would make about"),
         ("block", {"h": 1e-4, "structured": True}, "h: 0.0001 would make about 2e\\+08 cells"),
+        ("stack", {"dim": 3, "structured": True}, "structured: a stack in 3D .* add cells: box"),
+        ("stack", {"dim": 3, "cells": "box"}, "cells: box in 3D is for a block or a stack with"),
         ("punch", {"half_width": 1.0}, "half_width: 1 is not less than the width"),
         ("punch", {"dim": 3, "size": [2, 0.2, 1]}, "half_width: 0.25 is not less than"),
         ("punch", {"half_width": 0.05}, "half_width: 0.05 is less than one element"),

@@ -120,6 +120,13 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, float]]] = {
         | {"bottom": 1, "lower_top": 1.25, "upper_left": 1.375, "upper_right": 0.625}
         | {"upper_front": 1, "upper_back": 1, "upper_bottom": 1.25, "top": 1},
     ),
+    "structured stack 2D": (
+        "stack",
+        {"h": 0.3, "slope": 0.4, "upper": [0.5, 1.0], "structured": True},
+        {"lower": 1, "upper": 0.5, "left": 0.8, "right": 1.2, "bottom": 1, "upper_left": 1.1}
+        | {"upper_right": 0.9, "lower_top": math.hypot(1, 0.4)}
+        | {"upper_bottom": math.hypot(0.5, 0.2), "top": 0.5},
+    ),
     "disc in a ring": (
         "disc_in_ring",
         {},

@@ -39,8 +39,8 @@ DAMAGE = {
     "unsorted contacts": ("contact.csv", CONTACT + CONTACT_ROW.replace(",0\n", ",-1\n"), "sorted"),
     "far contact": ("contact.csv", CONTACT.replace(",0\n", f",{10**30}\n"), "sorted"),
     "no facets": ("contact_facets.csv", None, "cannot be read"),
-    "half a facet": ("contact_facets.csv", "point_0,point_1\n0,\n", "no 2 numbers"),
-    "huge facet": ("contact_facets.csv", f"point_0,point_1\n0,{10**30}\n", "no 2 numbers"),
+    "half a facet": ("contact_facets.csv", "point_0,point_1\n0,\n", "no row of 2 numbers"),
+    "huge facet": ("contact_facets.csv", f"point_0,point_1\n0,{10**30}\n", "not in contact.csv"),
     "strange facet": ("contact_facets.csv", "point_0,point_1\n0,99\n", "not in contact.csv"),
     "no parameters": ("parameters.yaml", None, "cannot be read"),
 }

@@ -20,7 +20,7 @@ from contact_locking.process.sensitivities import value_of
 from contact_locking.process.solving import solve_steps
 from contact_locking.running.fit.curves import read_experiments
 from contact_locking.running.fit.model import Model
-from contact_locking.running.fit.search import Search
+from contact_locking.running.fit.session import Search
 from contact_locking.running.fit.starts import variables_of
 
 # Each fit takes half a minute and more.

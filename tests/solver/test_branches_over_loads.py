@@ -100,10 +100,8 @@ def test_a_block_wedges_where_the_branch_over_its_displacement_turns() -> None:
         return solving.solve(data, MPI.COMM_SELF)
 
     found = solved(1.0, over=key, to=1.2).summary["branches"]
-    (fold,) = found["folds"]
-    assert fold == pytest.approx(1.001185, abs=2e-6)
-    # The bounds of points of a branch are known to 1e-4, which near the fold moves shares by 1e-7.
-    assert max(found["points"]["share"]) == pytest.approx(fold, abs=1e-6)
+    assert max(found["points"]["share"]) == pytest.approx(found["folds"][0], rel=1e-6)
+    assert found["folds"][0] == pytest.approx(1.001185, abs=2e-6)
     place = int(np.argmin(np.abs(np.array(found["points"]["share"]) - 1.0008)))
     below = solved(found["points"]["share"][place])
     assert below.converged

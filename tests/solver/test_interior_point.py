@@ -49,6 +49,16 @@ def test_iterations_hardly_depend_on_n(coefficient: float) -> None:
         assert solution.summary["iterations"]["tangents"] <= 30
 
 
+def test_each_locking_stress_keeps_its_penalty_law_where_polishing_is_out_of_reach() -> None:
+    """The duality gap alone left single ones 1e-3 of the largest away."""
+    n = 1e6
+    found = solving.solve(block(penalty__n=n), MPI.COMM_SELF)
+    stress = np.linalg.norm(found.locking_stress.x.array.reshape(-1, 4), axis=1)
+    excess = np.maximum(found.strain_norm.x.array - found.locking_limit.x.array, 0.0)
+    assert stress.max() > 0.0
+    np.testing.assert_allclose(stress, 2.0 * n * excess, rtol=0.0, atol=1e-7 * stress.max())
+
+
 def test_penalised_solutions_tend_to_that_of_the_inequality() -> None:
     def displacement(n: float) -> FloatArray:
         # Alone, since two meshes need not be distributed alike.

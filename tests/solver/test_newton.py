@@ -52,15 +52,15 @@ def newton(task: Task) -> Iterator[NewtonSolver]:
 
 def tangents_after(task: Task, newton: NewtonSolver, factor: float) -> int:
     """The number of tangents of a second solve with ``factor`` times the friction bound."""
-    system, report = task.system, task.report
+    system, counts = task.system, task.counts
     newton.solve(TOLERANCE, least_steps=1)
-    before = report.tangents
+    before = counts.tangents
     assert before > 0
     (contact,) = system.contacts
     system.bounds[contact] = factor * system.bounds[contact]
     newton.solve(TOLERANCE, least_steps=1)
     assert system.relative_residual() <= TOLERANCE
-    return report.tangents - before
+    return counts.tangents - before
 
 
 def test_a_tangent_at_the_end_serves_the_next_friction_bound(
@@ -77,9 +77,9 @@ def test_a_bound_that_is_far_away_gets_tangents_of_its_own(
 
 def test_a_start_that_took_no_step_has_no_tangent_to_keep(task: Task, newton: NewtonSolver) -> None:
     newton.solve(1.0)
-    assert task.report.tangents == 0
+    assert task.counts.tangents == 0
     newton.solve(TOLERANCE, least_steps=1)
-    assert task.report.tangents > 0
+    assert task.counts.tangents > 0
     assert task.system.relative_residual() <= TOLERANCE
 
 
@@ -89,7 +89,7 @@ def test_full_steps_that_lead_away_are_given_up(task: Task, newton: NewtonSolver
     start = task.system.u.x.array.copy()
     with pytest.raises(NotConverged):
         newton.solve(TOLERANCE)
-    assert 0 < task.report.tangents <= 2
+    assert 0 < task.counts.tangents <= 2
     assert (task.system.u.x.array == start).all()
 
 

@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from contact_locking import Parameters, load
 from contact_locking.process import solving
+from contact_locking.solver.interior_point import few_changes
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.locking_cones import LockingCones, StrainHalfLines
@@ -147,6 +148,35 @@ def test_a_body_that_contact_holds_takes_few_tangents() -> None:
     solution = solving.solve(load(DEMOS / "ssnv128.yml").parameters)
     assert solution.converged
     assert solution.summary["iterations"]["tangents"] <= 12
+
+
+@pytest.mark.parametrize("n", [math.inf, 1e4])
+def test_nodes_that_leave_the_contact_one_by_one_take_few_tangents(
+    n: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Hertz's cylinder: steps by the factors of an earlier tangent are those by the present one."""
+    disc = {"builder": "disc", "quarter": True, "radius": 1.0, "h": 0.2}
+    study = Parameters.model_validate(
+        {
+            "mesh": disc | {"h_contact": 0.004, "contact_width": 0.15},
+            "loads": {
+                "tractions": [{"on": "top", "value": [0.0, -0.003]}],
+                "displacements": [{"on": "symmetry", "value": [0.0, None]}],
+            },
+            "contact": {
+                "on": "contact",
+                "foundation": {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}},
+            },
+            "penalty": {"n": n},
+        }
+    )
+    found = solving.solve(study)
+    monkeypatch.setattr(few_changes, "_FEW", 0)
+    other = solving.solve(study)
+    tangents = [item.summary["iterations"]["tangents"] for item in (found, other)]
+    assert found.converged and tangents[0] <= 4 and tangents[0] + 2 <= tangents[1]
+    u, v = found.displacement.x.array, other.displacement.x.array
+    assert u == pytest.approx(v, abs=1e-10 * float(np.abs(v).max()))
 
 
 def test_a_body_that_locks_in_many_cells_is_left_to_the_interior_point_method() -> None:

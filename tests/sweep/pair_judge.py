@@ -304,7 +304,9 @@ class _Step:
         slip = slip - np.einsum("kd,kd->k", slip, normals)[:, None] * normals
         far = np.linalg.norm(slip, axis=1)
         self.slips.append(slips + far)
-        smoothed = contact.smoothing(normals, open_) @ p
+        # Without friction nothing is smoothed.
+        rubs = contact.friction["coefficient"] != 0
+        smoothed = contact.smoothing(normals, open_) @ p if rubs else p
         grain = ALIKE * reach + 1e-7 * self.stress
         self._tell("reported R sigma", np.abs(smoothed + touch.smoothed)[open_], grain)
         mu = value(contact.friction["coefficient"], contact.x, s=slips + far)

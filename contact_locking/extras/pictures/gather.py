@@ -203,7 +203,6 @@ def _boundary(
 
 
 def _nearest(points: FloatArray, places: FloatArray) -> IntArray:
-    """For each point (k, d) the number of the nearest place (m, d)."""
     return np.asarray(cKDTree(places).query(points)[1], dtype=np.int64)
 
 

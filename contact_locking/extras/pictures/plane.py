@@ -255,7 +255,6 @@ def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> list[Patch | Line
 
 
 def _foundation(axes: Axes, contact: ContactMap, factor: float, size: float) -> Patch:
-    """A hatched layer on the far side of the surface at Gamma_C + gap nu."""
     for part in contact.on_foundations():
         if len(segments := tool(part, factor)):
             _draw_tool(axes, segments, size)

@@ -395,7 +395,6 @@ def look(plotter: Any, camera: Camera) -> None:
 
 
 def _coarser(image: Image) -> Image:
-    """The mean over squares of pixels."""
     steps = range(_FINER)
     total = sum(image[i::_FINER, j::_FINER].astype(np.uint16) for i in steps for j in steps)
     return np.asarray(total // _FINER**2, dtype=np.uint8)

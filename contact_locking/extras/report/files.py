@@ -95,7 +95,6 @@ def print_page(page: Path) -> Path:
 
 
 def _why(error: subprocess.CalledProcessError | subprocess.TimeoutExpired) -> str:
-    """In one line why Chromium failed."""
     if isinstance(error, subprocess.TimeoutExpired):
         return f"it was not done after {_SECONDS} s"
     told = (error.stderr or b"").decode(errors="replace").strip().splitlines()

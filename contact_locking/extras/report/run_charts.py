@@ -58,7 +58,6 @@ def _profiles(contact: ContactPoints, facets: IntArray, largest: float) -> list[
 
 
 def _maps(contact: ContactPoints, facets: IntArray) -> list[_Drawing]:
-    """In three dimensions: pressure, friction and states."""
     height, seen = _map_height(contact), "seen from the foundation"
     pressure = (contact.pressure, r"contact pressure $-\sigma_\nu$")
     friction = (np.linalg.norm(contact.traction, axis=1), r"friction traction $|\sigma_\tau|$")

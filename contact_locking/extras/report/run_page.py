@@ -151,7 +151,6 @@ _Row = tuple[Quantity, list[tuple[Any, Any]]]
 
 
 def _quantities(summary: Mapping[str, Any]) -> list[_Row]:
-    """The quantities that the summary has, and the reactions."""
     found = [
         (quantity, [(value, summary.get(f"{key}_at"))])
         for key, quantity in QUANTITIES.items()
@@ -176,6 +175,5 @@ def _by_contact(summary: Mapping[str, Any]) -> tuple[list[str], list[_Row]]:
 
 
 def _states(contact: ContactPoints) -> list[str]:
-    """How many points are open, stick and slip, in words."""
     counts = np.bincount(contact.state, minlength=len(STATE_NAMES))
     return [f"{n} {name}" for n, name in zip(counts, STATE_NAMES, strict=True) if n]

@@ -205,7 +205,6 @@ def _example(keys: Sequence[str], rows: Sequence[Row]) -> str:
 
 
 def _values(texts: list[str]) -> list[str]:
-    """The values of a key, of many the first and the last."""
     return texts if len(texts) <= _MOST_VALUES else [*texts[:6], "…", *texts[-2:]]
 
 

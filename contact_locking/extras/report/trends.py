@@ -21,7 +21,7 @@ from contact_locking.extras.pictures import style
 from contact_locking.results.quantities import QUANTITIES, Quantity
 from contact_locking.results.read import Row, number
 from contact_locking.study_file.parameters.study import StudyParameters
-from contact_locking.study_file.parameters.telling_apart import told_apart
+from contact_locking.study_file.parameters.wording import told_apart
 
 from .charts import Chart, chart
 from .words import shown
@@ -366,7 +366,6 @@ def _drawing(trend: Trend, label: str) -> dict[str, Any]:
 
 
 def _scale(count: int) -> ListedColormap:
-    """As many colours as there are curves."""
     return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.93, count)))
 
 

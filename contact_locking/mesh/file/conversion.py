@@ -73,7 +73,6 @@ def convert(source: Path, target: Path) -> list[str]:
 
 
 def _kind(there: list[str], source: Path) -> tuple[int, str]:
-    """The dimension of the body and meshio's name of its cells."""
     for dim, begins in _CELLS.items():
         cells = [name for name in there if name.startswith(begins)]
         if len(cells) == 1 and cells[0] in _FACETS:

@@ -201,7 +201,6 @@ def check_curved(mesh: MeshData) -> None:
 
 
 def _check_sharing(mesh: MeshData, facets: Facets) -> None:
-    """Raise InputError for a duplicate cell and for a facet of more than two cells."""
     joined = np.flatnonzero(facets.shared >= 2)
     both, _ = facets.pairs(joined)
     first, second = np.sort(mesh.cells.nodes, axis=1)[both.T]
@@ -230,7 +229,6 @@ def _check_sharing(mesh: MeshData, facets: Facets) -> None:
 
 
 def _check_folds(mesh: MeshData, facets: Facets) -> None:
-    """Raise InputError if both cells of a facet lie on the same side of the facet."""
     joined = np.flatnonzero(facets.shared == 2)
     both, opposite = facets.pairs(joined)
     rows = facets.nodes[joined]

@@ -6,8 +6,6 @@ binary file are read as an array whose length the size of the file has confirmed
 
 from __future__ import annotations
 
-import csv
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +14,7 @@ import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
+from contact_locking.files.csv_file import number_at, rows_of
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.reader import read_triangles, require_file
 
@@ -53,7 +52,6 @@ def read_heights(path: Path, spacing: Sequence[float] | None) -> tuple[FloatArra
 
 
 def _numbers(path: Path) -> FloatArray:
-    """The rows of a file, (rows, columns)."""
     try:
         if path.suffix.lower() == ".npy":
             found = np.load(path, allow_pickle=False)
@@ -125,13 +123,13 @@ LARGEST_FILE = 250_000_000
 _HEAD, _RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
 
 
-def check_size(path: Path, largest: int = LARGEST_FILE) -> None:
-    """Raise InputError unless the path is a file of at least 1 and at most ``largest`` bytes."""
+def check_size(path: Path) -> None:
+    """Raise InputError unless the path is a file of at least 1 and at most `LARGEST_FILE` bytes."""
     require_file(path, "file", None)
     size = path.stat().st_size
-    if size > largest:
+    if size > LARGEST_FILE:
         raise InputError(
-            f"{path} has {size / 1e6:.0f} MB, and at most {largest / 1e6:.0f} MB are "
+            f"{path} has {size / 1e6:.0f} MB, and at most {LARGEST_FILE / 1e6:.0f} MB are "
             "read; make the tool coarser, which need not be finer than the mesh of the body"
         )
     if size == 0:
@@ -365,36 +363,21 @@ def _let_look_outwards(points: FloatArray, triangles: IntArray) -> None:
         triangles[:] = triangles[:, ::-1]
 
 
-#: A longer file is not read.
-LARGEST_CSV = 10_000_000
-
-
 def read_corners(path: Path, most: int) -> FloatArray:
     """The corners (m, 2), at most ``most``, in the first two columns; a heading is left out.
 
     Raises InputError for a line without two finite numbers.
     """
-    check_size(path, LARGEST_CSV)
-    found: list[tuple[float, float]] = []
-    try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            for number, row in enumerate(csv.reader(stream), start=1):
-                if not row or row[0].lstrip().startswith("#"):
-                    continue
-                if (corner := _corner(row)) is not None:
-                    found.append(corner)
-                elif number > 1:
-                    raise InputError(f"{path}, line {number}: expected two numbers x, y")
-                if len(found) > most:
-                    raise InputError(f"{path} has more than {most} corners")
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path} cannot be read as CSV: {error}") from None
+    found = []
+    with rows_of(path, "contact") as rows:
+        for number, row in enumerate(rows, start=1):
+            if not row or row[0].lstrip().startswith("#"):
+                continue
+            corner = [number_at(place, row)[0] for place in (0, 1)]
+            if np.isfinite(corner).all():
+                found.append(corner)
+            elif number > 1:
+                raise InputError(f"{path}, line {number}: expected two numbers x, y")
+            if len(found) > most:
+                raise InputError(f"{path} has more than {most} corners")
     return np.array(found, dtype=float).reshape(-1, 2)
-
-
-def _corner(row: list[str]) -> tuple[float, float] | None:
-    try:
-        x, y = float(row[0]), float(row[1])
-    except (ValueError, IndexError):
-        return None
-    return (x, y) if math.isfinite(x) and math.isfinite(y) else None

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
@@ -29,7 +30,7 @@ from contact_locking.process.adaptivity.marking import cells_at, entered_places,
 from contact_locking.process.adaptivity.mesh_sequence import MEASURES, ErrorMeasure, MeshSequence
 from contact_locking.process.adaptivity.missed import solved_with_nodes
 from contact_locking.process.adaptivity.refinement import singular_place
-from contact_locking.process.adaptivity.sharper_bound import sharpen
+from contact_locking.process.adaptivity.sharper_bound import sharper_errors
 from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import StudySolution
@@ -62,7 +63,8 @@ def solve(
         first = None if saved_at is None else checkpoint.refined_mesh(saved_at, comm)
         solution = solved_with_nodes(attempt, first)
         if parameters.certificate.bound_meshes is not None and solution.converged:
-            sharpen(solution, monitor or Monitor(), petsc_options)
+            errors = sharper_errors(solution, monitor or Monitor(), petsc_options)
+            solution.summary["certificate"]["errors"] = errors
             solution.summary["wall_seconds"] = time.perf_counter() - began
         return solution
     # Only the last solution is kept in memory.
@@ -116,8 +118,7 @@ def solve_adaptively(
             _warn(solution, monitor, sequence)
         seconds = time.perf_counter() - began
         solution.summary |= {"adapt": sequence.summary(), "wall_seconds": seconds}
-        solution.meshes = tuple(sequence.pictures)
-        yield solution
+        yield dataclasses.replace(solution, meshes=tuple(sequence.pictures))
         if finer is None:
             return
         domain = finer

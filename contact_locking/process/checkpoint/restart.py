@@ -11,7 +11,7 @@ from contact_locking.errors import InputError
 from contact_locking.process import checkpoint
 from contact_locking.process.checkpoint.stored import Checkpoint, SavedStep
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.solver.task import SolverReport
+from contact_locking.solver.task import Counts, Outcome, SolverReport
 from contact_locking.study.assembly import StudyProblem
 
 
@@ -74,13 +74,5 @@ def _in_place(
     if saved.step is not None:
         saved.step.enter(problem.contacts)
     solver.system.bounds.enter(problem.contacts, saved.bounds)
-    return solver.state(
-        SolverReport(
-            converged=True,
-            reason="every criterion held",
-            tangents=tangents,
-            linear=linear,
-            multipliers=saved.multipliers,
-            from_saved=True,
-        )
-    )
+    found, counts = Outcome(saved.multipliers), Counts(tangents, linear)
+    return solver.state(SolverReport.solved(found, counts, from_saved=True))

@@ -306,9 +306,7 @@ def write(solution: StudySolution, folder: Path) -> None:
             converged=solution.converged,
             n=penalties["n"],
             epsilon=penalties["epsilon"],
-            regularisations=tuple(
-                float(fields.contact.regularisation.value) for fields in solution.contacts
-            ),
+            regularisations=tuple(fields.regularisation for fields in solution.contacts),
             dimension=domain.dim,
             degree=solution.element.degree,
             limit_at=solution.element.limit_at,

@@ -20,7 +20,7 @@ from contact_locking.errors import InputError, NotConverged
 from contact_locking.running import studies
 from contact_locking.study_file.named_numbers import number_at, with_values
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.telling_apart import labels
+from contact_locking.study_file.parameters.wording import labels
 
 from .curves import read_experiments
 from .estimate import Variable

@@ -35,7 +35,7 @@ from contact_locking.results.names import (
 from contact_locking.results.read import Row, read_mapping
 from contact_locking.study_file import StudyFile
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.telling_apart import labels
+from contact_locking.study_file.parameters.wording import labels
 
 
 @dataclass(frozen=True)

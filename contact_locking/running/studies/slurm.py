@@ -131,7 +131,6 @@ class SlurmExecutor:
         )
 
     def _job(self) -> str | None:
-        """The number of the job, once sbatch has printed it."""
         number = self._messages().partition(";")[0].strip()
         return number if number.isdecimal() else None
 

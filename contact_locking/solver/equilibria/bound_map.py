@@ -16,8 +16,8 @@ from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.bound_step import BoundLaw
 from contact_locking.solver.interior_point.family import Reaction
 from contact_locking.solver.interior_point.method import InteriorPoint
-from contact_locking.solver.multipliers import Multipliers
-from contact_locking.solver.task import Task
+from contact_locking.solver.last_iterate import LastIterate
+from contact_locking.solver.task import Outcome, Task
 
 # No bound is a smaller share of the largest, so that the friction cones have an inside.
 _LEAST = 1e-12
@@ -98,14 +98,15 @@ class BoundVectors:
 class BoundMap:
     """``G -> Phi(G)``: a Tresca problem for each value, and back-substitutions for the derivative.
 
-    Vectors are those of ``vectors``.  A bound that is negative counts as zero.  ``multipliers`` are
-    those of the last value.  The constructor is collective, as all methods are.
+    Vectors are those of ``vectors``.  A bound that is negative counts as zero.  ``found`` is the
+    solution of the last value, and ``last`` an iterate near the first, if one is known.  The
+    constructor is collective, as all methods are.
     """
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: Task, last: LastIterate | None = None) -> None:
         self._task, self.vectors = task, BoundVectors(task.system)
         self._solver = InteriorPoint(task, bound_moves=False)
-        self.multipliers: Multipliers | None = None
+        self.found = Outcome(last=last)
         self._inside = np.ones(self.vectors.size, dtype=bool)
 
     def __call__(self, bounds: FloatArray) -> FloatArray:
@@ -117,7 +118,7 @@ class BoundMap:
         system.u.x.array[:] = 0.0
         system.constraints.apply(system.u)
         # Along a branch the solution before is near.
-        self.multipliers = self._solver.solve(self._task.report.last)
+        self.found = self._solver.solve(self.found.last)
         wanted = zip(self.vectors.contacts, self._pressures(), strict=True)
         return self.vectors.gather([item.friction_bound(system.u, p) for item, p in wanted])
 
@@ -130,8 +131,8 @@ class BoundMap:
         return self.vectors.gather(self._pressures())
 
     def _pressures(self) -> list[FloatArray]:
-        assert self.multipliers is not None
-        pairs = zip(self._task.system.contacts, self.multipliers.contacts, strict=True)
+        assert self.found.multipliers is not None
+        pairs = zip(self._task.system.contacts, self.found.multipliers.contacts, strict=True)
         return [item.pressure for contact, item in pairs if contact in self.vectors.contacts]
 
     def derivative(self) -> FloatArray:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,8 +17,7 @@ from contact_locking.solver.equilibria.branch import Branch, BranchPoint
 from contact_locking.solver.equilibria.newton import Deflation, MapNewton
 from contact_locking.solver.equilibria.paths import OverFriction
 from contact_locking.solver.interior_point.method import InteriorPoint
-from contact_locking.solver.multipliers import Multipliers
-from contact_locking.solver.task import SolverReport, Task
+from contact_locking.solver.task import Counts, Outcome, SolverReport, Task, stage_of
 
 # Tresca's problems need to be solved this much more sharply than the bounds, and those with bounds
 # far above the pressure without friction take so many times the iterations.
@@ -36,7 +34,7 @@ _BEYOND = 2.0
 # the pressure without friction asks for.
 _BESIDE, _SHARES = (1.02, 0.5, 1.5), (0.0, 1.0, 2.0)
 _ENDS = (
-    "; the branch of solutions from none of the friction on ends near {share:.3g} % of "
+    "the branch of solutions from none of the friction on ends near {share:.3g} % of "
     "friction.coefficient, where the friction bound is {times:.0f} times that of the pressure "
     "without friction, and grows"
 )
@@ -66,15 +64,15 @@ def sharpened(task: Task) -> Task:
 class Equilibria:
     """The fixed points of the map of the friction bounds of a task, found one after the other.
 
-    ``report`` counts what they take.  A branch ends beyond ``most_tangents``.  The constructor is
+    ``counts`` is for what they take.  A branch ends beyond ``most_tangents``.  The constructor is
     collective, as all methods are.
     """
 
     def __init__(self, task: Task, most_tangents: float = math.inf) -> None:
-        self._task, self.report, self._most_tangents = task, SolverReport(), most_tangents
+        self._task, self.counts, self._most_tangents = task, Counts(), most_tangents
         #: How the branch ends that has no more solutions, in words.
         self.end = ""
-        self.map = BoundMap(sharpened(task.aside(self.report)))
+        self.map = BoundMap(sharpened(task.aside(self.counts)))
         self._newton = MapNewton(self.map, task.settings.friction_tolerance)
 
     def on_branch(
@@ -95,7 +93,7 @@ class Equilibria:
             if is_strict and branch.reach > FARTHEST:
                 self.end = _ENDS.format(share=100.0 * point.share, times=branch.reach)
                 return
-            if self.report.tangents > self._most_tangents or point.share > _BEYOND:
+            if self.counts.tangents > self._most_tangents or point.share > _BEYOND:
                 return
             if before is not None:
                 folds += point.sign != before.sign
@@ -125,15 +123,15 @@ class Equilibria:
             return self.map.vectors.in_force()
         return None
 
-    def _settle(self) -> Multipliers:
+    def _settle(self) -> Outcome:
         """Solve from the last value of the map, with bounds that follow the pressure; collective.
 
         Raises NotConverged.  Rounding in the map is nothing to such bounds.
         """
-        assert self.report.last is not None
-        solver = InteriorPoint(self._task.aside(self.report))
+        assert self.map.found.last is not None
+        solver = InteriorPoint(self._task.aside(self.counts))
         try:
-            return solver.solve_near(self.report.last)
+            return solver.solve_near(self.map.found.last)
         finally:
             solver.destroy()
 
@@ -185,50 +183,42 @@ class Equilibria:
         slope = np.eye(self.map.vectors.size) - self.map.derivative()
         return int(self.map.vectors.solved(slope, slope[0])[1])
 
-    def enter(self, bounds: FloatArray, report: SolverReport) -> None:
-        """Put the solution with these bounds into the system and a report; collective.
+    def enter(self, bounds: FloatArray) -> Outcome:
+        """The solution with these bounds, which is put into the system; collective.
 
         Raises NotConverged where bounds that are rough are not near enough.
         """
-        wanted = self.map(bounds)
-        vectors = self.map.vectors
-        report.friction_change = vectors.norm(wanted - bounds) / (vectors.norm(wanted) or 1.0)
-        report.multipliers = self.map.multipliers
-        if report.friction_change > self._newton.tolerance:
-            report.multipliers = self._settle()
-            report.friction_change = self.report.friction_change
-        report.last = self.report.last
-        report.duality_gap, report.is_infeasible = self.report.duality_gap, False
+        wanted, norm = self.map(bounds), self.map.vectors.norm
+        change = norm(wanted - bounds) / (norm(wanted) or 1.0)
+        if change > self._newton.tolerance:
+            return self._settle()
+        return replace(self.map.found, friction_change=change)
 
     def destroy(self) -> None:
-        """Free the PETSc objects, and count what was taken in the report of the task."""
-        self._task.report.tangents += self.report.tangents
-        self._task.report.linear += self.report.linear
+        """Free the PETSc objects, and count for the task what was taken."""
+        self._task.counts.add(self.counts)
         self.map.destroy()
 
 
-def solve_on_branch(task: Task, most_tangents: float = math.inf) -> int | None:
+def solve_on_branch(task: Task, most_tangents: float = math.inf) -> tuple[Outcome, int]:
     """Solve by the branch of solutions over the share of friction; collective.
 
-    Returns how many folds lie before the solution, None where none was found with about so many
-    tangents; the system is then left as it was.
+    Returns the solution, and how many folds lie before it.  Raises NotConverged, with the end of
+    the branch if it has one, where no solution was found with about so many tangents; the system is
+    then left as it was.
     """
     if not has_map(task):
-        return None
+        raise NotConverged
     task.monitor.message("following the solutions from less friction")
     equilibria = Equilibria(task, most_tangents)
     try:
         with task.system.preserved(only_on_failure=True):
             for bold in (True, False):
                 for bounds, folds in equilibria.on_branch(bold=bold):
-                    equilibria.enter(bounds, task.report)
-                    return folds
+                    return equilibria.enter(bounds), folds
                 if equilibria.end:
                     break
-            task.report.reason += equilibria.end
-            raise _NothingFound
-    except _NothingFound:
-        return None
+            raise NotConverged(equilibria.end)
     finally:
         equilibria.destroy()
 
@@ -251,33 +241,29 @@ class Equilibrium:
     index: int
 
 
-def equilibria(task: Task, most: int) -> Iterator[Equilibrium]:
+def equilibria(task: Task, first: SolverReport, most: int) -> Iterator[Equilibrium]:
     """The solution in the system, and others, so many at most, each in the system in its turn.
 
-    Collective.  Raises InputError as :func:`require_map`.
+    ``first`` is the report of the solution in the system.  Collective.  Raises InputError as
+    :func:`require_map`.
     """
     require_map(task)
     search = Equilibria(task)
     try:
         vectors = search.map.vectors
-        first = vectors.in_force()
+        known, counts = vectors.in_force(), search.counts
         with task.system.preserved():
-            search.map(first)
+            search.map(known)
             index = search.index()
-        yield Equilibrium(task.report, index)
-        for bounds in itertools.islice(search.others(first), most - 1):
-            before = search.report.tangents, search.report.linear
-            own = dataclasses.replace(task, report=SolverReport())
-            search.enter(bounds, own.report)
-            own.report.tangents = search.report.tangents - before[0]
-            own.report.linear = search.report.linear - before[1]
-            own.add_stage(task.target.penalty, own.report.tangents)
+        yield Equilibrium(first, index)
+        for bounds in itertools.islice(search.others(known), most - 1):
+            before = replace(counts)
+            found = search.enter(bounds)
+            own = Counts(counts.tangents - before.tangents, counts.linear - before.linear)
+            task.monitor.counted(own.tangents, own.updates)
             with task.system.preserved():
                 index = search.index()
-            yield Equilibrium(own.succeed(), index)
+            stages = [stage_of(task.target.penalty, own.tangents)]
+            yield Equilibrium(SolverReport.solved(found, own, stages=stages), index)
     finally:
         search.destroy()
-
-
-class _NothingFound(Exception):
-    """Nothing lies on the branch for all of the friction."""

@@ -12,7 +12,7 @@ import contextlib
 import enum
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,21 +22,18 @@ from contact_locking.laws.penalty import Penalty
 from contact_locking.solver.equilibria.bound_map import BoundMap, BoundVectors
 from contact_locking.solver.equilibria.newton import MapNewton
 from contact_locking.solver.equilibria.search import FARTHEST, has_map, sharpened
-from contact_locking.solver.interior_point.feasibility import (
-    FRICTION_WAY_OUT,
-    contact_force,
-    force_with_friction,
-)
+from contact_locking.solver.interior_point.feasibility import contact_force, force_with_friction
 from contact_locking.solver.interior_point.method import InteriorPoint
-from contact_locking.solver.task import SolverReport, Target, Task
+from contact_locking.solver.task import Counts, Outcome, Target, Task
 
 # Powers of ten of the penalty over the stiffness of the material: the softest, and the stiffest
 # before the inequality itself.
 _SOFTEST, _STIFFEST = 1.0, 7.0
 # The longest step in powers of ten, the shortest, and how much longer the next may be.
 _LONGEST, _SHORTEST, _LONGER = 1.0, 0.1, 1.5
-# On the way bounds need not be sharper, and Newton's method takes so many steps at most.
-_ROUGH, _FEW = 1e-3, 8
+# On the way bounds need not be sharper, and those that show growth may be rougher than those of a
+# solution by this factor.  Newton's method takes so many steps at most.
+_ROUGH, _EVIDENCE, _FEW = 1e-3, 10.0, 8
 # Bounds are foreseen to fall to this share of themselves at most.
 _FALL = 0.1
 # Forces without a limit grow by this power of the penalty at least, over nearly a power of ten of
@@ -98,50 +95,52 @@ class Stage:
         )
 
 
-def solve_by_penalties(task: Task, most_tangents: float = math.inf) -> Way:
+@dataclass(frozen=True)
+class Stiffened:
+    """Where the penalties have led, and the solution found; ``reason`` tells how forces grow."""
+
+    way: Way
+    found: Outcome
+    reason: str = ""
+
+
+def solve_by_penalties(task: Task, most_tangents: float = math.inf) -> Stiffened:
     """Solve with soft penalties, then with stiffer and stiffer ones; collective.
 
-    The solution is in the system, or that with the penalties which show that forces grow, as the
-    reason then tells; else the system is left as it was.  It takes about so many tangents at most.
+    The solution is in the system, or that with the penalties which show that forces grow; else the
+    system is left as it was.  It takes about so many tangents at most.
     """
     if not task.system.rubbing or task.system.held_by_friction:
-        return Way.LOST
+        return Stiffened(Way.LOST, Outcome())
     task.monitor.message("following the solutions from softer penalties")
     stiffening = Stiffening(task, most_tangents)
-    found = stiffening.report
     try:
         with task.system.preserved(only_on_failure=True):
-            way = stiffening.followed()
+            way, reason = stiffening.followed()
             if way is Way.LOST:
                 raise _Lost
+            return Stiffened(way, stiffening.found, reason)
     except _Lost:
-        return Way.LOST
+        return Stiffened(Way.LOST, Outcome())
     finally:
-        task.report.tangents += found.tangents
-        task.report.linear += found.linear
-    task.report.multipliers, task.report.last = found.multipliers, found.last
-    task.report.duality_gap, task.report.friction_change = found.duality_gap, found.friction_change
-    if way is Way.WEDGED:
-        task.report.reason += found.reason
-        task.report.suggestion = FRICTION_WAY_OUT
-    return way
+        task.counts.add(stiffening.counts)
 
 
 class Stiffening:
     """The stages of a task, which end after ``most_tangents``; all methods are collective.
 
-    The solution of the last stage is in the system.  ``report`` has its multipliers, and counts
-    the tangents.
+    ``found`` is the solution of the last stage, which is in the system, and ``counts`` is for what
+    they take.
     """
 
     def __init__(self, task: Task, most_tangents: float) -> None:
         self._task, self._most_tangents = task, most_tangents
-        self.report = SolverReport()
+        self.found, self.counts = Outcome(), Counts()
         self._vectors = BoundVectors(task.system) if has_map(task) else None
         self._last = _last_power(task.target)
 
-    def followed(self) -> Way:
-        """Where the stages lead."""
+    def followed(self) -> tuple[Way, str]:
+        """Where the stages lead, and how forces grow on the way, in words."""
         known, without = list[Stage](), math.nan
         can_grow = self._task.target.penalty.epsilon == 0.0
         for stage in self._stages():
@@ -158,10 +157,10 @@ class Stiffening:
             is_far = stage.force > FARTHEST * without
             is_last = stage.power >= self._last and without < math.inf
             if (is_far or is_last) and self._arrives(stage, stage.target):
-                self.report.reason = stage.told(softer[-1])
-                return Way.WEDGED
+                return Way.WEDGED, stage.told(softer[-1])
         is_last = bool(known) and known[-1].power >= self._last
-        return Way.SOLVED if is_last and self._arrives(known[-1], self._task.target) else Way.LOST
+        arrives = is_last and self._arrives(known[-1], self._task.target)
+        return Way.SOLVED if arrives else Way.LOST, ""
 
     def _stages(self) -> Iterator[Stage]:
         before: Stage | None = None
@@ -169,7 +168,7 @@ class Stiffening:
         step = _LONGEST
         while known is not None:
             yield known
-            if known.power >= self._last or self.report.tangents > self._most_tangents:
+            if known.power >= self._last or self.counts.tangents > self._most_tangents:
                 return
             found = None
             while found is None and step >= _SHORTEST and self._vectors is not None:
@@ -187,39 +186,39 @@ class Stiffening:
             # The interior point method is sharp.
             return target is stage.target
         sharp = self._task.settings.friction_tolerance
+        if target is stage.target:
+            sharp *= _EVIDENCE
         return self._solved(target, stage.bounds, sharp) is not None
 
     def _onwards(self, before: Stage | None, known: Stage, power: float) -> Stage | None:
-        target, last = _softened(self._task.target, power), self.report.last
+        target, before_it = _softened(self._task.target, power), self.found
         start = known.foreseen(before, power)
-        bounds = self._solved(target, start, _ROUGH, _FEW)
+        bounds = self._solved(target, start, _ROUGH)
         if bounds is None:
-            self.report.last = last
+            self.found = before_it
             return None
         return self._stage(power, target, bounds)
 
-    def _solved(
-        self, target: Target, start: FloatArray, tolerance: float, limit: int = MapNewton.limit
-    ) -> FloatArray | None:
-        problem = BoundMap(sharpened(self._task.aside(self.report, target)))
-        newton = MapNewton(problem, tolerance, limit)
+    def _solved(self, target: Target, start: FloatArray, tolerance: float) -> FloatArray | None:
+        problem = BoundMap(sharpened(self._task.aside(self.counts, target)), self.found.last)
+        newton = MapNewton(problem, tolerance, _FEW)
         try:
             found = newton.solve(start)
         finally:
             problem.destroy()
-        self.report.multipliers, self.report.friction_change = problem.multipliers, newton.left
+        self.found = replace(problem.found, friction_change=newton.left)
         return found
 
     def _from_nothing(self, power: float) -> Stage | None:
         system, target = self._task.system, _softened(self._task.target, power)
-        solver = InteriorPoint(self._task.aside(self.report, target))
+        solver = InteriorPoint(self._task.aside(self.counts, target))
         try:
             for approach in solver.approaches:
                 solver.approach = approach
                 system.u.x.array[:] = 0.0
                 system.constraints.apply(system.u)
                 with contextlib.suppress(NotConverged):
-                    self.report.multipliers = solver.solve()
+                    self.found = solver.solve()
                     return self._stage(power, target, self._bounds())
             return None
         finally:
@@ -229,8 +228,7 @@ class Stiffening:
         return np.empty(0) if self._vectors is None else self._vectors.in_force()
 
     def _stage(self, power: float, target: Target, bounds: FloatArray) -> Stage:
-        assert self.report.multipliers is not None
-        force = contact_force(self._task.system, self.report.multipliers)
+        force = contact_force(self._task.system, self.found)
         return Stage(power, target, bounds, force)
 
 

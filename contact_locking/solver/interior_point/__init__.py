@@ -1,7 +1,6 @@
 """A primal-dual interior point method for the contact problem, for any n up to infinity."""
 
-from contact_locking.solver.interior_point.feasibility import explain_by_friction, is_impossible
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.interior_point.tuning import Tuning
 
-__all__ = ["InteriorPoint", "Tuning", "explain_by_friction", "is_impossible"]
+__all__ = ["InteriorPoint", "Tuning"]

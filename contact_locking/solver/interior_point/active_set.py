@@ -24,6 +24,7 @@ from contact_locking.parallel import on_any_rank, on_every_rank
 from contact_locking.solver.interior_point.bound_step import BoundStep, MovingBound
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.family import Direction, Family
+from contact_locking.solver.interior_point.few_changes import FewChanges
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.iterate import Iterate
@@ -104,6 +105,8 @@ class ActiveSet:
         tuning: Tuning,
     ) -> None:
         self._task, self._tangent, self._judge = task, tangent, judge
+        #: The duality gap of the solution.
+        self.gap = 0.0
         self._pieces = Pieces()
         pieces = self._pieces
         self._tuning = dataclasses.replace(
@@ -114,9 +117,11 @@ class ActiveSet:
         )
         target = task.target
         self._springs = float(task.system.held_by_contact) * target.ellipticity / target.length
-        self._moving = list(bounds) if bound_moves else []
+        # Pieces need no inside of the friction cones.
+        self._moving = [dataclasses.replace(item, least=0.0) for item in bounds if bound_moves]
         self._standing = [] if bound_moves else list(bounds)
         self._laws = {family: self._law(family) for family in tangent.families}
+        self._few: FewChanges | None = None
 
     def _law(self, family: Family) -> Projection[Any]:
         """The semismooth equation of a family."""
@@ -245,19 +250,20 @@ class ActiveSet:
         iterate = Iterate(tangent, self._tuning.band)
         left: list[_Left] = []
         bound_step: BoundStep | None = None
+        self._few = None
         keeps = reached = False
         for number in range(min(pieces.steps, task.settings.max_iterations)):
             if not is_linearised:
                 self._look(linearise=not keeps)
             is_linearised = False
-            if not keeps:
+            if not (keeps or (self._few is not None and self._few.take())):
                 tangent.refresh()
-                task.report.tangents += 1
+                task.counts.tangents += 1
                 bound_step = BoundStep(self._moving, tangent, self._tuning)
+                self._few = self._few_changes()
             else:
                 assert bound_step is not None
                 bound_step.look()
-            assert bound_step is not None
             self._advance(self._direction(bound_step))
             measures = self._judge.measure(iterate)
             task.monitor.iteration(number, measures.worst())
@@ -266,7 +272,7 @@ class ActiveSet:
             if reached and reached_before:
                 if self._rests():
                     raise NotConverged("nothing presses the body to the foundations")
-                task.report.duality_gap = max(measures.gap, 0.0)
+                self.gap = max(measures.gap, 0.0)
                 return iterate
             if reached:
                 # One more step by the same tangent takes off most of what is left.
@@ -314,7 +320,16 @@ class ActiveSet:
 
     def _displacement(self) -> FloatArray:
         aims = [law.aim for law in self._laws.values()]
-        return self._tangent.solve_step(aims, self._task.settings.tolerance)
+        step = self._tangent.solve_step(aims, self._task.settings.tolerance)
+        return step if self._few is None else self._few.correct(step)
+
+    def _few_changes(self) -> FewChanges | None:
+        """What later steps correct of this tangent, if nothing but half lines acts; collective."""
+        families = [family for family in self._laws if isinstance(family, HalfLines)]
+        others = [family.weights for family in self._laws if family not in families]
+        if on_any_rank(self._tangent.comm, np.concatenate([np.zeros(0), *others]) > 0.0):
+            return None
+        return FewChanges(self._tangent, families, self._task.settings.tolerance)
 
     def _direction_of(self, du: FloatArray) -> Direction:
         return Direction(
@@ -331,7 +346,7 @@ class ActiveSet:
             law.advance(direction.steps[family])
         if not self._moving:
             return
-        self._task.report.friction += 1
+        self._task.counts.updates += 1
         wanted, _ = self._judge.compare(self._moving)
         for bound, values in zip(self._moving, wanted, strict=True):
             bound.set(values)

@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import math
 from collections.abc import Callable, Iterator
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,8 +15,7 @@ from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.method import InteriorPoint
-from contact_locking.solver.multipliers import Multipliers
-from contact_locking.solver.task import SolverReport, Target, Task
+from contact_locking.solver.task import Counts, Outcome, Target, Task
 
 # How close the factor that works and the one that does not have to be.
 _PRECISION = 0.01
@@ -39,45 +39,28 @@ FRICTION_WAY_OUT = (
 )
 
 
-def explain_by_friction(task: Task) -> None:
-    """Say whether a problem that was not solved has a solution with less friction; collective."""
-    report = task.report
-    share = share_of_friction(task)
-    if share is not None:
-        report.reason += f"; {share}"
-        # Without slip the suggestion names a smaller coefficient already.
-        if not any(contact.friction.stands for contact in task.system.rubbing):
-            report.suggestion = FRICTION_WAY_OUT
-
-
-def is_impossible(task: Task) -> bool:
-    """Whether :func:`judge` proves that nothing is admissible, which the report then says.
-
-    Collective.
-    """
-    report, verdict = task.report, judge(task)
-    if verdict is None:
-        return False
-    report.is_infeasible = task.target.penalty.is_strict
-    report.reason, report.admissible_factor = verdict.reason, verdict.factor
-    report.suggestion = _INFEASIBLE_WAY_OUT
-    if verdict.factor is not None:
-        low, high = (f"{100.0 * share:.3g}" for share in verdict.factor)
-        share = f"{low} to {high}" if verdict.factor[0] else f"less than {high}"
-        report.reason += f"; {share} % of the prescribed displacements can be followed on this mesh"
-    return True
-
-
 @dataclasses.dataclass(frozen=True)
 class Verdict:
-    """No field in ``K cap K'`` on this mesh has the prescribed values u_D; ``reason`` says where.
+    """No field in ``K cap K'`` on this mesh has the prescribed values u_D; ``place`` says where.
 
     ``factor`` brackets the largest s such that s u_D can be followed: the first number works (0 if
     none was found), the second does not; None where scaling u_D is not the way out.
     """
 
-    reason: str
+    place: str
     factor: tuple[float, float] | None
+    way_out: ClassVar[str] = _INFEASIBLE_WAY_OUT
+
+    @property
+    def reason(self) -> str:
+        """Why there is no solution, and how much can be followed, in words."""
+        if self.factor is None:
+            return self.place
+        low, high = (f"{100.0 * share:.3g}" for share in self.factor)
+        share = f"{low} to {high}" if self.factor[0] else f"less than {high}"
+        return (
+            f"{self.place}; {share} % of the prescribed displacements can be followed on this mesh"
+        )
 
 
 def judge(task: Task) -> Verdict | None:
@@ -85,7 +68,7 @@ def judge(task: Task) -> Verdict | None:
 
     Friction and penalties have no say in it, so the problem is solved without them, unless friction
     alone holds the body.  Displacement and friction bounds of the system are left as they are; what
-    it took is added to the report.
+    it took is counted.
     """
     system = task.system
     prescribed = system.constraints.held_part(system.u.x.array)
@@ -135,7 +118,7 @@ def share_of_friction(task: Task) -> str | None:
 
     None where friction is nothing, or where the problem is not solved without it either.  This is
     a search, and proves nothing.  Displacement and friction bounds of the system are left as they
-    are; what it took is added to the report.
+    are; what it took is counted.
     """
     if not task.system.rubbing or task.system.held_by_friction:
         return None
@@ -160,8 +143,7 @@ def share_of_friction(task: Task) -> str | None:
 def force_with_friction(task: Task, share: float = _LITTLE) -> float | None:
     """The sum of all pressures with a share of the coefficient, None if not solved; collective.
 
-    Displacement and friction bounds of the system are left as they are; what it took is added to
-    the report.
+    Displacement and friction bounds of the system are left as they are; what it took is counted.
     """
     system = task.system
     with _tries(task) as tries:
@@ -176,22 +158,22 @@ def force_with_friction(task: Task, share: float = _LITTLE) -> float | None:
             solver.destroy()
 
 
-def contact_force(system: PenalisedSystem, found: Multipliers) -> float:
+def contact_force(system: PenalisedSystem, found: Outcome) -> float:
     """The sum of all pressures; collective."""
-    pairs = zip(system.contacts, found.contacts, strict=True)
+    assert found.multipliers is not None
+    pairs = zip(system.contacts, found.multipliers.contacts, strict=True)
     return sum(float(item.surface.integral(forces.pressure)) for item, forces in pairs)
 
 
 @contextlib.contextmanager
-def _tries(task: Task) -> Iterator[SolverReport]:
-    """Solve other problems with the system and a report of their own; count what they take."""
-    tries = SolverReport()
+def _tries(task: Task) -> Iterator[Counts]:
+    """Solve other problems with the system and counts of their own; count what they take."""
+    tries = Counts()
     with task.system.preserved():
         try:
             yield tries
         finally:
-            task.report.tangents += tries.tangents
-            task.report.linear += tries.linear
+            task.counts.add(tries)
 
 
 def _stiff(target: Target, stiffness: float = _STIFF) -> Target:

@@ -23,12 +23,14 @@ class Judge:
     """Measures equilibrium, laws, duality gap and friction bounds of the iterates of a solve.
 
     ``friction_change`` is how far the friction bounds were from ``mu |R p|`` at the last
-    :meth:`compare`, relative.
+    :meth:`compare`, relative.  ``leaves_gap`` says that rounding in the cones excused a duality gap
+    at the last :meth:`measure` that is large beside the energy.
     """
 
     def __init__(self, task: Task, tangent: Tangent, tuning: Tuning) -> None:
         self._task, self._tangent, self._tuning = task, tangent, tuning
         self._least_energy = self._least_force = self.friction_change = 0.0
+        self.leaves_gap = False
 
     def begin(self, strain: float) -> None:
         """Let no energy and no force be judged by less than a share of those of a strain."""
@@ -55,8 +57,10 @@ class Judge:
         energy = max(energy, self._tuning.locking_share * iterate.body_work())
         scale = max(tangent.force_scale, self._least_force)
         # Cones whose products are rounding have no inside left.
-        least = max(self._least_energy, iterate.least_product() / self._tuning.gap_tolerance)
-        product, energy = iterate.total_product(), max(energy, least)
+        product, energy = iterate.total_product(), max(energy, self._least_energy)
+        large = self._tuning.gap_left * self._tuning.gap_tolerance
+        self.leaves_gap = product > large * energy
+        energy = max(energy, iterate.least_product() / self._tuning.gap_tolerance)
         # A body that nothing has touched yet is at rest.
         gap = product / energy if energy > 0.0 else (math.inf if product > 0.0 else 0.0)
         return Measures(

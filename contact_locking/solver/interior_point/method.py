@@ -60,7 +60,7 @@ from contact_locking.solver.interior_point.tuning import Approach, Tuning
 from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
 from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
-from contact_locking.solver.task import Target, Task
+from contact_locking.solver.task import Outcome, Target, Task
 
 _CONES: dict[type[StrainSet], type[LockingCones | StrainHalfLines | PrincipalCones]] = {
     NormSet: LockingCones,
@@ -155,7 +155,7 @@ class InteriorPoint:
         last: LastIterate | None = None,
         nothing_slips: bool = False,
         loosened: float = 1.0,
-    ) -> Multipliers:
+    ) -> Outcome:
         """Iterate to the tolerances; raises NotConverged, the best iterate left in place.
 
         ``last`` is the solution of the step before, if there is one.  ``nothing_slips`` lets
@@ -164,11 +164,11 @@ class InteriorPoint:
         """
         return self._solve(loosened, lambda: self._start(last, nothing_slips))
 
-    def solve_on(self, loosened: float = 1.0) -> Multipliers:
+    def solve_on(self, loosened: float = 1.0) -> Outcome:
         """As :meth:`solve`, from the iterate of the solve before, for other friction bounds."""
         return self._solve(loosened, self._start_on)
 
-    def solve_near(self, last: LastIterate) -> Multipliers:
+    def solve_near(self, last: LastIterate) -> Outcome:
         """As :meth:`solve`, by the pieces of the laws alone, from a state that is near a solution.
 
         Friction bounds that follow pressure and slip need not have been followed to that state.
@@ -180,16 +180,38 @@ class InteriorPoint:
         """Whether :meth:`solve_on` can; the bounds must not be those of contacts without slip."""
         return self._goes_on and not any(bound.stands for bound in self._families.bounds)
 
-    def _solve(self, loosened: float, start: Callable[[], bool]) -> Multipliers:
+    def _solve(self, loosened: float, start: Callable[[], bool]) -> Outcome:
         self._loosened, self._goes_on = loosened, False
         # A NaN is found where steps and residuals are judged.
         with np.errstate(all="ignore"):
-            try:
-                found = self._iterate_to_the_end(start)
-                self._task.report.last = self._last()
+            gap = self._iterate_to_the_end(start)
+            return Outcome(self.multipliers(), self._last(), gap, self.friction_change)
+
+    @property
+    def friction_change(self) -> float:
+        """How far the friction bounds are from ``mu |R p|``, relative."""
+        return self._judge.friction_change
+
+    def finish(self, found: Outcome) -> Outcome:
+        """A solution that cones have left rough, by the pieces of the laws; collective.
+
+        It is as it was where it is not rough, where linear solves are iterative, and where that
+        method does not arrive.
+        """
+        judge, last = self._judge, found.last
+        is_done = self.is_elastic or self._pieces is not None or self._tangent.direct is None
+        if is_done or last is None or not (judge.leaves_gap or self._leaves_law()):
+            return found
+        pieces = self._all_pieces()
+        with np.errstate(all="ignore"):
+            if not self._take(pieces, pieces.from_last(last)):
                 return found
-            finally:
-                self._task.report.friction_change = self._judge.friction_change
+        change = judge.friction_change if self.bound_moves else found.friction_change
+        return Outcome(self.multipliers(), self._last(), self._gap, change, found.contraction)
+
+    def _leaves_law(self) -> bool:
+        """Whether a locking stress is far from its penalty law at the displacement; collective."""
+        return self._has_law and not self._judge.keeps_penalty_law(self._iterate)
 
     def take_loads(self) -> None:
         """Take the present loads of the system for the next solve."""
@@ -280,11 +302,12 @@ class InteriorPoint:
         self._tangent.destroy()
         self._families.destroy()
 
-    def _iterate_to_the_end(self, start: Callable[[], bool]) -> Multipliers:
+    def _iterate_to_the_end(self, start: Callable[[], bool]) -> float:
+        """Iterate to the tolerances; the duality gap."""
         task, settings = self._task, self._task.settings
         self._judge.friction_change, self._first = 0.0, None
         self._left = self._stiffest = math.inf
-        self._crawled = 0
+        self._crawled, self._gap = 0, 0.0
         self._pieces, self.from_last = None, False
         try:
             is_found = start()
@@ -292,14 +315,12 @@ class InteriorPoint:
             raise_callback_error(error)
             raise NotConverged(LINEAR_FAILURE) from error
         finally:
-            task.report.linear += self._tangent.take_iterations()
+            task.counts.linear += self._tangent.take_iterations()
         if self.is_elastic:
             unbalanced = self._tangent.residual_norms([])[0]
             task.monitor.iteration(0, unbalanced / (self._tangent.force_scale or 1.0))
-            task.report.duality_gap = 0.0
-            return self.multipliers()
-        if is_found:
-            return self.multipliers()
+        if self.is_elastic or is_found:
+            return self._gap
         limit, tuning = settings.max_iterations, self._tuning
         steps_left = tuning.steps_for_law if self._wants_law else 0
         for iteration in range(limit + 1):
@@ -308,10 +329,9 @@ class InteriorPoint:
             if not np.isfinite(measures.equilibrium + measures.gap):
                 raise NotConverged("the interior point iteration lost its digits")
             if self._rests():
-                self.is_elastic, measures.gap = True, 0.0
-                self._judge.friction_change = 0.0
+                self.is_elastic, self._judge.friction_change = True, 0.0
                 task.system.remove_friction()
-                break
+                return 0.0
             # Other bounds ask for another displacement, however near they are.
             is_enough = iteration > 0 or not self._goes_on
             reached = is_enough and measures.reached(settings, tuning.gap_tolerance, self._loosened)
@@ -334,17 +354,20 @@ class InteriorPoint:
                 break
             self.require_feasible()
             raise NotConverged(f"the interior point step vanished ({measures})")
-        task.report.duality_gap = measures.gap
-        self._goes_on = not (self.is_elastic or self.bound_moves)
-        return self.multipliers()
+        self._goes_on = not self.bound_moves
+        return measures.gap
 
     @property
     def _wants_law(self) -> bool:
         """Whether locking stresses shall keep their penalty law, which no polishing gives them."""
-        target, polishes = self._task.target, self._tangent.direct is not None
+        return self._has_law and self._tangent.direct is None and self._loosened == 1.0
+
+    @property
+    def _has_law(self) -> bool:
+        """Whether locking has a penalty law that the rounding in strains lets it keep."""
+        target = self._task.target
         has_digits = target.penalty.n <= self._tuning.stiffest_law * target.stiffness
-        is_wanted = has_digits and bool(self._families.strains)
-        return is_wanted and not polishes and self._loosened == 1.0
+        return has_digits and bool(self._families.strains)
 
     def _rests(self) -> bool:
         """Whether the body is at rest without multipliers; collective."""
@@ -369,7 +392,7 @@ class InteriorPoint:
         if last is not None:
             pieces = None
         elastic = ElasticStart(task, tangent, tuning)
-        task.report.tangents += 1
+        task.counts.tangents += 1
         is_admissible = elastic.solve()
         if nothing_slips:
             for bound in bounds:
@@ -456,7 +479,7 @@ class InteriorPoint:
         """Take the solution of that method, if it has found one."""
         if found is None:
             return False
-        self._pieces, self._iterate = pieces, found
+        self._pieces, self._iterate, self._gap = pieces, found, pieces.gap
         return True
 
     # 2. The stopping rule.
@@ -510,7 +533,7 @@ class InteriorPoint:
 
     def _step(self, measures: Measures) -> bool:
         """Take a step; False if there is none that leads anywhere; collective."""
-        report, iterate = self._task.report, self._iterate
+        counts, iterate = self._task.counts, self._iterate
         try:
             for bound in self._moving:
                 bound.friction.growth = np.maximum(bound.slope(), 0.0)
@@ -519,7 +542,7 @@ class InteriorPoint:
             raise_callback_error(error)
             raise NotConverged(LINEAR_FAILURE) from error
         finally:
-            report.linear += self._tangent.take_iterations()
+            counts.linear += self._tangent.take_iterations()
         # An approach whose friction bounds lead nowhere crawls; another may not.
         self._crawled = self._crawled + 1 if self._moving and t < self._tuning.short else 0
         if not t > self._tuning.shortest or self._crawled > self._tuning.short_steps:
@@ -529,7 +552,7 @@ class InteriorPoint:
         self._left = (1.0 - t) * measures.equilibrium
         if self._moving:
             self._follow(t)
-            report.friction += 1
+            counts.updates += 1
         return True
 
     def _searched(self, measures: Measures) -> tuple[Direction, float]:
@@ -540,7 +563,7 @@ class InteriorPoint:
         while True:
             try:
                 self._iterate.linearise()
-                self._task.report.tangents += 1
+                self._task.counts.tangents += 1
                 return self._search.step(measures)
             except PETSc.Error as error:
                 raise_callback_error(error)

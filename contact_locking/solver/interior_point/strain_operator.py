@@ -45,7 +45,7 @@ class StrainOperator:
         self.rows = vector.ufl_shape[0]
 
         def strains() -> fem.Form:
-            test = ufl.TestFunction(element.strain_space(mesh, (self.rows,)))
+            test = ufl.TestFunction(element.shared_strain_space(kept, mesh, (self.rows,)))
             return compiled.form(ufl.inner(vector, test) * dx)
 
         form = kept(("strains", law), strains)
@@ -56,8 +56,8 @@ class StrainOperator:
         by_cell.assemble()
         self._matrix = self._by_component(by_cell)
         by_cell.destroy()
-        self.scalars = kept("scalars", lambda: element.strain_space(mesh))
-        self.tensors = kept("tensors", lambda: element.tensor_space(mesh))
+        self.scalars = element.shared_strain_space(kept, mesh)
+        self.tensors = element.shared_strain_space(kept, mesh, element.strain_shape(mesh))
         self._element = element
         weights: FloatArray = kept(
             "locking weights",

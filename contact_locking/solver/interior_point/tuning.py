@@ -180,6 +180,9 @@ class Tuning:
     #: The duality gap over the energy at which the method stops, > 0.  Rounding in nearly singular
     #: cones leaves about 1e-9.
     gap_tolerance: float = 1e-8
+    #: A gap that rounding in the cones excuses is rough where it is above so many times the
+    #: tolerance, > 1, over the energy.
+    gap_left: float = 10.0
     #: Where Newton's method does not polish the solution of a penalised problem, a locking stress
     #: may differ by this share of the largest, > 0, from that of its law at the displacement.
     off_law: float = 3e-7

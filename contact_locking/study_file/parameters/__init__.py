@@ -373,7 +373,6 @@ class Parameters(Section):
                 )
 
     def _contact_sections(self) -> list[tuple[Place, ContactSection]]:
-        """The sections of contact with their places in the file."""
         if isinstance(self.contact, tuple):
             return [(("contact", index), entry) for index, entry in enumerate(self.contact)]
         return [(("contact",), self.contact)]
@@ -383,19 +382,12 @@ class Parameters(Section):
         cells, facets = self.mesh.geometry.cell_names, self.mesh.facet_names
         for name in self.material.regions:
             yield from _unknown_name(("material", "regions", name), name, cells, "the body")
-        for place, eigenstrain in self.material.eigenstrains:
-            for name in eigenstrain.on or ():
-                yield from _unknown_name(("material", *place, "on"), name, cells, "the body")
-        for kind in ("tractions", "pressures", "forces", "displacements", "supports", "springs"):
-            for index, load in enumerate(getattr(self.loads, kind)):
-                for name in load.on:
-                    place = ("loads", kind, index, "on")
-                    yield from _unknown_name(place, name, facets, "the boundary")
-        for contact, section in self._contact_sections():
-            for name in section.on:
-                yield from _unknown_name((*contact, "on"), name, facets, "the boundary")
-            for name in section.against or ():
-                yield from _unknown_name((*contact, "against"), name, facets, "the boundary")
+        parts = {"material": (cells, "the body"), "loads": (facets, "the boundary")}
+        parts["contact"] = parts["loads"]
+        for place, section in sections(self):
+            for key in ("on", "against") if place and place[0] in parts else ():
+                for name in getattr(section, key, None) or ():
+                    yield from _unknown_name((*place, key), name, *parts[str(place[0])])
 
     def _expression_faults(self) -> Iterator[Fault]:
         """Names of tables that no expression can use or that are no tables, and t without steps."""

@@ -11,7 +11,7 @@ from pydantic import Field
 from contact_locking.expressions import CONSTANTS, FUNCTIONS, POSITION, TIME
 
 from .base import Fault, Place, Section, entry
-from .values import Along, Names, PositiveScalar, Text, TimedScalar, TimeScalar
+from .values import Along, File, Names, PositiveScalar, Text, TimedScalar, TimeScalar
 
 # All tractions and pressures are compiled into one form, which takes seconds for 200 of them and
 # fails for some 2000.
@@ -167,7 +167,7 @@ _MOST_TABLES = 50
 class TableParameters(Section):
     """Two columns of a CSV file, interpolated linearly between the rows."""
 
-    file: Text = entry(..., "a CSV file with a row of column names, relative to the study file")
+    file: File = entry(..., "a CSV file with a row of column names, relative to the study file")
     over: Text = entry(..., "the name of the column with the ascending arguments")
     column: Text = entry(..., "the name of the column with the values")
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from .base import Fault, Section, entry
-from .values import Integer, Number, NumberOrInfinite, Text
+from .values import File, Integer, Number, NumberOrInfinite, Text
 
 _MOST = 100
 
@@ -17,7 +17,7 @@ _MOST = 100
 class Curve(Section):
     """The rows of a CSV file, and the keys that differ in its experiment."""
 
-    file: Text = entry(..., "a CSV file with a row of column names, relative to the study file")
+    file: File = entry(..., "a CSV file with a row of column names, relative to the study file")
     set: dict[str, Any] = entry(
         {}, "keys of the study file with their values in this experiment, as contact.gap: 0.1"
     )

@@ -59,7 +59,6 @@ def may_be_vector(annotation: Any) -> bool:
 
 
 def _choices(annotation: Any) -> list[Any]:
-    """The types that a type chooses from, itself if there is no choice."""
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return _choices(arguments[0])

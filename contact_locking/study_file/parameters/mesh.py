@@ -17,7 +17,17 @@ from contact_locking.meshes import BUILDERS
 from contact_locking.plain_text import nearest
 
 from .base import Fault, FaultsError, Section, entry, refuse_if
-from .values import Condition, Direction, Integer, Names, Number, NumberOrInfinite, Switch, Text
+from .values import (
+    Condition,
+    Direction,
+    File,
+    Integer,
+    Names,
+    Number,
+    NumberOrInfinite,
+    Switch,
+    Text,
+)
 from .wording import show, unknown_key, value_message
 
 #: The keys that are no parameters of builders.
@@ -65,12 +75,12 @@ class MeshParameters(Section):
     """A builder with its own parameters, or a file with named physical groups."""
 
     builder: Text | None = entry("block", "a geometry by name", optional=True)
-    file: Text | None = entry(
+    file: File | None = entry(
         None,
         "a Gmsh or XDMF file, relative to the study file, in place of a builder",
         optional=True,
     )
-    facets: Text | None = entry(
+    facets: File | None = entry(
         None,
         "an XDMF file with tags of facets, beside an XDMF file; their numbers are the names",
         optional=True,

@@ -17,9 +17,9 @@ from .values import (
     Number,
     Positive,
     Switch,
-    Text,
     TimedScalar,
     TimeScalar,
+    ToolFile,
     list_or,
 )
 from .wording import show
@@ -114,7 +114,7 @@ class Cylinder(Section):
 class Surface(Section):
     """A surface of triangles from a file; outside is where they run counterclockwise."""
 
-    file: Text = entry(
+    file: ToolFile = entry(
         ...,
         "an STL file, a Gmsh file with triangles, or a height map (.csv, .npy), relative to the "
         "study file",
@@ -137,9 +137,9 @@ class Surface(Section):
 _Corners = Annotated[
     tuple[tuple[Number, ...], ...], Field(min_length=2, max_length=MOST_CORNERS), Tag(LIST)
 ]
-CornersOrFile = Annotated[_Corners | Annotated[Text, Tag(TEXT)], list_or(TEXT)]
+CornersOrFile = Annotated[_Corners | Annotated[ToolFile, Tag(TEXT)], list_or(TEXT)]
 SurfaceOrFile = Annotated[
-    Annotated[Surface, Tag(SECTION)] | Annotated[Text, Tag(TEXT)],
+    Annotated[Surface, Tag(SECTION)] | Annotated[ToolFile, Tag(TEXT)],
     Discriminator(lambda value: TEXT if isinstance(value, str) else SECTION),
 ]
 

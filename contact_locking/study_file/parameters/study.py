@@ -60,7 +60,6 @@ Values = Annotated[Any, BeforeValidator(_values)]
 
 
 def _numbered(model: type[BaseModel], parts: list[str], depth: int) -> str:
-    """The hint that a key in a list has a number, if it is a key then."""
     entry = [*parts[:depth], "0", *parts[depth:]]
     try:
         known_keys(model, entry)

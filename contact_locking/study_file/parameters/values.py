@@ -6,11 +6,13 @@ The bounds of numbers are pydantic's, so that the JSON schema has them; `wording
 from __future__ import annotations
 
 import math
+import os
 import unicodedata
 from collections import Counter
 from collections.abc import Mapping
 from contextvars import ContextVar
 from functools import partial
+from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import (
@@ -20,6 +22,7 @@ from pydantic import (
     Field,
     PlainValidator,
     Tag,
+    ValidationInfo,
     WithJsonSchema,
 )
 
@@ -33,6 +36,8 @@ from contact_locking.expressions import (
     Table,
     parse,
 )
+from contact_locking.mesh.file.tool_surface import check_size
+from contact_locking.study_file.source import similar
 
 from .wording import show
 
@@ -78,7 +83,6 @@ def _negative(value: Any) -> float | str:
 
 
 def _number_or_infinite(value: Any) -> float:
-    """The number, also minus infinity."""
     return value if value == -math.inf else _number(value, infinite=True)
 
 
@@ -109,6 +113,32 @@ def _harmless(text: str) -> str:
     if "Cc" in kinds:
         raise ValueError(f"contains a control character: {ascii(text)[:60]}")
     return text
+
+
+def _there(name: str, info: ValidationInfo) -> str:
+    """The absolute path of a file, relative to the folder that is the context, if there is one."""
+    if info.context is None:
+        return name
+    file = str(Path(info.context).absolute() / name)
+    # Not Path.is_file, which raises for a name that no file can have.
+    if os.path.isfile(file):
+        return file
+    if os.path.isdir(file):
+        raise ValueError(f"is a folder: {file}")
+    if os.path.exists(file):
+        raise ValueError(f"is a pipe or a device, and no file: {file}")
+    raise ValueError(f"there is no such file: {file}{similar(Path(file))}")
+
+
+def _readable(name: str, info: ValidationInfo) -> str:
+    """`_there`, with the size of the file checked before anything reads it, also for a digest."""
+    file = _there(name, info)
+    if info.context is not None:
+        try:
+            check_size(Path(file))
+        except InputError as error:
+            raise ValueError(str(error)) from None
+    return file
 
 
 def _names(value: Any) -> tuple[str, ...]:
@@ -215,6 +245,8 @@ Degree = Annotated[int, Field(strict=True, ge=1, le=2), BeforeValidator(_whole)]
 StepCount = Annotated[int, Field(strict=True, ge=1, le=100_000), BeforeValidator(_whole)]
 Switch = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(strict=True), AfterValidator(_harmless)]
+File = Annotated[Text, AfterValidator(_there)]
+ToolFile = Annotated[Text, AfterValidator(_readable)]
 Names = Annotated[tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
 Along = Annotated[
     Literal["normal"] | tuple[float, ...], PlainValidator(_along), WithJsonSchema(_ALONG_SCHEMA)
