@@ -78,6 +78,8 @@ def polish(
         return None
     finally:
         newton.destroy()
+    # The updates of a polish begin at the solution: their changes are errors of the solves.
+    return replace(polished, contraction=found.contraction or polished.contraction)
 
 
 def has_digits(target: Target) -> bool:
