@@ -32,8 +32,8 @@ assert solution.converged, solution.summary["reason"]
 #
 # Both rings give way. With the overlap $\delta$ and the radii $a < b < c$ in plane stress
 #
-# $$ \frac{\delta}{p\,b} = \frac{1}{E_1} \Big( \frac{b^2 + a^2}{b^2 - a^2} - \nu_1 \Big)
-#    + \frac{1}{E_2} \Big( \frac{c^2 + b^2}{c^2 - b^2} + \nu_2 \Big). $$
+# $$ \frac{\delta}{p\,b} = \frac{1}{E_1} \left( \frac{b^2 + a^2}{b^2 - a^2} - \nu_1 \right)
+#    + \frac{1}{E_2} \left( \frac{c^2 + b^2}{c^2 - b^2} + \nu_2 \right). $$
 
 # %%
 a, b, c = 0.5, 1.0, 2.0

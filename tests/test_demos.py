@@ -33,7 +33,13 @@ COARSE = {
     "indentation": ("mesh.h=0.1", "steps.count=3", *PLAIN),
     "two_foundations": ("mesh.h=0.1", *PLAIN),
     "press_fit": ("mesh.h=0.12", *PLAIN),
-    "grains": ("mesh.count=8", *PLAIN),
+    # Seven grains that fill a narrow box up to the piston.
+    "grains": (
+        *("mesh.width=4.02", "mesh.count=7", "mesh.seed=1"),
+        "contact.1.foundation.polyline=[[4.02, 20], [4.02, 0], [0, 0], [0, 20]]",
+        "contact.2.foundation.half_space.point=[0, 8.894]",
+        *PLAIN,
+    ),
     "soft_fingers": ("mesh.h=0.25", "mesh.h_contact=0.2", "steps.count=2", *PLAIN),
     "gripper": ("mesh.h=0.14", "steps.count=4", *PLAIN),
     "sensitivity": ("mesh.h=0.14", "steps.count=2", *PLAIN),

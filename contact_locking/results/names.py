@@ -27,6 +27,8 @@ FILES_OF_RUN = (
     *(PARAMETERS, CONTACT, FACETS, HISTORY, MESHES, FIELDS, XDMF_DATA, XDMF),
     *(PROBES, BRANCHES, SNAPSHOT, PICTURE, ANIMATION, FIT, FIT_PICTURE, CHECKPOINT, SUMMARY),
 )
+#: More than the bytes of a summary, the parameters and some hundred contact points.
+TEXTS_BYTES = 65_536
 #: The table of a study, in CSV and in JSON lines.
 TABLE_CSV, TABLE_LINES = "table.csv", "table.jsonl"
 

@@ -13,13 +13,11 @@ from contact_locking.errors import explained
 from contact_locking.files import atomic, ownership
 from contact_locking.files.lock import locked, new_folders
 from contact_locking.parallel import on_root
-from contact_locking.results.names import FILES_OF_RUN, not_writable
+from contact_locking.results.names import FILES_OF_RUN, TEXTS_BYTES, not_writable
 
 T = TypeVar("T")
 
 KEY = "output.directory"
-# More than the size of a summary, the parameters and some hundred contact points.
-TEXTS_BYTES = 65_536
 
 
 @contextlib.contextmanager

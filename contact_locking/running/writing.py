@@ -20,13 +20,7 @@ from contact_locking.files.lock import make_folders
 from contact_locking.process import checkpoint as checkpoints
 from contact_locking.process import several
 from contact_locking.results import adapted_meshes, contact_table, fields, names, probe_table, xdmf
-from contact_locking.results.output_folder import (
-    KEY,
-    TEXTS_BYTES,
-    explained_in,
-    on_root_of,
-    require_own,
-)
+from contact_locking.results.output_folder import KEY, explained_in, on_root_of, require_own
 from contact_locking.results.solution import StudySolution, summary_text
 
 
@@ -189,7 +183,7 @@ def _checkpoint(solution: StudySolution, target: Path, staging: Path) -> str | N
 def _write_checkpoint(solution: StudySolution, target: Path, folder: Path) -> None:
     comm = solution.domain.comm
     # The text files are written later and need room as well.
-    size = checkpoints.size(solution) + TEXTS_BYTES
+    size = checkpoints.size(solution) + names.TEXTS_BYTES
 
     def make_folder() -> None:
         atomic.require_room(folder.parent, size)

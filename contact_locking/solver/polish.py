@@ -73,11 +73,13 @@ def polish(
     try:
         with task.system.preserved(only_on_failure=True):
             # One step takes off most of what is left within the tolerances.
-            return settle(newton, few, found, least_steps=1)
+            polished = settle(newton, few, found, least_steps=1)
     except NotConverged:
         return None
     finally:
         newton.destroy()
+    # The updates of a polish begin at the solution: their changes are errors of the solves.
+    return replace(polished, contraction=found.contraction or polished.contraction)
 
 
 def has_digits(target: Target) -> bool:

@@ -38,9 +38,9 @@ _INTERMEDIATE_TOLERANCE = 1e-2
 _POLISH = 4
 # Newton's steps from where the interior point method stopped early.
 _RESCUE = 30
-# Solves with a known friction bound are as sharp as a share of its last change, and so sharp at
-# least.
-_SHARE_OF_CHANGE, _LOOSEST = 1e-2, 1e-2
+# Solves with a known friction bound are as sharp as a share of its last change, so that their
+# errors do not pass for its contraction, and so sharp at least.
+_SHARE_OF_CHANGE, _LOOSEST = 1e-4, 1e-3
 # The solutions over the penalty, and then the branch over the share of friction, may take so many
 # times the tangents of the solve that fails, or so many where that fails at once.
 _TIMES, _AT_LEAST = 16, 1000

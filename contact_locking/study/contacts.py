@@ -17,7 +17,7 @@ from contact_locking.contact.contact import Contact, FoundationSpring, Tilt
 from contact_locking.contact.coulomb import Convolution, Coulomb, Helmholtz, Kernel, Local
 from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
 from contact_locking.contact.surface import ContactSurface
-from contact_locking.errors import InputError, with_key
+from contact_locking.errors import InputError, NotConverged, with_key
 from contact_locking.expressions import TIME, Expression, parse
 from contact_locking.expressions.gradient import value_and_gradient
 from contact_locking.fields.clock import Clock, is_timed
@@ -333,9 +333,13 @@ def _friction_law(domain: Domain, part: ContactParameters, clock: Clock) -> Fric
 
     def local(points: FloatArray, slip: FloatArray) -> FloatArray:
         places = dict(zip(AXES, points.T, strict=False))
-        return with_key(
-            key, lambda: np.broadcast_to(expression.numpy(**places, s=slip), slip.shape)
-        )
+        try:
+            return np.broadcast_to(expression.numpy(**places, s=slip), slip.shape)
+        except InputError as error:
+            # An iterate may slip farther than the solution, beyond the end of a table.
+            if slip.any():
+                raise NotConverged(f"{key}: {error}") from error
+            raise InputError(str(error), key) from error
 
     def whole(points: FloatArray, slip: FloatArray) -> FloatArray:
         mu = agree(comm, lambda: local(points, slip))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from contact_locking import InputError, solve, solve_steps, study_file
+from contact_locking import InputError, NotConverged, solve, solve_steps, study_file
 from contact_locking.expressions import Table, parse
 from contact_locking.running.studies.cases import cases_of
 from contact_locking.study.assembly import assemble
@@ -167,6 +167,19 @@ def test_a_time_beyond_the_table_is_refused_with_key_and_range(folder: Path) -> 
     with pytest.raises(InputError, match="table 'ramp' has values from 0 to 1") as caught:
         list(solve_steps(parameters))
     assert caught.value.key == "loads.tractions.0.value.1"
+
+
+@pytest.mark.serial
+def test_a_slip_beyond_the_table_ends_the_solve_that_went_there_and_no_other(folder: Path) -> None:
+    """Iterates may slip farther than solutions, so that the file is not at fault."""
+    (folder / "wear.csv").write_text("slip,mu\n0,0.3\n1,0.2\n")
+    wear = {"wear": {"file": "wear.csv", "over": "slip", "column": "mu"}}
+    slips = {"tables": TABLES | wear, "friction": {"coefficient": "wear(s)"}}
+    (contact,) = assemble(from_mapping(given(**slips), folder), MPI.COMM_SELF).data.contacts
+    count = len(contact.free)
+    assert contact.friction.coefficient(np.full(count, 0.5)) == pytest.approx(0.25)
+    with pytest.raises(NotConverged, match=r"friction.coefficient: .*values from 0 to 1"):
+        contact.friction.coefficient(np.full(count, 2.0))
 
 
 @pytest.mark.serial

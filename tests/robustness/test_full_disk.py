@@ -155,7 +155,7 @@ def test_fields_that_run_out_of_room_while_they_are_written_do_not_end_the_proce
     assert not list(disk.kept.iterdir())
 
 
-@pytest.mark.parametrize("size", ["128k", pytest.param("24k", marks=slow)])
+@pytest.mark.parametrize("size", ["128k", pytest.param("36k", marks=slow)])
 def test_a_checkpoint_that_has_no_room_is_told_by_exit_code_1_and_all_else_is_kept(
     size: str, disk: Disk
 ) -> None:
@@ -164,7 +164,7 @@ def test_a_checkpoint_that_has_no_room_is_told_by_exit_code_1_and_all_else_is_ke
     # On the smaller disk another program takes the room while it is written.
     script = "from contact_locking.files import atomic\natomic.require_room = lambda *_: None"
     words = ["--checkpoint", "--set", "output.picture=false", "output.fields=false"]
-    done = disk.solve(size, *words, script=script if size == "24k" else "")
+    done = disk.solve(size, *words, script=script if size == "36k" else "")
     assert done.returncode == 1
     assert "error: no checkpoint was saved: " in done.stderr
     assert "No space left on device" in done.stderr and "Make room" in done.stderr

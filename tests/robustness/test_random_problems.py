@@ -92,7 +92,9 @@ def _is_infeasible(solution: StudySolution) -> bool:
     )
     value = np.zeros((len(reference.held), solution.domain.dim))
     if moved:
-        value[is_moved(reference.body.x[reference.held])] = moved[0].value
+        at = reference.body.x[reference.held]
+        rates = [float(str(rate).removesuffix("*x")) for rate in moved[0].value]
+        value[is_moved(at)] = np.outer(at[is_moved(at), 0], rates)
     points, nodes = solution.contact_points, reference.contact.nodes
     assert points is not None
     gap = points.gap[cKDTree(points.x).query(reference.body.x[nodes])[1]]

@@ -167,6 +167,11 @@ def test_a_study_of_copies_of_a_huge_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_text_that_is_no_unicode_is_refused_from_python_too() -> None:
-    for data in ({"title": "\ud800"}, {"contact": {"on": "\ud800"}}):
-        with pytest.raises(InputError, match=r"no character"):
+    supports = [{"on": on, "value": [0, 0]} for on in ("left", "\ud800")]
+    for key, data in {
+        "title": {"title": "\ud800"},
+        "contact.on": {"contact": {"on": "\ud800"}},
+        "loads.displacements.1.on": {"loads": {"displacements": supports}},
+    }.items():
+        with pytest.raises(InputError, match=rf"{key}.*: .*no character"):
             from_mapping(data)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contact_locking.errors import NoRendering, NoRoom, is_full
-from contact_locking.results.names import PICTURE, SNAPSHOT
+from contact_locking.files.atomic import require_room
+from contact_locking.results.names import PICTURE, SNAPSHOT, TEXTS_BYTES
 
 if TYPE_CHECKING:
     from contact_locking.extras.pictures.offscreen import Image
@@ -49,6 +50,8 @@ def _draw(snapshot: Snapshot, folder: Path) -> str | None:
         snapshot_file.save(snapshot, folder / SNAPSHOT)
         images = offscreen.views(folder / SNAPSHOT) if snapshot.dim == 3 else None
         draw(snapshot, target, images)
+        # The text files are written later, and matter more.
+        require_room(folder, TEXTS_BYTES)
     except NoRendering as reason:
         return f"no picture was drawn: {reason}\nFor pictures in 3D: {offscreen.INSTALL}"
     except ImportError as error:

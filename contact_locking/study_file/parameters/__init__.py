@@ -15,7 +15,18 @@ from contact_locking.errors import InputError
 from contact_locking.expressions import ANY_TABLE, POSITION, TIME, parse
 from contact_locking.plain_text import nearest
 
-from .base import Fault, Place, Section, below, dimension_faults, entry, leaves, marks, sections
+from .base import (
+    Fault,
+    FaultsError,
+    Place,
+    Section,
+    below,
+    dimension_faults,
+    entry,
+    leaves,
+    marks,
+    sections,
+)
 from .boundary import LoadParameters, Spring, TableParameters, name_faults
 from .contact_sections import (
     ContactParameters,
@@ -80,6 +91,15 @@ __all__ = [
     "StudyParameters",
     "TableParameters",
 ]
+
+
+def _no_characters(value: Any, place: Place = ()) -> Iterator[Place]:
+    """The places of the texts with half of a surrogate pair."""
+    if isinstance(value, str) and any("\ud800" <= letter <= "\udfff" for letter in value):
+        yield place
+    items = value.items() if isinstance(value, dict) else ()
+    for key, item in enumerate(value) if isinstance(value, list | tuple) else items:
+        yield from _no_characters(item, (*place, key))
 
 
 class Parameters(Section):
@@ -151,7 +171,9 @@ class Parameters(Section):
             return handler(data)
         except UnicodeEncodeError:
             # Pydantic cannot tell of a text that holds no character.
-            raise ValueError("contains an escape that is no character") from None
+            place = next(_no_characters(data), ())
+            message = "contains an escape that is no character"
+            raise FaultsError([Fault(place, message)]) from None
         finally:
             NAMED.reset(token)
 
