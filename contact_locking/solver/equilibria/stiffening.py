@@ -21,7 +21,13 @@ from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.solver.equilibria.bound_map import BoundMap, BoundVectors
 from contact_locking.solver.equilibria.newton import MapNewton
-from contact_locking.solver.equilibria.search import FARTHEST, has_map, sharpened
+from contact_locking.solver.equilibria.search import (
+    FARTHEST,
+    has_map,
+    settled_from,
+    sharpened,
+    solve_on_branch,
+)
 from contact_locking.solver.interior_point.feasibility import contact_force, force_with_friction
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.task import Counts, Outcome, Target, Task
@@ -177,7 +183,8 @@ class Stiffening:
             if found is None:
                 # Where the solutions turn back others may lead on.
                 step = _LONGEST
-                found = self._from_nothing(min(known.power + step, self._last))
+                power = min(known.power + step, self._last)
+                found = self._from_nothing(power) or self._from_less_friction(power)
             before, known = known, found
 
     def _arrives(self, stage: Stage, target: Target) -> bool:
@@ -188,7 +195,14 @@ class Stiffening:
         sharp = self._task.settings.friction_tolerance
         if target is stage.target:
             sharp *= _EVIDENCE
-        return self._solved(target, stage.bounds, sharp) is not None
+        if self._solved(target, stage.bounds, sharp) is None:
+            return False
+        try:
+            if self.found.friction_change > sharp:
+                self.found = settled_from(self._task.aside(self.counts, target), self.found)
+            return True
+        except NotConverged:
+            return False
 
     def _onwards(self, before: Stage | None, known: Stage, power: float) -> Stage | None:
         target, before_it = _softened(self._task.target, power), self.found
@@ -223,6 +237,14 @@ class Stiffening:
             return None
         finally:
             solver.destroy()
+
+    def _from_less_friction(self, power: float) -> Stage | None:
+        target = _softened(self._task.target, power)
+        left = self._most_tangents - self.counts.tangents
+        with contextlib.suppress(NotConverged):
+            self.found, _ = solve_on_branch(self._task.aside(self.counts, target), left)
+            return self._stage(power, target, self._bounds())
+        return None
 
     def _bounds(self) -> FloatArray:
         return np.empty(0) if self._vectors is None else self._vectors.in_force()
