@@ -293,7 +293,7 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
             most = max(_AT_LEAST, _TIMES * counts.tangents)
             stiffened = solve_by_penalties(task, most)
             if stiffened.way is Way.SOLVED:
-                return solved(stiffened.found, *attempt.warnings)
+                return solved(stiffened.found, *attempt.warnings, *_past(stiffened.folds))
             if stiffened.way is Way.WEDGED:
                 reason = report.reason + stiffened.reason
                 report = replace(report, reason=reason, suggestion=FRICTION_WAY_OUT)
@@ -301,12 +301,16 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
         if task.follows_branch and goes_on(failure):
             try:
                 found, folds = solve_on_branch(task, most)
-                past = [_PAST_FOLDS.format(folds=folds)] if folds else []
-                return solved(found, *attempt.warnings, *past)
+                return solved(found, *attempt.warnings, *_past(folds))
             except NotConverged as end:
                 report = replace(report, reason="; ".join(filter(None, (report.reason, str(end)))))
         report = _explained(report, verdict(), task)
     return ended(report)
+
+
+def _past(folds: int) -> list[str]:
+    """The warning about folds that lie before a solution."""
+    return [_PAST_FOLDS.format(folds=folds)] if folds else []
 
 
 def _explained(report: SolverReport, verdict: Verdict | None, task: Task) -> SolverReport:

@@ -103,11 +103,15 @@ class Stage:
 
 @dataclass(frozen=True)
 class Stiffened:
-    """Where the penalties have led, and the solution found; ``reason`` tells how forces grow."""
+    """Where the penalties have led, and the solution found; ``reason`` tells how forces grow.
+
+    So many ``folds`` has the branch over friction that led on where the stages did not.
+    """
 
     way: Way
     found: Outcome
     reason: str = ""
+    folds: int = 0
 
 
 def solve_by_penalties(task: Task, most_tangents: float = math.inf) -> Stiffened:
@@ -125,7 +129,7 @@ def solve_by_penalties(task: Task, most_tangents: float = math.inf) -> Stiffened
             way, reason = stiffening.followed()
             if way is Way.LOST:
                 raise _Lost
-            return Stiffened(way, stiffening.found, reason)
+            return Stiffened(way, stiffening.found, reason, stiffening.folds)
     except _Lost:
         return Stiffened(Way.LOST, Outcome())
     finally:
@@ -135,13 +139,13 @@ def solve_by_penalties(task: Task, most_tangents: float = math.inf) -> Stiffened
 class Stiffening:
     """The stages of a task, which end after ``most_tangents``; all methods are collective.
 
-    ``found`` is the solution of the last stage, which is in the system, and ``counts`` is for what
-    they take.
+    ``found`` is the solution of the last stage, which is in the system, ``folds`` are those of
+    branches over friction on the way, and ``counts`` is for what they take.
     """
 
     def __init__(self, task: Task, most_tangents: float) -> None:
         self._task, self._most_tangents = task, most_tangents
-        self.found, self.counts = Outcome(), Counts()
+        self.found, self.folds, self.counts = Outcome(), 0, Counts()
         self._vectors = BoundVectors(task.system) if has_map(task) else None
         self._last = _last_power(task.target)
 
@@ -242,7 +246,8 @@ class Stiffening:
         target = _softened(self._task.target, power)
         left = self._most_tangents - self.counts.tangents
         with contextlib.suppress(NotConverged):
-            self.found, _ = solve_on_branch(self._task.aside(self.counts, target), left)
+            self.found, folds = solve_on_branch(self._task.aside(self.counts, target), left)
+            self.folds += folds
             return self._stage(power, target, self._bounds())
         return None
 
