@@ -36,6 +36,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
+from contact_locking.contact.friction_bound import NoSlip
 from contact_locking.errors import Infeasible, NotConverged, raise_callback_error
 from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet, PrincipalSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
@@ -91,14 +92,18 @@ class Families:
 
 
 def families_of(
-    system: PenalisedSystem, target: Target, least_bound: float, share: float = 1.0
+    system: PenalisedSystem,
+    target: Target,
+    least_bound: float,
+    share: float = 1.0,
+    yields: bool = False,
 ) -> Families:
     """A family for each set of strains, and contact and friction for each part of Gamma_C.
 
     Without friction on a part there is no family for it, and there is none at all for the contact
     of a tool without a force, which does not touch the body.  ``least_bound`` is the share of the
-    largest friction bound that no bound is smaller than, and ``share`` that of friction that acts.
-    Collective.
+    largest friction bound that no bound is smaller than, ``share`` that of friction that acts, and
+    ``yields`` lets contacts without slip have a large coefficient.  Collective.
     """
     penalty = target.penalty
     data, space = system.data, system.u.function_space
@@ -120,7 +125,9 @@ def families_of(
             regularisation = penalty.regularisations[number]
             rubbing = FrictionCones(nodes, regularisation, target.length)
             families.append(rubbing)
-            bounds.append(MovingBound(system, contact, pressing, rubbing, least_bound, share))
+            law = contact.friction
+            law = law.yielding() if yields and isinstance(law, NoSlip) else law
+            bounds.append(MovingBound(system, contact, law, pressing, rubbing, least_bound, share))
     return Families(families, bounds, strains, touching)
 
 
@@ -130,14 +137,16 @@ class InteriorPoint:
     At most 2 of some 20 tangents are saved by the displacement of the next smaller n or mu.
     ``bound_moves`` lets the friction bounds follow the pressure; otherwise they stay as they are.
     For other bounds that stay, :meth:`solve_on` goes on inside of the cones.  ``share`` is that of
-    the friction that acts.
+    the friction that acts, and ``yields`` gives contacts without slip a large coefficient.
     """
 
-    def __init__(self, task: Task, bound_moves: bool = True, share: float = 1.0) -> None:
+    def __init__(
+        self, task: Task, bound_moves: bool = True, share: float = 1.0, yields: bool = False
+    ) -> None:
         self._task, self.bound_moves = task, bound_moves
         self._tuning = tuning = Tuning()
         self.approach = tuning.approaches[0]
-        self._families = families_of(task.system, task.target, tuning.least_bound, share)
+        self._families = families_of(task.system, task.target, tuning.least_bound, share, yields)
         self._tangent = Tangent(task, self._families.every, tuning)
         self._iterate = Iterate(self._tangent, tuning.band)
         self._search = Search(self._iterate, [], tuning, task.settings)
