@@ -201,8 +201,10 @@ class Stiffening:
             sharp *= _EVIDENCE
         if self._solved(target, stage.bounds, sharp) is None:
             return False
+        change = self.found.friction_change
+        assert change is not None
         try:
-            if self.found.friction_change > sharp:
+            if change > sharp:
                 self.found = settled_from(self._task.aside(self.counts, target), self.found)
             return True
         except NotConverged:
