@@ -39,7 +39,7 @@ _SOFTEST, _STIFFEST = 1.0, 7.0
 _LONGEST, _SHORTEST, _LONGER = 1.0, 0.1, 1.5
 # On the way bounds need not be sharper, and those that show growth may be rougher than those of a
 # solution by this factor.  Newton's method takes so many steps at most.
-_ROUGH, _EVIDENCE, _FEW = 1e-3, 10.0, 8
+_ROUGH, _EVIDENCE, _FEW = 1e-3, 30.0, 8
 # Bounds are foreseen to fall to this share of themselves at most.
 _FALL = 0.1
 # Forces without a limit grow by this power of the penalty at least, over nearly a power of ten of
