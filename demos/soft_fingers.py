@@ -29,7 +29,7 @@ write(held, held.parameters.output.directory)
 # ## Friction bears the weight
 #
 # The forces between fingers and ball are opposite, and so their sum over both sides is zero to
-# rounding. Friction is below its bound: nothing slips.
+# rounding. A part of each contact slips, and the rest sticks.
 
 # %%
 history, summary = held.history, held.summary

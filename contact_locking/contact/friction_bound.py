@@ -20,6 +20,8 @@ _PRESSED = 1e-4
 # Friction that holds everything is bounded by this multiple of the largest pressure, and friction
 # that holds nothing by this share of it, so that each friction cone has an inside.
 _ALL, _NONE = 3e2, 1e-9
+# With this coefficient what is pressed hardly slips.
+_LARGE = 1e5
 
 
 class FrictionBound:
@@ -101,6 +103,11 @@ class NoSlip(FrictionBound):
     def on_all(self, level: float) -> FloatArray:
         """A bound (k,) that holds whether the body is pressed or not."""
         return np.where(self._shared, _NONE / _ALL * level, level)
+
+    def yielding(self) -> FrictionBound:
+        """``_LARGE |p|``, which follows the pressure within a solve."""
+        mu = np.where(self._shared, 0.0, _LARGE)
+        return FrictionBound(self.surface, Identity(), FrictionLaw(lambda *_: mu, _LARGE, 0.0))
 
     def evaluate(self, pressure: FloatArray, slip: FloatArray) -> FloatArray:
         largest = maximum(self.surface.domain.comm, pressure)

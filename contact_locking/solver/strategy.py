@@ -15,6 +15,7 @@ from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import Infeasible, InputError, NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.equilibria.search import solve_on_branch
 from contact_locking.solver.equilibria.stiffening import Way, solve_by_penalties
 from contact_locking.solver.fixed_point import Unsettled, fixed_point
@@ -232,7 +233,7 @@ def _by_other_ways(task: Task, attempt: Attempt, proofs: Proofs) -> SolverReport
         most = max(_AT_LEAST, _TIMES * task.counts.tangents)
         stiffened = solve_by_penalties(task, most)
         if stiffened.way is Way.SOLVED:
-            return _solved(task, stiffened.found, attempt.warnings)
+            return _solved(task, stiffened.found, [*attempt.warnings, *_past(stiffened.folds)])
         if stiffened.way is Way.WEDGED:
             known, reason = vars(stiffened.found), report.reason + stiffened.reason
             report = replace(report, **known, reason=reason, suggestion=FRICTION_WAY_OUT)
@@ -240,8 +241,7 @@ def _by_other_ways(task: Task, attempt: Attempt, proofs: Proofs) -> SolverReport
         try:
             if task.follows_branch:
                 found, folds = solve_on_branch(task, most)
-                past = [_PAST_FOLDS.format(folds=folds)] if folds else []
-                return _solved(task, found, [*attempt.warnings, *past])
+                return _solved(task, found, [*attempt.warnings, *_past(folds)])
         except NotConverged as end:
             report = replace(report, reason="; ".join(filter(None, (report.reason, str(end)))))
     return _ended(_explained(report, proofs.verdict, task), task)
@@ -251,6 +251,11 @@ def _ended(report: SolverReport, task: Task) -> SolverReport:
     """The report of a failure with what all ways together took."""
     stages = [stage_of(task.target.penalty, task.counts.tangents)]
     return replace(report, **vars(task.counts), stages=stages)
+
+
+def _past(folds: int) -> list[str]:
+    """The warning about folds that lie before a solution."""
+    return [_PAST_FOLDS.format(folds=folds)] if folds else []
 
 
 def _explained(report: SolverReport, verdict: Verdict | None, task: Task) -> SolverReport:
@@ -297,6 +302,7 @@ def _attempts(
     first.  No two solvers are there at a time, nor beside what ``goes_on`` solves, as each takes
     much memory.  An approach that an iterative solver ends goes again with a direct one, if auto
     would have taken that.  ``last`` is the solution of the step before, for the first solve.
+    Contacts without slip are tried once more with those that slip a little.
     """
     failure, warnings = NotConverged(), list[str]()
 
@@ -325,6 +331,50 @@ def _attempts(
             warnings.append(_FACTORISED)
         else:
             number += 1
+    if any(item.friction.stands for item in task.system.rubbing) and goes_on(failure):
+        yield from _from_little_slip(task)
+
+
+def _from_little_slip(task: Task) -> Generator[Attempt]:
+    """A solve that starts from what is pressed with a large coefficient in place of no slip.
+
+    Nothing is made, and the system left as it was, where it does not arrive.  Collective.
+    """
+    system, rubbing = task.system, task.system.rubbing
+    solver, found = InteriorPoint(task, yields=True), Outcome()
+
+    def solve(change: float) -> bool:
+        nonlocal found
+        assert found.last is not None
+        found = solver.solve_near(found.last)
+        return True
+
+    try:
+        with system.preserved(only_on_failure=True):
+            system.u.x.array[:] = system.constraints.held_part(system.u.x.array)
+            found = solver.solve()
+            solver.destroy()
+            solver = InteriorPoint(task, bound_moves=False)
+            system.bounds.enter(rubbing, _bounds_of(found, system, rubbing))
+            settled = fixed_point(task, solve, lambda: _bounds_of(found, system, rubbing))
+        yield Attempt(solver, found.settled(*settled))
+    except NotConverged:
+        return
+    finally:
+        solver.destroy()
+
+
+def _bounds_of(
+    found: Outcome, system: PenalisedSystem, contacts: Sequence[NodalContact]
+) -> list[FloatArray]:
+    """The friction bounds of some contacts that a solution asks for; collective."""
+    assert found.multipliers is not None
+    pairs = zip(system.contacts, found.multipliers.contacts, strict=True)
+    return [
+        contact.friction_bound(system.u, forces.pressure)
+        for contact, forces in pairs
+        if contact in contacts
+    ]
 
 
 def _may_factorise(task: Task) -> bool:
@@ -381,13 +431,7 @@ def _solve_by(
         return loosened == 1.0
 
     def wanted() -> list[FloatArray]:
-        assert found.multipliers is not None
-        pairs = zip(system.contacts, found.multipliers.contacts, strict=True)
-        return [
-            contact.friction_bound(system.u, forces.pressure)
-            for contact, forces in pairs
-            if contact in nested
-        ]
+        return _bounds_of(found, system, nested)
 
     try:
         # Nothing slips at first, also where the body turns out not to be pressed.

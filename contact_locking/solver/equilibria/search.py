@@ -61,6 +61,19 @@ def sharpened(task: Task) -> Task:
     )
 
 
+def settled_from(task: Task, value: Outcome) -> Outcome:
+    """The solution near a value of the map, with bounds that follow the pressure; collective.
+
+    Raises NotConverged.  Rounding in the map is nothing to such bounds.
+    """
+    assert value.last is not None
+    solver = InteriorPoint(task)
+    try:
+        return solver.solve_near(value.last)
+    finally:
+        solver.destroy()
+
+
 class Equilibria:
     """The fixed points of the map of the friction bounds of a task, found one after the other.
 
@@ -122,16 +135,7 @@ class Equilibria:
         return None
 
     def _settle(self) -> Outcome:
-        """Solve from the last value of the map, with bounds that follow the pressure; collective.
-
-        Raises NotConverged.  Rounding in the map is nothing to such bounds.
-        """
-        assert self.map.found.last is not None
-        solver = InteriorPoint(self._task.aside(self.counts))
-        try:
-            return solver.solve_near(self.map.found.last)
-        finally:
-            solver.destroy()
+        return settled_from(self._task.aside(self.counts), self.map.found)
 
     def others(self, first: FloatArray) -> Iterator[FloatArray]:
         """Solutions beside a known one: those on branches, then those that deflation finds.

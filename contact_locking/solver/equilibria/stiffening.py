@@ -21,7 +21,13 @@ from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.solver.equilibria.bound_map import BoundMap, BoundVectors
 from contact_locking.solver.equilibria.newton import MapNewton
-from contact_locking.solver.equilibria.search import FARTHEST, has_map, sharpened
+from contact_locking.solver.equilibria.search import (
+    FARTHEST,
+    has_map,
+    settled_from,
+    sharpened,
+    solve_on_branch,
+)
 from contact_locking.solver.interior_point.feasibility import contact_force, force_with_friction
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.task import Counts, Outcome, Target, Task
@@ -33,7 +39,7 @@ _SOFTEST, _STIFFEST = 1.0, 7.0
 _LONGEST, _SHORTEST, _LONGER = 1.0, 0.1, 1.5
 # On the way bounds need not be sharper, and those that show growth may be rougher than those of a
 # solution by this factor.  Newton's method takes so many steps at most.
-_ROUGH, _EVIDENCE, _FEW = 1e-3, 10.0, 8
+_ROUGH, _EVIDENCE, _FEW = 1e-3, 30.0, 8
 # Bounds are foreseen to fall to this share of themselves at most.
 _FALL = 0.1
 # Forces without a limit grow by this power of the penalty at least, over nearly a power of ten of
@@ -97,11 +103,15 @@ class Stage:
 
 @dataclass(frozen=True)
 class Stiffened:
-    """Where the penalties have led, and the solution found; ``reason`` tells how forces grow."""
+    """Where the penalties have led, and the solution found; ``reason`` tells how forces grow.
+
+    So many ``folds`` has the branch over friction that led on where the stages did not.
+    """
 
     way: Way
     found: Outcome
     reason: str = ""
+    folds: int = 0
 
 
 def solve_by_penalties(task: Task, most_tangents: float = math.inf) -> Stiffened:
@@ -119,7 +129,7 @@ def solve_by_penalties(task: Task, most_tangents: float = math.inf) -> Stiffened
             way, reason = stiffening.followed()
             if way is Way.LOST:
                 raise _Lost
-            return Stiffened(way, stiffening.found, reason)
+            return Stiffened(way, stiffening.found, reason, stiffening.folds)
     except _Lost:
         return Stiffened(Way.LOST, Outcome())
     finally:
@@ -129,13 +139,13 @@ def solve_by_penalties(task: Task, most_tangents: float = math.inf) -> Stiffened
 class Stiffening:
     """The stages of a task, which end after ``most_tangents``; all methods are collective.
 
-    ``found`` is the solution of the last stage, which is in the system, and ``counts`` is for what
-    they take.
+    ``found`` is the solution of the last stage, which is in the system, ``folds`` are those of
+    branches over friction on the way, and ``counts`` is for what they take.
     """
 
     def __init__(self, task: Task, most_tangents: float) -> None:
         self._task, self._most_tangents = task, most_tangents
-        self.found, self.counts = Outcome(), Counts()
+        self.found, self.folds, self.counts = Outcome(), 0, Counts()
         self._vectors = BoundVectors(task.system) if has_map(task) else None
         self._last = _last_power(task.target)
 
@@ -177,7 +187,8 @@ class Stiffening:
             if found is None:
                 # Where the solutions turn back others may lead on.
                 step = _LONGEST
-                found = self._from_nothing(min(known.power + step, self._last))
+                power = min(known.power + step, self._last)
+                found = self._from_nothing(power) or self._from_less_friction(power)
             before, known = known, found
 
     def _arrives(self, stage: Stage, target: Target) -> bool:
@@ -188,7 +199,16 @@ class Stiffening:
         sharp = self._task.settings.friction_tolerance
         if target is stage.target:
             sharp *= _EVIDENCE
-        return self._solved(target, stage.bounds, sharp) is not None
+        if self._solved(target, stage.bounds, sharp) is None:
+            return False
+        change = self.found.friction_change
+        assert change is not None
+        try:
+            if change > sharp:
+                self.found = settled_from(self._task.aside(self.counts, target), self.found)
+            return True
+        except NotConverged:
+            return False
 
     def _onwards(self, before: Stage | None, known: Stage, power: float) -> Stage | None:
         target, before_it = _softened(self._task.target, power), self.found
@@ -223,6 +243,15 @@ class Stiffening:
             return None
         finally:
             solver.destroy()
+
+    def _from_less_friction(self, power: float) -> Stage | None:
+        target = _softened(self._task.target, power)
+        left = self._most_tangents - self.counts.tangents
+        with contextlib.suppress(NotConverged):
+            self.found, folds = solve_on_branch(self._task.aside(self.counts, target), left)
+            self.folds += folds
+            return self._stage(power, target, self._bounds())
+        return None
 
     def _bounds(self) -> FloatArray:
         return np.empty(0) if self._vectors is None else self._vectors.in_force()

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.friction_bound import NoSlip
+from contact_locking.contact.friction_bound import FrictionBound, NoSlip
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.system import PenalisedSystem
@@ -44,13 +44,14 @@ from contact_locking.solver.interior_point.tuning import Tuning
 class MovingBound:
     """``G = mu(|u_tau|) |R p|`` of ``contact``, from the pressure p of the cones ``pressing``.
 
-    It is the bound in force of the ``system``.  The cones ``friction`` use the bound, times
-    ``share``.  No bound is smaller than the share ``least`` of the largest, so that the friction
-    cones have an inside.
+    It is the bound in force of the ``system``, and ``law`` gives it.  The cones ``friction`` use
+    the bound, times ``share``.  No bound is smaller than the share ``least`` of the largest, so
+    that the friction cones have an inside.
     """
 
     system: PenalisedSystem
     contact: NodalContact
+    law: FrictionBound
     pressing: ContactCones
     friction: FrictionCones
     least: float
@@ -59,13 +60,13 @@ class MovingBound:
     @property
     def stands(self) -> bool:
         """Whether the bound stays as it is within a solve."""
-        return self.contact.friction.stands
+        return self.law.stands
 
     @property
     def follows_pressure(self) -> bool:
         """Whether the bound follows the pressure, and nothing else."""
-        bound = self.contact.friction
-        return bound.is_coulomb and not (bound.depends_on_slip or bound.stands)
+        law = self.law
+        return law.is_coulomb and not (law.depends_on_slip or law.stands)
 
     @property
     def in_force(self) -> FloatArray:
@@ -78,8 +79,8 @@ class MovingBound:
 
     def hold(self, stress: float) -> None:
         """Let a bound without slip hold tractions up to ``stress`` everywhere; collective."""
-        if isinstance(self.contact.friction, NoSlip):
-            self.set(self.contact.acting(self.contact.friction.on_all(stress)))
+        if isinstance(self.law, NoSlip):
+            self.set(self.contact.acting(self.law.on_all(stress)))
 
     def start(self, moves: bool, least: float) -> None:
         """Give the cones a bound: where it ``moves`` that of the pressure, else what it is now.
@@ -112,7 +113,8 @@ class MovingBound:
     def under(self, pressure: FloatArray) -> FloatArray:
         """``mu |R p|`` at all nodes of the contact for a pressure (k,) at those of the cones."""
         at_all = self.pressing.nodes.at_all(pressure)
-        new = self.share * self.contact.friction_bound(self.system.u, at_all)
+        slips = self.contact.slips(self.system.u)
+        new = self.share * self.contact.acting(self.law.evaluate(at_all, slips))
         least = self.least * maximum(self.pressing.comm, new)
         return self.contact.acting(np.maximum(new, least))
 
@@ -121,7 +123,7 @@ class MovingBound:
 
         It is zero for a bound of the user's own, of which nothing is known but its value.
         """
-        bound, nodes = self.contact.friction, self.friction.nodes
+        bound, nodes = self.law, self.friction.nodes
         if not (bound.is_coulomb and bound.depends_on_slip):
             return np.zeros(len(nodes.weights))
         smoothed = bound.smoothing.apply(nodes.at_all(self.pressing.z))
@@ -312,7 +314,7 @@ class BoundLaw:
 
     def __init__(self, moving: MovingBound, most_taken: float) -> None:
         self._most_taken = most_taken
-        contact, bound = moving.contact, moving.contact.friction
+        contact, bound = moving.contact, moving.law
         self._contact, self.friction = moving.pressing, moving.friction
         self._nodes, self._smoothing = self.friction.nodes, bound.smoothing
         slips = contact.slips(moving.system.u)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from contact_locking.contact.friction_bound import NoSlip
 from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet, PrincipalSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.bound_step import MovingBound
@@ -45,14 +46,18 @@ class Families:
 
 
 def families_of(
-    system: PenalisedSystem, target: Target, least_bound: float, share: float = 1.0
+    system: PenalisedSystem,
+    target: Target,
+    least_bound: float,
+    share: float = 1.0,
+    yields: bool = False,
 ) -> Families:
     """A family for each set of strains, and contact and friction for each part of Gamma_C.
 
     Without friction on a part there is no family for it, and there is none at all for the contact
     of a tool without a force, which does not touch the body.  ``least_bound`` is the share of the
-    largest friction bound that no bound is smaller than, and ``share`` that of friction that acts.
-    Collective.
+    largest friction bound that no bound is smaller than, ``share`` that of friction that acts, and
+    ``yields`` lets contacts without slip have a large coefficient.  Collective.
     """
     penalty = target.penalty
     data, space = system.data, system.u.function_space
@@ -74,5 +79,7 @@ def families_of(
             regularisation = penalty.regularisations[number]
             rubbing = FrictionCones(nodes, regularisation, target.length)
             families.append(rubbing)
-            bounds.append(MovingBound(system, contact, pressing, rubbing, least_bound, share))
+            law = contact.friction
+            law = law.yielding() if yields and isinstance(law, NoSlip) else law
+            bounds.append(MovingBound(system, contact, law, pressing, rubbing, least_bound, share))
     return Families(families, bounds, strains, touching)

@@ -61,14 +61,16 @@ class InteriorPoint:
     At most 2 of some 20 tangents are saved by the displacement of the next smaller n or mu.
     ``bound_moves`` lets the friction bounds follow the pressure; otherwise they stay as they are.
     For other bounds that stay, :meth:`solve_on` goes on inside of the cones.  ``share`` is that of
-    the friction that acts.
+    the friction that acts, and ``yields`` gives contacts without slip a large coefficient.
     """
 
-    def __init__(self, task: Task, bound_moves: bool = True, share: float = 1.0) -> None:
+    def __init__(
+        self, task: Task, bound_moves: bool = True, share: float = 1.0, yields: bool = False
+    ) -> None:
         self._task, self.bound_moves = task, bound_moves
         self._tuning = tuning = Tuning()
         self.approach = tuning.approaches[0]
-        self._families = families_of(task.system, task.target, tuning.least_bound, share)
+        self._families = families_of(task.system, task.target, tuning.least_bound, share, yields)
         self._tangent = Tangent(task, self._families.every, tuning)
         self._iterate = Iterate(self._tangent, tuning.band)
         self._search = Search(self._iterate, [], tuning, task.settings)
