@@ -37,6 +37,7 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import Infeasible, NotConverged, raise_callback_error
+from contact_locking.parallel import on_any_rank
 from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet, PrincipalSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.active_set import ActiveSet
@@ -74,7 +75,7 @@ class Families:
     """All families of a system, and what ties friction to the pressure of its contact.
 
     A family of cones of another kind is one more entry of the list that :func:`families_of` makes.
-    ``strains`` has the operator of each set of strains.
+    ``strains`` has the operator of each set of strains that limits a point.
     """
 
     every: list[Family]
@@ -95,6 +96,7 @@ def families_of(
 ) -> Families:
     """A family for each set of strains, and contact and friction for each part of Gamma_C.
 
+    A set without a limit anywhere has no family: its forms take as long as some tangents.
     Without friction on a part there is no family for it, and there is none at all for the contact
     of a tool without a force, which does not touch the body.  ``least_bound`` is the share of the
     largest friction bound that no bound is smaller than, and ``share`` that of friction that acts.
@@ -102,11 +104,14 @@ def families_of(
     """
     penalty = target.penalty
     data, space = system.data, system.u.function_space
-    strains = [StrainOperator(space, data, item, system.kept) for item in data.sets]
+    strains: list[StrainOperator] = []
     families: list[Family] = []
-    for number, operator in enumerate(strains):
-        made = next(cones for law, cones in _CONES.items() if isinstance(operator.law, law))
-        families.append(made(operator, penalty.compliance, number))
+    for number, item in enumerate(data.sets):
+        if not on_any_rank(system.comm, item.inverse_limit.x.array > 0.0):
+            continue
+        strains.append(StrainOperator(space, data, item, system.kept))
+        made = next(cones for law, cones in _CONES.items() if isinstance(item, law))
+        families.append(made(strains[-1], penalty.compliance, number))
     bounds, touching = [], []
     resting = [tool.contact for tool in system.tools if not tool.acts]
     for number, contact in enumerate(system.contacts):
@@ -225,7 +230,7 @@ class InteriorPoint:
             for contact in system.contacts
         )
         mesh = system.u.function_space.mesh
-        spaces = system.kept("multipliers", lambda: multiplier_spaces(system.data, mesh))
+        spaces = multiplier_spaces(system.data, system.kept, mesh)
         found = Multipliers.none(system.data, spaces, tuple(contacts))
         if not self.is_elastic:
             for family in self._iterate.families:

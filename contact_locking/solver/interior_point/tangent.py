@@ -13,7 +13,6 @@ from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.fem import compiled
 from contact_locking.fem.joint_forms import JointForm
 from contact_locking.problem import forms
 from contact_locking.problem.rounding import ROUNDING
@@ -180,7 +179,8 @@ class Tangent:
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         elastic = forms.elastic_form(du, v, data)
         terms = [family.tangent_term(v, du) for family in families]
-        self._form = JointForm(sum(terms, start=elastic), data.jumps)
+        whole = sum(terms, start=elastic)
+        self._form = JointForm(whole, data.jumps, system.kept.form)
         # In blocks products are fast, but a factorisation needs none.
         if self.comm.size == 1 and is_direct(task.settings.linear, system.dim, system.size):
             self.matrix = self._form.create_shared_matrix()
@@ -188,8 +188,7 @@ class Tangent:
             self.matrix = self._form.create_matrix(IN_BLOCKS)
         self._near_nullspace = system.near_nullspace()
         self.matrix.setNearNullSpace(self._near_nullspace)
-        form = system.kept("elasticity", lambda: compiled.form(elastic))
-        self.elasticity = petsc.assemble_matrix(form)
+        self.elasticity = petsc.assemble_matrix(system.kept.form(elastic))
         self.elasticity.assemble()
         self._stiffest = float(self.elasticity.norm(PETSc.NormType.NORM_INFINITY))
         self._vectors = [self.matrix.createVecRight() for _ in range(7)]
