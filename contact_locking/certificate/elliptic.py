@@ -144,12 +144,7 @@ def inner_product(state: SolvedState) -> Expr:
 
 def elasticity(state: SolvedState) -> Expr:
     """The bilinear form ``a(w, v)``."""
-
-    def make() -> Expr:
-        v, w = _arguments(state)
-        return forms.elastic_form(w, v, state.problem.data)
-
-    return state.system.kept("bilinear elasticity", make)
+    return state.system.bilinear
 
 
 def on_springs(state: SolvedState, stiffness: float) -> Expr:

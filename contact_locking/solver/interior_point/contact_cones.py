@@ -67,7 +67,7 @@ class ContactCones(OnContact, HalfLines):
 
     def tangent_term(self, v: Expr, du: Expr) -> Expr:
         """``int k du_nu v_nu``."""
-        self._k, contact = self.nodes.scalar("k"), self.nodes.contact
+        self._k, contact = self.nodes.scalar(), self.nodes.contact
         normal, v_normal = (contact.parts(contact.limited(field))[0] for field in (du, v))
         return self._k * normal * v_normal * self.nodes.ds
 

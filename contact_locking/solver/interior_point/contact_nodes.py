@@ -39,7 +39,7 @@ class ContactNodes:
         #: The numbers of the free motions of the foundation here.
         self.tools = tuple(i for i, _ in own)
         self._ways = [(i, tool.field[self._active].T) for i, tool in own]
-        self._kept, space = system.kept, system.u.function_space
+        space = system.u.function_space
         self._rows = surface.limited.by_blocks[self._active]
         self._own_blocks = space.dofmap.index_map.local_range
         self._matrix = displacement_map(self._rows, space)
@@ -146,15 +146,13 @@ class ContactNodes:
         """Put values (k,) or (d, k) into an array over all owned nodes of the contact."""
         into[self._active] = values.T
 
-    def scalar(self, name: str) -> fem.Function:
-        """The function of this name that :meth:`set_values` gives values (k,)."""
-        space = self.contact.surface.scalar_space
-        return self._kept((name, self.contact), lambda: fem.Function(space))
+    def scalar(self) -> fem.Function:
+        """A function that :meth:`set_values` gives values (k,)."""
+        return fem.Function(self.contact.surface.scalar_space)
 
-    def vector(self, name: str) -> fem.Function:
-        """The function of this name that :meth:`set_values` gives values (d, k)."""
-        space = self.contact.surface.vector_space
-        return self._kept((name, self.contact), lambda: fem.Function(space))
+    def vector(self) -> fem.Function:
+        """A function that :meth:`set_values` gives values (d, k)."""
+        return fem.Function(self.contact.surface.vector_space)
 
     def set_values(self, function: fem.Function, values: FloatArray) -> None:
         """Give a function its values at the nodes; collective."""

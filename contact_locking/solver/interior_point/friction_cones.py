@@ -217,7 +217,7 @@ class FrictionCones(OnContact, LorentzCones):
     def tangent_term(self, v: Expr, du: Expr) -> Expr:
         """``int a du_tau . v_tau + b (w . du_tau) (w . v_tau)``."""
         nodes = self.nodes
-        self._a, self._b, self._w = nodes.scalar("a"), nodes.scalar("b"), nodes.vector("w")
+        self._a, self._b, self._w = nodes.scalar(), nodes.scalar(), nodes.vector()
         contact = nodes.contact
         slip, slip_v = (contact.parts(contact.limited(field))[1] for field in (du, v))
         along = self._b * ufl.inner(self._w, slip) * ufl.inner(self._w, slip_v)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import ufl
+from dolfinx import fem
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
@@ -126,8 +127,8 @@ class LockingCones(LimitsOfStrain, LorentzCones):
     def tangent_term(self, v: Expr, du: Expr) -> Expr:
         """``int a L eps(du) : L eps(v) + b (W : L eps(du)) (W : L eps(v))``."""
         places, law = self._strains, self._strains.law
-        self._a, self._b = (places.function(name, places.scalars) for name in ("a", "b"))
-        self._w = places.function("w", places.tensors)
+        self._a, self._b = fem.Function(places.scalars), fem.Function(places.scalars)
+        self._w = fem.Function(places.tensors)
         eps, eps_v = (law.measured(places.strain(w)) for w in (du, v))
         isotropic = self._a * ufl.inner(eps, eps_v) * places.dx
         along = self._b * ufl.inner(self._w, eps) * ufl.inner(self._w, eps_v)
@@ -219,7 +220,7 @@ class StrainHalfLines(LimitsOfStrain, HalfLines):
     def tangent_term(self, v: Expr, du: Expr) -> Expr:
         """``int k (N : eps(du)) (N : eps(v))``."""
         places, law = self._strains, self._strains.law
-        self._k = places.function("k", places.scalars)
+        self._k = fem.Function(places.scalars)
         eps, eps_v = (law.measured(places.strain(w)) for w in (du, v))
         return self._k * eps * eps_v * places.dx
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import ufl
+from dolfinx import fem
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
@@ -176,7 +177,7 @@ class PrincipalCones(LimitsOfStrain, LorentzCones):
     def tangent_term(self, v: Expr, du: Expr) -> Expr:
         """``int (D m(eps(du))) . m(eps(v))`` with Mandel vectors m."""
         places = self._strains
-        self._matrix = places.function("matrix", places.matrices)
+        self._matrix = fem.Function(places.matrices)
         eps, eps_v = (mandel_vector(places.strain(w)) for w in (du, v))
         return ufl.inner(ufl.dot(self._matrix, eps), eps_v) * places.dx
 

@@ -58,7 +58,7 @@ class StrainOperator:
         by_cell.destroy()
         self.scalars = element.shared_strain_space(kept, mesh)
         self.tensors = element.shared_strain_space(kept, mesh, element.strain_shape(mesh))
-        self._element, self._kept = element, kept
+        self._element = element
         weights: FloatArray = kept(
             "locking weights",
             lambda: fem.assemble_vector(compiled.form(ufl.TestFunction(self.scalars) * dx)).array,
@@ -119,10 +119,6 @@ class StrainOperator:
         combination.destroy()
         return matrix
 
-    def function(self, name: str, space: fem.FunctionSpace) -> fem.Function:
-        """The function of this name in one of the spaces, the same in all solves of a system."""
-        return self._kept((name, self.law), lambda: fem.Function(space))
-
     def set_tensors(self, function: fem.Function, mandel: FloatArray) -> None:
         """Give a function of ``tensors`` Mandel vectors (m, k) as values; collective."""
         tensors = function.x.array.reshape(-1, *function.ufl_shape)
@@ -133,8 +129,7 @@ class StrainOperator:
     @cached_property
     def matrices(self) -> fem.FunctionSpace:
         """The space of Mandel matrices (m, m); collective."""
-        shape = self.rows, self.rows
-        return self._element.shared_strain_space(self._kept, self.space.mesh, shape)
+        return self._element.strain_space(self.space.mesh, (self.rows, self.rows))
 
     def set_matrices(self, function: fem.Function, matrices: FloatArray) -> None:
         """Give a function of :attr:`matrices` values (k, m, m); collective."""
