@@ -62,7 +62,9 @@ class EllipticProblem:
         self._owned = self._space.dofmap.index_map.size_local * self._space.dofmap.index_map_bs
         self._bilinear, self._kept = bilinear, state.system.kept
         self.constraints = constraints
-        form = self._kept(("certificate", bilinear), lambda: JointForm(bilinear))
+        form = self._kept(
+            ("certificate", bilinear), lambda: JointForm(bilinear, (), self._kept.form)
+        )
         self.matrix = form.create_matrix()
         constraints.assemble_matrix(form, self.matrix)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
@@ -83,9 +85,10 @@ class EllipticProblem:
         """
         solution = fem.Function(self._space)
         forces = np.zeros(self._owned) if right is None else right[: self._owned]
-        if values is not None:
+        prescribed = None if values is None else self.constraints.held_part(values.x.array)
+        if prescribed is not None and on_any_rank(self._space.mesh.comm, prescribed != 0.0):
             held, carried = self._kept(("certificate of held", self._bilinear), self._action)
-            solution.x.array[:] = held.x.array[:] = self.constraints.held_part(values.x.array)
+            solution.x.array[:] = held.x.array[:] = prescribed
             vector = la.vector(self._space.dofmap.index_map, self._space.dofmap.index_map_bs)
             carried.assemble_vector(vector)
             forces = forces - vector.array[: self._owned]
@@ -141,12 +144,7 @@ def inner_product(state: SolvedState) -> Expr:
 
 def elasticity(state: SolvedState) -> Expr:
     """The bilinear form ``a(w, v)``."""
-
-    def make() -> Expr:
-        v, w = _arguments(state)
-        return forms.elastic_form(w, v, state.problem.data)
-
-    return state.system.kept("bilinear elasticity", make)
+    return state.system.bilinear
 
 
 def on_springs(state: SolvedState, stiffness: float) -> Expr:

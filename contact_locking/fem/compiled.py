@@ -90,6 +90,10 @@ class Kept:
         found: T = self._found[name]
         return found
 
+    def form(self, integrals: ufl.Form) -> fem.Form:
+        """The compiled form of a UFL form, of one that is equal if there is one; collective."""
+        return self(integrals, lambda: form(integrals))
+
 
 @contextlib.contextmanager
 def _compiling(comm: MPI.Intracomm, signature: str) -> Iterator[dict[str, Any]]:

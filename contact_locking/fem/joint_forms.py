@@ -19,7 +19,7 @@ from displacements.  The forms of their space are assembled there, and carried o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -87,15 +87,20 @@ class JointForm:
     """A compiled form, in the parts of :func:`by_space`; local arrays have the displacement's dofs.
 
     The integrals with displacements as arguments come first.  ``jumps`` are those that limit
-    displacements in the form.
+    displacements in the form.  ``compile_form`` compiles each part.
     """
 
-    def __init__(self, form: ufl.Form, jumps: Sequence[JumpValues] = ()) -> None:
+    def __init__(
+        self,
+        form: ufl.Form,
+        jumps: Sequence[JumpValues] = (),
+        compile_form: Callable[[ufl.Form], fem.Form] = compiled.form,
+    ) -> None:
         every, spaces = by_space(form, jumps), [item.space for item in jumps]
         self._parts = [part for part in every if not any(_space(part) is space for space in spaces)]
-        self._forms = [compiled.form(part) for part in self._parts]
+        self._forms = [compile_form(part) for part in self._parts]
         self._jumps = [
-            _FormOfJump(jump, part)
+            _FormOfJump(jump, part, compile_form)
             for jump in jumps
             for part in every
             if _space(part) is jump.space
@@ -175,8 +180,10 @@ class JointForm:
 class _FormOfJump:
     """One part of a form, with a jump as its arguments, as a form of displacements."""
 
-    def __init__(self, jump: JumpValues, part: ufl.Form) -> None:
-        self._jump, self._form = jump, compiled.form(part)
+    def __init__(
+        self, jump: JumpValues, part: ufl.Form, compile_form: Callable[[ufl.Form], fem.Form]
+    ) -> None:
+        self._jump, self._form = jump, compile_form(part)
         self._vector = fem.Function(jump.space)
 
     def forces(self) -> FloatArray:

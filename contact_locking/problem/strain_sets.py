@@ -26,6 +26,7 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
+from contact_locking.fem.compiled import Kept
 from contact_locking.fem.spaces import Element
 from contact_locking.laws.locking import (
     locking_energy,
@@ -82,7 +83,9 @@ class StrainSet(ABC):
         """``|L eps|/M`` or ``[L eps]^+/M``: 1 on the boundary of the set, 0 without a limit."""
 
     @abstractmethod
-    def multipliers(self, element: Element, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
+    def multipliers(
+        self, element: Element, kept: Kept, mesh: dolfinx.mesh.Mesh
+    ) -> fem.FunctionSpace:
         """The space of multipliers; collective."""
 
     def virtual_work(self, eps: Expr, eps_v: Expr, n: Expr) -> Expr:
@@ -118,8 +121,10 @@ class NormSet(StrainSet):
         measured = self.measured(self.limited(eps))
         return self.inverse_limit * ufl.sqrt(ufl.inner(measured, measured))
 
-    def multipliers(self, element: Element, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
-        return element.tensor_space(mesh)
+    def multipliers(
+        self, element: Element, kept: Kept, mesh: dolfinx.mesh.Mesh
+    ) -> fem.FunctionSpace:
+        return element.shared_strain_space(kept, mesh, element.strain_shape(mesh))
 
 
 @dataclass(frozen=True)
@@ -143,8 +148,10 @@ class HalfSpaceSet(StrainSet):
     def utilisation(self, eps: Expr) -> Expr:
         return ufl.max_value(self.inverse_limit * self.measured(self.limited(eps)), 0.0)
 
-    def multipliers(self, element: Element, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
-        return element.strain_space(mesh)
+    def multipliers(
+        self, element: Element, kept: Kept, mesh: dolfinx.mesh.Mesh
+    ) -> fem.FunctionSpace:
+        return element.shared_strain_space(kept, mesh)
 
 
 @dataclass(frozen=True)
@@ -166,5 +173,7 @@ class PrincipalSet(StrainSet):
     def utilisation(self, eps: Expr) -> Expr:
         return ufl.max_value(self.inverse_limit * principal_strains(self.limited(eps))[0], 0.0)
 
-    def multipliers(self, element: Element, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
-        return element.tensor_space(mesh)
+    def multipliers(
+        self, element: Element, kept: Kept, mesh: dolfinx.mesh.Mesh
+    ) -> fem.FunctionSpace:
+        return element.shared_strain_space(kept, mesh, element.strain_shape(mesh))

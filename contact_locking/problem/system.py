@@ -68,6 +68,13 @@ class PenalisedSystem:
         self.load = self.forms.loads()[: self._owned]
         self._load_norm = self._norm(self.load)
 
+    @cached_property
+    def bilinear(self) -> ufl.Form:
+        """``a(w, v)`` of trial and test functions, for forms that are compiled once."""
+        space = self.u.function_space
+        v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
+        return forms.elastic_form(w, v, self.data)
+
     # The penalised forms are compiled at their first use.  The solver for n = inf never uses them.
 
     @cached_property

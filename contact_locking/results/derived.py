@@ -138,7 +138,7 @@ def penalised(system: PenalisedSystem) -> Multipliers:
     for contact, of_pressure, of_friction in averages:
         pressure = contact.acting(of_pressure())
         forces.append(ContactForces(pressure, of_friction(), pressure > 0.0))
-    spaces = kept("multipliers", lambda: multiplier_spaces(data, u.function_space.mesh))
+    spaces = multiplier_spaces(data, kept, u.function_space.mesh)
     found = Multipliers.none(data, spaces, tuple(forces))
 
     def compile_laws() -> list[fem.Expression]:

@@ -11,6 +11,7 @@ from dolfinx import fem
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.fem import compiled
+from contact_locking.fem.compiled import Kept
 from contact_locking.problem.forms import ProblemData
 
 
@@ -32,9 +33,11 @@ class ContactForces:
         return cls(np.zeros(nodes), np.zeros((nodes, dim)), np.zeros(nodes, dtype=bool))
 
 
-def multiplier_spaces(data: ProblemData, mesh: dolfinx.mesh.Mesh) -> list[fem.FunctionSpace]:
+def multiplier_spaces(
+    data: ProblemData, kept: Kept, mesh: dolfinx.mesh.Mesh
+) -> list[fem.FunctionSpace]:
     """The spaces of the multipliers of the sets of strains; collective."""
-    return [item.multipliers(data.element, mesh) for item in data.sets]
+    return [item.multipliers(data.element, kept, mesh) for item in data.sets]
 
 
 @dataclass(frozen=True)

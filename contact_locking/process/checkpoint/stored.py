@@ -22,6 +22,7 @@ from contact_locking._version import __version__
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.fem.compiled import Kept
 from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.whole_mesh import WholeMesh, gather_mesh, spread
@@ -390,7 +391,7 @@ def _load_multipliers(
         friction = 0.0 - traction.reshape(-1, dim)[surface.blocks]
         forces.append(ContactForces(pressure, friction, state != OPEN))
         bounds.append(bound)
-    spaces = multiplier_spaces(data, problem.domain.mesh)
+    spaces = multiplier_spaces(data, Kept(), problem.domain.mesh)
     found = Multipliers.none(data, spaces, tuple(forces))
     for name, part in zip(_names_of_parts(len(found.parts)), found.parts, strict=True):
         part.x.array[:] = load(name, part.function_space).x.array

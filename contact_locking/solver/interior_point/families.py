@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from contact_locking.contact.friction_bound import NoSlip
+from contact_locking.parallel import on_any_rank
 from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet, PrincipalSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.bound_step import MovingBound
@@ -29,7 +30,7 @@ class Families:
     """All families of a system, and what ties friction to the pressure of its contact.
 
     A family of cones of another kind is one more entry of the list that :func:`families_of` makes.
-    ``strains`` has the operator of each set of strains.
+    ``strains`` has the operator of each set of strains that limits a point.
     """
 
     every: list[Family]
@@ -54,6 +55,7 @@ def families_of(
 ) -> Families:
     """A family for each set of strains, and contact and friction for each part of Gamma_C.
 
+    A set without a limit anywhere has no family: its forms take as long as some tangents.
     Without friction on a part there is no family for it, and there is none at all for the contact
     of a tool without a force, which does not touch the body.  ``least_bound`` is the share of the
     largest friction bound that no bound is smaller than, ``share`` that of friction that acts, and
@@ -61,11 +63,14 @@ def families_of(
     """
     penalty = target.penalty
     data, space = system.data, system.u.function_space
-    strains = [StrainOperator(space, data, item, system.kept) for item in data.sets]
+    strains: list[StrainOperator] = []
     families: list[Family] = []
-    for number, operator in enumerate(strains):
-        made = next(cones for law, cones in _CONES.items() if isinstance(operator.law, law))
-        families.append(made(operator, penalty.compliance, number))
+    for number, item in enumerate(data.sets):
+        if not on_any_rank(system.comm, item.inverse_limit.x.array > 0.0):
+            continue
+        strains.append(StrainOperator(space, data, item, system.kept))
+        made = next(cones for law, cones in _CONES.items() if isinstance(item, law))
+        families.append(made(strains[-1], penalty.compliance, number))
     bounds, touching = [], []
     resting = [tool.contact for tool in system.tools if not tool.acts]
     for number, contact in enumerate(system.contacts):

@@ -158,7 +158,7 @@ class InteriorPoint:
             for contact in system.contacts
         )
         mesh = system.u.function_space.mesh
-        spaces = system.kept("multipliers", lambda: multiplier_spaces(system.data, mesh))
+        spaces = multiplier_spaces(system.data, system.kept, mesh)
         found = Multipliers.none(system.data, spaces, tuple(contacts))
         if not self.is_elastic:
             for family in self._iterate.families:

@@ -114,7 +114,7 @@ class ElasticStart:
     def _size(self) -> float:
         """The mean strain, or that which takes back how far the body enters the foundation."""
         strain = self._target.mean_strain(self._tangent.energy, 0.0, self._tolerance)
-        local = max(family.penetration() for family in self._tangent.families)
+        local = max((family.penetration() for family in self._tangent.families), default=0.0)
         deepest = maximum(self._tangent.comm, local)
         return max(strain, deepest / self._target.length)
 

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import ufl
+from dolfinx import fem
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.fem import compiled
 from contact_locking.fem.joint_forms import JointForm
-from contact_locking.problem import forms
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.family import Family, Reaction
@@ -178,9 +178,15 @@ class Tangent:
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         self.energy = self.force_scale = self.acting = 0.0
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
-        elastic = forms.elastic_form(du, v, data)
+        elastic = system.bilinear
         terms = [family.tangent_term(v, du) for family in families]
-        self._form = JointForm(sum(terms, start=elastic), data.jumps)
+        compiled_elastic = system.kept.form(elastic)
+
+        def compile_form(part: ufl.Form) -> fem.Form:
+            # Without limits this is the part of the cells.
+            return compiled_elastic if part.equals(elastic) else compiled.form(part)
+
+        self._form = JointForm(sum(terms, start=elastic), data.jumps, compile_form)
         # In blocks products are fast, but a factorisation needs none.
         if self.comm.size == 1 and is_direct(task.settings.linear, system.dim, system.size):
             self.matrix = self._form.create_shared_matrix()
@@ -188,8 +194,7 @@ class Tangent:
             self.matrix = self._form.create_matrix(IN_BLOCKS)
         self._near_nullspace = system.near_nullspace()
         self.matrix.setNearNullSpace(self._near_nullspace)
-        form = system.kept("elasticity", lambda: compiled.form(elastic))
-        self.elasticity = petsc.assemble_matrix(form)
+        self.elasticity = petsc.assemble_matrix(compiled_elastic)
         self.elasticity.assemble()
         self._stiffest = float(self.elasticity.norm(PETSc.NormType.NORM_INFINITY))
         self._vectors = [self.matrix.createVecRight() for _ in range(7)]
