@@ -31,7 +31,7 @@ from contact_locking.solver.linear.ksp import LINEAR_FAILURE, is_direct
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.penalty_path import PenaltyPath, follow
 from contact_locking.solver.polish import has_digits, is_in_reach, polish, settle, step_on
-from contact_locking.solver.task import Outcome, SavedState, SolverReport, Task, stage_of
+from contact_locking.solver.task import Outcome, SavedState, Settings, SolverReport, Task, stage_of
 
 # Stages before the last only have to be good starting points.
 _INTERMEDIATE_TOLERANCE = 1e-2
@@ -39,9 +39,10 @@ _INTERMEDIATE_TOLERANCE = 1e-2
 _POLISH = 4
 # Newton's steps from where the interior point method stopped early.
 _RESCUE = 30
-# Solves with a known friction bound are as sharp as a share of its last change, so that their
-# errors do not pass for its contraction, and so sharp at least.
-_SHARE_OF_CHANGE, _LOOSEST = 1e-4, 1e-3
+# A solve with a known friction bound may be rougher than the tolerances by its last change times
+# this, and by as much less as the tolerance is below the default.  Sharper solves take more
+# tangents; rougher ones pass their errors for contraction.
+_ROUGHER = 1e6
 # The solutions over the penalty, and then the branch over the share of friction, may take so many
 # times the tangents of the solve that fails, or so many where that fails at once.
 _TIMES, _AT_LEAST = 16, 1000
@@ -304,14 +305,17 @@ def _attempts(
     would have taken that.  ``last`` is the solution of the step before, for the first solve.
     Contacts without slip are tried once more with those that slip a little.
     """
-    failure, warnings = NotConverged(), list[str]()
+    failure, warnings, contraction = NotConverged(), list[str](), None
 
     def attempt(solver: InteriorPoint, nested: Sequence[NodalContact]) -> Generator[Attempt]:
-        nonlocal failure, last
+        nonlocal failure, last, contraction
         try:
-            made = replace(_solve_by(solver, nested, task, last), warnings=[*warnings])
+            made = _solve_by(solver, nested, task, last)
             failure, last = made.failure or failure, None
-            yield made
+            # The factor of nested updates is known also where another way arrives after them.
+            contraction = contraction or made.found.contraction
+            found = replace(made.found, contraction=contraction)
+            yield replace(made, found=found, warnings=[*warnings])
         finally:
             solver.destroy()
 
@@ -410,14 +414,15 @@ def _solve_by(
     ``last`` is the solution of the step before, if there is one.  Where all bounds are nested, a
     solve goes on from the one before, and is as sharp as the bounds are known.
     """
-    system, tolerance, found = task.system, task.settings.tolerance, Outcome()
+    system, found = task.system, Outcome()
     start = system.constraints.held_part(system.u.x.array)
 
     def enough(change: float) -> float:
         """The multiple of the tolerances that is enough after a change of the bounds."""
         if not nested or solver.bound_moves:
             return 1.0
-        return max(min(_SHARE_OF_CHANGE * change, _LOOSEST) / tolerance, 1.0)
+        share = task.settings.tolerance / Settings.tolerance
+        return max(_ROUGHER * share * min(change, 1.0), 1.0)
 
     def solve(change: float, nothing_slips: bool = False) -> bool:
         nonlocal found

@@ -110,6 +110,22 @@ def test_nested_friction_finds_the_same_bound_and_its_contraction() -> None:
     assert found["tangents"] < found["friction"] + 25
 
 
+def test_updates_that_do_not_arrive_tell_their_factor_beside_the_solution_of_inside() -> None:
+    data = {
+        "mesh": {"builder": "block", "dim": 2, "size": [2.0, 0.5], "h": 0.125, "structured": True},
+        "material": {"elasticity": {"young": 1.0, "poisson": 0.0}, "locking_limit": math.inf},
+        "loads": {"displacements": [{"on": "top", "value": [0.2, -0.01]}]},
+        "contact": {"on": "bottom", "gap": 0},
+        "friction": {"coefficient": 3.0, "smoothing": {"kernel": "convolution", "radius": 0.3}},
+        "solver": {"friction": "nested"},
+    }
+    parameters = Parameters.model_validate(data)
+    summary = solving.solve(parameters).summary
+    assert summary["converged"]
+    assert any("nested does not arrive" in warning for warning in summary["warnings"])
+    assert summary["friction_fixed_point"]["contraction"] > 0.8
+
+
 def test_softer_steps_follow_a_tangent_that_rounding_makes_singular(monkeypatch: Any) -> None:
     def solve() -> dict[str, Any]:
         return solving.solve(block(penalty__n=math.inf, solver={"linear": "direct"})).summary
