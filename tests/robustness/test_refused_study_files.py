@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from block_study import BLOCK, refusal
@@ -168,10 +169,11 @@ def test_a_study_of_copies_of_a_huge_file_is_refused(tmp_path: Path) -> None:
 
 def test_text_that_is_no_unicode_is_refused_from_python_too() -> None:
     supports = [{"on": on, "value": [0, 0]} for on in ("left", "\ud800")]
-    for key, data in {
+    refused: dict[str, dict[str, Any]] = {
         "title": {"title": "\ud800"},
         "contact.on": {"contact": {"on": "\ud800"}},
         "loads.displacements.1.on": {"loads": {"displacements": supports}},
-    }.items():
+    }
+    for key, data in refused.items():
         with pytest.raises(InputError, match=rf"{key}.*: .*no character"):
             from_mapping(data)

@@ -388,9 +388,9 @@ class InteriorPoint:
     def _pieces_of_laws(self, goes_on: bool) -> ActiveSet | None:
         """The method that is tried before; None where it is no use.
 
-        It needs direct solves, and bounds that follow the pressure alone: where they follow the
-        slip as well, it takes more tangents.  Bounds that do not move must be positive, and it must
-        go on from a solution.  A solve that is tried again need not try it again.
+        It needs laws, direct solves, and bounds that follow the pressure alone: where they follow
+        the slip as well, it takes more tangents.  Bounds that do not move must be positive, and it
+        must go on from a solution.  A solve that is tried again need not try it again.
         """
         bounds = self._families.bounds
         if self.bound_moves:
@@ -398,7 +398,7 @@ class InteriorPoint:
         else:
             suits = goes_on and not any([bound.is_zero() for bound in bounds])
         is_first = self.approach == self._tuning.approaches[0]
-        if self._tangent.direct is None or not (suits and is_first):
+        if self._tangent.direct is None or not (self._families.every and suits and is_first):
             return None
         return self._all_pieces()
 
