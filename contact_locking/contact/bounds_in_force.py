@@ -15,8 +15,7 @@ class BoundsInForce:
     """The friction bound G in force at each contact, a stress; all are zero at first.
 
     ``bounds[contact]`` are the values (k,) at the owned nodes of the contact.  To set them is
-    collective.  ``lengths[contact]`` is the length that smooths friction at
-    present.
+    collective.  ``lengths[contact]`` is the length that smooths friction at present.
     """
 
     def __init__(self, contacts: Sequence[NodalContact]) -> None:

@@ -17,7 +17,7 @@ from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.equilibria.search import solve_on_branch
-from contact_locking.solver.equilibria.stiffening import Way, solve_by_penalties
+from contact_locking.solver.equilibria.stiffening import solve_by_penalties
 from contact_locking.solver.fixed_point import Unsettled, fixed_point
 from contact_locking.solver.interior_point import InteriorPoint
 from contact_locking.solver.interior_point.feasibility import (
@@ -233,12 +233,12 @@ def _by_other_ways(task: Task, attempt: Attempt, proofs: Proofs) -> SolverReport
     if proofs.leave_hope(failure):
         most = max(_AT_LEAST, _TIMES * task.counts.tangents)
         stiffened = solve_by_penalties(task, most)
-        if stiffened.way is Way.SOLVED:
-            return _solved(task, stiffened.found, [*attempt.warnings, *_past(stiffened.folds)])
-        if stiffened.way is Way.WEDGED:
-            known, reason = vars(stiffened.found), report.reason + stiffened.reason
+        if stiffened is not None and stiffened.growth:
+            known, reason = vars(stiffened.found), report.reason + stiffened.growth
             report = replace(report, **known, reason=reason, suggestion=FRICTION_WAY_OUT)
             return _ended(report, task)
+        if stiffened is not None:
+            return _solved(task, stiffened.found, [*attempt.warnings, *_past(stiffened.folds)])
         try:
             if task.follows_branch:
                 found, folds = solve_on_branch(task, most)
@@ -336,7 +336,8 @@ def _attempts(
         else:
             number += 1
     if any(item.friction.stands for item in task.system.rubbing) and goes_on(failure):
-        yield from _from_little_slip(task)
+        for made in _from_little_slip(task):
+            yield replace(made, warnings=[*warnings])
 
 
 def _from_little_slip(task: Task) -> Generator[Attempt]:

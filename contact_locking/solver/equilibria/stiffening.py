@@ -9,7 +9,6 @@ nothing but the penalty gives them their size.
 from __future__ import annotations
 
 import contextlib
-import enum
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -56,12 +55,6 @@ _GROWS = (
 )
 
 
-class Way(enum.Enum):
-    """Where the penalties have led: to a solution, to forces that grow, or nowhere."""
-
-    SOLVED, WEDGED, LOST = range(3)
-
-
 @dataclass(frozen=True)
 class Stage:
     """A solution with penalties of ``10**power`` times the stiffness of the material.
@@ -103,35 +96,33 @@ class Stage:
 
 @dataclass(frozen=True)
 class Stiffened:
-    """Where the penalties have led, and the solution found; ``reason`` tells how forces grow.
+    """The solution that the penalties have led to, or one that shows how forces grow.
 
-    So many ``folds`` has the branch over friction that led on where the stages did not.
+    ``growth`` tells in words how they grow, "" for a solution of the task.  ``folds`` are those of
+    the branch over friction, which leads on where the stages do not.
     """
 
-    way: Way
     found: Outcome
-    reason: str = ""
-    folds: int = 0
+    growth: str
+    folds: int
 
 
-def solve_by_penalties(task: Task, most_tangents: float = math.inf) -> Stiffened:
+def solve_by_penalties(task: Task, most_tangents: float = math.inf) -> Stiffened | None:
     """Solve with soft penalties, then with stiffer and stiffer ones; collective.
 
-    The solution is in the system, or that with the penalties which show that forces grow; else the
-    system is left as it was.  It takes about so many tangents at most.
+    The solution that is returned is in the system.  None where the penalties lead nowhere; the
+    system is then left as it was.  It takes about so many tangents at most.
     """
     if not task.system.rubbing or task.system.held_by_friction:
-        return Stiffened(Way.LOST, Outcome())
+        return None
     task.monitor.message("following the solutions from softer penalties")
     stiffening = Stiffening(task, most_tangents)
     try:
         with task.system.preserved(only_on_failure=True):
-            way, reason = stiffening.followed()
-            if way is Way.LOST:
-                raise _Lost
-            return Stiffened(way, stiffening.found, reason, stiffening.folds)
-    except _Lost:
-        return Stiffened(Way.LOST, Outcome())
+            growth = stiffening.followed()
+            return Stiffened(stiffening.found, growth, stiffening.folds)
+    except NotConverged:
+        return None
     finally:
         task.counts.add(stiffening.counts)
 
@@ -149,8 +140,12 @@ class Stiffening:
         self._vectors = BoundVectors(task.system) if has_map(task) else None
         self._last = _last_power(task.target)
 
-    def followed(self) -> tuple[Way, str]:
-        """Where the stages lead, and how forces grow on the way, in words."""
+    def followed(self) -> str:
+        """How forces grow over the stages, in words; "" where they lead to a solution.
+
+        Raises NotConverged where they lead nowhere.
+        """
+        sharp = self._task.settings.friction_tolerance
         known, without = list[Stage](), math.nan
         can_grow = self._task.target.penalty.epsilon == 0.0
         for stage in self._stages():
@@ -166,11 +161,15 @@ class Stiffening:
                 without = math.inf if found is None else found
             is_far = stage.force > FARTHEST * without
             is_last = stage.power >= self._last and without < math.inf
-            if (is_far or is_last) and self._arrives(stage, stage.target):
-                return Way.WEDGED, stage.growth_in_words(softer[-1])
-        is_last = bool(known) and known[-1].power >= self._last
-        arrives = is_last and self._arrives(known[-1], self._task.target)
-        return Way.SOLVED if arrives else Way.LOST, ""
+            if not (is_far or is_last):
+                continue
+            # Without the map the interior point method has found it, which is sharp.
+            if self._vectors is None or self._arrives(stage, stage.target, _EVIDENCE * sharp):
+                return stage.growth_in_words(softer[-1])
+        is_last = bool(known) and known[-1].power >= self._last and self._vectors is not None
+        if is_last and self._arrives(known[-1], self._task.target, sharp):
+            return ""
+        raise NotConverged("the penalties lead nowhere")
 
     def _stages(self) -> Iterator[Stage]:
         before: Stage | None = None
@@ -191,20 +190,14 @@ class Stiffening:
                 found = self._from_nothing(power) or self._from_less_friction(power)
             before, known = known, found
 
-    def _arrives(self, stage: Stage, target: Target) -> bool:
-        """Whether Newton's method leads from a stage to the solution of a target."""
-        if self._vectors is None:
-            # The interior point method is sharp.
-            return target is stage.target
-        sharp = self._task.settings.friction_tolerance
-        if target is stage.target:
-            sharp *= _EVIDENCE
-        if self._solved(target, stage.bounds, sharp) is None:
+    def _arrives(self, stage: Stage, target: Target, tolerance: float) -> bool:
+        """Whether Newton's method leads from a stage to a solution that is so sharp."""
+        if self._solved(target, stage.bounds, tolerance) is None:
             return False
         change = self.found.friction_change
         assert change is not None
         try:
-            if change > sharp:
+            if change > tolerance:
                 self.found = settled_from(self._task.aside(self.counts, target), self.found)
             return True
         except NotConverged:
@@ -286,7 +279,3 @@ def _softened(target: Target, power: float) -> Target:
 
 def _rounded(value: float) -> float:
     return float(f"{value:.3g}")
-
-
-class _Lost(Exception):
-    """The penalties lead nowhere."""

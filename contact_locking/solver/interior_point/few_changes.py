@@ -14,8 +14,8 @@ from contact_locking.solver.interior_point.tangent import Tangent
 # In 2D a matrix with its factorisation takes as long as some eight back-substitutions, in 3D as
 # tens of them.
 _FEW = 8
-# A node that is let go leaves the ratio of its own stiffness to that of a node that touches, 1e-7.
-# Where a share as small as this is left, the digits of the step are lost.
+# The least singular value of the small matrix.  Where a node is let go, it is the ratio of the
+# stiffness without contact to that with it, some 1e-7; below this the step has no digits left.
 _LEAST = 1e-10
 
 
