@@ -186,7 +186,10 @@ class Scene:
             self._add(_surface(self._x, faces), **how)
 
     def _pale_body(self) -> None:
-        self._body_but_contact(color=_PALE_BODY, **_PLAIN)
+        # A body that is touched by another one lies between the viewer and the interface.
+        hides = self._body.dim == 3 and any(self._body.contact.bodies)
+        opacity = _GLASS if hides else 1.0
+        self._body_but_contact(color=_PALE_BODY, opacity=opacity, **_PLAIN)
         self._edges(self._x, style.BLACK, _FINE)
 
     def _foundation(self, towards: FloatArray | None = None, middle: Any = None) -> None:
