@@ -22,8 +22,7 @@ from contact_locking.sensitivity.linearisation import Change, Linearisation
 from contact_locking.solver.interior_point.families import families_of
 from contact_locking.solver.interior_point.family import Family, dot
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
-from contact_locking.solver.last_iterate import LastIterate
-from contact_locking.solver.task import Target
+from contact_locking.solver.task import LastIterate, Target
 
 # Products within this share of their mean are alike.
 _ALIKE = 0.02
@@ -51,7 +50,7 @@ def nearer_the_path(linear: Linearisation) -> LastIterate | None:
     if maximum(comm, apart) <= _ALIKE:
         return None
     change = linear.centring(mean)
-    longest = [f.longest_step_between(step, step, 0.0) for f, step in change.steps.items()]
+    longest = [family.longest_step(step) for family, step in change.steps.items()]
     length = min(1.0, _SHARE * minimum(comm, np.array(longest)))
     return _after(length, change, equations) if length > _SHORT else None
 

@@ -26,8 +26,7 @@ from contact_locking.solver.interior_point.families import Families, families_of
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.lorentz import norm
-from contact_locking.solver.last_iterate import LastIterate
-from contact_locking.solver.task import Target
+from contact_locking.solver.task import LastIterate, Target
 
 # At the last iterate the equations hold to the tolerance of the solver, but for points near a
 # change of their state, which were moved inside their cones.  Data that have changed since the

@@ -21,8 +21,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.sensitivity.equations import Equations
-from contact_locking.solver.last_iterate import LastIterate
-from contact_locking.solver.task import Target
+from contact_locking.solver.task import LastIterate, Target
 
 # The width of central differences over the value: the cube root of the rounding.
 _WIDTH = float(np.cbrt(np.finfo(float).eps))

@@ -7,13 +7,13 @@ through a locking front) nor on the energy (which has no digits left near the mi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 from petsc4py import PETSc
 
-from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged, raise_callback_error
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.linear.border import Border
@@ -51,7 +51,7 @@ class ToolBorder:
             for own in tractions:
                 column, forces = next(columns), balance.contact.surface.nodal_forces(own)
                 column.array_w[:] = system.constraints.free_part(forces[: column.getLocalSize()])
-        self._border.refresh(_in_blocks(corners), self._ksp.solve)
+        self._border.refresh(scipy.linalg.block_diag(*corners), self._ksp.solve)
 
     def solve(self, f: PETSc.Vec, y: PETSc.Vec) -> None:
         """Solve for y; collective."""
@@ -62,15 +62,6 @@ class ToolBorder:
         """Free the PETSc objects, and the reference to the solver; collective."""
         self._border.destroy()
         self._ksp.destroy()
-
-
-def _in_blocks(parts: Sequence[FloatArray]) -> FloatArray:
-    """The matrix with square blocks on its diagonal."""
-    ends = np.cumsum([0, *map(len, parts)])
-    found = np.zeros((ends[-1], ends[-1]))
-    for part, first, last in zip(parts, ends, ends[1:], strict=False):
-        found[first:last, first:last] = part
-    return found
 
 
 ConvergedReason = PETSc.SNES.ConvergedReason
@@ -237,10 +228,7 @@ class NewtonSolver:
         self._system.set_displacement(self._x)
 
     def step(self) -> None:
-        """Take one full step from the system's displacement, wherever the step leads; collective.
-
-        Raises NotConverged if the linear system is not solved.
-        """
+        """Take one full step from the system's displacement; raises NotConverged; collective."""
         self._raised = None
         change, ksp = self._x.duplicate(), self._snes.ksp
         self._system.displacement(self._x)

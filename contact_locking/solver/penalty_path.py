@@ -35,10 +35,7 @@ class PenaltyPath:
 
     @classmethod
     def onwards(cls, known: Penalty, target: Target) -> PenaltyPath:
-        """From the penalty parameters of a known solution, where the target is beyond them.
-
-        Of a solution with another number of contacts the largest regularisation counts.
-        """
+        """From the penalty parameters of a known solution, where the target is beyond them."""
         end, smooth = target.penalty, known.regularisations
         if len(smooth) != len(end.regularisations):
             smooth = (max(smooth, default=0.0),) * len(end.regularisations)
@@ -68,8 +65,7 @@ def follow(
     """Call ``stage(penalty, last)`` along the path, a decade at a time, halving after a failure.
 
     A stage fails by raising NotConverged and must leave the state it started from.  The failure
-    is passed on once the step has shrunk to ``smallest`` decades.  A path of no length has one
-    stage, the last.
+    is passed on once the step has shrunk to ``smallest`` decades.
     """
     if path.decades == 0.0:
         stage(path.end, True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import math
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,12 +26,19 @@ from contact_locking.solver.interior_point.feasibility import (
     judge,
     share_of_friction,
 )
-from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE, is_direct
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.penalty_path import PenaltyPath, follow
 from contact_locking.solver.polish import has_digits, is_in_reach, polish, settle, step_on
-from contact_locking.solver.task import Outcome, SavedState, Settings, SolverReport, Task, stage_of
+from contact_locking.solver.task import (
+    LastIterate,
+    Outcome,
+    SavedState,
+    Settings,
+    SolverReport,
+    Task,
+    stage_of,
+)
 
 # Stages before the last only have to be good starting points.
 _INTERMEDIATE_TOLERANCE = 1e-2
@@ -115,10 +122,7 @@ def newton_with_continuation(task: Task, saved: SavedState | None = None) -> Sol
 
 
 def _follow(path: PenaltyPath, task: Task, stages: list[dict[str, float | int]]) -> Outcome:
-    """Newton's method along a path of penalties; raises NotConverged, the last stage in place.
-
-    The stages are added to ``stages``.
-    """
+    """Newton's method along a path; adds to ``stages``; raises NotConverged, the last in place."""
     newton, counts, found = NewtonSolver(task), task.counts, Outcome()
 
     def stage(penalty: Penalty, last: bool) -> None:
@@ -158,14 +162,10 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
     task.monitor.stage(1, 1, penalty.n, penalty.epsilon)
     if saved is not None and (arrived := _newton_from(saved, task)) is not None:
         return _solved(task, arrived, from_saved=True)
-    nested = task.system.rubbing if task.settings.nested else ()
-    last = None if saved is None else saved.last
-    with contextlib.closing(_attempts(task, nested, last, proofs.leave_hope)) as attempts:
-        for attempt in attempts:
-            if attempt.failure is None:
-                found, from_last = _finished(task, attempt), attempt.solver.from_last
-                return _solved(task, found, attempt.warnings, from_saved=from_last)
-    return _by_other_ways(task, attempt, proofs)
+    attempt = _attempted(task, None if saved is None else saved.last, proofs.leave_hope)
+    if attempt.failure is not None:
+        return _by_other_ways(task, attempt, attempt.failure, proofs)
+    return _solved(task, attempt.found, attempt.warnings, attempt.from_last)
 
 
 class Proofs:
@@ -201,23 +201,10 @@ def _solved(
     )
 
 
-def _finished(task: Task, attempt: Attempt) -> Outcome:
-    """The solution of an attempt to its last digits, as far as a method arrives there."""
-    solver = attempt.solver
-    # Newton's last steps want a linear solver as sharp as they are.
-    direct = None if solver.is_elastic else solver.direct
-    polishes = direct is not None and is_in_reach(task)
-    polished = polish(task, _POLISH, attempt.found, direct) if polishes else None
-    return polished or solver.finish(attempt.found)
-
-
-def _by_other_ways(task: Task, attempt: Attempt, proofs: Proofs) -> SolverReport:
-    """What Newton's method, penalties or the branch find after a failure, or why there is none.
-
-    Collective.
-    """
-    failure = attempt.failure
-    assert failure is not None
+def _by_other_ways(
+    task: Task, attempt: Attempt, failure: NotConverged, proofs: Proofs
+) -> SolverReport:
+    """What Newton's method, penalties or the branch find after a failure, or why there is none."""
     report = SolverReport(
         **vars(attempt.found),
         is_infeasible=isinstance(failure, Infeasible),
@@ -280,70 +267,77 @@ def _explained(report: SolverReport, verdict: Verdict | None, task: Task) -> Sol
 
 @dataclass(frozen=True)
 class Attempt:
-    """A solver with what it has found, or has reached before a failure.
+    """What a solver has found, or has reached before a failure; ``warnings`` are about the way."""
 
-    ``warnings`` are about the way to it.
-    """
-
-    solver: InteriorPoint
     found: Outcome
     failure: NotConverged | None = None
+    from_last: bool = False
     warnings: Sequence[str] = ()
 
 
-def _attempts(
-    task: Task,
-    nested: Sequence[NodalContact],
-    last: LastIterate | None,
-    goes_on: Callable[[NotConverged], bool],
-) -> Generator[Attempt]:
-    """A solve for each approach, as long as one ``goes_on`` after the one before; collective.
+def _attempted(
+    task: Task, last: LastIterate | None, goes_on: Callable[[NotConverged], bool]
+) -> Attempt:
+    """A solve by one approach after the other, as long as one ``goes_on`` after a failure.
 
     Where friction bounds are to be fixed points of whole solves, a solver that keeps them comes
     first.  No two solvers are there at a time, nor beside what ``goes_on`` solves, as each takes
     much memory.  An approach that an iterative solver ends goes again with a direct one, if auto
     would have taken that.  ``last`` is the solution of the step before, for the first solve.
-    Contacts without slip are tried once more with those that slip a little.
+    Contacts without slip are tried once more with those that slip a little.  Collective.
     """
     failure, warnings, contraction = NotConverged(), list[str](), None
-
-    def attempt(solver: InteriorPoint, nested: Sequence[NodalContact]) -> Generator[Attempt]:
-        nonlocal failure, last, contraction
-        try:
-            made = _solve_by(solver, nested, task, last)
-            failure, last = made.failure or failure, None
-            # The factor of nested updates is known also where another way arrives after them.
-            contraction = contraction or made.found.contraction
-            found = replace(made.found, contraction=contraction)
-            yield replace(made, found=found, warnings=[*warnings])
-        finally:
-            solver.destroy()
-
-    if nested:
-        yield from attempt(InteriorPoint(task, bound_moves=False), nested)
-        if isinstance(failure, Infeasible):
-            return
-        warnings.append(_NOT_NESTED.format(reason=failure))
+    standing = [item for item in task.system.rubbing if item.friction.stands]
+    if task.settings.nested and task.system.rubbing:
+        made = _attempt(InteriorPoint(task, bound_moves=False), task.system.rubbing, task, last)
+        if made.failure is None or isinstance(made.failure, Infeasible):
+            return made
+        # The factor of nested updates is known also where another way arrives after them.
+        last, contraction = None, made.found.contraction
+        warnings.append(_NOT_NESTED.format(reason=made.failure))
     number, count = 0, 1
     while number < count and (number == 0 or goes_on(failure)):
         solver = InteriorPoint(task)
         count = len(solver.approaches)
         solver.approach = solver.approaches[number]
-        yield from attempt(solver, [item for item in task.system.rubbing if item.friction.stands])
+        made, last = _attempt(solver, standing, task, last), None
+        found = replace(made.found, contraction=contraction or made.found.contraction)
+        made = replace(made, found=found, warnings=[*warnings])
+        if made.failure is None:
+            return made
+        failure = made.failure
         if str(failure) == LINEAR_FAILURE and _may_factorise(task):
             task = task.with_settings(linear="direct")
             warnings.append(_FACTORISED)
         else:
             number += 1
-    if any(item.friction.stands for item in task.system.rubbing) and goes_on(failure):
-        for made in _from_little_slip(task):
-            yield replace(made, warnings=[*warnings])
+    if standing and goes_on(failure) and (slipping := _from_little_slip(task)) is not None:
+        return replace(slipping, warnings=warnings)
+    return made
 
 
-def _from_little_slip(task: Task) -> Generator[Attempt]:
+def _attempt(
+    solver: InteriorPoint, nested: Sequence[NodalContact], task: Task, last: LastIterate | None
+) -> Attempt:
+    """What a solver finds, to its last digits, as far as a method arrives there; collective."""
+    try:
+        made = _solve_by(solver, nested, task, last)
+        return made if made.failure else replace(made, found=_finished(task, solver, made.found))
+    finally:
+        solver.destroy()
+
+
+def _finished(task: Task, solver: InteriorPoint, found: Outcome) -> Outcome:
+    # Newton's last steps want a linear solver as sharp as they are.
+    direct = None if solver.is_elastic else solver.direct
+    polishes = direct is not None and is_in_reach(task)
+    return (polish(task, _POLISH, found, direct) if polishes else None) or solver.finish(found)
+
+
+def _from_little_slip(task: Task) -> Attempt | None:
     """A solve that starts from what is pressed with a large coefficient in place of no slip.
 
-    Nothing is made, and the system left as it was, where it does not arrive.  Collective.
+    None, and the system left as it was, where it does not arrive.  Collective.
     """
     system, rubbing = task.system, task.system.rubbing
     solver, found = InteriorPoint(task, yields=True), Outcome()
@@ -362,9 +356,9 @@ def _from_little_slip(task: Task) -> Generator[Attempt]:
             solver = InteriorPoint(task, bound_moves=False)
             system.bounds.enter(rubbing, _bounds_of(found, system, rubbing))
             settled = fixed_point(task, solve, lambda: _bounds_of(found, system, rubbing))
-        yield Attempt(solver, found.settled(*settled))
+        return Attempt(_finished(task, solver, found.settled(*settled)))
     except NotConverged:
-        return
+        return None
     finally:
         solver.destroy()
 
@@ -410,11 +404,7 @@ def _friction_way_out(task: Task) -> list[str]:
 def _solve_by(
     solver: InteriorPoint, nested: Sequence[NodalContact], task: Task, last: LastIterate | None
 ) -> Attempt:
-    """Solve once, or for each value of ``nested`` bounds.
-
-    ``last`` is the solution of the step before, if there is one.  Where all bounds are nested, a
-    solve goes on from the one before, and is as sharp as the bounds are known.
-    """
+    """Solve once, or for each value of ``nested`` bounds, from the solution before; collective."""
     system, found = task.system, Outcome()
     start = system.constraints.held_part(system.u.x.array)
 
@@ -444,13 +434,13 @@ def _solve_by(
         solve(math.inf, nothing_slips=True)
         if nested:
             system.bounds.enter(nested, wanted())
-            change, contraction = fixed_point(task, solve, wanted, nested)
-            found = found.settled(change, contraction)
-        return Attempt(solver, found)
+            settled = fixed_point(task, solve, wanted, nested)
+            found = found.settled(*settled)
+        return Attempt(found, from_last=solver.from_last)
     except NotConverged as failure:
         multipliers = found.multipliers or solver.multipliers()
         reached = Outcome(multipliers, friction_change=solver.friction_change)
-        return Attempt(solver, _reached(reached, failure), failure)
+        return Attempt(_reached(reached, failure), failure)
 
 
 def _newton_from(saved: SavedState, task: Task) -> Outcome | None:

@@ -6,20 +6,23 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.penalty import Penalty
 from contact_locking.monitor import Monitor
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.multipliers import Multipliers
 
 # Solves for the same friction bound differ by so many times the rounding in one solution, which the
 # margin of the criteria is.
 _ROUNDING_OF_SOLVES = 100.0
+
+
+# The points x of a family and their multipliers z.
+Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -51,8 +54,7 @@ class Target:
     def mean_strain(self, energy: float, displacement: float, tolerance: float) -> float:
         """``sqrt(a(u, u)/(alpha |Omega|))``, or what rounding in ``u`` leaves, if that is larger.
 
-        ``energy`` is ``a(u, u)/2`` and ``displacement`` the largest ``|u|``.  Strains that are this
-        number times ``tolerance`` are told from zero, smaller ones are not.
+        ``energy`` is ``a(u, u)/2`` and ``displacement`` the largest ``|u|``.
         """
         mean = math.sqrt(2.0 * max(energy, 0.0) / (self.ellipticity * self.volume))
         return max(mean, ROUNDING * displacement / (self.length * tolerance))
@@ -60,9 +62,8 @@ class Target:
     def least_bound(self, mean_strain: float) -> float:
         """The L2 norm on Gamma_C below which changes of the friction bound are judged absolutely.
 
-        It is a thousandth of the stress of :meth:`mean_strain` over a face of the body: where
-        contact only grazes, relative changes of next to nothing say nothing, and where the strain
-        itself is next to nothing beside the displacement, they are rounding.
+        It is a thousandth of the stress of :meth:`mean_strain` over a face of the body:
+        where contact only grazes, relative changes of next to nothing say nothing.
         """
         stress = math.sqrt(self.stiffness * self.ellipticity) * mean_strain
         return 1e-3 * stress * math.sqrt(self.face)
@@ -80,6 +81,18 @@ class Counts:
         """Count what auxiliary problems took, whose updates of the bounds do not count."""
         self.tangents += aside.tangents
         self.linear += aside.linear
+
+
+@dataclass(frozen=True)
+class LastIterate:
+    """Local displacements, ghosts included, travels of tools, and a pair (x, z) for each family.
+
+    A family that takes no part, as all do not where the body is elastic, has None.
+    """
+
+    displacement: FloatArray
+    travels: tuple[float, ...]
+    cones: tuple[Pair | None, ...]
 
 
 @dataclass(frozen=True)
@@ -186,7 +199,7 @@ class Task:
         return dataclasses.replace(self, settings=settings)
 
     def aside(self, counts: Counts, target: Target | None = None) -> Task:
-        """A silent task for the same system with counts of its own, for an auxiliary problem."""
+        """A silent task for the same system with counts of its own."""
         return dataclasses.replace(
             self, target=target or self.target, monitor=Monitor(), counts=counts
         )

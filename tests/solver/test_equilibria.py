@@ -24,10 +24,9 @@ from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results import in_words
 from contact_locking.running import writing
 from contact_locking.solver.equilibria.bound_map import BoundMap
-from contact_locking.solver.equilibria.branch import Branch
+from contact_locking.solver.equilibria.branch import Branch, OverFriction
 from contact_locking.solver.equilibria.diagram import diagram
 from contact_locking.solver.equilibria.newton import Deflation, MapNewton
-from contact_locking.solver.equilibria.paths import OverFriction
 from contact_locking.solver.equilibria.search import Equilibria, has_map, solve_on_branch
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.strategy import solve
@@ -326,7 +325,7 @@ def test_the_method_of_the_solver_falls_back_on_the_branch(monkeypatch: Any) -> 
     from contact_locking.solver import strategy
 
     def fails(solver: Any, *_: Any) -> strategy.Attempt:
-        return strategy.Attempt(solver, Outcome(), NotConverged("not tried"))
+        return strategy.Attempt(Outcome(), NotConverged("not tried"))
 
     monkeypatch.setattr(strategy, "_solve_by", fails)
     monkeypatch.setattr(strategy, "polish", lambda *given, **named: None)

@@ -16,7 +16,7 @@ from contact_locking.results.solution import StudySolution
 from contact_locking.solver.interior_point import method
 from contact_locking.solver.interior_point.bound_step import BoundStep
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.last_iterate import LastIterate
+from contact_locking.solver.task import LastIterate
 from contact_locking.study_file.parameters import Parameters
 
 

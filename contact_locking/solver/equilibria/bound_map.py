@@ -16,8 +16,7 @@ from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.bound_step import BoundLaw
 from contact_locking.solver.interior_point.family import Reaction
 from contact_locking.solver.interior_point.method import InteriorPoint
-from contact_locking.solver.last_iterate import LastIterate
-from contact_locking.solver.task import Outcome, Task
+from contact_locking.solver.task import LastIterate, Outcome, Task
 
 # No bound is a smaller share of the largest, so that the friction cones have an inside.
 _LEAST = 1e-12
@@ -47,10 +46,7 @@ class BoundVectors:
         return self.join([part[contact.free] for part, contact in pairs])
 
     def join(self, values: list[FloatArray]) -> FloatArray:
-        """The vector of values at the owned nodes of each contact where friction acts; collective.
-
-        Where all of them are on one rank nothing is copied between ranks.
-        """
+        """The vector of values at the nodes of each contact where friction acts; collective."""
         local: FloatArray = np.concatenate([*values, np.empty(0)])
         return np.concatenate(self._comm.allgather(local))
 
@@ -70,10 +66,7 @@ class BoundVectors:
         return self.gather(self._bounds.at(self.contacts))
 
     def dot(self, a: FloatArray, b: FloatArray) -> float:
-        """``int a b`` over Gamma_C by the weights of the nodes, the same on all ranks; collective.
-
-        Ranks decide by it together, and their processors may round differently.
-        """
+        """``int a b`` over Gamma_C by the weights of the nodes, alike on all ranks; collective."""
         return float(self._comm.bcast(float(self.weights @ (a * b))))
 
     def norm(self, a: FloatArray) -> float:
@@ -81,10 +74,7 @@ class BoundVectors:
         return math.sqrt(self.dot(a, a))
 
     def solved(self, matrix: FloatArray, right: FloatArray) -> tuple[FloatArray, float]:
-        """The solution of a dense system, and the sign of its determinant; collective.
-
-        A singular system has not-a-number for a solution, and the sign 0.
-        """
+        """The solution of a dense system and its determinant's sign, or NaN and 0; collective."""
         solution: FloatArray = np.full_like(right, np.nan)
         sign = 0.0
         if self._comm.rank == 0 and np.all(np.isfinite(matrix)):
@@ -121,10 +111,6 @@ class BoundMap:
         self.found = self._solver.solve(self.found.last)
         wanted = zip(self.vectors.contacts, self._pressures(), strict=True)
         return self.vectors.gather([item.friction_bound(system.u, p) for item, p in wanted])
-
-    def take_loads(self) -> None:
-        """Take the present loads and prescribed displacements of the system."""
-        self._solver.take_loads()
 
     def pressures(self) -> FloatArray:
         """The contact pressures (m,) at the last value."""

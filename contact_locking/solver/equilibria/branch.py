@@ -10,14 +10,15 @@ serves all shares.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
-from contact_locking.solver.equilibria.paths import Path
+from contact_locking.solver.equilibria.bound_map import BoundMap
 
 # The relative residual along the branch, and the corrections that a step may take.
 _ACCURACY, _MOST, _FEW = 1e-4, 8, 4
@@ -31,6 +32,52 @@ _LONGER, _SHORTER = 1.5, 0.5
 _BISECTIONS = 8
 # Corrections may lead aside by this share of a step that is not bold.
 _ASIDE = 0.6
+# The change of the share in a difference.
+_WIDTH = 1e-4
+
+
+class OverFriction:
+    """``Psi(G, s) = s Phi(G)``: the share is that of the friction coefficient."""
+
+    def __init__(self, problem: BoundMap) -> None:
+        self.problem, self.vectors = problem, problem.vectors
+        self._share, self._wanted = 0.0, np.zeros(problem.vectors.size)
+
+    def __call__(self, bounds: FloatArray, share: float) -> FloatArray:
+        """``Psi(G, s)`` (m,); raises NotConverged where Tresca's problem is not solved."""
+        self._share, self._wanted = share, self.problem(bounds)
+        return share * self._wanted
+
+    def slopes(self) -> tuple[FloatArray, FloatArray]:
+        """The derivatives of Psi by G (m, m) and by s (m,) at the last value; collective."""
+        return self._share * self.problem.derivative(), self._wanted
+
+
+class OverLoads:
+    """``Psi(G, s) = Phi(G)`` with loads for the share s, which ``put`` gives to the system."""
+
+    def __init__(self, problem: BoundMap, put: Callable[[float], None]) -> None:
+        self.problem, self.vectors, self._put = problem, problem.vectors, put
+        self._bounds, self._share = np.zeros(problem.vectors.size), 1.0
+        self._wanted = self._bounds
+
+    def __call__(self, bounds: FloatArray, share: float) -> FloatArray:
+        self._bounds, self._share = bounds, share
+        self._wanted = self._at(share)
+        return self._wanted
+
+    def slopes(self) -> tuple[FloatArray, FloatArray]:
+        by_bounds = self.problem.derivative()
+        beside = self._at(self._share + _WIDTH)
+        return by_bounds, np.asarray((beside - self._wanted) / _WIDTH)
+
+    def _at(self, share: float) -> FloatArray:
+        self._put(share)
+
+        return self.problem(self._bounds)
+
+
+Path: TypeAlias = OverFriction | OverLoads
 
 
 @dataclass(frozen=True)
@@ -125,10 +172,9 @@ class Branch:
     def _correct(
         self, before: FloatArray, length: float, tangent: FloatArray
     ) -> tuple[FloatArray, FloatArray, float, int] | None:
-        """The point of the branch on the plane across the tangent, the tangent there, and its sign.
+        """The point on the plane across the tangent, the tangent, its sign, and the corrections.
 
-        The last number is that of the corrections.  None also where they lead so far that the point
-        may belong to another branch.
+        None also where they lead so far that the point may belong to another branch.
         """
         start = before + length * tangent
         at, size, vectors = start, self._vectors.size, self._vectors

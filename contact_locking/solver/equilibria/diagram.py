@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
-from contact_locking.solver.equilibria.branch import Branch
-from contact_locking.solver.equilibria.paths import OverFriction, OverLoads, Path
+from contact_locking.solver.equilibria.branch import Branch, OverFriction, OverLoads, Path
 from contact_locking.solver.equilibria.search import FARTHEST, Equilibria, require_map
 from contact_locking.solver.task import Task
 

@@ -13,9 +13,8 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError, NotConverged
 from contact_locking.solver.equilibria.bound_map import BoundMap
-from contact_locking.solver.equilibria.branch import Branch, BranchPoint
+from contact_locking.solver.equilibria.branch import Branch, BranchPoint, OverFriction
 from contact_locking.solver.equilibria.newton import Deflation, MapNewton
-from contact_locking.solver.equilibria.paths import OverFriction
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.task import Counts, Outcome, SolverReport, Task, stage_of
 
@@ -62,10 +61,7 @@ def sharpened(task: Task) -> Task:
 
 
 def settled_from(task: Task, value: Outcome) -> Outcome:
-    """The solution near a value of the map, with bounds that follow the pressure; collective.
-
-    Raises NotConverged.  Rounding in the map is nothing to such bounds.
-    """
+    """The solution near a value of the map, with bounds that follow the pressure; collective."""
     assert value.last is not None
     solver = InteriorPoint(task)
     try:
@@ -117,8 +113,8 @@ class Equilibria:
     def _within(self, before: BranchPoint, point: BranchPoint) -> FloatArray | None:
         """A solution near the place where the branch passes the whole share.
 
-        Between two points whose nodes stick, slip or touch otherwise, Newton's method may go to and
-        fro, where it arrives from one of them.
+        Between two points whose nodes stick, slip or touch otherwise, Newton's method may
+        go to and fro, where it arrives from one of them.
         """
         starts = (before.between(point, 1.0), point.bounds, before.bounds)
         tries = (self._solve(start) for start in starts)
@@ -186,10 +182,7 @@ class Equilibria:
         return int(self.map.vectors.solved(slope, slope[0])[1])
 
     def enter(self, bounds: FloatArray) -> Outcome:
-        """The solution with these bounds, which is put into the system; collective.
-
-        Raises NotConverged where bounds that are rough are not near enough.
-        """
+        """Put the solution with these bounds into the system; collective.  Raises NotConverged."""
         wanted, norm = self.map(bounds), self.map.vectors.norm
         change = norm(wanted - bounds) / (norm(wanted) or 1.0)
         if change > self._newton.tolerance:

@@ -98,8 +98,8 @@ class Stage:
 class Stiffened:
     """The solution that the penalties have led to, or one that shows how forces grow.
 
-    ``growth`` tells in words how they grow, "" for a solution of the task.  ``folds`` are those of
-    the branch over friction, which leads on where the stages do not.
+    ``growth`` tells in words how they grow, "" for a solution.  ``folds`` are those of
+    branches.
     """
 
     found: Outcome
@@ -266,8 +266,8 @@ def _last_power(target: Target) -> float:
 def _softened(target: Target, power: float) -> Target:
     """The target with penalties no stiffer than a power of ten times the stiffness.
 
-    Friction is regularised as the penalty of contact would do it.  The numbers have three digits,
-    so that a message can give them.
+    Friction is regularised as the penalty of contact would do it.  The numbers have three
+    digits, so that a message can give them.
     """
     penalty = target.penalty
     n = min(penalty.n, _rounded(10.0**power * target.stiffness))

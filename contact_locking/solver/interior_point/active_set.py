@@ -41,8 +41,7 @@ from contact_locking.solver.interior_point.projections import (
 )
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.last_iterate import LastIterate, Pair
-from contact_locking.solver.task import Task
+from contact_locking.solver.task import LastIterate, Pair, Task
 
 
 @dataclass(frozen=True)
@@ -91,8 +90,7 @@ class _Left:
 class ActiveSet:
     """Newton's method on the pieces for the families and the friction bounds of a system.
 
-    It uses the tangent of the interior point method, with blocks of its own.  Linear solves have to
-    be direct.  Bounds that do not move are those in force.
+    Linear solves have to be direct.  Bounds that do not move are those in force.
     """
 
     def __init__(
@@ -139,11 +137,7 @@ class ActiveSet:
     # Where it starts.
 
     def from_elastic(self) -> Iterate | None:
-        """Solve from the elastic displacement, which is that of the system; collective.
-
-        Returns the solution, with the displacement in the system, or None without one: the
-        displacement is then what it was.
-        """
+        """Solve from the elastic displacement, which is kept without a solution; collective."""
         beyond = np.zeros(2)
         self._tangent.visit()
         for family, law in self._laws.items():
@@ -163,9 +157,10 @@ class ActiveSet:
         return self._solve_or_restore(is_linearised=False)
 
     def knows(self, last: LastIterate) -> bool:
-        """Whether it is worth to go on from a solution, with as many cones as now; collective.
+        """Whether it is worth to go on from a solution; collective.
 
-        In 3D so many cells reach their limit or leave it in a step that it takes more tangents.
+        In 3D so many cells reach their limit or leave it in a step that it takes more
+        tangents.
         """
         families = list(self._laws)
         if self._task.system.dim == 3 and any(isinstance(f, LimitsOfStrain) for f in families):
@@ -290,10 +285,7 @@ class ActiveSet:
         raise NotConverged("the pieces of the laws do not settle")
 
     def _rests(self) -> bool:
-        """Whether all forces are rounding, or contact would hold the body and bears none.
-
-        Collective.
-        """
+        """Whether forces are rounding, or contact bears none where it has to; collective."""
         bears = any(
             law.y.any() for family, law in self._laws.items() if isinstance(family, ContactCones)
         )

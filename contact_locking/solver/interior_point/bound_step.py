@@ -83,10 +83,7 @@ class MovingBound:
             self.set(self.contact.acting(self.law.on_all(stress)))
 
     def start(self, moves: bool, least: float) -> None:
-        """Give the cones a bound: where it ``moves`` that of the pressure, else what it is now.
-
-        Where it is zero, there is no friction to account for; collective.
-        """
+        """Give the cones a bound: where it ``moves`` that of the pressure; collective."""
         if moves:
             self.set(self.wanted())
         self.friction.takes_part = not self.is_zero()
@@ -119,10 +116,7 @@ class MovingBound:
         return self.contact.acting(np.maximum(new, least))
 
     def slope(self) -> FloatArray:
-        """``mu'(|u_tau|) |R p|`` (k,) at the nodes of the cones; collective.
-
-        It is zero for a bound of the user's own, of which nothing is known but its value.
-        """
+        """``mu'(|u_tau|) |R p|`` (k,) at the nodes of the cones, 0 for a user's law; collective."""
         bound, nodes = self.law, self.friction.nodes
         if not (bound.is_coulomb and bound.depends_on_slip):
             return np.zeros(len(nodes.weights))
@@ -174,18 +168,15 @@ class BoundStep:
         self._foreseen = 0.0
 
     def look(self) -> None:
-        """Linearise the laws of the bounds at the present iterate; collective.
-
-        Responses that are known stay those of the tangent.
-        """
+        """Linearise the laws; responses that are known stay those of the tangent; collective."""
         most = self._tuning.bound_most_taken
         self._laws = [BoundLaw(bound, most) for bound in self._bounds]
 
     def foresee(self, predictor: Direction) -> None:
         """Let the step of each bound be what the predictor asks for; collective.
 
-        The corrector is found with these steps.  Where the map contracts they are nearly those that
-        agree with it, which saves back-substitutions; elsewhere each bound stands still.
+        Where the map contracts these are nearly the steps that agree with the corrector,
+        which saves back-substitutions; elsewhere each bound stands still.
         """
         if not self.contracts:
             return
@@ -195,10 +186,7 @@ class BoundStep:
             law.change(part)
 
     def agrees(self, direction: Direction) -> bool:
-        """Whether the step of each bound is close to what agrees with a direction; collective.
-
-        The direction is one with the steps of the bounds that are set before.
-        """
+        """Whether the steps of the bounds are close to what agrees with theirs; collective."""
         left = self._norm(np.concatenate([law.distance(direction) for law in self._laws]))
         return left <= self._enough(left)
 
@@ -210,8 +198,7 @@ class BoundStep:
     def standing(self, rest: Direction) -> list[Reaction]:
         """The reactions to the steps of the bounds if the displacement stands still; collective.
 
-        ``rest`` is the direction without a step of the displacement and of the bounds.  For
-        :meth:`following` and :meth:`follow`.
+        ``rest`` is the direction without a step of the displacement and of the bounds.
         """
         self._standing = [law.distance(rest) for law in self._laws]
         return self._reactions(self._standing)
@@ -221,10 +208,7 @@ class BoundStep:
         return self._reactions([law.moved_by(displacement) for law in self._laws])
 
     def follow(self, displacement: FloatArray) -> bool:
-        """Set the step of each bound to what agrees with a step of the displacement; collective.
-
-        Returns whether all bounds stay positive: others take a smaller step, which does not agree.
-        """
+        """Let bounds follow a step of the displacement; whether none is cut; collective."""
         parts = zip(self._laws, self._standing, strict=True)
         is_cut = any([law.change(part + law.moved_by(displacement)) for law, part in parts])
         return not on_any_rank(self._tangent.comm, is_cut)
@@ -235,19 +219,16 @@ class BoundStep:
         return [Reaction(law.friction, law.friction.response(part)) for law, part in parts]
 
     def misses(self, direction: Direction) -> float:
-        """How far the step of the bounds is from what agrees with a direction, relative.
-
-        Collective.  The direction is one with the steps of the bounds that are set before.
-        """
+        """How far the steps of the bounds are from what agrees with theirs; collective."""
         left = np.concatenate([law.missed(direction) for law in self._laws])
         moved = np.concatenate([law.friction.bound + law.friction.bound_step for law in self._laws])
         return self._norm(left) / (self._norm(moved) or 1.0)
 
     def adapt(self, direction: Direction) -> FloatArray | None:
-        """Set the step of each bound to what agrees with a direction and itself; collective.
+        """Set the steps of the bounds to what agrees with a direction and themselves; collective.
 
-        The direction is one with the steps of the bounds that are set before.  Returns what the
-        change adds to the step of the displacement, or None if that is not known.
+        Returns what the change adds to the step of the displacement, or None where a bound
+        is cut.
         """
         right = np.concatenate([law.distance(direction) for law in self._laws])
         change, displacement = self._solve(right)
@@ -365,10 +346,7 @@ class BoundLaw:
         return np.asarray(moved - self.friction.grown(slip_step))
 
     def moved_adjoint(self, bound: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The adjoint of the map from steps of pressure and slip to the bound; collective.
-
-        A bound (k,) gives a pressure (k,) and a slip (d, k), as ``int`` pairs all of them.
-        """
+        """The adjoint of :meth:`moved`: pressure and slip of a bound (k,); collective."""
         nodes, friction = self._nodes, self.friction
         pressure = nodes.of_all(self._smoothing.adjoint(nodes.at_all(self._mu * bound)))
         slip = self._slope * bound * self._along - friction.grown_adjoint(bound)

@@ -90,19 +90,13 @@ class ContactNodes:
     def add_tool_forces(
         self, traction: FloatArray, forces: FloatArray, magnitudes: bool = False
     ) -> None:
-        """``forces -= int traction . m`` for the motions m of the foundation here, on this rank.
-
-        With ``magnitudes`` ``forces += int |traction . m|``.
-        """
+        """``forces -= int traction . m`` for motions m here, or ``+= int |traction . m|``."""
         for number, way in self._ways:
             along = dot(traction, way)
             forces[number] += np.abs(along) @ self.weights if magnitudes else -along @ self.weights
 
     def stiffer_than(self, stiffness: float, springs: FloatArray) -> IndexArray:
-        """The owned blocks that springs (k,) per area hold more stiffly than a material.
-
-        A spring between two bodies holds nodes of both; collective.
-        """
+        """The owned blocks that springs (k,) hold more stiffly than a material; collective."""
         stiff = self._rows[springs > self.material_springs(stiffness)]
         blocks = np.concatenate(self.comm.allgather(np.unique(stiff.indices)))
         low, high = self._own_blocks
@@ -113,10 +107,7 @@ class ContactNodes:
         return np.asarray(material * self.weights ** (-1.0 / (self.dim - 1)))
 
     def along(self, places: IndexArray, directions: FloatArray) -> PETSc.Mat:
-        """The matrix of ``v -> directions . v`` at nodes; collective.
-
-        ``places`` (p,) are numbers < k, and ``directions`` is (d, p).
-        """
+        """The matrix of ``v -> directions . v``, (d, p), at nodes ``places`` (p,); collective."""
         columns = self.dim * places[:, None] + np.arange(self.dim)
         columns += self._matrix.getOwnershipRange()[0]
         combination = PETSc.Mat().createAIJ(

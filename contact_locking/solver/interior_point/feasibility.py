@@ -66,9 +66,8 @@ class Verdict:
 def judge(task: Task) -> Verdict | None:
     """The verdict on a problem that was not solved, None without a proof; collective.
 
-    Friction and penalties have no say in it, so the problem is solved without them, unless friction
-    alone holds the body.  Displacement and friction bounds of the system are left as they are; what
-    it took is counted.
+    Friction and penalties have no say in it, so the problem is solved without them, unless
+    friction alone holds the body.  The system is left as it is; what it took is counted.
     """
     system = task.system
     prescribed = system.constraints.held_part(system.u.x.array)
@@ -116,9 +115,8 @@ def judge(task: Task) -> Verdict | None:
 def share_of_friction(task: Task) -> str | None:
     """Up to which share of the friction coefficient a solution was found, in words; collective.
 
-    None where friction is nothing, or where the problem is not solved without it either.  This is
-    a search, and proves nothing.  Displacement and friction bounds of the system are left as they
-    are; what it took is counted.
+    None where friction is nothing, or where the problem is not solved without it either.  This
+    is a search, and proves nothing.
     """
     if not task.system.rubbing or task.system.held_by_friction:
         return None
@@ -141,10 +139,7 @@ def share_of_friction(task: Task) -> str | None:
 
 
 def force_with_friction(task: Task, share: float = _LITTLE) -> float | None:
-    """The sum of all pressures with a share of the coefficient, None if not solved; collective.
-
-    Displacement and friction bounds of the system are left as they are; what it took is counted.
-    """
+    """The sum of all pressures with a share of the coefficient, None if not solved; collective."""
     system = task.system
     with _tries(task) as tries:
         system.u.x.array[:] = 0.0

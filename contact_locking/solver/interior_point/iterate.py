@@ -71,9 +71,8 @@ class Iterate:
     def balanced(self, direction: Direction, t: float, accuracy: float) -> Direction:
         """The direction changed so that a step of length t balances the forces; collective.
 
-        Forces are linear in displacement and multipliers: the step would leave the share ``1 - t``
-        of those that are unbalanced, and what an iterative solver has left.  Products change in
-        second order only.
+        Forces are linear in displacement and multipliers, and products change in second
+        order only.
         """
         at_rest = self._direction_of(self.tangent.nothing())
         reactions = Reaction.after(t, direction.steps)
@@ -112,10 +111,7 @@ class Iterate:
         return minimum(self.comm, local)
 
     def longest_step_of_most(self, direction: Direction, share: float) -> float:
-        """How far a direction leads, 1 at most, before more than this share of all cones has ended.
-
-        Collective.
-        """
+        """How far a direction leads, 1 at most, before a larger share of cones ends; collective."""
         speeds = np.concatenate([f.speeds(direction.steps[f]) for f in self.families])
         few = int(share * self.comm.allreduce(len(speeds)))
         return 1.0 / exceeded_by_few(self.comm, speeds, few, 1.0)
@@ -152,17 +148,14 @@ class Iterate:
         return abs(float(self.comm.allreduce(local)))
 
     def primal_residual(self, deformation: float) -> float:
-        """How far strains and openings are from the points of their cones, relative; collective.
-
-        ``deformation`` is the length that openings are judged against.
-        """
+        """How far points are from their laws, relative, lengths to ``deformation``; collective."""
         return max(family.primal_residual(deformation) for family in self.families)
 
     def equilibrium_residual(self, scale: float, tolerance: float) -> float:
-        """The unbalanced forces of displacement and multipliers, relative to ``scale``; collective.
+        """The unbalanced forces relative to ``scale``; collective.
 
-        A force below the rounding in the reactions counts as within the tolerance: a strain beyond
-        its limit makes these large beside loads and elastic forces.
+        A force below the rounding in the reactions counts as within the tolerance: a strain
+        beyond its limit makes these large beside loads and elastic forces.
         """
         left, reaction = self.tangent.residual_norms(Reaction.of(self.families))
         # Nothing is left where there are no forces at all.

@@ -109,10 +109,7 @@ class Judge:
         return wanted, used
 
     def keeps_penalty_law(self, iterate: Iterate) -> bool:
-        """Whether no locking stress is far from that of (23) at the displacement; collective.
-
-        The duality gap is a mean, and leaves a few of them farther away, the more the larger n is.
-        """
+        """Whether no locking stress is far from that of (23) at the displacement; collective."""
         limited, comm, target = iterate.limits_of_strain, iterate.comm, self._task.target
         size = target.ellipticity * self.mean_strain(self._task.settings.tolerance)
         size = max([size, *(maximum(comm, np.abs(f.reactions)) for f in limited)])

@@ -47,19 +47,17 @@ from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.interior_point.start import ElasticStart, rests
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Approach, Tuning
-from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
 from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
-from contact_locking.solver.task import Outcome, Task
+from contact_locking.solver.task import LastIterate, Outcome, Task
 
 
 class InteriorPoint:
     """Solves from a cold start: a previous case, on the boundary of its cones, is no better.
 
-    At most 2 of some 20 tangents are saved by the displacement of the next smaller n or mu.
     ``bound_moves`` lets the friction bounds follow the pressure; otherwise they stay as they are.
-    For other bounds that stay, :meth:`solve_on` goes on inside of the cones.  ``share`` is that of
-    the friction that acts, and ``yields`` gives contacts without slip a large coefficient.
+    ``share`` is that of the friction that acts, and ``yields`` gives contacts without slip a large
+    coefficient.
     """
 
     def __init__(
@@ -100,10 +98,7 @@ class InteriorPoint:
         return self._solve(loosened, self._start_on)
 
     def solve_near(self, last: LastIterate) -> Outcome:
-        """As :meth:`solve`, by the pieces of the laws alone, from a state that is near a solution.
-
-        Friction bounds that follow pressure and slip need not have been followed to that state.
-        """
+        """As :meth:`solve`, by the pieces of the laws alone, from a state near a solution."""
         return self._solve(1.0, lambda: self._start_near(last))
 
     @property
@@ -120,7 +115,6 @@ class InteriorPoint:
 
     @property
     def friction_change(self) -> float:
-        """How far the friction bounds are from ``mu |R p|``, relative."""
         return self._judge.friction_change
 
     def finish(self, found: Outcome) -> Outcome:
@@ -131,7 +125,9 @@ class InteriorPoint:
         """
         judge, last = self._judge, found.last
         is_done = self.is_elastic or self._pieces is not None or self._tangent.direct is None
-        if is_done or last is None or not (judge.leaves_gap or self._leaves_law()):
+        if is_done or last is None:
+            return found
+        if not judge.leaves_gap and (not self._has_law or judge.keeps_penalty_law(self._iterate)):
             return found
         pieces = self._all_pieces()
         with np.errstate(all="ignore"):
@@ -139,14 +135,6 @@ class InteriorPoint:
                 return found
         change = judge.friction_change if self.bound_moves else found.friction_change
         return Outcome(self.multipliers(), self._last(), self._gap, change, found.contraction)
-
-    def _leaves_law(self) -> bool:
-        """Whether a locking stress is far from its penalty law at the displacement; collective."""
-        return self._has_law and not self._judge.keeps_penalty_law(self._iterate)
-
-    def take_loads(self) -> None:
-        """Take the present loads of the system for the next solve."""
-        self._tangent.take_loads()
 
     def multipliers(self) -> Multipliers:
         """The multipliers of the present iterate; collective."""
@@ -195,17 +183,13 @@ class InteriorPoint:
     def _last(self) -> LastIterate:
         if self._pieces is not None:
             return self._pieces.last()
-        system, taking_part = self._task.system, set()
-        if not self.is_elastic:
-            taking_part = set(self._iterate.families)
-        return LastIterate(
-            system.u.x.array.copy(),
-            system.tools.travels,
-            tuple(
-                (family.x, family.z) if family in taking_part else None
-                for family in self._families.every
-            ),
+        system = self._task.system
+        taking_part = () if self.is_elastic else self._iterate.families
+        cones = tuple(
+            (family.x, family.z) if family in taking_part else None
+            for family in self._families.every
         )
+        return LastIterate(system.u.x.array.copy(), system.tools.travels, cones)
 
     def require_feasible(self) -> None:
         """Raise Infeasible if the multipliers prove that nothing is admissible; collective."""
@@ -229,7 +213,6 @@ class InteriorPoint:
         return self._tangent.direct
 
     def destroy(self) -> None:
-        """Free the PETSc objects; collective."""
         self._tangent.destroy()
         self._families.destroy()
 
@@ -253,13 +236,16 @@ class InteriorPoint:
         if self.is_elastic or is_found:
             return self._gap
         limit, tuning = settings.max_iterations, self._tuning
-        steps_left = tuning.steps_for_law if self._wants_law else 0
+        # Where Newton's method polishes the solution, it gives locking stresses their law.
+        wants_law = self._has_law and self._tangent.direct is None and self._loosened == 1.0
+        steps_left = tuning.steps_for_law if wants_law else 0
+        can_rest = self.bound_moves and not task.system.tools.act
         for iteration in range(limit + 1):
             measures = self._judge.measure(self._iterate)
             task.monitor.iteration(iteration, measures.worst())
             if not np.isfinite(measures.equilibrium + measures.gap):
                 raise NotConverged("the interior point iteration lost its digits")
-            if self._rests():
+            if can_rest and rests(task, self._tangent):
                 self.is_elastic, self._judge.friction_change = True, 0.0
                 task.system.remove_friction()
                 return 0.0
@@ -279,7 +265,13 @@ class InteriorPoint:
                 raise NotConverged(
                     f"{limit} interior point iterations did not suffice ({measures})"
                 )
-            if self._leads_on(measures, reached):
+            try:
+                leads_on = self._step(measures)
+            except NotConverged:
+                if not reached:
+                    raise
+                leads_on = False
+            if leads_on:
                 continue
             if reached:
                 break
@@ -289,30 +281,16 @@ class InteriorPoint:
         return measures.gap
 
     @property
-    def _wants_law(self) -> bool:
-        """Whether locking stresses shall keep their penalty law, which no polishing gives them."""
-        return self._has_law and self._tangent.direct is None and self._loosened == 1.0
-
-    @property
     def _has_law(self) -> bool:
         """Whether locking has a penalty law that the rounding in strains lets it keep."""
         target = self._task.target
         has_digits = target.penalty.n <= self._tuning.stiffest_law * target.stiffness
         return has_digits and bool(self._families.strains)
 
-    def _rests(self) -> bool:
-        """Whether the body is at rest without multipliers; collective."""
-        is_free = not self._task.system.tools.act
-        return self.bound_moves and is_free and rests(self._task, self._tangent)
-
     # 1. The start.
 
     def _start(self, last: LastIterate | None, nothing_slips: bool) -> bool:
-        """Elastic displacements are the solution, or give the place to start around.
-
-        Near the last step, or near the elastic displacement, Newton's method on the pieces of the
-        laws is tried before; True if it has found the solution.
-        """
+        """Start around the elastic displacement; True if the pieces of the laws solve before."""
         task, target, tuning = self._task, self._task.target, self._tuning
         tangent, bounds = self._tangent, self._families.bounds
         pieces = self._pieces_of_laws(last is not None)
@@ -369,7 +347,6 @@ class InteriorPoint:
         return False
 
     def _begin(self) -> None:
-        """Begin to iterate with the families that take part."""
         tangent, tuning, bounds = self._tangent, self._tuning, self._families.bounds
         self._iterate = Iterate(tangent, tuning.band)
         self._iterate.soften(0.0)
@@ -386,9 +363,8 @@ class InteriorPoint:
     def _pieces_of_laws(self, goes_on: bool) -> ActiveSet | None:
         """The method that is tried before; None where it is no use.
 
-        It needs laws, direct solves, and bounds that follow the pressure alone: where they follow
-        the slip as well, it takes more tangents.  Bounds that do not move must be positive, and it
-        must go on from a solution.  A solve that is tried again need not try it again.
+        Where bounds follow the slip as well, it takes more tangents.  Bounds that do not move must
+        be positive, and it must go on from a solution.
         """
         bounds = self._families.bounds
         if self.bound_moves:
@@ -407,7 +383,6 @@ class InteriorPoint:
         )
 
     def _take(self, pieces: ActiveSet, found: Iterate | None) -> bool:
-        """Take the solution of that method, if it has found one."""
         if found is None:
             return False
         self._pieces, self._iterate, self._gap = pieces, found, pieces.gap
@@ -432,8 +407,7 @@ class InteriorPoint:
     def _soften(self, measures: Measures) -> None:
         """Bound the stiffness of steps if rounding has unbalanced the forces of the last.
 
-        Rounding in a displacement makes forces in proportion to that stiffness.  Where it does not
-        count, a bound would cost tangents.
+        Rounding in a displacement makes forces in proportion to that stiffness.
         """
         tuning, unbalanced = self._tuning, measures.equilibrium
         if self._tangent.direct is None or unbalanced <= self._task.settings.tolerance:
@@ -448,15 +422,6 @@ class InteriorPoint:
         self._iterate.soften(1.0 / (self._stiffest * self._task.target.stiffness))
 
     # 3 to 9. One iteration.
-
-    def _leads_on(self, measures: Measures, reached: bool) -> bool:
-        """As :meth:`_step`; one that fails where all is ``reached`` leads nowhere; collective."""
-        try:
-            return self._step(measures)
-        except NotConverged:
-            if not reached:
-                raise
-            return False
 
     def _step(self, measures: Measures) -> bool:
         """Take a step; False if there is none that leads anywhere; collective."""
@@ -483,10 +448,7 @@ class InteriorPoint:
         return True
 
     def _searched(self, measures: Measures) -> tuple[Direction, float]:
-        """A direction and its length; of softer steps where rounding makes a tangent singular.
-
-        Collective.
-        """
+        """A direction and its length; of softer steps where rounding makes a tangent singular."""
         while True:
             try:
                 self._iterate.linearise()

@@ -24,7 +24,7 @@ from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.locking_cones import LockingCones
 from contact_locking.solver.interior_point.lorentz import norm
 from contact_locking.solver.interior_point.principal_cones import TURN, Frame, PrincipalCones
-from contact_locking.solver.last_iterate import Pair
+from contact_locking.solver.task import Pair
 
 _TINY = float(np.finfo(float).tiny)
 # Nodes whose friction was at least this share of its bound go on to slide in the next step.
@@ -39,8 +39,8 @@ F = TypeVar("F", bound=Family)
 class Projection(ABC, Generic[F]):
     """The semismooth equation of a family; ``stiffness`` is that of the body, a stress.
 
-    Reactions ``y`` have the shape of what the family sees.  ``stiffest`` is how many times stiffer
-    than the body a step is where its law admits one displacement only.
+    Reactions ``y`` have the shape of what the family sees.  ``stiffest`` is how many times
+    stiffer than the body a step is where its law admits one displacement only.
     """
 
     y: FloatArray

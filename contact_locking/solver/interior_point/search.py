@@ -89,11 +89,10 @@ class Search:
     def _balanced(
         self, direction: Direction, t: float, measures: Measures
     ) -> tuple[Direction, float]:
-        """The direction and the length of a step that may be the last, its forces balanced.
+        """The step and its length, its forces balanced if it may be the last; collective.
 
-        Collective.  Unbalanced forces within the tolerance may be those of bending, whose
-        displacements in a slender body are large beside the forces.  To remove them takes one
-        back-substitution, or few iterations.
+        Unbalanced forces within the tolerance may be those of bending, whose displacements
+        in a slender body are large beside the forces.
         """
         left = (1.0 - t) * measures.equilibrium
         if self._iterate.tangent.direct is None:
@@ -112,11 +111,7 @@ class Search:
 
     @property
     def _solves_jointly(self) -> bool:
-        """Whether one solve finds a step and those of the friction bounds that agree with it.
-
-        An iterative solver finds both in hardly more iterations than the step alone, and a
-        factorisation responds to bounds at the price of back-substitutions.
-        """
+        """Whether one solve finds a step and those of the friction bounds that agree with it."""
         return bool(self._bounds) and self._iterate.tangent.solves_following
 
     def _with_bounds(
@@ -128,10 +123,8 @@ class Search:
     ) -> Direction:
         """The direction, with the steps of the friction bounds that agree with it; collective.
 
-        ``present`` is the direction with given steps of the bounds, if it is known.  It is the
-        better start of a joint solve where all that is stiff is filtered or projected: GMRES then
-        finds it in few iterations, and the joint solve, which takes more for what is far from the
-        friction bound, needs few from there.
+        ``present`` is the direction with given steps of the bounds, if it is known.  It is
+        the better start of a joint solve where all that is stiff is filtered or projected.
         """
         if present is None and (self._iterate.tangent.filters or not self._solves_jointly):
             present = self._iterate.direction(target, self._accuracy, corrections)
@@ -140,7 +133,7 @@ class Search:
         return self._adapted(bound_step, present, target, corrections)
 
     def _joint(self, bound_step: BoundStep, target: float, corrections: Corrections) -> Direction:
-        """The direction, with the steps of the friction bounds that agree with it; collective."""
+        """The same by one solve; collective."""
         iterate, tangent = self._iterate, self._iterate.tangent
         bound_step.stand_still()
         aims = iterate.aims(target, corrections)
@@ -156,8 +149,8 @@ class Search:
     ) -> tuple[Direction, float, float]:
         """The direction with the longest step on the way to the recentred one; collective.
 
-        Its share of the way, and the length of the step.  Directions are linear in corrections, so
-        that a share of the way needs no solve.
+        Its share of the way, and the length of the step.  Directions are linear in
+        corrections.
         """
         best, share, length = recentred, 1.0, self._length(recentred)
         for smaller in self._tuning.recentring_shares:
@@ -171,7 +164,7 @@ class Search:
     def _adapted(
         self, bound_step: BoundStep, direction: Direction, target: float, corrections: Corrections
     ) -> Direction:
-        """The direction with the steps of the friction bounds that agree with it; collective."""
+        """The same from a direction; collective."""
         if not self._bounds or bound_step.agrees(direction):
             return direction
         change = bound_step.adapt(direction)
@@ -186,10 +179,7 @@ class Search:
         return min(1.0, self._tuning.to_boundary * self._iterate.longest_step(direction))
 
     def _sharpen(self, measures: Measures) -> None:
-        """Ask for sharper linear solves where only these keep the friction bounds from converging.
-
-        In a slender body small forces make large pressures.
-        """
+        """Ask for sharper linear solves where only these let friction bounds converge."""
         tuning, before = self._tuning, self._last_change
         self._last_change = measures.friction
         is_left = measures.friction > self._friction_tolerance
@@ -205,11 +195,7 @@ class Search:
         return self._sharper * accuracy
 
     def _limited(self, centring: float, measures: Measures) -> float:
-        """Keep the complementarity from running ahead of equilibrium, and from vanishing.
-
-        Products that are much smaller than the residuals block every step, and products below the
-        tolerance only lose digits.
-        """
+        """Keep the products from running ahead of equilibrium, and from vanishing."""
         tuning = self._tuning
         if measures.gap < tuning.gap_ahead * measures.equilibrium:
             return 1.0

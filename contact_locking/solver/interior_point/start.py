@@ -59,10 +59,7 @@ class ElasticStart:
         return is_solution
 
     def _move_rigidly(self) -> None:
-        """Move the body as the prescribed values do if they only shift and turn it; collective.
-
-        An elastic solve that is rough in what prescribed values do would strain the body.
-        """
+        """Move the body as the prescribed values do if they only shift and turn it; collective."""
         u, constraints = self._system.u, self._system.constraints
         motion = prescribed_motion(constraints, u.x.array)
         if motion is not None and motion.any():
@@ -70,10 +67,7 @@ class ElasticStart:
             u.x.array[:] = constraints.free_part(motion) + constraints.held_part(u.x.array)
 
     def _sharpen(self) -> None:
-        """Solve until the forces are balanced to the tolerance; collective.
-
-        A solve is as sharp as the forces before it, of which a rough solve leaves a share.
-        """
+        """Solve until the forces are balanced to the tolerance, from rough solves; collective."""
         tangent, accuracy = self._tangent, self._tuning.start_sharpness * self._tolerance
         for _ in range(_SHARP_SOLVES):
             tangent.move(1.0, tangent.step_after(tangent.nothing(), [], accuracy))
@@ -84,11 +78,10 @@ class ElasticStart:
     def level(self) -> float:
         """The complementarity products per volume that the multipliers start from; collective.
 
-        A share of the density of the elastic energy.  Where contact carries loads that prescribed
-        displacements have moved as a rigid body, the strain says nothing of the pressure: the work
-        of these loads does.  Springs spread what contact concentrates at few nodes, whose cells may
-        lock however little the body is strained: there the elastic stress times the mean of the
-        limits is the level at least, as multipliers hardly grow faster than their products.
+        A share of the density of the elastic energy, or of the work of loads that contact
+        carries. Springs spread what contact concentrates at few nodes, whose cells may lock
+        however little the body is strained: there it is the elastic stress times the mean
+        of the limits at least, as multipliers hardly grow faster than their products.
         """
         elastic = self._target.ellipticity * self.strain**2
         level = self._tuning.start_level * max(elastic, self._carried / self._target.volume)
@@ -153,9 +146,8 @@ _ROUNDING = 16.0 * float(np.finfo(float).eps)
 def rests(task: Task, tangent: Tangent) -> bool:
     """Whether nothing presses the body, and it has no strains but rounding; collective.
 
-    A motion may have moved the body.  Then all multipliers are zero, and the scale of the
-    iteration, which the forces of the start have made, is far too large for them.  A pressure that
-    is small, but more than the rounding of the elastic forces, is no such case.
+    Then all multipliers are zero, and the scale of the iteration, which the forces of the start
+    have made, is far too large for them.
     """
     target, tolerance = task.target, task.settings.tolerance
     displacement = task.system.largest_displacement()

@@ -99,10 +99,7 @@ class StrainOperator:
         self._matrix.multTransposeAdd(self._integrals, forces, forces)
 
     def along(self, points: IndexArray, directions: FloatArray) -> PETSc.Mat:
-        """The matrix of ``v -> directions . L eps(v)`` at points (p,); collective.
-
-        ``directions`` (m, p) are Mandel vectors at the points, which have numbers of this rank.
-        """
+        """The matrix of ``v -> directions . L eps(v)`` at points (p,) of this rank; collective."""
         columns = len(self.limit) * np.arange(self.rows)[None, :] + points[:, None]
         columns += self._matrix.getOwnershipRange()[0]
         starts = self.rows * np.arange(len(points) + 1)

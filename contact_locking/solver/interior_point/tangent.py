@@ -31,11 +31,7 @@ from contact_locking.supports.conditions import Constraints
 
 @dataclass(frozen=True)
 class StiffFamilies:
-    """The points of families that are stiffer than a material by the factors of the tuning.
-
-    ``material`` is the stiffness of the material, ``constraints`` are those of the body, and
-    ``degree`` is that of its elements.
-    """
+    """The points of families that are stiffer than a ``material`` by the factors of the tuning."""
 
     families: Sequence[Family]
     tuning: Tuning
@@ -87,16 +83,13 @@ class StiffFamilies:
 
 
 class RightHandSide:
-    """Nodal forces, and a force along each free motion of tools, which all ranks have.
+    """Nodal forces in a ``vector`` that belongs to this object, and those along motions of tools.
 
-    ``vector`` holds the nodal forces, and belongs to this object.
+    All ranks have the latter, (T,).
     """
 
     def __init__(self, system: PenalisedSystem, vector: PETSc.Vec) -> None:
-        self._system = system
-        #: The nodal forces.
-        self.on_nodes = vector
-        #: The forces along the free motions of tools, (T,).
+        self._system, self.on_nodes = system, vector
         self.on_tools: FloatArray = np.zeros(len(system.tools))
 
     def start(self, forces: PETSc.Vec | None = None, on_tools: FloatArray | float = 0.0) -> None:
@@ -108,10 +101,7 @@ class RightHandSide:
         self.on_tools = np.zeros(len(self._system.tools)) + on_tools
 
     def add(self, reactions: Sequence[Reaction]) -> float:
-        """Add reactions, and leave out the forces at held dofs; collective.
-
-        Returns the norm of all nodal forces, those at held dofs among them.
-        """
+        """Add reactions; the norm of all nodal forces, of which held ones then go; collective."""
         self.add_all(reactions)
         every = float(self.on_nodes.norm())
         self._system.constraints.keep_free(self.on_nodes)
@@ -132,22 +122,11 @@ class RightHandSide:
         self.on_nodes.scale(factor)
         self.on_tools *= factor
 
-    def norm(self) -> float:
-        """The norm of the nodal forces; collective."""
-        return float(self.on_nodes.norm())
-
-    def destroy(self) -> None:
-        """Free the vector; collective."""
-        self.on_nodes.destroy()
-
 
 def energy_of(
     system: PenalisedSystem, displacement: PETSc.Vec, forces: PETSc.Vec, stiffest: float
 ) -> float:
-    """``a(u, u)/2`` of the system's displacement with its elastic forces; collective.
-
-    ``stiffest`` is a bound of the eigenvalues of the elasticity matrix.
-    """
+    """``a(u, u)/2`` of a displacement with its elastic forces; collective."""
     energy = 0.5 * float(forces.dot(displacement))
     # The elastic forces at a body that moves far more than it is strained are small differences,
     # and the product multiplies their rounding by the whole motion.  The strains of its cells have
@@ -183,7 +162,6 @@ class Tangent:
         compiled_elastic = system.kept.form(elastic)
 
         def compile_form(part: ufl.Form) -> fem.Form:
-            # Without limits this is the part of the cells.
             return compiled_elastic if part.equals(elastic) else compiled.form(part)
 
         self._form = JointForm(sum(terms, start=elastic), data.jumps, compile_form)
@@ -204,18 +182,14 @@ class Tangent:
         self._border = Border(len(system.tools), self.matrix.createVecRight)
         self._sprung: FloatArray = np.zeros(len(system.tools))
         self._unbalanced_tools: FloatArray = self._sprung
-        self.take_loads()
         contrast, listen = task.target.largest_contrast, task.monitor.linear
         self._linear = tangent_solver(
             self.matrix, system.dim, degree, task.settings, contrast, listen, system.coarser_spaces
         )
 
-    def take_loads(self) -> None:
-        """Take the present loads of the system."""
-        self._load.array_w[:] = self.system.load
-
     def visit(self) -> None:
         """Evaluate the elastic forces and the energy of the system's displacement; collective."""
+        self._load.array_w[:] = self.system.load
         self._answer.array_w[:] = self.system.u.x.array[: self._owned]
         self.elasticity.mult(self._answer, self._stretched)
         self.energy = energy_of(self.system, self._answer, self._stretched, self._stiffest)
@@ -239,12 +213,9 @@ class Tangent:
         self._step.set(0.0)
 
     def residual_norms(self, reactions: Sequence[Reaction]) -> tuple[float, float]:
-        """``|a(u, .) + (Z, eps(.)) + int p v_nu - sigma_tau . v_tau - (f, .)|`` over free dofs.
-
-        Then that over held dofs: the reactions.  ``u`` was visited last; collective.
-        """
+        """The unbalanced forces over free dofs, then those over held ones; collective."""
         every = self._find_residual(reactions)
-        left = self._right.norm()
+        left = float(self._right.on_nodes.norm())
         return left, math.sqrt(max(every**2 - left**2, 0.0))
 
     def tool_residual(self, reactions: Sequence[Reaction]) -> float:
@@ -293,7 +264,7 @@ class Tangent:
 
     @property
     def filters(self) -> bool:
-        """Whether an iterative solver filters or projects what is stiff, at present."""
+        """Whether the solver filters or projects what is stiff, at present."""
         return self._linear.filters
 
     @property
@@ -333,8 +304,7 @@ class Tangent:
     ) -> tuple[FloatArray, FloatArray]:
         """Steps by prescribed values, with given reactions, and by loads; collective.
 
-        The first balances the elastic forces of the displacement visited last; an iterative solver
-        leaves the share ``accuracy`` of either.
+        The first balances the elastic forces of the displacement visited last.
         """
         self._right.start(self._stretched, self._sprung)
         moved = self._solve_for(reactions, -1.0, accuracy)
@@ -342,18 +312,12 @@ class Tangent:
         return moved, self._solve_for([], 1.0, accuracy)
 
     def balance(self, reactions: Sequence[Reaction], accuracy: float) -> FloatArray:
-        """The displacement whose forces are those of the reactions; collective.
-
-        An iterative solver leaves the share ``accuracy`` of the forces.
-        """
+        """The displacement whose forces are those of the reactions; collective."""
         self._right.start()
         return self._solve_for(reactions, 1.0, accuracy)
 
     def answer(self, forces: FloatArray, accuracy: float) -> FloatArray:
-        """The displacement for forces on owned dofs, and along travels behind them; collective.
-
-        An iterative solver leaves the share ``accuracy`` of the forces.
-        """
+        """The displacement for forces on owned dofs, and along travels behind them; collective."""
         self._right.start()
         self._right.on_nodes.array_w[:] = forces[: self._owned]
         self._right.on_tools = forces[self._owned :].copy()
@@ -383,10 +347,7 @@ class Tangent:
         return float(self._moved.norm(PETSc.NormType.NORM_1))
 
     def respond(self, reactions: Sequence[Reaction], accuracy: float) -> FloatArray:
-        """The displacement that answers a change of reactions; collective.
-
-        An iterative solver leaves the share ``accuracy`` of the change.
-        """
+        """The displacement that answers a change of reactions; collective."""
         self._right.start()
         return self._solve_for(reactions, -1.0, accuracy, is_rough=True)
 
@@ -407,7 +368,7 @@ class Tangent:
 
     @property
     def direct(self) -> PETSc.KSP | None:
-        """The direct solver of the tangents, if any, until :meth:`destroy`."""
+        """The direct solver of the tangents, if any."""
         return self._linear.direct
 
     def take_iterations(self) -> int:
@@ -418,8 +379,8 @@ class Tangent:
         """Free the PETSc objects; collective."""
         self._linear.destroy()
         self._border.destroy()
-        self._right.destroy()
-        for item in (self.matrix, self.elasticity, self._near_nullspace, *self._vectors):
+        owned = [self.matrix, self.elasticity, self._near_nullspace, self._right.on_nodes]
+        for item in (*owned, *self._vectors):
             item.destroy()
 
     def _assemble(self, matrix: PETSc.Mat) -> None:
@@ -462,11 +423,14 @@ class Tangent:
     def _solve_for(
         self, reactions: Sequence[Reaction], sign: float, accuracy: float, is_rough: bool = False
     ) -> FloatArray:
-        """Solve for ``sign`` times the right-hand side that there is with reactions added."""
+        """Solve for ``sign`` times the right-hand side that there is with reactions added.
+
+        An iterative solver leaves the share ``accuracy`` of it.
+        """
         self._right.add(reactions)
         self._right.scale(sign)
-        residual = accuracy * self._right.norm()
+        size = float(self._right.on_nodes.norm())
         self._answer.set(0.0)
-        if self._right.norm() > 0.0:
-            self._linear.solve(self._right.on_nodes, self._answer, residual, is_rough)
+        if size > 0.0:
+            self._linear.solve(self._right.on_nodes, self._answer, accuracy * size, is_rough)
         return self._with_travels(self._answer)
