@@ -19,13 +19,13 @@ from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.equilibria.search import solve_on_branch
 from contact_locking.solver.equilibria.stiffening import solve_by_penalties
 from contact_locking.solver.fixed_point import Unsettled, fixed_point
-from contact_locking.solver.interior_point import InteriorPoint
 from contact_locking.solver.interior_point.feasibility import (
     FRICTION_WAY_OUT,
     Verdict,
     judge,
     share_of_friction,
 )
+from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE, is_direct
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.penalty_path import PenaltyPath, follow

@@ -42,15 +42,6 @@ class Target:
     volume: float
     face: float
 
-    def with_penalty(self, penalty: Penalty) -> Target:
-        """The same problem with other penalty parameters."""
-        return dataclasses.replace(self, penalty=penalty)
-
-    @property
-    def largest_contrast(self) -> float:
-        """``n/|A|``: about how many times stiffer than the material locked cells can become."""
-        return self.penalty.n / self.stiffness
-
     def mean_strain(self, energy: float, displacement: float, tolerance: float) -> float:
         """``sqrt(a(u, u)/(alpha |Omega|))``, or what rounding in ``u`` leaves, if that is larger.
 

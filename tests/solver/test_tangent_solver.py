@@ -105,7 +105,7 @@ def test_stiff_rows_and_what_is_left_make_up_the_tangent(monkeypatch: pytest.Mon
 
     def compared(self: Tangent) -> None:
         refresh(self)
-        stiff = self._stiff.of(self.matrix, self._assemble)
+        stiff = self.stiff_part()
         rows, stiffness = stiff.find_rows()
         left = self.matrix.duplicate()
         stiff.assemble_across(left)

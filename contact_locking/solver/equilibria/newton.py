@@ -63,7 +63,7 @@ class Deflation:
 
 @dataclass
 class MapNewton:
-    """Solves ``G = share Phi(G)`` in ``limit`` steps at most.
+    """Solves ``G = Phi(G)`` in ``limit`` steps at most.
 
     The solution is as sharp as the relative ``tolerance``, or as rounding in the map lets it be.
     """
@@ -71,7 +71,6 @@ class MapNewton:
     problem: BoundMap
     tolerance: float
     limit: int = 30
-    share: float = 1.0
     #: The relative residual of the last iterate.
     left: float = field(default=math.inf, init=False)
 
@@ -93,7 +92,7 @@ class MapNewton:
                 return None if known.is_known(bounds) else bounds
             if vain > _VAIN and not known.known:
                 return None
-            slope = np.eye(len(bounds)) - self.share * problem.derivative()
+            slope = np.eye(len(bounds)) - problem.derivative()
             step, _ = vectors.solved(slope, -left)
             if not np.all(np.isfinite(step)):
                 return None
@@ -108,9 +107,9 @@ class MapNewton:
         return None
 
     def _residual(self, bounds: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        """``share Phi(G)`` and ``G - share Phi(G)``, None where Tresca's problem is not solved."""
+        """``Phi(G)`` and ``G - Phi(G)``, None where Tresca's problem is not solved."""
         try:
-            wanted = self.share * self.problem(bounds)
+            wanted = self.problem(bounds)
         except NotConverged:
             return None
         return wanted, bounds - wanted

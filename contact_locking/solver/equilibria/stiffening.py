@@ -274,7 +274,7 @@ def _softened(target: Target, power: float) -> Target:
     epsilon = max(penalty.epsilon, _rounded(target.length / (10.0**power * target.stiffness)))
     least = _rounded(epsilon * target.young)
     lengths = tuple(max(length, least) for length in penalty.regularisations)
-    return target.with_penalty(Penalty(n, epsilon, lengths))
+    return replace(target, penalty=Penalty(n, epsilon, lengths))
 
 
 def _rounded(value: float) -> float:

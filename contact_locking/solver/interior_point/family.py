@@ -332,14 +332,6 @@ class Reaction:
     def of(cls, families: Iterable[Family]) -> list[Reaction]:
         return [cls(family, family.reactions) for family in families]
 
-    @classmethod
-    def after(cls, t: float, steps: Mapping[Family, Step]) -> list[Reaction]:
-        """Those after a step of length t."""
-        return [
-            cls(family, family.reactions_of(family.z + t * step.dual))
-            for family, step in steps.items()
-        ]
-
     def add_to(self, forces: PETSc.Vec) -> None:
         """Add the forces; collective."""
         self.family.add_forces(self.values, forces)

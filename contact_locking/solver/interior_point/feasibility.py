@@ -74,7 +74,7 @@ def judge(task: Task) -> Verdict | None:
     if system.held_by_friction or _rest_is_admissible(system, prescribed):
         return None
     with _tries(task) as tries:
-        limit = task.target.with_penalty(task.target.penalty.inequality())
+        limit = dataclasses.replace(task.target, penalty=task.target.penalty.inequality())
         exact, penalised = (
             InteriorPoint(task.aside(tries, target), bound_moves=False)
             for target in (limit, _stiff(limit))
@@ -174,7 +174,8 @@ def _tries(task: Task) -> Iterator[Counts]:
 def _stiff(target: Target) -> Target:
     """A penalised problem, the multipliers of which balance where nothing is admissible."""
     n = _STIFF * target.stiffness
-    return target.with_penalty(Penalty(n, target.length / n, target.penalty.regularisations))
+    penalty = Penalty(n, target.length / n, target.penalty.regularisations)
+    return dataclasses.replace(target, penalty=penalty)
 
 
 def _largest(fails: Callable[[float], Infeasible | None], excluded: float) -> tuple[float, float]:

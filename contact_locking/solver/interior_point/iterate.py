@@ -75,7 +75,10 @@ class Iterate:
         order only.
         """
         at_rest = self._direction_of(self.tangent.nothing())
-        reactions = Reaction.after(t, direction.steps)
+        reactions = [
+            Reaction(family, family.reactions_of(family.z + t * step.dual))
+            for family, step in direction.steps.items()
+        ]
         du = self.tangent.step_after(t * direction.displacement, reactions, accuracy)
         return direction.plus(self._direction_of(du).plus(at_rest, -1.0), 1.0 / t)
 

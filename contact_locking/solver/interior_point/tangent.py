@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import ufl
@@ -26,60 +25,6 @@ from contact_locking.solver.linear.filtered_multigrid import StiffPart
 from contact_locking.solver.linear.ksp import is_direct
 from contact_locking.solver.linear.storage import IN_BLOCKS, stacked
 from contact_locking.solver.task import Task
-from contact_locking.supports.conditions import Constraints
-
-
-@dataclass(frozen=True)
-class StiffFamilies:
-    """The points of families that are stiffer than a ``material`` by the factors of the tuning."""
-
-    families: Sequence[Family]
-    tuning: Tuning
-    material: float
-    constraints: Constraints
-    degree: int
-
-    def of(self, matrix: PETSc.Mat, assemble: Callable[[PETSc.Mat], None]) -> StiffPart:
-        """The stiff part of ``matrix``; ``assemble`` assembles the written blocks; collective."""
-        stiff, nearly = self.tuning.stiff, self.tuning.nearly_stiff
-        is_linear = self.degree == 1
-        along = self.tuning.stiff_along if is_linear else self.tuning.stiff_along_quadratic
-
-        def assemble_rest(rest: PETSc.Mat) -> None:
-            for family in self.families:
-                family.soften(stiff, self.material)
-            assemble(rest)
-
-        def assemble_across(rest: PETSc.Mat) -> None:
-            for family in self.families:
-                family.soften_along(along, self.material)
-            assemble(rest)
-
-        return StiffPart(
-            self._nodes(stiff),
-            lambda: self._nodes(nearly),
-            assemble_rest,
-            lambda: self._rows(along, matrix),
-            assemble_across,
-        )
-
-    def _rows(self, factor: float, matrix: PETSc.Mat) -> tuple[PETSc.Mat, FloatArray]:
-        """The rows of all families, without the part that is prescribed; collective."""
-        found = [family.stiff_rows(factor, self.material) for family in self.families]
-        rows = stacked([part for part, _ in found], matrix)
-        free = matrix.createVecRight()
-        free.array_w[:] = self.constraints.free_dofs()[: free.getLocalSize()]
-        rows.diagonalScale(None, free)
-        free.destroy()
-        rows = self.constraints.supports.directions.projected_columns(rows)
-        return rows, np.concatenate([stiffness for _, stiffness in found])
-
-    def _nodes(self, factor: float) -> IndexArray:
-        """The owned nodes with something free that are stiffer than the material; collective."""
-        found = (family.stiff_nodes(factor, self.material) for family in self.families)
-        nodes = functools.reduce(np.union1d, found)
-        is_free = self.constraints.free_nodes()
-        return nodes[is_free[nodes]].astype(np.int32)
 
 
 class RightHandSide:
@@ -150,9 +95,8 @@ class Tangent:
     def __init__(self, task: Task, families: Sequence[Family], tuning: Tuning) -> None:
         self.system, self.comm = task.system, task.system.comm
         self.families, self._tolerance = families, task.settings.tolerance
+        self._tuning, self._material = tuning, task.target.stiffness
         system, data = task.system, task.system.data
-        stiffness, degree = task.target.stiffness, data.element.degree
-        self._stiff = StiffFamilies(families, tuning, stiffness, system.constraints, degree)
         space = system.u.function_space
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         self.energy = self.force_scale = self.acting = 0.0
@@ -182,9 +126,15 @@ class Tangent:
         self._border = Border(len(system.tools), self.matrix.createVecRight)
         self._sprung: FloatArray = np.zeros(len(system.tools))
         self._unbalanced_tools: FloatArray = self._sprung
-        contrast, listen = task.target.largest_contrast, task.monitor.linear
         self._linear = tangent_solver(
-            self.matrix, system.dim, degree, task.settings, contrast, listen, system.coarser_spaces
+            self.matrix,
+            system.dim,
+            data.element.degree,
+            task.settings,
+            # About how many times stiffer than the material locked cells can become.
+            task.target.penalty.n / self._material,
+            task.monitor.linear,
+            system.coarser_spaces,
         )
 
     def visit(self) -> None:
@@ -208,7 +158,7 @@ class Tangent:
         """Set up linear solves for the present blocks of all families; collective."""
         for family in self.families:
             family.write_block()
-        self._linear.refresh(self._assemble, lambda: self._stiff.of(self.matrix, self._assemble))
+        self._linear.refresh(self._assemble, self.stiff_part)
         self._refresh_border()
         self._step.set(0.0)
 
@@ -382,6 +332,47 @@ class Tangent:
         owned = [self.matrix, self.elasticity, self._near_nullspace, self._right.on_nodes]
         for item in (*owned, *self._vectors):
             item.destroy()
+
+    def stiff_part(self) -> StiffPart:
+        """What is stiffer than the material by the factors of the tuning; collective."""
+        tuning, is_linear = self._tuning, self.system.data.element.degree == 1
+        along = tuning.stiff_along if is_linear else tuning.stiff_along_quadratic
+
+        def assemble_rest(rest: PETSc.Mat) -> None:
+            for family in self.families:
+                family.soften(tuning.stiff, self._material)
+            self._assemble(rest)
+
+        def assemble_across(rest: PETSc.Mat) -> None:
+            for family in self.families:
+                family.soften_along(along, self._material)
+            self._assemble(rest)
+
+        return StiffPart(
+            self._stiff_nodes(tuning.stiff),
+            lambda: self._stiff_nodes(tuning.nearly_stiff),
+            assemble_rest,
+            lambda: self._stiff_rows(along),
+            assemble_across,
+        )
+
+    def _stiff_rows(self, factor: float) -> tuple[PETSc.Mat, FloatArray]:
+        """The rows of all families, without the part that is prescribed; collective."""
+        found = [family.stiff_rows(factor, self._material) for family in self.families]
+        rows = stacked([part for part, _ in found], self.matrix)
+        free, constraints = self.matrix.createVecRight(), self.system.constraints
+        free.array_w[:] = constraints.free_dofs()[: self._owned]
+        rows.diagonalScale(None, free)
+        free.destroy()
+        rows = constraints.supports.directions.projected_columns(rows)
+        return rows, np.concatenate([stiffness for _, stiffness in found])
+
+    def _stiff_nodes(self, factor: float) -> IndexArray:
+        """The owned nodes with something free that are stiffer than the material; collective."""
+        found = (family.stiff_nodes(factor, self._material) for family in self.families)
+        nodes = functools.reduce(np.union1d, found)
+        is_free = self.system.constraints.free_nodes()
+        return nodes[is_free[nodes]].astype(np.int32)
 
     def _assemble(self, matrix: PETSc.Mat) -> None:
         self.system.constraints.assemble_matrix(self._form, matrix)
