@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
 import pytest
 from mpi4py import MPI
@@ -98,6 +97,7 @@ def test_the_last_steps_need_no_symbolic_factorisation_of_their_own(
 ) -> None:
     PETSc.Log.begin()
     events = {name: PETSc.Log.Event(name) for name in ("MatCholFctrSym", "MatCholFctrNum")}
+
     def counts(name: str) -> int:
         return int(events[name].getPerfInfo()["count"])
 
