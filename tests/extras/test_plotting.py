@@ -198,7 +198,9 @@ def test_friction_has_the_sign_of_the_axis_that_it_is_drawn_over(side: str, tmp_
         np.zeros(5, dtype=np.int64), np.zeros(5, dtype=np.int64),
     )  # fmt: skip
     facets = np.column_stack([np.arange(4), np.arange(1, 5)])
-    contact = ContactMap(points, facets, np.arange(5), zero, ("",))
+    contact = ContactMap(
+        points, facets, np.arange(5), zero, ("",), (np.empty((0, 2, 2)),), (False,)
+    )
     drawn = []
     for is_picture in (True, False):
         figure = matplotlib.figure.Figure()

@@ -216,16 +216,6 @@ def test_the_filter_finds_states_numbers_and_words_of_visible_columns(
     assert len(column(tab, "state")) == 52
 
 
-def test_the_filter_finds_what_its_placeholder_says(
-    pages: dict[str, Path], tab: browser.Browser
-) -> None:
-    for name in ("study", "large study"):
-        tab.open(pages[name])
-        placeholder = tab.evaluate("document.getElementById('filter').placeholder")
-        type_in(tab, placeholder.partition(": ")[2])
-        assert column(tab, "state") == ["converged"]
-
-
 def test_the_page_is_printed_on_demand(
     pages: dict[str, Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
