@@ -52,7 +52,7 @@ class Frame:
 
 
 class Film:
-    """The frames of a process on one mesh, `MOST_FRAMES` at most, equally far apart, and its end."""
+    """At most `MOST_FRAMES` frames of a process on one mesh, equally far apart, and the last."""
 
     def __init__(self) -> None:
         #: The frames in the order of the steps.
