@@ -35,10 +35,10 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         # The pages show the SVG files; to draw the charts once more as PNG takes as long.
         patch.setattr("matplotlib.figure.Figure.savefig", lambda *given, **options: None)
         return {
-            "run": report.write(case),
-            "run in 3D": report.write(folder / "solid"),
-            "study": report.write(folder / "study"),
-            "large study": report.write(folder / "large"),
+            "run": report.write(case)[-1],
+            "run in 3D": report.write(folder / "solid")[-1],
+            "study": report.write(folder / "study")[-1],
+            "large study": report.write(folder / "large")[-1],
         }
 
 
