@@ -12,7 +12,6 @@ from pydantic.fields import FieldInfo
 
 from contact_locking.meshes import BUILDERS
 
-from .base import marks
 from .mesh import MeshParameters, builder_types
 
 
@@ -21,7 +20,7 @@ def visible_fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
     return {
         field.alias or name: field
         for name, field in model.model_fields.items()
-        if not marks(field).get("hidden")
+        if not field.exclude
     }
 
 
