@@ -86,15 +86,6 @@ class Eigenstrain(Section):
             return "value", self.value
         return "expansion", self.expansion
 
-    @property
-    def is_across(self) -> bool:
-        """Whether the strain across the plane of a body in two dimensions differs from zero."""
-        _, tensor = self.tensor
-        if not isinstance(tensor, tuple):
-            return tensor != 0.0
-        last = tensor[2] if len(tensor) == 3 else 0.0
-        return (last[2] if isinstance(last, tuple) else last) != 0.0
-
     def _faults(self) -> Iterator[Fault]:
         if (self.value is None) == (self.expansion is None):
             yield Fault((), "give either value, or expansion and temperature")
@@ -459,15 +450,6 @@ class MaterialParameters(Section):
                 sections["regions", name, "locking", i] = limit
         for place, section in sections.items():
             yield from below(place, section.dimension_faults(body))
-        given = [self.elasticity, *(region.elasticity for region in self.regions.values())]
-        anisotropic = any(item is not None and item.stiffness is not None for item in given)
-        for place, eigenstrain in self.eigenstrains:
-            if anisotropic and body.strains == 2 and eigenstrain.is_across:
-                yield Fault(
-                    (*place, eigenstrain.tensor[0]),
-                    "has a part across the plane, and a stiffness matrix of the plane does not "
-                    "tell its stress; give the normal strains in the plane, as in [0.01, 0.01]",
-                )
 
 
 def _limits(limits: tuple[StrainLimit, ...], ball: float | str | None) -> tuple[StrainLimit, ...]:
