@@ -199,7 +199,7 @@ class _Parser:
             self.refuse(node, f"unknown function '{name}'{guess}; known: {', '.join(known)}")
         arity = 1 if is_table else FUNCTIONS[name]
         if (len(args) < 2) if arity is None else (len(args) != arity):
-            wanted = {None: "two or more arguments", 1: "1 argument"}.get(arity, f"{arity} arguments")
+            wanted = {None: "two or more arguments", 1: "1 argument", 2: "2 arguments"}[arity]
             self.refuse(node, f"{name} takes {wanted}, not {len(args)}")
         arguments = [self.number(argument, depth) for argument in args]
         if is_table:
