@@ -31,8 +31,9 @@ from contact_locking.study.loads import build_loads, springs_of
 from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.probe_points import locate
 from contact_locking.study_file.named_numbers import resolved
-from contact_locking.study_file.parameters import LoadParameters, Parameters
+from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.base import dimension_faults
+from contact_locking.study_file.parameters.boundary import LoadParameters
 from contact_locking.study_file.parameters.mesh import BoundaryPart, MeshParameters
 from contact_locking.supports.conditions import ComponentCondition, constrain
 from contact_locking.supports.supports import Support

@@ -29,14 +29,14 @@ from contact_locking.problem.limits import (
     require_positive,
 )
 from contact_locking.problem.points import Points
-from contact_locking.study_file.parameters import (
+from contact_locking.study_file.parameters.base import Place, leaves
+from contact_locking.study_file.parameters.material import (
     Eigenstrain,
     MaterialParameters,
     Region,
     StrainLimit,
 )
-from contact_locking.study_file.parameters import Elasticity as ElasticityParameters
-from contact_locking.study_file.parameters.base import Place, leaves
+from contact_locking.study_file.parameters.material import Elasticity as ElasticityParameters
 
 _ADVICE_ON_CELLS = "refine the mesh there, or let a boundary of the region in its on go there"
 

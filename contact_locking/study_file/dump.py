@@ -8,8 +8,9 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
 
-from contact_locking.study_file.parameters import MeshParameters, Parameters
+from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.base import Section
+from contact_locking.study_file.parameters.mesh import MeshParameters
 
 
 def dump(parameters: Parameters) -> str:

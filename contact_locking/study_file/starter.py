@@ -17,9 +17,10 @@ from pydantic import BaseModel
 from contact_locking.errors import InputError
 from contact_locking.meshes import BUILDERS
 from contact_locking.plain_text import nearest, printable
-from contact_locking.study_file.parameters import MeshParameters, Parameters
+from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.base import unit_of
 from contact_locking.study_file.parameters.keys import section_in, visible_fields
+from contact_locking.study_file.parameters.mesh import MeshParameters
 from contact_locking.study_file.parameters.wording import show
 
 from .source import read

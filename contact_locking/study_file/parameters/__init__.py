@@ -27,16 +27,15 @@ from .base import (
     marked,
     sections,
 )
-from .boundary import LoadParameters, Spring, TableParameters, name_faults
+from .boundary import LoadParameters, TableParameters, name_faults
 from .contact_sections import (
     ContactParameters,
     ContactSection,
     FrictionParameters,
     OneOrSeveral,
-    Smoothing,
 )
-from .fit import Curve, FitParameters, FittedNumber
-from .material import Eigenstrain, Elasticity, MaterialParameters, Region, StrainLimit
+from .fit import FitParameters
+from .material import MaterialParameters
 from .mesh import MeshParameters
 from .numerics import (
     AdaptParameters,
@@ -50,7 +49,6 @@ from .numerics import (
     SolverParameters,
     StepParameters,
 )
-from .rigid_body import Foundation
 from .study import StudyParameters
 from .values import NAMED, Number, ScalarRule, Text
 
@@ -59,36 +57,6 @@ _NOT_BY_NEWTON = (
     ("coefficient", math.inf, ".inf, no slip,", "a finite coefficient"),
     ("regularisation", 0.0, "0, without a smooth law,", "a positive length"),
 )
-
-__all__ = [
-    "AdaptParameters",
-    "CertificateParameters",
-    "ContactParameters",
-    "ContactSection",
-    "Curve",
-    "DiscretisationParameters",
-    "Eigenstrain",
-    "Elasticity",
-    "FitParameters",
-    "FittedNumber",
-    "Foundation",
-    "FrictionParameters",
-    "LoadParameters",
-    "MaterialParameters",
-    "MeshParameters",
-    "OutputParameters",
-    "Parameters",
-    "PenaltyParameters",
-    "Region",
-    "SensitivityParameters",
-    "Smoothing",
-    "SolverParameters",
-    "Spring",
-    "StepParameters",
-    "StrainLimit",
-    "StudyParameters",
-    "TableParameters",
-]
 
 
 def _no_characters(value: Any, place: Place = ()) -> Iterator[Place]:
