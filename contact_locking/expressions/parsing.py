@@ -56,10 +56,6 @@ def parse(
     With ``allow_infinite`` the value may be plus infinity, and ``inf`` is a known constant. Raises
     InputError that names the fault, its place in the text and the nearest known name.
     """
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise InputError(
-            f"expected a number or an expression, not a value of type {type(value).__name__}"
-        )
     if isinstance(value, str):
         return _Parser(value, tuple(variables), allow_infinite, tables).expression(condition)
     try:

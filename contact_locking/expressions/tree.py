@@ -201,7 +201,6 @@ class Expression:
 
         ``given`` are values to take in place of those of some tables.
         """
-        self._require(variables)
         given = given or {}
         arrays = {name: np.asarray(value, dtype=float) for name, value in variables.items()}
         shape = np.broadcast_shapes(*(array.shape for array in arrays.values()))
@@ -220,7 +219,6 @@ class Expression:
         ``lookups`` has the UFL scalars of the tables.  Raises InputError if UFL finds that the
         expression is defined nowhere, such as ``1/(0*x)``.
         """
-        self._require(variables)
         if self.is_constant:
             return self.numpy()
         try:
@@ -232,9 +230,3 @@ class Expression:
             raise InputError(
                 f"the expression '{shortened(self.text)}' is not defined: {error}"
             ) from error
-
-    def _require(self, variables: Mapping[str, Any]) -> None:
-        if missing := self.names - variables.keys():
-            raise TypeError(
-                f"'{shortened(self.text)}' needs a value of {', '.join(sorted(missing))}"
-            )

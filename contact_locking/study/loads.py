@@ -121,12 +121,7 @@ class _Load:
     """
 
     def __init__(
-        self,
-        on: Entities,
-        values: Sequence[float | str],
-        key: str,
-        element: Element,
-        clock: Clock,
+        self, on: Entities, values: Sequence[float | str], key: str, element: Element, clock: Clock
     ) -> None:
         domain = self._domain = on.domain
         self._on, self._key, self._element, self._clock = on, key, element, clock

@@ -29,7 +29,7 @@ from contact_locking.problem.limits import (
     require_positive,
 )
 from contact_locking.problem.points import Points
-from contact_locking.study_file.parameters.base import Place, leaves
+from contact_locking.study_file.parameters.base import Place, dotted, leaves
 from contact_locking.study_file.parameters.material import (
     Eigenstrain,
     MaterialParameters,
@@ -79,7 +79,7 @@ class EigenstrainOfStudy:
         self.regions: list[IndexArray] = []
         self._parts: list[_EigenstrainPart] = []
         for place, item in given.eigenstrains:
-            key = ".".join(map(str, ("material", *place)))
+            key = dotted("material", *place)
             cells = everywhere
             if item.on is not None:
                 found = [domain.cells(name, f"{key}.on") for name in item.on]
@@ -89,8 +89,7 @@ class EigenstrainOfStudy:
 
     def _part(self, cells: IndexArray, item: Eigenstrain, key: str) -> _EigenstrainPart:
         def value(given: Scalar, *place: str | int) -> PresentValue:
-            where = ".".join(map(str, (key, *place)))
-            return PresentValue(self._domain.comm, given, where, self._clock)
+            return PresentValue(self._domain.comm, given, dotted(key, *place), self._clock)
 
         name, tensor = item.tensor
         entries: dict[tuple[int, int], PresentValue] = {}
@@ -224,7 +223,7 @@ class MaterialOfStudy:
     def _pieces_of(self, cells: IndexArray, tensor: Any, key: str) -> list[tuple[Place, Piece]]:
         """The entries of a vector or a matrix with their places."""
         return [
-            (place, self._piece(cells, value, ".".join(map(str, (key, *place)))))
+            (place, self._piece(cells, value, dotted(key, *place)))
             for place, value in leaves(tensor, ())
         ]
 

@@ -22,18 +22,14 @@ from .base import (
     Section,
     below,
     dimension_faults,
+    dotted,
     entry,
     leaves,
     marked,
     sections,
 )
 from .boundary import LoadParameters, TableParameters, name_faults
-from .contact_sections import (
-    ContactParameters,
-    ContactSection,
-    FrictionParameters,
-    OneOrSeveral,
-)
+from .contact_sections import ContactParameters, ContactSection, FrictionParameters, OneOrSeveral
 from .fit import FitParameters
 from .material import MaterialParameters
 from .mesh import MeshParameters
@@ -142,7 +138,7 @@ class Parameters(Section):
     def contacts(self) -> tuple[ContactParameters, ...]:
         """The parts of Gamma_C, each with its complete law of friction; empty without contact."""
         return tuple(
-            section.resolved(".".join(map(str, place)), self.friction)
+            section.resolved(dotted(*place), self.friction)
             for place, section in self._contact_sections()
             if section.on
         )
@@ -178,7 +174,7 @@ class Parameters(Section):
         """The key and the number or expression of each load that ``branches`` multiplies."""
         over = "" if self.branches is None else self.branches.over
         for place, value in self.loads.numbers():
-            key = ".".join(map(str, ("loads", *place)))
+            key = dotted("loads", *place)
             if key == over or key.startswith(f"{over}."):
                 yield key, value
 
@@ -186,12 +182,12 @@ class Parameters(Section):
         """The key and the text of every expression that may depend on the time t."""
         for place, text, rule in expressions(self):
             if TIME in rule.variables:
-                yield ".".join(map(str, place)), text
+                yield dotted(*place), text
 
     def idle_friction(self) -> Iterator[str]:
         """A warning about each friction coefficient that has no contact to act on."""
         for place, section in self._contact_sections():
-            key = ".".join(map(str, place))
+            key = dotted(*place)
             given = section.resolved(key, self.friction)
             where = given.friction_key("coefficient")
             is_only_here = not self.contacts or where.startswith(key)
@@ -221,8 +217,7 @@ class Parameters(Section):
     def check_dimension(self, dim: int) -> None:
         """Raise InputError for the first value that does not fit a body of ``dim`` dimensions."""
         for fault in self._dimension_faults(dim):
-            key = ".".join(map(str, fault.place))
-            raise InputError(fault.message, key)
+            raise InputError(fault.message, dotted(*fault.place))
 
     def _faults(self) -> Iterator[Fault]:
         if self.solver.method == "newton":

@@ -45,6 +45,11 @@ def below(place: Place, faults: Iterable[Fault]) -> Iterator[Fault]:
     return (Fault((*place, *fault.place), fault.message) for fault in faults)
 
 
+def dotted(*place: str | int) -> str:
+    """The key of a place in the file."""
+    return ".".join(map(str, place))
+
+
 class Section(BaseModel):
     """A mapping of the study file. Unknown keys are refused; an empty section has its defaults."""
 
