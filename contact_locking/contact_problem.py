@@ -249,7 +249,7 @@ class ContactProblem:
         # The linear programmes of rigid motions do not take NaN.
         if on_any_rank(self.domain.comm, not np.all(np.isfinite(system.load))):
             raise InputError("is not finite somewhere", "L")
-        problem.require_held()
+        problem.rigidity.require_held()
         self._check_friction()
         system.clear()
 
