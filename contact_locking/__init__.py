@@ -34,9 +34,8 @@ if TYPE_CHECKING:
     from contact_locking.contact.friction_bound import FrictionBound
     from contact_locking.contact_problem import ContactProblem
     from contact_locking.errors import ContactLockingError, InputError, NotConverged
-    from contact_locking.laws.foundation import Cylinder, HalfSpace, Sphere
+    from contact_locking.laws.foundation import Cylinder, HalfSpace, LevelSet, Sphere
     from contact_locking.laws.friction import FrictionLaw
-    from contact_locking.laws.level_set import LevelSet
     from contact_locking.laws.polyline import Polyline
     from contact_locking.laws.triangulated import TriangulatedSurface
     from contact_locking.problem.elasticity import Elasticity
@@ -130,7 +129,7 @@ _HOME = {
     "Helmholtz": "contact.coulomb",
     "InputError": "errors",
     "LargestPrincipal": "problem.limits",
-    "LevelSet": "laws.level_set",
+    "LevelSet": "laws.foundation",
     "Local": "contact.coulomb",
     "Motion": "contact.contact",
     "NotConverged": "errors",

@@ -17,9 +17,8 @@ from contact_locking.contact.coulomb import Coulomb
 from contact_locking.contact.foundation import PlacedFoundation
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import InputError, with_key
-from contact_locking.laws.foundation import Round
+from contact_locking.laws.foundation import LevelSet, Round
 from contact_locking.laws.friction import FrictionLaw
-from contact_locking.laws.level_set import LevelSet
 from contact_locking.parallel import agree, minimum
 
 # The vectors of the foundations of this package.
