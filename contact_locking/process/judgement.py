@@ -169,11 +169,15 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
 
 def _contacts(state: SolvedState) -> dict[str, Any]:
     """The keys of summary.json about all contacts together, and about each contact; collective."""
-    domain, tools = state.problem.domain, state.problem.data.tools
+    domain, tools = state.problem.domain, state.system.tools
     entries: list[dict[str, Any]] = []
     for fields in state.contacts:
         found = computed("contact", Contacts(domain, (fields,)))
-        moved = [item.summary() for item in tools if item.contact is fields.contact]
+        moved = [
+            item.summary(size)
+            for item, size in zip(tools, tools.travels, strict=True)
+            if item.contact is fields.contact
+        ]
         against = fields.contact.against
         places = {"on": list(fields.contact.on), **({"against": list(against)} if against else {})}
         entries.append({**places, **found, **dict(moved)})
