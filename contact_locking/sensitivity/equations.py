@@ -119,7 +119,7 @@ class Equations:
         for family in self.families:
             family.add_forces(family.reactions, vector)
             family.add_tool_forces(family.reactions, on_tools)
-        travels = comm.allreduce(on_tools) - np.array([tool.left for tool in system.tools])
+        travels = comm.allreduce(on_tools) - system.tools.left
         forces = np.append(vector.array_r, travels)
         free = np.append(system.constraints.free_part(vector.array_r), travels)
         vector.destroy()
