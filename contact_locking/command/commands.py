@@ -335,7 +335,7 @@ def _overrides(arguments: argparse.Namespace) -> list[str]:
 
 def _keep_checkpoint(restart: Path, results: Path) -> None:
     """Refuse to replace the checkpoint that the run starts from by results without one."""
-    from contact_locking.process.checkpoint import locate
+    from contact_locking.process.checkpoint.record import locate
 
     if locate(restart).resolve() == locate(results).resolve():
         raise InputError(
@@ -366,7 +366,7 @@ def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
 
 def _checkpoints_work() -> bool:
     """Whether checkpoints can be saved; a warning says why not."""
-    from contact_locking.process import checkpoint
+    from contact_locking.process.checkpoint import stored as checkpoint
 
     missing = checkpoint.unavailable()
     if missing is not None:

@@ -18,8 +18,9 @@ from contact_locking.errors import InputError
 from contact_locking.extras import report
 from contact_locking.meshes import BUILDERS
 from contact_locking.meshes import write as write_mesh
-from contact_locking.process import checkpoint, solving
+from contact_locking.process import solving
 from contact_locking.process.adaptivity import mesh_sequence, solve, solve_adaptively
+from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results import adapted_meshes
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import studies

@@ -21,7 +21,7 @@ from study_folder import FAKE, Folder
 
 from contact_locking.extras.pictures.snapshot_file import load
 from contact_locking.files import ownership
-from contact_locking.process import checkpoint
+from contact_locking.process.checkpoint import stored as checkpoint
 
 pytestmark = pytest.mark.serial
 
