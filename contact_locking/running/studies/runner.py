@@ -179,6 +179,7 @@ def _solve(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
                 if time.monotonic() > written + _TABLE_SECONDS:
                     study.write_table()
                     written = time.monotonic()
+                executor.start()
                 view.show(executor.running)
                 time.sleep(executor.pause)
     finally:
