@@ -108,13 +108,14 @@ def study(arguments: argparse.Namespace) -> int:
         raise InputError("start a study without mpirun: --ranks K runs each case on K ranks")
     began = time.perf_counter()
     file = _load(arguments.file, _overrides(arguments))
-    from contact_locking.running.studies import runner
     from contact_locking.running.studies.executor import Plan
+    from contact_locking.running.studies.runner import Study, finish, summary_rows
 
     plan = Plan(arguments.jobs, arguments.ranks, arguments.executor)
     with _explained(file):
-        done = runner.run(file, plan, terminal.console())
-    print(terminal.columns(runner.summary_rows(done, time.perf_counter() - began)))
+        done = Study.of(file)
+        finish(done, file.parameters, plan, terminal.console())
+    print(terminal.columns(summary_rows(done, time.perf_counter() - began)))
     return CONVERGED if set(done.count()) == {"converged"} else NOT_CONVERGED
 
 

@@ -19,7 +19,7 @@ from rich.console import Console
 from contact_locking import study_file
 from contact_locking.command import cli
 from contact_locking.running.studies.executor import Plan
-from contact_locking.running.studies.runner import run
+from contact_locking.running.studies.runner import Study, finish
 
 FAKE = (sys.executable, str(Path(__file__).parent / "fake_case.py"))
 STUDY = """\
@@ -54,7 +54,8 @@ class Folder:
         """Run the study with the fake program, and return what is said."""
         stream = io.StringIO()
         plan = Plan(jobs, executor=executor, program=FAKE)
-        run(self.load(), plan, Console(file=stream, width=200))
+        file = self.load()
+        finish(Study.of(file), file.parameters, plan, Console(file=stream, width=200))
         return stream.getvalue()
 
     def started(self) -> list[str]:

@@ -114,8 +114,7 @@ def search(parameters: Parameters, plan: Plan, console: Console) -> Begun:
         _case(parameters, start, label, folder)
         for start, label in zip(starts, labels(starts), strict=True)
     ]
-    study = Study(folder, cases, {})
-    study.look()
+    study = Study(folder, cases)
     finish(study, parameters, plan, console)
     found = [study.outcomes[case.name] for case in cases]
     ends = [
