@@ -41,8 +41,9 @@ class AdmissibilityData:
         gaps = np.concatenate([nothing, *(contact.gaps for contact in contacts)])
         normals = np.concatenate([nothing, *(item.normals.ravel() for item in contacts)])
         limits = np.concatenate([law.inverse_limit.x.array for law in data.sets])
-        has_origin = data.origin is not None and data.eigenstrain is not None
-        origin = data.eigenstrain.values.x.array.copy() if has_origin else nothing
+        origin = nothing
+        if data.origin is not None and data.eigenstrain is not None:
+            origin = data.eigenstrain.values.x.array.copy()
         held = system.constraints.held_part(system.u.x.array)
         return cls(system.comm, time, (held, gaps), (normals, limits, origin))
 

@@ -183,6 +183,8 @@ class _Resultant(Quantity):
     def _directions(self, equations: Equations) -> dict[Family, FloatArray]:
         found: dict[Family, FloatArray] = {}
         for family in equations.families:
+            if not isinstance(family, ContactCones | FrictionCones):
+                continue
             if isinstance(family, self.cones) and family.nodes.number in self.contacts:
                 normal = family.nodes.normal
                 found[family] = -normal[self.axis]
