@@ -11,7 +11,6 @@ evaluated of them.  No law is differentiated by a parameter here.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,8 +108,8 @@ class Equations:
         """The owned values, and zeros for travels, which the gaps contain."""
         return np.append(self.system.u.x.array[: self._owned], np.zeros(len(self.system.tools)))
 
-    def residual(self, values: Sequence[float] = ()) -> Residual:
-        """The residual of the equations, with the values of quantities; collective."""
+    def residual(self) -> Residual:
+        """The residual of the equations, without quantities; collective."""
         system, comm = self.system, self.system.comm
         vector = system.u.x.petsc_vec.duplicate()
         vector.array_w[:] = system.forms.elastic_forces(system.u)[: self._owned] - system.load
@@ -118,13 +117,13 @@ class Equations:
         for family in self.families:
             family.add_forces(family.reactions, vector)
             family.add_tool_forces(family.reactions, on_tools)
-        travels = comm.allreduce(on_tools) - np.array([tool.left for tool in system.tools])
+        travels = comm.allreduce(on_tools) - system.tools.left
         forces = np.append(vector.array_r, travels)
         free = np.append(system.constraints.free_part(vector.array_r), travels)
         vector.destroy()
         wanted = [self._wanted(bound) - bound.friction.bound for bound in self.bounds]
         gaps = tuple(family.primal_gap() for family in self.families)
-        return Residual(forces, free, gaps, tuple(wanted), np.array(values, dtype=float))
+        return Residual(forces, free, gaps, tuple(wanted), np.empty(0))
 
     def _wanted(self, bound: MovingBound) -> FloatArray:
         """``mu(s) |R p|`` (k,) with the slip of the points, whose gaps move them; collective."""

@@ -7,6 +7,7 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.parallel import maximum, on_every_rank
+from contact_locking.problem.rigidity.motions import prescribed_motion
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.contact_nodes import OnContact
 from contact_locking.solver.interior_point.family import Reaction
@@ -14,7 +15,6 @@ from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrai
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.task import Task
-from contact_locking.supports.rigid_motions import prescribed_motion
 
 # A second solve is enough, unless rounding keeps a solve from being as sharp as it should be.
 _SHARP_SOLVES = 3
