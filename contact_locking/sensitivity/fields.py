@@ -94,10 +94,10 @@ def _by_forms(
         ]
         for family in equations.families:
             if isinstance(family, LimitsOfStrain):
-                inverse = family.strain_set.inverse_limit
+                inverse = family.strains.law.inverse_limit
                 gains = np.zeros_like(inverse.x.array)
                 by_limit = family.by_limit(adjoint.gaps[family])
-                gains[family.limit_dofs] = -family.weights * by_limit * family.limit**2
+                gains[family.strains.dofs] = -family.weights * by_limit * family.limit**2
                 pairs.append((inverse, gains))
         found.x.array[:] += _through_points(problem, pairs, of, steps).x.array
         yield found

@@ -28,7 +28,7 @@ from contact_locking.solver.interior_point.few_changes import FewChanges
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.iterate import Iterate
-from contact_locking.solver.interior_point.judge import Judge, Measures
+from contact_locking.solver.interior_point.judge import Judge
 from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
 from contact_locking.solver.interior_point.locking_cones import LockingCones
 from contact_locking.solver.interior_point.principal_cones import PrincipalCones
@@ -43,36 +43,28 @@ from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.task import LastIterate, Pair, Task
 
-
-@dataclass(frozen=True)
-class Pieces:
-    """The constants of the method, in the order in which the algorithm uses them."""
-
-    #: How many times stiffer than the body a step is where a law admits one displacement only.
-    stiffest: float = 1e7
-    #: The share of the springs of the start that open contact keeps in the tangent where contact
-    #: has to hold the body.
-    floor: float = 1e-8
-    #: The share of the points with a limit that may be beyond it at the elastic displacement.
-    beyond: float = 0.01
-    #: The residual of the linear system for the step of the bound, relative, and the most
-    #: iterations for it.  Rougher steps take more tangents.
-    bound_rtol: float = 1e-8
-    bound_iterations: int = 60
-    #: Where no point is on another piece than that of the tangent, and what is left is below this
-    #: number, the tangent is kept as long as each step leaves the share ``kept_gain`` at most.
-    keeps_below: float = 1e-2
-    kept_gain: float = 0.2
-    #: With more than this left (relative to the forces) after the first step the way leads away.
-    far: float = 10.0
-    #: One, two or three steps have to reduce either what is left or the number of points on another
-    #: piece by this factor.
-    gain: float = 0.5
-    #: The most steps.
-    steps: int = 15
-    #: The products of the points and multipliers that solutions are differentiated by, over the
-    #: density of the elastic energy.
-    product: float = 1e-10
+# How many times stiffer than the body a step is where a law admits one displacement only.
+_STIFFEST = 1e7
+# The share of the springs of the start that open contact keeps in the tangent where contact has to
+# hold the body.
+_FLOOR = 1e-8
+# The share of the points with a limit that may be beyond it at the elastic displacement.
+_BEYOND = 0.01
+# The residual of the linear system for the step of the bound, relative, and the most iterations for
+# it.  Rougher steps take more tangents.
+_BOUND_RTOL, _BOUND_ITERATIONS = 1e-8, 60
+# Where no point is on another piece than that of the tangent, and what is left is below the first
+# number, the tangent is kept as long as each step leaves the second as a share at most.
+_KEEPS_BELOW, _KEPT_GAIN = 1e-2, 0.2
+# With more than this left (relative to the forces) after the first step the way leads away.
+_FAR = 10.0
+# One, two or three steps have to reduce either what is left or the number of points on another
+# piece by this factor.
+_GAIN = 0.5
+_MOST_STEPS = 15
+# The products of the points and multipliers that solutions are differentiated by, over the density
+# of the elastic energy.
+_PRODUCT = 1e-10
 
 
 @dataclass(frozen=True)
@@ -105,13 +97,11 @@ class ActiveSet:
         self._task, self._tangent, self._judge = task, tangent, judge
         #: The duality gap of the solution.
         self.gap = 0.0
-        self._pieces = Pieces()
-        pieces = self._pieces
         self._tuning = dataclasses.replace(
             tuning,
             bound_most_taken=1.0,
-            bound_rtol=pieces.bound_rtol,
-            bound_iterations=pieces.bound_iterations,
+            bound_rtol=_BOUND_RTOL,
+            bound_iterations=_BOUND_ITERATIONS,
         )
         target = task.target
         self._springs = float(task.system.held_by_contact) * target.ellipticity / target.length
@@ -123,16 +113,16 @@ class ActiveSet:
 
     def _law(self, family: Family) -> Projection[Any]:
         """The semismooth equation of a family."""
-        stiffness, stiffest = self._task.target.stiffness, self._pieces.stiffest
+        stiffness = self._task.target.stiffness
         if isinstance(family, FrictionCones):
-            return FrictionProjection(family, stiffness, stiffest)
+            return FrictionProjection(family, stiffness, _STIFFEST)
         if isinstance(family, LockingCones):
-            return LockingProjection(family, stiffness, stiffest)
+            return LockingProjection(family, stiffness, _STIFFEST)
         if isinstance(family, PrincipalCones):
-            return PrincipalProjection(family, stiffness, stiffest)
+            return PrincipalProjection(family, stiffness, _STIFFEST)
         assert isinstance(family, HalfLines)
-        floor = self._pieces.floor * self._springs * isinstance(family, ContactCones)
-        return HalfLineProjection(family, stiffness, stiffest, floor)
+        floor = _FLOOR * self._springs * isinstance(family, ContactCones)
+        return HalfLineProjection(family, stiffness, _STIFFEST, floor)
 
     # Where it starts.
 
@@ -152,7 +142,7 @@ class ActiveSet:
             if isinstance(family, LimitsOfStrain):
                 beyond += np.count_nonzero(family.reach > family.limit), len(family.limit)
         few, points = self._tangent.comm.allreduce(beyond)
-        if few > self._pieces.beyond * points:
+        if few > _BEYOND * points:
             return None
         return self._solve_or_restore(is_linearised=False)
 
@@ -213,7 +203,7 @@ class ActiveSet:
         """The solution as an iterate of the interior point method; collective."""
         target, system = self._task.target, self._task.system
         strain = self._judge.mean_strain(self._task.settings.tolerance)
-        product = self._pieces.product * target.ellipticity * strain**2
+        product = _PRODUCT * target.ellipticity * strain**2
         cones: dict[Family, Pair | None] = {
             family: law.inside(product) for family, law in self._laws.items()
         }
@@ -242,15 +232,17 @@ class ActiveSet:
 
     def _solve(self, is_linearised: bool) -> Iterate:
         """The iterate at the solution; raises NotConverged."""
-        task, tangent, pieces = self._task, self._tangent, self._pieces
+        task, tangent = self._task, self._tangent
         iterate = Iterate(tangent, self._tuning.band)
         left: list[_Left] = []
         bound_step: BoundStep | None = None
         self._few = None
         keeps = reached = False
-        for number in range(min(pieces.steps, task.settings.max_iterations)):
-            if not is_linearised:
-                self._look(linearise=not keeps)
+        for number in range(min(_MOST_STEPS, task.settings.max_iterations)):
+            for law in () if is_linearised else self._laws.values():
+                if not keeps:
+                    law.linearise()
+                law.evaluate()
             is_linearised = False
             if not (keeps or (self._few is not None and self._few.take())):
                 tangent.refresh()
@@ -274,13 +266,14 @@ class ActiveSet:
                 # One more step by the same tangent takes off most of what is left.
                 keeps = True
                 continue
-            left.append(self._left(measures))
+            changed = tangent.comm.allreduce(sum(law.changed for law in self._laws.values()))
+            left.append(_Left(measures.worst(), int(changed)))
             if self._leads_away(left):
                 raise NotConverged("the pieces of the laws are too far away")
             kept_well = not keeps or (
-                not reached_before and left[-1].worst <= pieces.kept_gain * left[-2].worst
+                not reached_before and left[-1].worst <= _KEPT_GAIN * left[-2].worst
             )
-            is_near = left[-1].changed == 0 and left[-1].worst <= pieces.keeps_below
+            is_near = left[-1].changed == 0 and left[-1].worst <= _KEEPS_BELOW
             keeps = is_near and kept_well
         raise NotConverged("the pieces of the laws do not settle")
 
@@ -291,13 +284,6 @@ class ActiveSet:
         )
         touches = on_any_rank(self._tangent.comm, bears)
         return self._judge.sees_rounding or (self._springs > 0.0 and not touches)
-
-    def _look(self, linearise: bool) -> None:
-        """Linearise the laws at the present iterate, if asked, and evaluate them; collective."""
-        for law in self._laws.values():
-            if linearise:
-                law.linearise()
-            law.evaluate()
 
     def _direction(self, bound_step: BoundStep) -> Direction:
         """The direction, with the steps of the friction bounds that agree with it; collective."""
@@ -348,16 +334,9 @@ class ActiveSet:
             assert isinstance(law, FrictionProjection)
             law.settle()
 
-    def _left(self, measures: Measures) -> _Left:
-        local = sum(law.changed for law in self._laws.values())
-        worst = measures.worst()
-        return _Left(worst, int(self._tangent.comm.allreduce(local)))
-
     def _leads_away(self, left: Sequence[_Left]) -> bool:
         """Whether the steps so far lead nowhere."""
-        pieces, last = self._pieces, left[-1]
-        if not np.isfinite(last.worst) or (len(left) > 1 and last.worst > pieces.far):
+        last = left[-1]
+        if not np.isfinite(last.worst) or (len(left) > 1 and last.worst > _FAR):
             return True
-        return len(left) > 2 and not any(
-            last.is_less_than(before, pieces.gain) for before in left[-4:-1]
-        )
+        return len(left) > 2 and not any(last.is_less_than(before, _GAIN) for before in left[-4:-1])

@@ -62,7 +62,7 @@ class ContactCones(OnContact, HalfLines):
         """``int k du_nu v_nu``."""
         self._k, contact = self.nodes.scalar(), self.nodes.contact
         normal, v_normal = (contact.parts(contact.limited(field))[0] for field in (du, v))
-        return self._k * normal * v_normal * self.nodes.ds
+        return self._k * normal * v_normal * contact.surface.ds
 
     def write_block(self) -> None:
         self.write_springs([self.stiffness])

@@ -7,7 +7,6 @@ from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
-import ufl
 from dolfinx import fem
 from petsc4py import PETSc
 
@@ -152,10 +151,6 @@ class ContactNodes:
         else:
             function.x.array.reshape(-1, self.dim)[self._blocks] = values.T
         function.x.scatter_forward()
-
-    @property
-    def ds(self) -> ufl.Measure:
-        return self.contact.surface.ds
 
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""

@@ -160,13 +160,11 @@ class Iterate:
         A force below the rounding in the reactions counts as within the tolerance: a strain
         beyond its limit makes these large beside loads and elastic forces.
         """
-        left, reaction = self.tangent.residual_norms(Reaction.of(self.families))
+        reactions = Reaction.of(self.families)
+        left, reaction = self.tangent.residual_norms(reactions)
         # Nothing is left where there are no forces at all.
-        return left / max(scale, ROUNDING * reaction / tolerance) if left > 0.0 else 0.0
-
-    def tool_residual(self) -> float:
-        """The largest share of its force that a tool leaves unbalanced; collective."""
-        return self.tangent.tool_residual(Reaction.of(self.families))
+        relative = left / max(scale, ROUNDING * reaction / tolerance) if left > 0.0 else 0.0
+        return max(relative, self.tangent.tool_residual(reactions))
 
     def largest_multiplier(self) -> float:
         """The largest multiplier of a limit on the displacement; collective."""

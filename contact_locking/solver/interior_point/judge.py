@@ -91,7 +91,7 @@ class Judge:
         # A body that nothing has touched yet is at rest.
         gap = product / energy if energy > 0.0 else (math.inf if product > 0.0 else 0.0)
         return Measures(
-            max(iterate.equilibrium_residual(scale, tolerance), iterate.tool_residual()),
+            iterate.equilibrium_residual(scale, tolerance),
             iterate.primal_residual(strain * target.length),
             gap,
             self.friction_change,

@@ -11,7 +11,6 @@ from petsc4py import PETSc
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.parallel import minimum
 from contact_locking.problem.rounding import ROUNDING
-from contact_locking.problem.strain_sets import StrainSet
 from contact_locking.solver.interior_point.family import Family, dot
 from contact_locking.solver.interior_point.lorentz import LorentzCones, aligned
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
@@ -29,27 +28,17 @@ class LimitsOfStrain(Family):
     bounds_norm = True
 
     def __init__(self, strains: StrainOperator, compliance: float, number: int) -> None:
-        self._strains, self._number, self.compliance = strains, number, compliance
+        self.strains, self._number, self.compliance = strains, number, compliance
         self.comm, self.weights = strains.comm, strains.weights
 
     @property
     def limit(self) -> FloatArray:
         """M (k,)."""
-        return self._strains.limit
+        return self.strains.limit
 
     def by_limit(self, gaps: FloatArray) -> FloatArray:
         """The gain (k,) by M of whatever gains by ``gaps`` of the points, as `primal_gap` has M."""
         return np.asarray(np.atleast_2d(gaps)[0])
-
-    @property
-    def limit_dofs(self) -> IndexArray:
-        """The places (k,) of the points in the values of `StrainSet.inverse_limit`."""
-        return self._strains.dofs
-
-    @property
-    def strain_set(self) -> StrainSet:
-        """The set of strains."""
-        return self._strains.law
 
     @property
     @abstractmethod
@@ -62,7 +51,7 @@ class LimitsOfStrain(Family):
         """The reactions that the penalty law (23) gives for the seen strain, for n < inf."""
 
     def see(self, displacement: FloatArray) -> FloatArray:
-        return self._strains.strains(displacement)
+        return self.strains.strains(displacement)
 
     def look(self, displacement: FloatArray) -> None:
         """The seen strain is ``L (eps - eps_0)``, with the origin of the set; collective."""
@@ -72,14 +61,14 @@ class LimitsOfStrain(Family):
     @property
     def _origin(self) -> FloatArray | float:
         """``L eps_0`` in the shape of what is seen."""
-        return self._strains.origin
+        return self.strains.origin
 
     def origin_work(self, reactions: FloatArray) -> float:
         """``int reactions . o`` of the origin o that the seen strain begins at, on this rank."""
         return self.power(reactions, self._origin + np.zeros_like(self.seen))
 
     def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
-        self._strains.add_forces(reactions, forces)
+        self.strains.add_forces(reactions, forces)
 
     def is_kept(self, margin: float, displacement: float) -> bool:
         return bool(np.all(self.reach <= self.limit * (1.0 + margin + ROUNDING)))
@@ -96,7 +85,7 @@ class LimitsOfStrain(Family):
         return np.asarray(stiffness > factor * max(material, minimum(self.comm, stiffness)))
 
     def stiff_nodes(self, factor: float, material: float) -> IndexArray:
-        return self._strains.nodes_at(self.is_stiff(factor, material))
+        return self.strains.nodes_at(self.is_stiff(factor, material))
 
     def write_block(self) -> None:
         self.write_springs([values for _, values in self.springs])
@@ -106,21 +95,21 @@ class LimitsOfStrain(Family):
         self.write_springs([np.where(is_stiff, 0.0, values) for _, values in self.springs])
 
     def along(self, points: IndexArray, directions: FloatArray) -> PETSc.Mat:
-        return self._strains.along(points, directions)
+        return self.strains.along(points, directions)
 
     def describe_excess(self) -> str:
         """Where what was seen exceeds its limit the most, "" below; collective."""
-        law = self._strains.law
+        law = self.strains.law
         what = "the strain" if law.origin is None else "the elastic strain"
         what += "" if self._number == 0 else f" of {law.name}"
-        return self._strains.describe_excess(np.maximum(self.reach, 0.0) / self.limit, what)
+        return self.strains.describe_excess(np.maximum(self.reach, 0.0) / self.limit, what)
 
 
 class StrainCones(LimitsOfStrain, LorentzCones):
     """Lorentz cones of limits of the strain, whose multipliers are Mandel vectors."""
 
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
-        self._strains.set_tensors(multipliers.parts[self._number], self.reactions)
+        self.strains.set_tensors(multipliers.parts[self._number], self.reactions)
 
     def centred(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         return aligned(x, z, np.ones(len(self.weights), dtype=bool))

@@ -123,7 +123,7 @@ class LockingCones(StrainCones):
 
     def tangent_term(self, v: Expr, du: Expr) -> Expr:
         """``int a L eps(du) : L eps(v) + b (W : L eps(du)) (W : L eps(v))``."""
-        places, law = self._strains, self._strains.law
+        places, law = self.strains, self.strains.law
         self._a, self._b = fem.Function(places.scalars), fem.Function(places.scalars)
         self._w = fem.Function(places.tensors)
         eps, eps_v = (law.measured(places.strain(w)) for w in (du, v))
@@ -141,13 +141,13 @@ class LockingCones(StrainCones):
         return np.asarray(self.a + np.maximum(self.b, 0.0) * dot(self.w, self.w))
 
     def write_springs(self, stiffness: Sequence[FloatArray]) -> None:
-        self._strains.set_scalars(self._a, self.a)
-        self._strains.set_scalars(self._b, stiffness[0])
-        self._strains.set_tensors(self._w, self.w)
+        self.strains.set_values(self._a, self.a)
+        self.strains.set_values(self._b, stiffness[0])
+        self.strains.set_tensors(self._w, self.w)
 
     def soften(self, factor: float, material: float) -> None:
         super().soften(factor, material)
-        self._strains.set_scalars(self._a, np.where(self.is_stiff(factor, material), 0.0, self.a))
+        self.strains.set_values(self._a, np.where(self.is_stiff(factor, material), 0.0, self.a))
 
     # Whether anything is admissible.
 
@@ -195,13 +195,13 @@ class StrainHalfLines(LimitsOfStrain, HalfLines):
         return self.relative_gap(self.limit + np.abs(self.seen))
 
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
-        self._strains.set_scalars(multipliers.parts[self._number], self.reactions)
+        self.strains.set_values(multipliers.parts[self._number], self.reactions)
 
     # The tangent.
 
     def tangent_term(self, v: Expr, du: Expr) -> Expr:
         """``int k (N : eps(du)) (N : eps(v))``."""
-        places, law = self._strains, self._strains.law
+        places, law = self.strains, self.strains.law
         self._k = fem.Function(places.scalars)
         eps, eps_v = (law.measured(places.strain(w)) for w in (du, v))
         return self._k * eps * eps_v * places.dx
@@ -211,4 +211,4 @@ class StrainHalfLines(LimitsOfStrain, HalfLines):
         return [(np.ones((1, len(self.stiffness))), self.stiffness)]
 
     def write_springs(self, stiffness: Sequence[FloatArray]) -> None:
-        self._strains.set_scalars(self._k, stiffness[0])
+        self.strains.set_values(self._k, stiffness[0])

@@ -170,7 +170,7 @@ class PrincipalCones(StrainCones):
 
     def tangent_term(self, v: Expr, du: Expr) -> Expr:
         """``int (D m(eps(du))) . m(eps(v))`` with Mandel vectors m."""
-        places = self._strains
+        places = self.strains
         self._matrix = fem.Function(places.matrices)
         eps, eps_v = (mandel_vector(places.strain(w)) for w in (du, v))
         return ufl.inner(ufl.dot(self._matrix, eps), eps_v) * places.dx
@@ -183,7 +183,7 @@ class PrincipalCones(StrainCones):
     def write_springs(self, stiffness: Sequence[FloatArray]) -> None:
         vectors = np.array([vector for vector, _ in self.springs])
         matrices = np.einsum("ik,iak,ibk->kab", np.array(stiffness), vectors, vectors)
-        self._strains.set_matrices(self._matrix, matrices)
+        self.strains.set_values(self._matrix, matrices)
 
     # Whether anything is admissible.
 

@@ -128,14 +128,9 @@ class StrainOperator:
         """The space of Mandel matrices (m, m); collective."""
         return self._element.strain_space(self.space.mesh, (self.rows, self.rows))
 
-    def set_matrices(self, function: fem.Function, matrices: FloatArray) -> None:
-        """Give a function of :attr:`matrices` values (k, m, m); collective."""
-        function.x.array.reshape(-1, *function.ufl_shape)[self.dofs] = matrices
-        function.x.scatter_forward()
-
-    def set_scalars(self, function: fem.Function, values: FloatArray) -> None:
-        """Give a function of ``scalars`` values (k,); collective."""
-        function.x.array[self.dofs] = values
+    def set_values(self, function: fem.Function, values: FloatArray) -> None:
+        """Give a function of ``scalars`` or :attr:`matrices` values (k, ...); collective."""
+        function.x.array.reshape(-1, *function.ufl_shape)[self.dofs] = values
         function.x.scatter_forward()
 
     def describe_excess(self, ratio: FloatArray, what: str) -> str:
