@@ -37,14 +37,13 @@ def fixed_point(
 ) -> tuple[float, float | None]:
     """Repeat ``g <- mu |R sigma_nu(u(g))|`` until g changes by ``friction_tolerance`` of itself.
 
-    ``solve`` solves for the displacement under the present bounds of ``contacts``, by default all
-    with friction, and ``evaluate`` gives those of a solution.  A solve is given the last change of
-    the bounds, infinity at first, than which it has to be sharper, and returns whether it was as
-    sharp as the tolerances.  Changes count relative to the norm of the bound over all parts, or to
-    ``task.least_bound()`` if that is larger.  Afterwards the system holds the bound of the last
-    solve, which agrees with that of its displacement to the tolerance.  Returns the last change
-    and the geometric mean of the ratios of successive changes.  Raises Unsettled after
-    ``max_friction_updates``, or as soon as the last changes shrink too slowly to arrive by then.
+    ``solve`` solves under the present bounds of ``contacts``, by default all with friction,
+    more sharply than the last change that it is given (infinity at first), and returns whether
+    it was as sharp as the tolerances; ``evaluate`` gives the bounds of a solution.  Changes
+    count relative to the norm of the bound, or to ``task.least_bound()`` if that is larger.
+    Afterwards the system holds the bound of the last solve.  Returns the last change and the
+    geometric mean of the ratios of successive changes.  Raises Unsettled after
+    ``max_friction_updates``, or as soon as the changes shrink too slowly to arrive by then.
     """
     settings, counts, bounds = task.settings, task.counts, task.system.bounds
     rubbing = task.system.rubbing if contacts is None else contacts

@@ -156,14 +156,12 @@ class CriticalPointStep:
 class NewtonSolver:
     """SNES over the system of a task; keeps the matrix and its symbolic factorisation.
 
-    Where the start is ``near`` the solution, cells and nodes that are at the edge of locking and
-    contact change sides at once: a line search would stop at every kink, while two full steps put
-    them right.  Where they do not, it gives up.  Where they do, the tangent at the end is good
-    enough for the first step after a change of the friction bound.  ``arrives``
-    holds the residuals (relative to the forces) above which it gives up after so many steps.
-
-    A ``direct`` solver that another method leaves behind is used with its matrix, which has a
-    symbolic factorisation.
+    Where the start is ``near`` the solution, cells and nodes at the edge of locking and contact
+    change sides at once: a line search would stop at every kink, while two full steps put them
+    right, or it gives up.  The tangent at the end is then good enough for the first step after
+    a change of the friction bound.  ``arrives`` holds the residuals (relative to the forces)
+    above which it gives up after so many steps.  A ``direct`` solver of another method is used
+    with its matrix.
     """
 
     def __init__(

@@ -88,10 +88,7 @@ def has_digits(target: Target) -> bool:
 
 
 def is_in_reach(task: Task) -> bool:
-    """Whether a few steps of Newton's method arrive from here, as far as can be foreseen.
-
-    Collective.
-    """
+    """Whether a few steps of Newton's method arrive from here, as can be foreseen; collective."""
     if not has_digits(task.target):
         return False
     task.system.set_penalty(task.target.penalty)
@@ -117,11 +114,11 @@ _NEAR, _ARRIVES = 500.0, {3: 50.0}
 def step_on(saved: SavedState, task: Task) -> Outcome | None:
     """Where Newton's method arrives from the step before, in a process with regularised friction.
 
-    A point that sticks needs a slip of the order of delta in every step, and at the start of a step
-    the slip is zero.  There the tangent of friction is ``G/delta``, far stiffer than on the way to
-    the solution.  So the first step takes the secant ``G/sqrt(s^2 + delta^2)`` for the slip ``s``
-    of the step before, which is exact if the point slides on as before.  If Newton's method does
-    not arrive, None, and displacement and friction bounds are of no use.  Collective.
+    A point that sticks needs a slip of the order of delta in every step, and begins at slip
+    zero, where the tangent of friction is ``G/delta``, far stiffer than on the way to the
+    solution.  So the first step takes the secant ``G/sqrt(s^2 + delta^2)`` for the slip ``s``
+    of the step before.  If Newton's method does not arrive, None, and displacement and friction
+    bounds are of no use.
     """
     settings, system = task.settings, task.system
     few = task.with_settings(

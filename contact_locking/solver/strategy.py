@@ -426,15 +426,12 @@ def _solve_by(
         found = solver.solve(last, nothing_slips, loosened)
         return loosened == 1.0
 
-    def wanted() -> list[FloatArray]:
-        return _bounds_of(found, system, nested)
-
     try:
         # Nothing slips at first, also where the body turns out not to be pressed.
         solve(math.inf, nothing_slips=True)
         if nested:
-            system.bounds.enter(nested, wanted())
-            settled = fixed_point(task, solve, wanted, nested)
+            system.bounds.enter(nested, _bounds_of(found, system, nested))
+            settled = fixed_point(task, solve, lambda: _bounds_of(found, system, nested), nested)
             found = found.settled(*settled)
         return Attempt(found, from_last=solver.from_last)
     except NotConverged as failure:

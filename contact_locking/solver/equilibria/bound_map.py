@@ -88,9 +88,9 @@ class BoundVectors:
 class BoundMap:
     """``G -> Phi(G)``: a Tresca problem for each value, and back-substitutions for the derivative.
 
-    Vectors are those of ``vectors``.  A bound that is negative counts as zero.  ``found`` is the
-    solution of the last value, and ``last`` an iterate near the first, if one is known.  The
-    constructor is collective, as all methods are.
+    A bound that is negative counts as zero.  ``found`` is the solution of the last value, and
+    ``last`` an iterate near the first, if one is known.  The constructor and all methods are
+    collective.
     """
 
     def __init__(self, task: Task, last: LastIterate | None = None) -> None:

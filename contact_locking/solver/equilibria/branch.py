@@ -82,10 +82,7 @@ Path: TypeAlias = OverFriction | OverLoads
 
 @dataclass(frozen=True)
 class BranchPoint:
-    """Bounds ``G = Psi(G, s)`` and their share s; ``sign`` is that of ``det(I - dPsi/dG)``.
-
-    It is 0 at a fold.
-    """
+    """Bounds ``G = Psi(G, s)``, their share s, the sign of ``det(I - dPsi/dG)``, 0 at a fold."""
 
     bounds: FloatArray
     share: float

@@ -40,10 +40,7 @@ _ENDS = (
 
 
 def has_map(task: Task) -> bool:
-    """Whether Tresca's problem has a solution for each bound, and the map a derivative; collective.
-
-    A body that friction alone holds slides away under a bound that is too small.
-    """
+    """Whether the map of friction bounds has values everywhere, and a derivative; collective."""
     system, rubbing = task.system, task.system.rubbing
     knows = all(item.friction.is_coulomb and not item.friction.stands for item in rubbing)
     if not (rubbing and knows) or system.held_by_friction:
@@ -87,10 +84,7 @@ class Equilibria:
     def on_branch(
         self, start: FloatArray | None = None, direction: float = 1.0, bold: bool = False
     ) -> Iterator[tuple[FloatArray, int]]:
-        """The solutions on the branch over the share of friction, and the folds before each.
-
-        ``start`` and ``direction`` are those of :meth:`Branch.points`, ``bold`` of :class:`Branch`.
-        """
+        """The solutions on the branch over the share of friction, and the folds before each."""
         folds, before = 0, None
         branch = Branch(OverFriction(self.map), bold)
         is_strict = self._task.target.penalty.is_strict

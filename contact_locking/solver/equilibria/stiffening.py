@@ -141,10 +141,7 @@ class Stiffening:
         self._last = _last_power(task.target)
 
     def followed(self) -> str:
-        """How forces grow over the stages, in words; "" where they lead to a solution.
-
-        Raises NotConverged where they lead nowhere.
-        """
+        """How forces grow over the stages, in words; "" for a solution; raises NotConverged."""
         sharp = self._task.settings.friction_tolerance
         known, without = list[Stage](), math.nan
         can_grow = self._task.target.penalty.epsilon == 0.0

@@ -34,8 +34,9 @@ from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.contact_cones import ContactCones
-from contact_locking.solver.interior_point.family import Direction, Reaction
+from contact_locking.solver.interior_point.family import Direction, Reaction, dot
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
+from contact_locking.solver.interior_point.lorentz import norm
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
 
@@ -225,11 +226,7 @@ class BoundStep:
         return self._norm(left) / (self._norm(moved) or 1.0)
 
     def adapt(self, direction: Direction) -> FloatArray | None:
-        """Set the steps of the bounds to what agrees with a direction and themselves; collective.
-
-        Returns what the change adds to the step of the displacement, or None where a bound
-        is cut.
-        """
+        """Let the bounds agree; the change of displacement, None if one is cut; collective."""
         right = np.concatenate([law.distance(direction) for law in self._laws])
         change, displacement = self._solve(right)
         parts = zip(self._laws, np.split(change, self._ends), strict=True)
@@ -308,8 +305,7 @@ class BoundLaw:
         self._wanted = self._nodes.of_all(wanted)
         self._mu = float(bound.is_coulomb) * self._nodes.of_all(mu)
         slip = self.friction.seen
-        size = np.sqrt(np.sum(slip**2, axis=0))
-        self._along = slip / np.maximum(size, np.finfo(float).tiny)
+        self._along = slip / np.maximum(norm(slip), np.finfo(float).tiny)
         self._slope = moving.slope()
 
     def distance(self, direction: Direction) -> FloatArray:
@@ -341,8 +337,7 @@ class BoundLaw:
         """``mu R dp + mu'(s) |R p| ds``, without what the cones make the bound grow by."""
         nodes = self._nodes
         smoothed = nodes.of_all(self._smoothing.apply(nodes.at_all(pressure_step)))
-        along = np.einsum("ik,ik->k", self._along, slip_step)
-        moved = self._mu * smoothed + self._slope * along
+        moved = self._mu * smoothed + self._slope * dot(self._along, slip_step)
         return np.asarray(moved - self.friction.grown(slip_step))
 
     def moved_adjoint(self, bound: FloatArray) -> tuple[FloatArray, FloatArray]:

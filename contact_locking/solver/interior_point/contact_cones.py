@@ -81,10 +81,7 @@ class ContactCones(OnContact, HalfLines):
     # The start, and whether anything is admissible.
 
     def pull(self, stiffness: float) -> FloatArray:
-        """Springs rest on the foundation itself inside the body, and on the nearest of it outside.
-
-        So the body comes to rest there.
-        """
+        """Springs rest on the foundation inside the body, and on the nearest of it outside."""
         gap = self.nodes.gap
         nearest = max(minimum(self.comm, gap), 0.0)
         return -stiffness * np.minimum(gap, nearest)

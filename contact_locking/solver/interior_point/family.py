@@ -137,10 +137,7 @@ class Family(ABC):
         self.z += t * step.dual
 
     def primal_residual(self, deformation: float) -> float:
-        """How far the points are from what was seen, relative, lengths to ``deformation``.
-
-        Zero where nothing depends on it; collective.
-        """
+        """How far points are from what was seen, lengths over ``deformation``; collective."""
         return 0.0
 
     def relative_gap(self, size: FloatArray) -> float:
@@ -172,7 +169,7 @@ class Family(ABC):
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
         """The reactions that the step leads to if the displacement stands still.
 
-        ``target`` is what the complementarity products are driven to; ``correction`` is Mehrotra's
+        The complementarity products are driven to ``target``; ``correction`` is Mehrotra's
         second-order term of the predictor, with that of recentrings.
         """
 
@@ -193,9 +190,7 @@ class Family(ABC):
     def centred(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Points and multipliers on the central path, near the given ones; collective.
 
-        Off the path the scaling of Lorentz cones is no derivative of the iterate: transverse to a
-        strain at its limit it would be wrong by the root of the ratio of the two products of its
-        cone.
+        Off the path the scaling of Lorentz cones is no derivative of the iterate.
         """
         return x, z
 
@@ -216,11 +211,7 @@ class Family(ABC):
 
     @abstractmethod
     def settle(self, product: float) -> None:
-        """Points on the central path that the penalty laws give for what was seen.
-
-        ``product`` is the complementarity product.  The laws have a compliance, and the friction
-        cones have their bound.
-        """
+        """Points of a ``product`` on the central path of the laws, which have a compliance."""
 
     # The tangent.
 
@@ -233,10 +224,7 @@ class Family(ABC):
         """Put the block D into the coefficients of the tangent's term; collective."""
 
     def soften(self, factor: float, material: float) -> None:
-        """Write the block without the stiffness of what the filter takes out of a body; collective.
-
-        A family on the surface leaves its block as it is.
-        """
+        """Write the block without what the filter takes out of a body; collective."""
         self.write_block()
 
     @abstractmethod
@@ -258,10 +246,7 @@ class Family(ABC):
 
     @abstractmethod
     def along(self, points: IndexArray, directions: FloatArray) -> PETSc.Mat:
-        """The matrix of ``v -> directions . lin(v)`` at points (p,) of this rank; collective.
-
-        ``directions`` is (m, p).
-        """
+        """The matrix of ``v -> directions . lin(v)``, (m, p), at points (p,); collective."""
 
     def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
         """``C`` (k, n) and ``B`` (k,): this family adds ``C^T B C`` where it is stiff; collective.

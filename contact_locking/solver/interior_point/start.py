@@ -146,8 +146,8 @@ _ROUNDING = 16.0 * float(np.finfo(float).eps)
 def rests(task: Task, tangent: Tangent) -> bool:
     """Whether nothing presses the body, and it has no strains but rounding; collective.
 
-    Then all multipliers are zero, and the scale of the iteration, which the forces of the start
-    have made, is far too large for them.
+    Then all multipliers are zero, and the scale of the forces of the start is far too large for
+    them.
     """
     target, tolerance = task.target, task.settings.tolerance
     displacement = task.system.largest_displacement()
