@@ -24,7 +24,7 @@ class LimitsOfStrain(Family):
     """
 
     scale = 1.0
-    #: Whether M bounds a norm, so that no strain is larger.
+    #: Whether the start compares the elastic strain with M: a half space limits one component only.
     bounds_norm = True
 
     def __init__(self, strains: StrainOperator, compliance: float, number: int) -> None:
