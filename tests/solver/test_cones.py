@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -122,7 +122,8 @@ def test_a_direction_that_is_no_number_allows_no_step(place: int) -> None:
     x = np.repeat([[1.0], [0.0]], 200, axis=1)
     still, broken = np.zeros((2, 200)), np.zeros((2, 200))
     broken[1, place] = math.nan
-    cones = LockingCones(SimpleNamespace(comm=None, weights=None, limit=x[0], rows=1), 0.0, 0)
+    points: Any = SimpleNamespace(comm=None, weights=None, limit=x[0], rows=1)
+    cones = LockingCones(points, 0.0, 0)
     cones.x, cones.z, cones.seen = x, x.copy(), x[1:]
     cones.linearise()
     steps = Step(still, still), Step(still, broken), Step(broken, still)
