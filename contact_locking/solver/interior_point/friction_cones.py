@@ -228,7 +228,8 @@ class FrictionCones(OnContact, LorentzCones):
         contact = nodes.contact
         slip, slip_v = (contact.parts(contact.limited(field))[1] for field in (du, v))
         along = self._b * ufl.inner(self._w, slip) * ufl.inner(self._w, slip_v)
-        return (self._a * ufl.inner(slip, slip_v) + along) * contact.surface.ds
+        ds = contact.surface.ds
+        return self._a * ufl.inner(slip, slip_v) * ds + along * ds
 
     def write_block(self) -> None:
         self._write(self.a, self.b, self.w)
