@@ -134,6 +134,11 @@ class SolvedState:
         """The weights (k,) of the nodes of a contact, zero at held nodes; collective."""
         return np.where(self.held(fields), 0.0, fields.surface.weights)
 
+    def relative(self, distance: float) -> float | None:
+        """A distance in the energy norm over that of u, None for a body at rest; collective."""
+        size = (2.0 * self.energy) ** 0.5
+        return float(distance / size) if size > 0.0 else None
+
     def share_of_work(self, value: float) -> float:
         """A value relative to :attr:`work`; the value itself for a body at rest."""
         return value / self.work if self.work > 0.0 else value

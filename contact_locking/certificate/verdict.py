@@ -160,9 +160,8 @@ def _mesh_error(state: SolvedState) -> tuple[dict[str, Any], ErrorIndicator | No
     except NotApplicable as failure:
         none = dict.fromkeys(("energy_norm", "relative", "with_locking"))
         return {**none, "reason": str(failure)}, None
-    size = (2.0 * state.energy) ** 0.5
     return {
         "energy_norm": indicator.elastic,
-        "relative": indicator.elastic / size if size > 0.0 else None,
+        "relative": state.relative(indicator.elastic),
         "with_locking": indicator.total,
     }, indicator
