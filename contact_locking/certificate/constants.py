@@ -50,23 +50,18 @@ def constants(state: SolvedState, wanted: bool, small: Kappa | NotApplicable) ->
     found: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
     if not state.contacts:
         return found | {"uniqueness": without_friction(state)}
-    trace, why = _trace(state, wanted)
     coefficient = coefficient_range(state)
+    try:
+        found["c_0"] = _trace_constant(state, wanted)
+    except NotApplicable as failure:
+        found |= {"c_0": None, "c_0_reason": str(failure)}
     found |= {
-        "c_0": trace,
-        **({} if why is None else {"c_0_reason": why}),
         "friction_coefficient": coefficient.largest,
         "friction_lipschitz": coefficient.lipschitz,
         "friction_constants": "exact" if coefficient.exact else "sampled",
-        "smoothing_norm": _smoothing_norm(state),
+        "smoothing_norm": max(item.friction.smoothing.norm() for item in state.problem.contacts),
     }
-    found["uniqueness"] = _uniqueness(state, trace, why, coefficient, small)
-    return found
-
-
-def _smoothing_norm(state: SolvedState) -> float:
-    """The largest ``|R|`` of the contacts."""
-    return max(contact.friction.smoothing.norm() for contact in state.problem.contacts)
+    return found | {"uniqueness": _uniqueness(state, found, coefficient, small)}
 
 
 def coefficient_range(state: SolvedState) -> Coefficient:
@@ -107,43 +102,34 @@ def _coefficient_range(contact: NodalContact, state: SolvedState) -> Coefficient
     )
 
 
-def trace_constant(state: SolvedState) -> float:
+def _trace_constant(state: SolvedState, wanted: bool) -> float:
     """``c_0 = max |v|_{L2(Gamma_C)}/|v|_V`` over the discrete fields (11); collective.
 
     ``c_0^2`` is the largest eigenvalue of ``int v . w = lambda (v, w)_V``.  The integral over
     Gamma_C is a sum over the nodes with the nodal weights, as in the discrete problem; for affine
     displacements the sum is never less than the exact integral, by convexity.  The result is not an
     upper bound of the constant in (11): the eigenvalue solver approaches from below, and V has more
-    fields.  Raises NotApplicable if the eigenvalue solver fails.
+    fields.
     """
-    space, data = state.problem.u.function_space, state.problem.data
-    v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
+    if state.problem.free:
+        raise NotApplicable("contact alone holds a rigid motion, so |.|_V is not a norm")
+    if state.problem.sprung:
+        raise NotApplicable("springs hold a rigid motion, so |.|_V is not a norm")
+    if state.problem.data.jumps:
+        raise NotApplicable("two bodies touch, and c_0 is for traces of one body")
+    if not wanted:
+        raise NotApplicable("skipped: certificate.constants is false")
+    v, w = state.system.bilinear.arguments()
     traces = sum(
         ufl.inner(contact.limited(w), contact.limited(v)) * contact.surface.ds
-        for contact in data.contacts
+        for contact in state.problem.contacts
     )
     return trace_norm(state, inner_product(state), traces)
 
 
-def _trace(state: SolvedState, wanted: bool) -> tuple[float | None, str | None]:
-    if state.problem.free:
-        return None, "contact alone holds a rigid motion, so |.|_V is not a norm"
-    if state.problem.sprung:
-        return None, "springs hold a rigid motion, so |.|_V is not a norm"
-    if state.problem.data.jumps:
-        return None, "two bodies touch, and c_0 is for traces of one body"
-    if not wanted:
-        return None, "skipped: certificate.constants is false"
-    try:
-        return trace_constant(state), None
-    except NotApplicable as failure:
-        return None, str(failure)
-
-
 def _uniqueness(
     state: SolvedState,
-    trace: float | None,
-    why: str | None,
+    found: dict[str, Any],
     coefficient: Coefficient,
     small: Kappa | NotApplicable,
 ) -> dict[str, Any]:
@@ -154,7 +140,7 @@ def _uniqueness(
     the condition of Theorem 4.2 with an explicit constant (docs/certificate.md).  The norms on
     Gamma_C use the nodal weights, c_0 is the constant of the discrete fields, approached from
     below, and mu* and L_mu may be sampled.  The verdict is therefore about the discrete problem,
-    and as certain as these numbers.
+    and as certain as these numbers, which ``found`` has.
     """
     if all(contact.friction.frictionless for contact in state.problem.contacts):
         return without_friction(state)
@@ -180,10 +166,12 @@ def _uniqueness(
     first += _at_supports(state)
     if state.target.penalty.epsilon == 0.0:
         return _verdict(UNKNOWN, first) | report
+    trace = found["c_0"]
     if trace is None:
-        return _verdict(UNKNOWN, f"{first}; c_0 is not known ({why})") | report
+        why = f"{first}; c_0 is not known ({found['c_0_reason']})"
+        return _verdict(UNKNOWN, why) | report
     stress = max(maximum(state.comm, np.abs(fields.smoothed_stress)) for fields in state.contacts)
-    left = coefficient.largest * _smoothing_norm(state) * trace
+    left = coefficient.largest * found["smoothing_norm"] * trace
     slack = state.problem.material.ellipticity - coefficient.lipschitz * stress * trace**2
     right = 2.0 * float(np.sqrt(state.target.penalty.epsilon * max(slack, 0.0)))
     covered = left < right
