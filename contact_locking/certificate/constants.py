@@ -48,20 +48,25 @@ def constants(state: SolvedState, wanted: bool, small: Kappa | NotApplicable) ->
     ``small`` is kappa, or why there is none.
     """
     found: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
-    if not state.contacts:
+    bounds = [contact.friction for contact in state.problem.contacts]
+    if bounds:
+        coefficient = coefficient_range(state)
+        try:
+            found["c_0"] = _trace_constant(state, wanted)
+        except NotApplicable as failure:
+            found |= {"c_0": None, "c_0_reason": str(failure)}
+        found |= {
+            "friction_coefficient": coefficient.largest,
+            "friction_lipschitz": coefficient.lipschitz,
+            "friction_constants": "exact" if coefficient.exact else "sampled",
+            "smoothing_norm": max(bound.smoothing.norm() for bound in bounds),
+        }
+    if all(bound.frictionless for bound in bounds):
         return found | {"uniqueness": without_friction(state)}
-    coefficient = coefficient_range(state)
-    try:
-        found["c_0"] = _trace_constant(state, wanted)
-    except NotApplicable as failure:
-        found |= {"c_0": None, "c_0_reason": str(failure)}
-    found |= {
-        "friction_coefficient": coefficient.largest,
-        "friction_lipschitz": coefficient.lipschitz,
-        "friction_constants": "exact" if coefficient.exact else "sampled",
-        "smoothing_norm": max(item.friction.smoothing.norm() for item in state.problem.contacts),
-    }
-    return found | {"uniqueness": _uniqueness(state, found, coefficient, small)}
+    verdict, why = _uniqueness(state, found, coefficient, small)
+    numbers = small.numbers() if isinstance(small, Kappa) else {"kappa": None}
+    report = {"verdict": verdict, "why": why, **numbers, "contraction": state.report.contraction}
+    return found | {"uniqueness": report}
 
 
 def coefficient_range(state: SolvedState) -> Coefficient:
@@ -132,8 +137,8 @@ def _uniqueness(
     found: dict[str, Any],
     coefficient: Coefficient,
     small: Kappa | NotApplicable,
-) -> dict[str, Any]:
-    """Whether another solution is excluded, by kappa or, for eps > 0, by the condition below.
+) -> tuple[str, str]:
+    """The verdict and why: whether another solution is excluded, by kappa or, for eps > 0, by the condition below.
 
         mu* |R| c_0 < 2 sqrt(eps (alpha - L_mu |R sigma_nu|_inf c_0^2)),
 
@@ -142,46 +147,37 @@ def _uniqueness(
     below, and mu* and L_mu may be sampled.  The verdict is therefore about the discrete problem,
     and as certain as these numbers, which ``found`` has.
     """
-    if all(contact.friction.frictionless for contact in state.problem.contacts):
-        return without_friction(state)
-    report: dict[str, Any] = {
-        "kappa": None,
-        **(small.numbers() if isinstance(small, Kappa) else {}),
-        "contraction": state.report.contraction,
-    }
     try:
         require_coulomb(state)
     except NotApplicable as failure:
-        return _verdict(UNKNOWN, str(failure)) | report
+        return UNKNOWN, str(failure)
     if coefficient.exceeded:
         why = "the friction law exceeds the largest value or the Lipschitz constant that it states"
-        return _verdict(UNKNOWN, why) | report
+        return UNKNOWN, why
+    why = f"there is no kappa, as {small}"
     if isinstance(small, Kappa):
         isnt = "" if small.is_small else "not "
-        first = f"kappa = mu rho c = {small.value:.3g} is {isnt}below 1 (eigenvalues to 1e-6)"
-        if small.is_small:
-            return _verdict(BY_KAPPA, first + _at_supports(state)) | report
-    else:
-        first = f"there is no kappa, as {small}"
-    first += _at_supports(state)
-    if state.target.penalty.epsilon == 0.0:
-        return _verdict(UNKNOWN, first) | report
+        why = f"kappa = mu rho c = {small.value:.3g} is {isnt}below 1 (eigenvalues to 1e-6)"
+    why = "; ".join([why, *constant_supports(state)])
+    if isinstance(small, Kappa) and small.is_small:
+        return BY_KAPPA, why
     trace = found["c_0"]
+    if state.target.penalty.epsilon == 0.0:
+        return UNKNOWN, why
     if trace is None:
-        why = f"{first}; c_0 is not known ({found['c_0_reason']})"
-        return _verdict(UNKNOWN, why) | report
+        return UNKNOWN, f"{why}; c_0 is not known ({found['c_0_reason']})"
     stress = max(maximum(state.comm, np.abs(fields.smoothed_stress)) for fields in state.contacts)
     left = coefficient.largest * found["smoothing_norm"] * trace
     slack = state.problem.material.ellipticity - coefficient.lipschitz * stress * trace**2
     right = 2.0 * float(np.sqrt(state.target.penalty.epsilon * max(slack, 0.0)))
     covered = left < right
     sampled = "" if coefficient.exact else ", mu* and L_mu sampled"
-    second = (
-        f"mu* |R| c_0 = {left:.3g} is {'' if covered else 'not '}below "
+    why += (
+        f"; mu* |R| c_0 = {left:.3g} is {'' if covered else 'not '}below "
         f"2 sqrt(eps (alpha - L_mu |R sigma_nu| c_0^2)) = {right:.3g} "
         f"(c_0 of the fields on this mesh, from below{sampled})"
     )
-    return _verdict(SAMPLED if covered else UNKNOWN, f"{first}; {second}") | report
+    return SAMPLED if covered else UNKNOWN, why
 
 
 def constant_supports(state: SolvedState) -> tuple[str, ...]:
@@ -194,12 +190,3 @@ def constant_supports(state: SolvedState) -> tuple[str, ...]:
         f"displacements are prescribed at Gamma_C, as at {place}, and R keeps constants there, so "
         "that kappa grows as the mesh is refined; take friction.smoothing.at_supports: vanish",
     )
-
-
-def _at_supports(state: SolvedState) -> str:
-    """The warning as the end of a sentence; collective."""
-    return "".join(f"; {text}" for text in constant_supports(state))
-
-
-def _verdict(verdict: str, why: str) -> dict[str, Any]:
-    return {"verdict": verdict, "why": why}

@@ -172,10 +172,7 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
     step.x.array[:] = after.displacement - before.displacement
     moved = step.x.array[: len(after.forces)]
     quadratic = state.system.forms.energy(step)
-    dissipated = sum(
-        state.sum(state.weights(fields) * -np.sum(fields.traction * fields.increment, axis=1))
-        for fields in state.contacts
-    )
+    dissipated = sum(_friction_work(state, fields) for fields in state.contacts)
     places = list(zip(state.contacts, before.contacts, after.contacts, strict=True))
     resisted = sum(
         state.sum(old.weights * old.bound * _slid(old, new, fields.drag))
@@ -232,6 +229,11 @@ def _slid(old: Touch, new: Touch, drag: FloatArray) -> FloatArray:
     slid = new.displacement - old.displacement - drag
     along = np.sum(slid * old.normal, axis=1)
     return np.asarray(np.linalg.norm(slid - along[:, None] * old.normal, axis=1))
+
+
+def _friction_work(state: SolvedState, fields: ContactFields) -> float:
+    """``int -sigma_tau . (u_tau - u_{k-1,tau})``; collective."""
+    return state.sum(state.weights(fields) * -np.sum(fields.traction * fields.increment, axis=1))
 
 
 def _stored(state: SolvedState) -> float:
