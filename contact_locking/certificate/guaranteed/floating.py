@@ -20,7 +20,7 @@ from contact_locking.certificate.guaranteed.macro_element import MacroElement, b
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.parallel import maximum
 from contact_locking.problem.discrete_problem import DiscreteProblem
-from contact_locking.supports.rigid_motions import free_motions
+from contact_locking.problem.rigidity.motions import free_motions
 
 # Pressures that balance the data differ from those of the solution by less than this share.
 _LARGEST_CHANGE = 0.5
