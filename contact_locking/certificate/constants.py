@@ -138,14 +138,14 @@ def _uniqueness(
     coefficient: Coefficient,
     small: Kappa | NotApplicable,
 ) -> tuple[str, str]:
-    """The verdict and why: whether another solution is excluded, by kappa or, for eps > 0, by the condition below.
+    """Whether another solution is excluded, by kappa or, for eps > 0, by the condition below.
 
         mu* |R| c_0 < 2 sqrt(eps (alpha - L_mu |R sigma_nu|_inf c_0^2)),
 
     the condition of Theorem 4.2 with an explicit constant (docs/certificate.md).  The norms on
     Gamma_C use the nodal weights, c_0 is the constant of the discrete fields, approached from
     below, and mu* and L_mu may be sampled.  The verdict is therefore about the discrete problem,
-    and as certain as these numbers, which ``found`` has.
+    and as certain as these numbers, which ``found`` has.  Returns the verdict and the reason.
     """
     try:
         require_coulomb(state)
