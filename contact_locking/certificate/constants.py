@@ -64,8 +64,9 @@ def constants(state: SolvedState, wanted: bool, small: Kappa | NotApplicable) ->
     if all(bound.frictionless for bound in bounds):
         return found | {"uniqueness": without_friction(state)}
     verdict, why = _uniqueness(state, found, coefficient, small)
-    numbers = small.numbers() if isinstance(small, Kappa) else {"kappa": None}
-    report = {"verdict": verdict, "why": why, **numbers, "contraction": state.report.contraction}
+    report: dict[str, Any] = {"verdict": verdict, "why": why, "kappa": None}
+    report |= small.numbers() if isinstance(small, Kappa) else {}
+    report["contraction"] = state.report.contraction
     return found | {"uniqueness": report}
 
 

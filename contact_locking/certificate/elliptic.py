@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from functools import cached_property
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -283,22 +284,17 @@ def largest_eigenvalue(comm: Any, size: int, operator: Callable[[FloatArray], Fl
     The operator maps the ``size`` values of each rank to as many.  Raises NotApplicable if the
     eigenvalue solver fails.
     """
-    matrix = PETSc.Mat().createPython(((size, None), (size, None)), _Shell(operator), comm)
+
+    def mult(matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        y.array_w[:] = operator(x.array_r)
+
+    sizes = ((size, None), (size, None))
+    matrix = PETSc.Mat().createPython(sizes, SimpleNamespace(mult=mult), comm)
     matrix.setUp()
     try:
         return _largest(matrix)
     finally:
         matrix.destroy()
-
-
-class _Shell:
-    """A function as the context of a PETSc matrix."""
-
-    def __init__(self, operator: Callable[[FloatArray], FloatArray]) -> None:
-        self._operator = operator
-
-    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        y.array_w[:] = self._operator(x.array_r)
 
 
 def _largest(

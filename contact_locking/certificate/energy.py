@@ -157,8 +157,8 @@ class EnergyBalance:
     @classmethod
     def of_row(cls, row: Mapping[str, float]) -> EnergyBalance:
         """The balance that a row of history.csv has."""
-        values = (row[name] for name in ("work", "stored", "dissipated", "numerical"))
-        return cls(*values, defect=row["energy_defect"])
+        names = ("work", "stored", "dissipated", "numerical", "energy_defect")
+        return cls(*(row[name] for name in names))
 
     def criterion(self, state: SolvedState) -> Criterion:
         """The energy balance as a criterion of the certificate."""

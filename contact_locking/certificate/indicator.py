@@ -119,8 +119,10 @@ def _defect_of_quadratic(state: SolvedState, values: FloatArray) -> FloatArray:
         nodes = np.einsum("nc,kcd->knd", shares, x)
     defect = np.empty_like(given)
     for inside in _regions(state, count):
-        parts = (item[inside] for item in (affine.list[:count], x, points, nodes, at_points))
-        defect[inside] = _patch_recovery(affine.index_map, shares, *parts) - given[inside]
+        corners = affine.list[:count][inside]
+        parts = [item[inside] for item in (x, points, nodes, at_points)]
+        found = _patch_recovery(affine.index_map, shares, corners, *parts)
+        defect[inside] = found - given[inside]
     return defect
 
 
@@ -204,8 +206,8 @@ def _recovered(state: SolvedState, values: FloatArray) -> FloatArray:
     volumes = state.points.by_cell(state.points.weights).sum(axis=1)
     result = np.empty((len(values), corners.shape[1], values.shape[1]))
     for inside in _regions(state, len(values)):
-        parts = (item[inside] for item in (corners, values, volumes))
-        result[inside] = nodal_means(dofmap.index_map, *parts)
+        at = corners[inside]
+        result[inside] = nodal_means(dofmap.index_map, at, values[inside], volumes[inside])
     return result
 
 

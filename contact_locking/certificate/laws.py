@@ -61,14 +61,14 @@ def law_criteria(state: SolvedState) -> dict[str, Criterion]:
         }
     rubbing = [fields for fields in state.contacts if not fields.contact.friction.frictionless]
     if rubbing:
-        products, cones, signs = np.transpose([friction(state, fields) for fields in rubbing])
-        gap += sum(products)
+        slid, cones, signs = np.transpose([friction(state, fields) for fields in rubbing])
+        gap += sum(slid)
         settled = _MARGIN * max(state.settings.friction_tolerance, _TOLERANCE)
         change = bound_change(state, rubbing)
         moved = "distance of the friction bound from mu |R sigma_nu|"
         constants = max(smoothing_constants(state, fields) for fields in rubbing)
         found |= {
-            "friction_complementarity": of_law(sum(products), "complementarity of friction"),
+            "friction_complementarity": of_law(sum(slid), "complementarity of friction"),
             "coulomb_cone": of_law(max(cones), "friction above its bound"),
             "friction_sign": of_law(sum(signs), "work that friction adds"),
             "friction_bound": Criterion(change, settled, moved),

@@ -90,7 +90,7 @@ def admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
     start, back = lifting.admissible, lifting.push_back()
     w = fem.Function(back.function_space)
     w.x.array[:] = state.problem.u.x.array - back.x.array
-    enters = [np.max(f.contact.split(w)[0] - f.gap, initial=0.0) for f in state.contacts]
+    enters = [float(np.max(f.contact.split(w)[0] - f.gap, initial=0.0)) for f in state.contacts]
     if maximum(state.comm, max(enters, default=0.0)) > _ROUNDING * state.target.length:
         raise NotApplicable("prescribed displacements at the edge of Gamma_C enter the foundation")
     theta = 1.0
