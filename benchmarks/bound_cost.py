@@ -13,13 +13,14 @@ import math
 import sys
 import time
 from collections.abc import Callable
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
-from contact_locking.certificate.elliptic import Lifting, elasticity, elliptic_problem
+from contact_locking.certificate.elliptic import EllipticProblem, Lifting
 from contact_locking.certificate.guaranteed import guaranteed_error
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.monitor import Monitor
@@ -57,7 +58,8 @@ def solved_state(divisions: int) -> SolvedState:
 
 def elastic_solve(state: SolvedState) -> None:
     """Assembly, factorisation and solution of linear elasticity on the mesh of the state."""
-    with elliptic_problem(state, elasticity(state), state.problem.constraints) as solver:
+    bilinear, constraints = state.system.bilinear, state.problem.constraints
+    with closing(EllipticProblem(state, bilinear, constraints)) as solver:
         solver.solve(state.system.forms.loads())
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import ufl
@@ -65,16 +66,28 @@ class Equilibrium:
         return found
 
 
-def equilibrium(state: SolvedState) -> Equilibrium:
-    """Balance the stored stress, pressure and traction with the loads; collective.
+class NodalForces(NamedTuple):
+    """Loads, elastic forces, and forces of contact and of a user's own energy, at the local dofs.
+
+    ``left`` are the forces that the reactions balance, zero at free dofs in equilibrium.
+    """
+
+    load: FloatArray
+    elastic: FloatArray
+    touching: FloatArray
+    own: FloatArray
+    left: FloatArray
+
+
+def nodal_forces(state: SolvedState) -> NodalForces:
+    """The forces of the stored stress, pressure and traction, and the loads; collective.
 
     The contact forces are sums over the nodes with the nodal weights.  They do not use the solver's
     forms of contact, so that a wrong sign in either place shows.  Loads and elastic forces are the
     forms of the solver.
     """
-    u, data, constraints = state.problem.u, state.problem.data, state.problem.constraints
-    space = u.function_space
-    v = ufl.TestFunction(space)
+    u, data = state.problem.u, state.problem.data
+    v = ufl.TestFunction(u.function_space)
     load, elastic = state.system.forms.loads(), state.system.forms.elastic_forces(u)
 
     def compile_stress() -> tuple[fem.Function, fem.Form]:
@@ -83,18 +96,22 @@ def equilibrium(state: SolvedState) -> Equilibrium:
 
     stress, of_stress = state.system.kept("locking stress", compile_stress)
     stress.x.array[:] = state.body.locking_stress.x.array
-    internal = elastic + compiled.assembled(of_stress)
-    own = np.zeros_like(load)
+    own, touching = np.zeros_like(load), np.zeros_like(load)
     if data.own_energy is not None:
         own = -compiled.assembled(forms.own_forces(u, v, data))
-    touching = np.zeros_like(load)
     for contact in state.contacts:
         tractions = contact.traction - contact.pressure[:, None] * contact.normal
         touching += contact.surface.nodal_forces(tractions)
-    owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    unbalanced = (internal - own - load - touching)[:owned]
-    reaction = constraints.held_part(unbalanced)
-    unbalanced = constraints.free_part(unbalanced)
+    left = elastic + compiled.assembled(of_stress) - own - load - touching
+    return NodalForces(load, elastic, touching, own, left)
+
+
+def equilibrium(state: SolvedState) -> Equilibrium:
+    """Balance the stored stress, pressure and traction with the loads; collective."""
+    space, constraints = state.problem.u.function_space, state.problem.constraints
+    load, elastic, touching, own, left = nodal_forces(state)
+    owned = len(state.system.load)
+    reaction, unbalanced = constraints.held_part(left[:owned]), constraints.free_part(left[:owned])
 
     def norm(vector: FloatArray) -> float:
         return float(np.sqrt(state.sum(vector[:owned] ** 2)))
@@ -105,7 +122,7 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     x = space.tabulate_dof_coordinates()[: owned // state.dim, : state.dim]
     total, magnitude, moment = [], 0.0, 0.0
     centre = state.comm.allreduce(x.sum(axis=0)) / state.comm.allreduce(len(x))
-    of_springs = [(item.on, item.forces(u)) for item in data.springs]
+    of_springs = [(item.on, item.forces(state.problem.u)) for item in state.problem.data.springs]
     sprung = sum((forces for _, forces in of_springs), np.zeros_like(load))
     reacting = sprung[:owned] + reaction
     # A user's own energy may also act from outside.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,9 +11,9 @@ from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import (
+    EllipticProblem,
     Lifting,
     NotApplicable,
-    elliptic_problem,
     inner_product,
     on_springs,
     require_still_foundations,
@@ -85,7 +86,7 @@ def _open(value: float, reason: str) -> dict[str, Any]:
 def _measured(state: SolvedState) -> dict[str, float]:
     """``|u|_V``, ``int M |Z|``, and the penalties unless n = inf or eps = 0; collective."""
     data, u = state.problem.data, state.problem.u
-    values = {"displacement_norm": norm(state, u)}
+    values = {"displacement_norm": state.system.forms.strain_norm(u)}
     penalty = state.target.penalty
     if np.isfinite(penalty.n):
 
@@ -100,19 +101,10 @@ def _measured(state: SolvedState) -> dict[str, float]:
         pairs = zip(state.contacts, entered, strict=True)
         square = sum(float(fields.surface.integral(depth**2)) for fields, depth in pairs)
         values["contact_penalty"] = square / penalty.epsilon
-    values["locking_work"] = _locking_work(state)
+    values["locking_work"] = sum(
+        state.sum(state.points.weights * item.support) for item in state.points.sets
+    )
     return values
-
-
-def _locking_work(state: SolvedState) -> float:
-    """``int M |Z|`` over the part of the body that can lock, summed over the sets; collective."""
-    points = state.points
-    return sum(state.sum(points.weights * item.largest * item.size) for item in points.sets)
-
-
-def norm(state: SolvedState, u: fem.Function) -> float:
-    """``|u|_V = |eps(u)|`` in L2 (10); collective."""
-    return state.system.forms.strain_norm(u)
 
 
 def _held_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
@@ -122,7 +114,7 @@ def _held_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     """
     alpha = state.problem.material.ellipticity
     load, friction = dual_norm(state, w), _remembered(state)
-    lift = 0.0 if w is None else norm(state, w)
+    lift = 0.0 if w is None else state.system.forms.strain_norm(w)
     half = 0.5 * load / alpha
     largest = half + float(np.sqrt(half**2 + friction / alpha))
     most = 0.25 * load**2 / alpha + friction
@@ -164,7 +156,7 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     domain, alpha = state.problem.domain, state.problem.material.ellipticity
     stiffness = alpha / state.target.length
     constraints = state.problem.constraints
-    with elliptic_problem(state, on_springs(state, stiffness), constraints) as problem:
+    with closing(EllipticProblem(state, on_springs(state, stiffness), constraints)) as problem:
         z = problem.solve(_load(state, w))
     carried, soft = _remembered(state), 0.0
     for fields in state.contacts:
@@ -179,7 +171,7 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
         soft += 0.25 * state.target.penalty.epsilon * float(fields.surface.integral(pressure**2))
     quarter = 0.5 * state.system.forms.energy(z)
     most = quarter + carried + soft
-    lift = 0.0 if w is None else norm(state, w)
+    lift = 0.0 if w is None else state.system.forms.strain_norm(w)
     return _Bounds(
         lift + float((np.sqrt(quarter) + np.sqrt(most)) / np.sqrt(alpha)),
         most,
@@ -193,8 +185,9 @@ def dual_norm(state: SolvedState, w: fem.Function | None = None) -> float:
 
     The displacement conditions are homogeneous.
     """
-    with elliptic_problem(state, inner_product(state), state.problem.constraints) as problem:
-        return norm(state, problem.solve(_load(state, w)))
+    product, constraints = inner_product(state), state.problem.constraints
+    with closing(EllipticProblem(state, product, constraints)) as problem:
+        return state.system.forms.strain_norm(problem.solve(_load(state, w)))
 
 
 def _load(state: SolvedState, w: fem.Function | None) -> FloatArray:

@@ -48,25 +48,26 @@ def constants(state: SolvedState, wanted: bool, small: Kappa | NotApplicable) ->
     ``small`` is kappa, or why there is none.
     """
     found: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
-    if not state.contacts:
+    bounds = [contact.friction for contact in state.problem.contacts]
+    if bounds:
+        coefficient = coefficient_range(state)
+        try:
+            found["c_0"] = _trace_constant(state, wanted)
+        except NotApplicable as failure:
+            found |= {"c_0": None, "c_0_reason": str(failure)}
+        found |= {
+            "friction_coefficient": coefficient.largest,
+            "friction_lipschitz": coefficient.lipschitz,
+            "friction_constants": "exact" if coefficient.exact else "sampled",
+            "smoothing_norm": max(bound.smoothing.norm() for bound in bounds),
+        }
+    if all(bound.frictionless for bound in bounds):
         return found | {"uniqueness": without_friction(state)}
-    trace, why = _trace(state, wanted)
-    coefficient = coefficient_range(state)
-    found |= {
-        "c_0": trace,
-        **({} if why is None else {"c_0_reason": why}),
-        "friction_coefficient": coefficient.largest,
-        "friction_lipschitz": coefficient.lipschitz,
-        "friction_constants": "exact" if coefficient.exact else "sampled",
-        "smoothing_norm": _smoothing_norm(state),
-    }
-    found["uniqueness"] = _uniqueness(state, trace, why, coefficient, small)
-    return found
-
-
-def _smoothing_norm(state: SolvedState) -> float:
-    """The largest ``|R|`` of the contacts."""
-    return max(contact.friction.smoothing.norm() for contact in state.problem.contacts)
+    verdict, why = _uniqueness(state, found, coefficient, small)
+    report: dict[str, Any] = {"verdict": verdict, "why": why, "kappa": None}
+    report |= small.numbers() if isinstance(small, Kappa) else {}
+    report["contraction"] = state.report.contraction
+    return found | {"uniqueness": report}
 
 
 def coefficient_range(state: SolvedState) -> Coefficient:
@@ -107,46 +108,37 @@ def _coefficient_range(contact: NodalContact, state: SolvedState) -> Coefficient
     )
 
 
-def trace_constant(state: SolvedState) -> float:
+def _trace_constant(state: SolvedState, wanted: bool) -> float:
     """``c_0 = max |v|_{L2(Gamma_C)}/|v|_V`` over the discrete fields (11); collective.
 
     ``c_0^2`` is the largest eigenvalue of ``int v . w = lambda (v, w)_V``.  The integral over
     Gamma_C is a sum over the nodes with the nodal weights, as in the discrete problem; for affine
     displacements the sum is never less than the exact integral, by convexity.  The result is not an
     upper bound of the constant in (11): the eigenvalue solver approaches from below, and V has more
-    fields.  Raises NotApplicable if the eigenvalue solver fails.
+    fields.
     """
-    space, data = state.problem.u.function_space, state.problem.data
-    v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
+    if state.problem.free:
+        raise NotApplicable("contact alone holds a rigid motion, so |.|_V is not a norm")
+    if state.problem.sprung:
+        raise NotApplicable("springs hold a rigid motion, so |.|_V is not a norm")
+    if state.problem.data.jumps:
+        raise NotApplicable("two bodies touch, and c_0 is for traces of one body")
+    if not wanted:
+        raise NotApplicable("skipped: certificate.constants is false")
+    v, w = state.system.bilinear.arguments()
     traces = sum(
         ufl.inner(contact.limited(w), contact.limited(v)) * contact.surface.ds
-        for contact in data.contacts
+        for contact in state.problem.contacts
     )
     return trace_norm(state, inner_product(state), traces)
 
 
-def _trace(state: SolvedState, wanted: bool) -> tuple[float | None, str | None]:
-    if state.problem.free:
-        return None, "contact alone holds a rigid motion, so |.|_V is not a norm"
-    if state.problem.sprung:
-        return None, "springs hold a rigid motion, so |.|_V is not a norm"
-    if state.problem.data.jumps:
-        return None, "two bodies touch, and c_0 is for traces of one body"
-    if not wanted:
-        return None, "skipped: certificate.constants is false"
-    try:
-        return trace_constant(state), None
-    except NotApplicable as failure:
-        return None, str(failure)
-
-
 def _uniqueness(
     state: SolvedState,
-    trace: float | None,
-    why: str | None,
+    found: dict[str, Any],
     coefficient: Coefficient,
     small: Kappa | NotApplicable,
-) -> dict[str, Any]:
+) -> tuple[str, str]:
     """Whether another solution is excluded, by kappa or, for eps > 0, by the condition below.
 
         mu* |R| c_0 < 2 sqrt(eps (alpha - L_mu |R sigma_nu|_inf c_0^2)),
@@ -154,46 +146,39 @@ def _uniqueness(
     the condition of Theorem 4.2 with an explicit constant (docs/certificate.md).  The norms on
     Gamma_C use the nodal weights, c_0 is the constant of the discrete fields, approached from
     below, and mu* and L_mu may be sampled.  The verdict is therefore about the discrete problem,
-    and as certain as these numbers.
+    and as certain as these numbers, which ``found`` has.  Returns the verdict and the reason.
     """
-    if all(contact.friction.frictionless for contact in state.problem.contacts):
-        return without_friction(state)
-    report: dict[str, Any] = {
-        "kappa": None,
-        **(small.numbers() if isinstance(small, Kappa) else {}),
-        "contraction": state.report.contraction,
-    }
     try:
         require_coulomb(state)
     except NotApplicable as failure:
-        return _verdict(UNKNOWN, str(failure)) | report
+        return UNKNOWN, str(failure)
     if coefficient.exceeded:
         why = "the friction law exceeds the largest value or the Lipschitz constant that it states"
-        return _verdict(UNKNOWN, why) | report
+        return UNKNOWN, why
+    why = f"there is no kappa, as {small}"
     if isinstance(small, Kappa):
         isnt = "" if small.is_small else "not "
-        first = f"kappa = mu rho c = {small.value:.3g} is {isnt}below 1 (eigenvalues to 1e-6)"
-        if small.is_small:
-            return _verdict(BY_KAPPA, first + _at_supports(state)) | report
-    else:
-        first = f"there is no kappa, as {small}"
-    first += _at_supports(state)
+        why = f"kappa = mu rho c = {small.value:.3g} is {isnt}below 1 (eigenvalues to 1e-6)"
+    why = "; ".join([why, *constant_supports(state)])
+    if isinstance(small, Kappa) and small.is_small:
+        return BY_KAPPA, why
+    trace = found["c_0"]
     if state.target.penalty.epsilon == 0.0:
-        return _verdict(UNKNOWN, first) | report
+        return UNKNOWN, why
     if trace is None:
-        return _verdict(UNKNOWN, f"{first}; c_0 is not known ({why})") | report
+        return UNKNOWN, f"{why}; c_0 is not known ({found['c_0_reason']})"
     stress = max(maximum(state.comm, np.abs(fields.smoothed_stress)) for fields in state.contacts)
-    left = coefficient.largest * _smoothing_norm(state) * trace
+    left = coefficient.largest * found["smoothing_norm"] * trace
     slack = state.problem.material.ellipticity - coefficient.lipschitz * stress * trace**2
     right = 2.0 * float(np.sqrt(state.target.penalty.epsilon * max(slack, 0.0)))
     covered = left < right
     sampled = "" if coefficient.exact else ", mu* and L_mu sampled"
-    second = (
-        f"mu* |R| c_0 = {left:.3g} is {'' if covered else 'not '}below "
+    why += (
+        f"; mu* |R| c_0 = {left:.3g} is {'' if covered else 'not '}below "
         f"2 sqrt(eps (alpha - L_mu |R sigma_nu| c_0^2)) = {right:.3g} "
         f"(c_0 of the fields on this mesh, from below{sampled})"
     )
-    return _verdict(SAMPLED if covered else UNKNOWN, f"{first}; {second}") | report
+    return SAMPLED if covered else UNKNOWN, why
 
 
 def constant_supports(state: SolvedState) -> tuple[str, ...]:
@@ -206,12 +191,3 @@ def constant_supports(state: SolvedState) -> tuple[str, ...]:
         f"displacements are prescribed at Gamma_C, as at {place}, and R keeps constants there, so "
         "that kappa grows as the mesh is refined; take friction.smoothing.at_supports: vanish",
     )
-
-
-def _at_supports(state: SolvedState) -> str:
-    """The warning as the end of a sentence; collective."""
-    return "".join(f"; {text}" for text in constant_supports(state))
-
-
-def _verdict(verdict: str, why: str) -> dict[str, Any]:
-    return {"verdict": verdict, "why": why}

@@ -6,7 +6,6 @@ bound to the friction bound.  A criterion whose value is NaN does not hold.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,11 +24,3 @@ class Criterion:
 
     def summary(self) -> dict[str, Any]:
         return {"value": self.value, "limit": self.limit, "holds": self.holds}
-
-    def complaint(self) -> str:
-        return f"the {self.meaning} is {self.value:.1e}, above {self.limit:g}"
-
-
-def complaints(criteria: Mapping[str, Criterion]) -> str:
-    """The criteria that do not hold, in words; empty if all hold."""
-    return "; ".join(item.complaint() for item in criteria.values() if not item.holds)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
 from functools import cached_property
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import raise_callback_error
 from contact_locking.fem import compiled
 from contact_locking.fem.joint_forms import JointForm, action
@@ -52,7 +54,7 @@ def require_still_foundations(state: SolvedState) -> None:
 
 
 class EllipticProblem:
-    """``b(z, v) = r(v)`` for all v without a held part; made by :func:`elliptic_problem`.
+    """``b(z, v) = r(v)`` for all v without a held part; all methods are collective.
 
     Arrays are local values of the displacement space, ghosts included.
     """
@@ -61,7 +63,7 @@ class EllipticProblem:
         self._space = state.problem.u.function_space
         self._owned = self._space.dofmap.index_map.size_local * self._space.dofmap.index_map_bs
         self._bilinear, self._kept = bilinear, state.system.kept
-        self.constraints = constraints
+        self._constraints = constraints
         form = self._kept(
             ("certificate", bilinear), lambda: JointForm(bilinear, (), self._kept.form)
         )
@@ -70,9 +72,8 @@ class EllipticProblem:
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._nullspace = state.system.near_nullspace()
         self.matrix.setNearNullSpace(self._nullspace)
-        comm = state.comm
-        options = default_options(state.settings.linear, state.dim, state.system.size, comm)
-        self.ksp = create_ksp(comm, options | {"ksp_rtol": _RTOL}, prefix=_PREFIX)
+        options = default_options(state.settings.linear, state.dim, state.system.size, state.comm)
+        self.ksp = create_ksp(state.comm, options | {"ksp_rtol": _RTOL}, prefix=_PREFIX)
         self.ksp.setOperators(self.matrix)
 
     def solve(
@@ -85,7 +86,7 @@ class EllipticProblem:
         """
         solution = fem.Function(self._space)
         forces = np.zeros(self._owned) if right is None else right[: self._owned]
-        prescribed = None if values is None else self.constraints.held_part(values.x.array)
+        prescribed = None if values is None else self._constraints.held_part(values.x.array)
         if prescribed is not None and on_any_rank(self._space.mesh.comm, prescribed != 0.0):
             held, carried = self._kept(("certificate of held", self._bilinear), self._action)
             solution.x.array[:] = held.x.array[:] = prescribed
@@ -93,39 +94,27 @@ class EllipticProblem:
             carried.assemble_vector(vector)
             forces = forces - vector.array[: self._owned]
         b, x = self.matrix.createVecLeft(), self.matrix.createVecRight()
-        b.array_w[:] = self.constraints.free_part(forces)
+        b.array_w[:] = self._constraints.free_part(forces)
         try:
             self.ksp.solve(b, x)
         except PETSc.Error as error:
             raise_callback_error(error)
             raise NotApplicable("the linear solve that it takes failed") from error
         # CG may change the held part.
-        solution.x.array[: self._owned] += self.constraints.free_part(x.array_r)
+        solution.x.array[: self._owned] += self._constraints.free_part(x.array_r)
         solution.x.scatter_forward()
         for item in (b, x):
             item.destroy()
         return solution
 
-    def _action(self) -> tuple[fem.Function, JointForm]:
-        held = fem.Function(self._space)
-        return held, JointForm(action(self._bilinear, held))
-
-    def destroy(self) -> None:
+    def close(self) -> None:
         destroy_ksp(self.ksp)
         for item in (self.matrix, self._nullspace):
             item.destroy()
 
-
-@contextmanager
-def elliptic_problem(
-    state: SolvedState, bilinear: Expr, constraints: Constraints
-) -> Iterator[EllipticProblem]:
-    """An :class:`EllipticProblem` that is destroyed after the block; collective."""
-    problem = EllipticProblem(state, bilinear, constraints)
-    try:
-        yield problem
-    finally:
-        problem.destroy()
+    def _action(self) -> tuple[fem.Function, JointForm]:
+        held = fem.Function(self._space)
+        return held, JointForm(action(self._bilinear, held))
 
 
 # Forms of one problem are the same objects in each solve, by which their compiled forms are kept.
@@ -133,34 +122,42 @@ def elliptic_problem(
 
 def inner_product(state: SolvedState) -> Expr:
     """``(w, v)_V = int eps(w) : eps(v)`` (10)."""
-    data = state.problem.data
+    data, (v, w) = state.problem.data, state.system.bilinear.arguments()
 
     def make() -> Expr:
-        v, w = _arguments(state)
         return ufl.inner(data.strain(w), data.strain(v)) * data.element.elastic_dx(data.dx)
 
     return state.system.kept("inner product", make)
 
 
-def elasticity(state: SolvedState) -> Expr:
-    """The bilinear form ``a(w, v)``."""
-    return state.system.bilinear
-
-
 def on_springs(state: SolvedState, stiffness: float) -> Expr:
     """``a(w, v) + k int w_nu v_nu`` with the integral over Gamma_C."""
+    elastic, (v, w) = state.system.bilinear, state.system.bilinear.arguments()
 
     def make() -> Expr:
-        v, w = _arguments(state)
-        k = fem.Constant(v.ufl_function_space().mesh, stiffness)
-        return elasticity(state) + forms.contact_stiffness(v, w, state.problem.contacts, k)
+        k = fem.Constant(state.problem.domain.mesh, stiffness)
+        return elastic + forms.contact_stiffness(v, w, state.problem.contacts, k)
 
     return state.system.kept(("on springs", stiffness), make)
 
 
-def _arguments(state: SolvedState) -> tuple[Expr, Expr]:
-    space = state.problem.u.function_space
-    return ufl.TestFunction(space), ufl.TrialFunction(space)
+def on_contacts(
+    space: fem.FunctionSpace, surfaces: Sequence[ContactSurface], values: Iterable[FloatArray]
+) -> fem.Function:
+    """The sum of the fields with limited values (k, d) at the nodes of each surface; collective."""
+    field = fem.Function(space)
+    for surface, part in zip(surfaces, values, strict=True):
+        field.x.array[:] += surface.vector_function(part).x.array
+    return field
+
+
+def with_contacts_fixed(state: SolvedState, dofs: FloatArray | float = 0.0) -> Constraints:
+    """The conditions, and one for Gamma_C and the nodes where ``dofs`` are 1; collective."""
+    space, surfaces = state.problem.u.function_space, [item.surface for item in state.contacts]
+    ones = [np.ones_like(fields.normal) for fields in state.contacts]
+    marks = on_contacts(space, surfaces, ones).x.array + dofs
+    nodes = np.flatnonzero(marks.reshape(-1, state.dim)[:, 0] > 0.0).astype(np.int32)
+    return state.problem.constraints.with_fixed(nodes, fem.Function(space))
 
 
 # Rounding in strains and displacements, relative to the limit and to the body.
@@ -178,6 +175,7 @@ class Lifting:
 
     def __init__(self, state: SolvedState) -> None:
         self._state = state
+        self._surfaces = [fields.surface for fields in state.contacts]
         self._problem: EllipticProblem | None = None
 
     @cached_property
@@ -189,63 +187,47 @@ class Lifting:
         values prescribed at nodes of Gamma_C slip or enter the foundation, and for a user's own
         energy, which no proof covers.
         """
-        state = self._state
+        state, constraints = self._state, self._state.problem.constraints
         if state.problem.data.own_energy is not None:
             raise NotApplicable("no proof covers the user's own energy")
-        prescribed = fem.Function(state.problem.u.function_space)
         overlaps = any(np.any(fields.gap < 0.0) for fields in state.contacts)
-        moves = state.problem.constraints.largest() > 0.0
-        rests = state.problem.data.origin is None
-        if on_every_rank(state.comm, rests and not (overlaps or moves)):
+        rests = state.problem.data.origin is None and constraints.largest() == 0.0
+        if on_every_rank(state.comm, rests and not overlaps):
             return None
-        for fields in state.contacts:
-            # At a node of two contacts the values add up, and the check below judges the sum.
-            values = np.minimum(fields.gap, 0.0)[:, None] * fields.normal
-            prescribed.x.array.reshape(-1, state.dim)[fields.surface.blocks] += values
-        prescribed.x.scatter_forward()
-        state.problem.constraints.apply(prescribed)
-        self._make_nodal(prescribed)
-        state.problem.constraints.apply(prescribed)
+        # At a node of two contacts the values add up, and the check below judges the sum.
+        prescribed = self._along_normals([np.minimum(f.gap, 0.0) for f in state.contacts])
+        constraints.apply(prescribed)
+        make_nodal(prescribed, [surface.limited for surface in self._surfaces])
+        constraints.apply(prescribed)
         lifted = self._elastic(prescribed)
         self._check(lifted)
         return lifted
 
     def push_back(self) -> fem.Function:
         """``c = [u_nu - gap]^+ nu`` on Gamma_C, summed over the contacts, and 0 on Gamma_D."""
-        state = self._state
-        values = fem.Function(state.problem.u.function_space)
-        nodes = values.x.array.reshape(-1, state.dim)
-        anywhere = False
-        for fields in state.contacts:
-            entered = np.maximum(fields.u_normal - fields.gap, 0.0)
-            anywhere = anywhere or not self._nowhere(entered)
-            nodes[fields.surface.blocks] += entered[:, None] * fields.normal
-        values.x.scatter_forward()
-        constraints = state.problem.constraints
+        state, constraints = self._state, self._state.problem.constraints
+        entered = [np.maximum(f.u_normal - f.gap, 0.0) for f in state.contacts]
+        values = self._along_normals(entered)
         values.x.array[:] = constraints.free_part(values.x.array)
-        self._make_nodal(values)
+        make_nodal(values, [surface.limited for surface in self._surfaces])
         values.x.array[:] = constraints.free_part(values.x.array)
+        anywhere = on_any_rank(state.comm, any(np.any(depth > 0.0) for depth in entered))
         return self._elastic(values) if anywhere else values
 
     def close(self) -> None:
         if self._problem is not None:
-            self._problem.destroy()
+            self._problem.close()
+
+    def _along_normals(self, lengths: list[FloatArray]) -> fem.Function:
+        pairs = zip(lengths, self._state.contacts, strict=True)
+        values = [length[:, None] * fields.normal for length, fields in pairs]
+        return on_contacts(self._state.problem.u.function_space, self._surfaces, values)
 
     def _elastic(self, values: fem.Function) -> fem.Function:
         if self._problem is None:
-            state = self._state
-            constraints = state.problem.constraints
-            for fields in state.contacts:
-                surface = fields.surface
-                mark = surface.vector_function(np.ones((len(surface.nodes), state.dim)))
-                blocks = np.flatnonzero(mark.x.array.reshape(-1, state.dim)[:, 0] > 0.0)
-                constraints = constraints.with_fixed(blocks.astype(np.int32), mark)
-            self._problem = EllipticProblem(state, elasticity(state), constraints)
+            constraints = with_contacts_fixed(self._state)
+            self._problem = EllipticProblem(self._state, self._state.system.bilinear, constraints)
         return self._problem.solve(None, values)
-
-    def _make_nodal(self, values: fem.Function) -> None:
-        """Replace the limited values on Gamma_C by nodal values; collective."""
-        make_nodal(values, [fields.surface.limited for fields in self._state.contacts])
 
     def _check(self, lifted: fem.Function) -> None:
         state = self._state
@@ -289,7 +271,7 @@ def trace_norm(state: SolvedState, product: Expr, traces: ufl.Form) -> float:
     surface.diagonalScale(mask, mask)
     constraints.supports.directions.eliminate(surface, holds=False)
     try:
-        with elliptic_problem(state, product, constraints) as problem:
+        with closing(EllipticProblem(state, product, constraints)) as problem:
             return float(_largest(surface, problem.matrix, problem.ksp) ** 0.5)
     finally:
         for item in (mask, surface):
@@ -302,22 +284,17 @@ def largest_eigenvalue(comm: Any, size: int, operator: Callable[[FloatArray], Fl
     The operator maps the ``size`` values of each rank to as many.  Raises NotApplicable if the
     eigenvalue solver fails.
     """
-    matrix = PETSc.Mat().createPython(((size, None), (size, None)), _Shell(operator), comm)
+
+    def mult(matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        y.array_w[:] = operator(x.array_r)
+
+    sizes = ((size, None), (size, None))
+    matrix = PETSc.Mat().createPython(sizes, SimpleNamespace(mult=mult), comm)
     matrix.setUp()
     try:
         return _largest(matrix)
     finally:
         matrix.destroy()
-
-
-class _Shell:
-    """A function as the context of a PETSc matrix."""
-
-    def __init__(self, operator: Callable[[FloatArray], FloatArray]) -> None:
-        self._operator = operator
-
-    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        y.array_w[:] = self._operator(x.array_r)
 
 
 def _largest(

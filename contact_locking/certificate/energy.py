@@ -29,6 +29,7 @@ import ufl
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
+from contact_locking.certificate.balances import nodal_forces
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.laws import law_limit
 from contact_locking.certificate.solved_state import SolvedState
@@ -69,9 +70,9 @@ class Touch:
     @classmethod
     def at_rest(cls, state: SolvedState, fields: ContactFields) -> Touch:
         """The contact before the first step, where an obstacle that would overlap touches."""
-        vectors, scalars = np.zeros_like(fields.normal), np.zeros_like(fields.gap)
-        gap, weights = np.maximum(fields.gap, 0.0), state.weights(fields)
-        return cls(weights, vectors, fields.normal, gap, scalars, vectors, scalars)
+        none, gap, weights = 0.0 * fields.gap, np.maximum(fields.gap, 0.0), state.weights(fields)
+        still = np.zeros_like(fields.normal)
+        return cls(weights, still, fields.normal, gap, none, still, none)
 
     def room(self, displacement: FloatArray) -> FloatArray:
         """``h(v) = gap - v . nu`` (k,) of a displacement v (k, d)."""
@@ -125,7 +126,7 @@ class Moment:
         """
         u, data = state.problem.u, state.problem.data
         rest = fem.Function(u.function_space)
-        forces: FloatArray = np.zeros(_owned(state))
+        forces: FloatArray = np.zeros_like(state.system.load)
         stored = 0.0
         if data.own_energy is not None:
             v = ufl.TestFunction(u.function_space)
@@ -149,7 +150,6 @@ class EnergyBalance:
 
     work: float
     stored: float
-    change: float
     dissipated: float
     numerical: float
     defect: float
@@ -157,15 +157,8 @@ class EnergyBalance:
     @classmethod
     def of_row(cls, row: Mapping[str, float]) -> EnergyBalance:
         """The balance that a row of history.csv has."""
-        change = row["work"] - row["dissipated"] - row["numerical"]
-        return cls(
-            work=row["work"],
-            stored=row["stored"],
-            change=change,
-            dissipated=row["dissipated"],
-            numerical=row["numerical"],
-            defect=row["energy_defect"],
-        )
+        names = ("work", "stored", "dissipated", "numerical", "energy_defect")
+        return cls(*(row[name] for name in names))
 
     def criterion(self, state: SolvedState) -> Criterion:
         """The energy balance as a criterion of the certificate."""
@@ -223,7 +216,7 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
     stored = after.stored + after.eigenstrain_energy
     change = stored - before.stored - before.eigenstrain_energy
     work = numerical + change + dissipated
-    return EnergyBalance(work, stored, change, dissipated, numerical, defect), after
+    return EnergyBalance(work, stored, dissipated, numerical, defect), after
 
 
 def _dragged(acting: Touch, fields: ContactFields) -> FloatArray:
@@ -262,19 +255,8 @@ def _stored(state: SolvedState) -> float:
 
 def _external_forces(state: SolvedState) -> FloatArray:
     """Loads and reactions at the owned dofs; collective."""
-    problem = state.problem
-    u, data, owned = problem.u, problem.data, _owned(state)
-    v = ufl.TestFunction(u.function_space)
-    load = state.system.load
-    stress = ufl.inner(state.body.locking_stress, data.strain(v)) * data.locking_dx
-    inner = state.system.forms.elastic_forces(u) + assembled(stress)
-    if data.own_energy is not None:
-        inner += assembled(forms.own_forces(u, v, data))
-    for fields in state.contacts:
-        forces = fields.pressure[:, None] * fields.normal - fields.traction
-        inner += fields.surface.nodal_forces(forces)
-    constraints = problem.constraints
-    return constraints.free_part(load) + constraints.held_part(inner[:owned])
+    left = nodal_forces(state).left[: len(state.system.load)]
+    return state.system.load + state.problem.constraints.held_part(left)
 
 
 def _eigenstrain(state: SolvedState) -> FloatArray:
@@ -286,8 +268,3 @@ def _eigenstrain(state: SolvedState) -> FloatArray:
 def _eigenstrain_energy(state: SolvedState, w: fem.Function) -> float:
     """``-(A eps_0, eps(w)) + (A eps_0, eps_0)/2`` with the present values; collective."""
     return state.system.forms.eigenstrain_work(w) + state.system.forms.eigenstrain_energy()
-
-
-def _owned(state: SolvedState) -> int:
-    dofmap = state.problem.u.function_space.dofmap
-    return int(dofmap.index_map.size_local * dofmap.index_map_bs)

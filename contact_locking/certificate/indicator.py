@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import basix
 import numpy as np
-from dolfinx import fem
-from dolfinx import mesh as dmesh
+from dolfinx import common, fem
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, flattened
@@ -16,95 +15,12 @@ from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem import gauss_points
 from contact_locking.laws.elasticity import mandel_values
-from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.lagrange import lagrange, nodal_functions
 from contact_locking.mesh.rank_sums import summed
 
 # Where the points of a patch do not determine a quadratic polynomial, the quadratic terms vanish:
 # their squares, with this factor, are added to the squares of the differences at the points.
 _REGULARISATION = 1e-4
-
-
-class PatchRecovery:
-    """Continuous fields of degree 2 from fields in each cell, by patches of cells.
-
-    1. For each node at a corner of cells, the patch is the set of cells around the node.
-    2. A polynomial of degree 2 is fitted to the values of the fields at the points of Gauss's rule
-       of degree 2 in the cells of the patch, by least squares.
-    3. The value at a corner is the value of its polynomial.  The value in the middle of an edge, a
-       face or a cell is the mean of the polynomials of the corners around.
-
-    At the points of Gauss's rule strains of degree 2 are more accurate than elsewhere.
-
-    The mesh has ``count`` owned cells (Zienkiewicz and Zhu, doi:10.1002/nme.1620330702).
-    """
-
-    def __init__(self, mesh: dmesh.Mesh, count: int) -> None:
-        self._dim = mesh.topology.dim
-        affine = fem.functionspace(mesh, ("P", 1)).dofmap
-        self._corners: IndexArray = affine.list[:count]
-        self._nodes_of = affine.index_map
-        x = mesh.geometry.x[_compat.cell_nodes(mesh)[:count]][:, :, : self._dim]
-        name, of_cell = mesh.topology.cell_name(), _compat.coordinate_map(mesh).degree
-        shares = gauss_points.shares(name, of_cell=of_cell)
-        self._points = np.einsum("qn,knd->kqd", shares, x)
-        self._x = x[:, : NAMED[name].corners]
-        # (n, c) the share of each corner in each node.
-        self._shares = NAMED[name].basis(lagrange(name, 2).points)
-        self._nodes = x if of_cell > 1 else np.einsum("nc,kcd->knd", self._shares, self._x)
-
-    def nodal(self, values: FloatArray, inside: BoolArray) -> FloatArray:
-        """The recovered values (k, nodes, m) at the nodes of the cells ``inside`` (count,).
-
-        ``values`` (k, q, m) are those at the Gauss points of these cells.  Patches have cells
-        inside alone.  Collective.
-        """
-        corners, size = self._corners[inside], self._sizes(inside)
-        fits = self._fits(values, inside, size)
-        result = np.zeros((len(values), len(self._shares), values.shape[2]))
-        for corner in range(corners.shape[1]):
-            shares = self._shares[:, corner]
-            at = np.flatnonzero(shares > 0.0)
-            origin, scale = self._x[inside, None, corner], size[corners[:, corner], None, None]
-            monomials = _monomials((self._nodes[inside][:, at] - origin) / scale)
-            found = np.einsum("knf,kfm->knm", monomials, fits[corners[:, corner]])
-            result[:, at] += shares[at, None] * found
-        return result
-
-    def _sizes(self, inside: BoolArray) -> FloatArray:
-        """(v,) the root mean square of the distances from each node to the points; collective."""
-        apart = self._points[inside][:, :, None] - self._x[inside][:, None]
-        squares = np.sum(apart**2, axis=(1, 3))
-        sums = self._summed(
-            np.stack([squares, np.full_like(squares, apart.shape[1])], axis=2), inside
-        )
-        return np.sqrt(sums[:, 0] / np.maximum(sums[:, 1], 1.0))
-
-    def _fits(self, values: FloatArray, inside: BoolArray, size: FloatArray) -> FloatArray:
-        """The coefficients (v, f, m) of the polynomials of the local nodes; collective."""
-        corners, points = self._corners[inside], self._points[inside]
-        terms = []
-        for corner in range(corners.shape[1]):
-            origin, scale = self._x[inside, None, corner], size[corners[:, corner], None, None]
-            monomials = _monomials((points - origin) / scale)
-            both = np.concatenate([monomials, values], axis=2)
-            terms.append(np.einsum("kqf,kqg->kfg", monomials, both))
-        shape = terms[0].shape[1:]
-        flat = np.stack([flattened(term) for term in terms], axis=1)
-        sums = self._summed(flat, inside).reshape(-1, *shape)
-        number = shape[0]
-        normal, right = sums[:, :, :number], sums[:, :, number:]
-        weight = np.zeros(number)
-        weight[1 + self._dim :] = _REGULARISATION
-        normal = normal + normal[:, :1, :1] * np.diag(weight)
-        found = np.zeros_like(right)
-        there = normal[:, 0, 0] > 0.0
-        found[there] = np.linalg.solve(normal[there], right[there])
-        return found
-
-    def _summed(self, values: FloatArray, inside: BoolArray) -> FloatArray:
-        """(v, m) the sums over the cells around each local node of values (k, c, m)."""
-        return summed(self._nodes_of, self._corners[inside], values)
 
 
 def _monomials(y: FloatArray) -> FloatArray:
@@ -130,7 +46,7 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
     For degree 1, s* and e* are continuous and of degree 1: their values at a node are the means
     over the cells around the node, weighted by volume (Zienkiewicz and Zhu,
     doi:10.1002/nme.1620240206).  For degree 2 they are continuous and of degree 2
-    (`PatchRecovery`), and s and e have the values at the points of the strains and the degree of
+    (`_patch_recovery`), and s and e have the values at the points of the strains and the degree of
     the strains, as in simplices and parallelepipeds.  The cells around a node are those of one
     named region, because stress and strain may jump between regions.
 
@@ -189,14 +105,74 @@ def _defect_of_quadratic(state: SolvedState, values: FloatArray) -> FloatArray:
 
     ``values`` are those at the points of the strains.  Collective.
     """
-    name = state.problem.domain.kind.name
-    at_points = _at(state, values, gauss_points.points(name, 1))
-    given = _at(state, values, lagrange(name, 2).points)
-    recovery = PatchRecovery(state.problem.domain.mesh, len(given))
+    mesh, kind = state.problem.domain.mesh, state.problem.domain.kind
+    at_points = _at(state, values, gauss_points.points(kind.name, 1))
+    given = _at(state, values, lagrange(kind.name, 2).points)
+    affine, count = fem.functionspace(mesh, ("P", 1)).dofmap, len(given)
+    x = mesh.geometry.x[_compat.cell_nodes(mesh)[:count]][:, :, : state.dim]
+    of_cell = _compat.coordinate_map(mesh).degree
+    points = np.einsum("qn,knd->kqd", gauss_points.shares(kind.name, of_cell=of_cell), x)
+    # (n, c) the share of each corner in each node.
+    shares = kind.basis(lagrange(kind.name, 2).points)
+    nodes, x = x, x[:, : kind.corners]
+    if of_cell == 1:
+        nodes = np.einsum("nc,kcd->knd", shares, x)
     defect = np.empty_like(given)
-    for inside in _regions(state, len(given)):
-        defect[inside] = recovery.nodal(at_points[inside], inside) - given[inside]
+    for inside in _regions(state, count):
+        corners = affine.list[:count][inside]
+        parts = [item[inside] for item in (x, points, nodes, at_points)]
+        found = _patch_recovery(affine.index_map, shares, corners, *parts)
+        defect[inside] = found - given[inside]
     return defect
+
+
+def _patch_recovery(
+    nodes_of: common.IndexMap,
+    shares: FloatArray,
+    corners: IndexArray,
+    x: FloatArray,
+    points: FloatArray,
+    nodes: FloatArray,
+    values: FloatArray,
+) -> FloatArray:
+    """The continuous fields (k, n, m) of degree 2 at the nodes (k, n, d) of k cells; collective.
+
+    1. For each node at a corner (k, c) of cells, the patch is the set of cells around the node.
+    2. A polynomial of degree 2 is fitted to the values (k, q, m) of the fields at the points (k, q,
+       d) of Gauss's rule of degree 2 in the cells of the patch, by least squares.
+    3. The value at a corner is the value of its polynomial.  The value in the middle of an edge, a
+       face or a cell is the mean of the polynomials of the corners around.
+
+    At the points of Gauss's rule strains of degree 2 are more accurate than elsewhere (Zienkiewicz
+    and Zhu, doi:10.1002/nme.1620330702).
+    """
+    squares = np.sum((points[:, :, None] - x[:, None]) ** 2, axis=(1, 3))
+    counted = np.stack([squares, np.full_like(squares, points.shape[1])], axis=2)
+    sums = summed(nodes_of, corners, counted)
+    size = np.sqrt(sums[:, 0] / np.maximum(sums[:, 1], 1.0))
+
+    def monomials(places: FloatArray, corner: int) -> FloatArray:
+        return _monomials((places - x[:, None, corner]) / size[corners[:, corner], None, None])
+
+    terms, every = [], range(corners.shape[1])
+    for corner in every:
+        shapes = monomials(points, corner)
+        both = np.concatenate([shapes, values], axis=2)
+        terms.append(np.einsum("kqf,kqg->kfg", shapes, both))
+    number = shapes.shape[2]
+    flat = np.stack([flattened(term) for term in terms], axis=1)
+    sums = summed(nodes_of, corners, flat).reshape(-1, number, both.shape[2])
+    normal, right = sums[:, :, :number], sums[:, :, number:]
+    weight = np.where(np.arange(number) > x.shape[2], _REGULARISATION, 0.0)
+    normal = normal + normal[:, :1, :1] * np.diag(weight)
+    fits, there = np.zeros_like(right), normal[:, 0, 0] > 0.0
+    fits[there] = np.linalg.solve(normal[there], right[there])
+    found = np.zeros((*nodes.shape[:2], values.shape[2]))
+    for corner in every:
+        at = np.flatnonzero(shares[:, corner] > 0.0)
+        own = monomials(nodes[:, at], corner) @ fits[corners[:, corner]]
+        found[:, at] += shares[at, corner, None] * own
+    return found
 
 
 def _at(state: SolvedState, values: FloatArray, places: FloatArray) -> FloatArray:
@@ -226,17 +202,27 @@ def _recovered(state: SolvedState, values: FloatArray) -> FloatArray:
     Collective.
     """
     dofmap = state.problem.u.function_space.dofmap
+    corners = dofmap.list[: len(values)]
     volumes = state.points.by_cell(state.points.weights).sum(axis=1)
-    corners, size = dofmap.list[: len(values)], values.shape[1]
-    result = np.empty((*corners.shape, size))
-    weighted = np.column_stack([values, np.ones(len(values))]) * volumes[:, None]
+    result = np.empty((len(values), corners.shape[1], values.shape[1]))
     for inside in _regions(state, len(values)):
         at = corners[inside]
-        nodal = summed(dofmap.index_map, at, np.repeat(weighted[inside, None], at.shape[1], axis=1))
-        # Nodes without a cell inside have no mean, and no cell inside has such a node.
-        means = nodal[:, :size] / np.where(nodal[:, size:] > 0.0, nodal[:, size:], 1.0)
-        result[inside] = means[at]
+        result[inside] = nodal_means(dofmap.index_map, at, values[inside], volumes[inside])
     return result
+
+
+def nodal_means(
+    nodes_of: common.IndexMap, corners: IndexArray, values: FloatArray, weights: FloatArray
+) -> FloatArray:
+    """The weighted means of values (k, m) over the cells around each corner: (k, c, m); collective.
+
+    ``corners`` (k, c) are the local numbers of the corners of k cells.
+    """
+    weighted = np.column_stack([values, np.ones(len(values))]) * weights[:, None]
+    sums = summed(nodes_of, corners, np.repeat(weighted[:, None], corners.shape[1], axis=1))
+    # Nodes without a cell have no mean, and no cell has such a node.
+    means = sums[:, :-1] / np.where(sums[:, -1:] > 0.0, sums[:, -1:], 1.0)
+    return np.asarray(means[corners])
 
 
 def _regions(state: SolvedState, count: int) -> list[BoolArray]:

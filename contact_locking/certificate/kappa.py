@@ -10,20 +10,21 @@ The proof is in docs/certificate.md.
 from __future__ import annotations
 
 import math
+from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
 import ufl
 from dolfinx import fem, la
 
-from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import (
     EllipticProblem,
     NotApplicable,
-    elasticity,
-    elliptic_problem,
     largest_eigenvalue,
+    on_contacts,
     trace_norm,
+    with_contacts_fixed,
 )
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.nodal_contact import NodalContact
@@ -85,8 +86,8 @@ def kappa(state: SolvedState, wanted: bool) -> Kappa:
     slips = [[item.parts(item.limited(field))[1] for field in (v, w)] for item in rubbing]
     pairs = zip(rubbing, slips, strict=True)
     traces = sum(ufl.inner(*pair) * contact.surface.ds for contact, pair in pairs)
-    trace = trace_norm(state, elasticity(state), traces)
-    with elliptic_problem(state, elasticity(state), lifts.constraints) as elastic:
+    trace = trace_norm(state, state.system.bilinear, traces)
+    with closing(EllipticProblem(state, state.system.bilinear, lifts.constraints)) as elastic:
         return Kappa(trace, math.sqrt(lifts.largest_energy(elastic)))
 
 
@@ -113,11 +114,9 @@ class _Lifts:
     def __init__(self, state: SolvedState, rubbing: list[NodalContact]) -> None:
         self._state, self._rubbing = state, rubbing
         given, space = state.problem.constraints, state.problem.u.function_space
-        every, acting = fem.Function(space).x.array, fem.Function(space).x.array
-        for contact in state.problem.contacts:
-            ones = np.ones((len(contact.free), state.dim))
-            every += contact.surface.vector_function(ones).x.array
-            acting += contact.surface.vector_function(ones * contact.free[:, None]).x.array
+        contacts = state.problem.contacts
+        free = [np.repeat(item.free[:, None].astype(float), state.dim, axis=1) for item in contacts]
+        acting = on_contacts(space, [item.surface for item in contacts], free).x.array
         locks = self._where_the_body_can_lock()
         if on_any_rank(state.comm, acting > 1.0):
             raise NotApplicable("friction or pressure of two contacts acts at one node")
@@ -128,18 +127,16 @@ class _Lifts:
             held = normals.x.array - given.free_part(normals.x.array)
             if on_any_rank(state.comm, np.abs(held) > _ROUNDING):
                 raise NotApplicable("a displacement condition holds an oblique direction")
-        fixed = (every + locks).reshape(-1, state.dim)[:, 0] > 0.0
-        nodes: IndexArray = np.flatnonzero(fixed).astype(np.int32)
-        self.constraints = given.with_fixed(nodes, fem.Function(space))
+        self.constraints = with_contacts_fixed(state, locks)
         self._mu = [item.friction.coefficient(np.zeros(len(item.free))) for item in rubbing]
-        self._lift, self._elasticity = fem.Function(space), elasticity(state)
+        self._lift = fem.Function(space)
 
     def largest_energy(self, problem: EllipticProblem) -> float:
         """``rho^2``, where ``problem`` is elastic with the constraints; collective."""
         roots = [np.sqrt(contact.surface.weights[contact.free]) for contact in self._rubbing]
         root = np.concatenate(roots)
         ends = np.cumsum([len(part) for part in roots])[:-1]
-        form = JointForm(action(self._elasticity, self._lift))
+        form = JointForm(action(self._state.system.bilinear, self._lift))
 
         def apply(values: FloatArray) -> FloatArray:
             parts = np.split(values / root, ends)
@@ -150,15 +147,14 @@ class _Lifts:
 
     def _pushed(self, parts: list[FloatArray]) -> fem.Function:
         """``R* (mu g) nu`` on Gamma_C for g at the nodes where friction acts; collective."""
-        field = fem.Function(self._lift.function_space)
+        values, surfaces = [], [contact.surface for contact in self._rubbing]
         for contact, mu, part in zip(self._rubbing, self._mu, parts, strict=True):
             g = np.zeros(len(mu))
             g[contact.free] = part
             along = contact.acting(contact.friction.smoothing.adjoint(mu * g))
-            field.x.array[:] += contact.surface.vector_function(
-                along[:, None] * contact.normals
-            ).x.array
-        make_nodal(field, [contact.surface.limited for contact in self._rubbing])
+            values.append(along[:, None] * contact.normals)
+        field = on_contacts(self._lift.function_space, surfaces, values)
+        make_nodal(field, [surface.limited for surface in surfaces])
         return field
 
     def _carried(self, form: JointForm) -> list[FloatArray]:

@@ -40,30 +40,41 @@ def law_criteria(state: SolvedState) -> dict[str, Criterion]:
     The limits are the tolerances of the solver with a margin.
     """
     law = law_limit(state)
+
+    def of_law(value: float, meaning: str) -> Criterion:
+        return Criterion(float(value), law, meaning)
+
     products, violation, squares = locking(state)
     gap = products + squares
     found = {
-        "locking_complementarity": Criterion(products, law, "complementarity of locking"),
-        "locking_violation": Criterion(violation, law, "violation of the locking law"),
+        "locking_complementarity": of_law(products, "complementarity of locking"),
+        "locking_violation": of_law(violation, "violation of the locking law"),
     }
     if state.contacts:
         products, violation, conjugate = np.sum([contact(state, c) for c in state.contacts], axis=0)
         gap += conjugate
-        found["contact_complementarity"] = Criterion(
-            float(products), law, "complementarity of contact"
-        )
-        found["contact_violation"] = Criterion(
-            float(violation), law, "violation of the contact law"
-        )
-        found["held_nodes"] = Criterion(
-            held_nodes(state), law, "share of the contact forces at nodes that conditions hold"
-        )
+        held = "share of the contact forces at nodes that conditions hold"
+        found |= {
+            "contact_complementarity": of_law(products, "complementarity of contact"),
+            "contact_violation": of_law(violation, "violation of the contact law"),
+            "held_nodes": of_law(held_nodes(state), held),
+        }
     rubbing = [fields for fields in state.contacts if not fields.contact.friction.frictionless]
     if rubbing:
-        found |= _friction_criteria(state, rubbing, law)
-        gap += found["friction_complementarity"].value
-    found["duality_gap"] = Criterion(float(gap), law, "duality gap")
-    return found
+        slid, cones, signs = np.transpose([friction(state, fields) for fields in rubbing])
+        gap += sum(slid)
+        settled = _MARGIN * max(state.settings.friction_tolerance, _TOLERANCE)
+        change = bound_change(state, rubbing)
+        moved = "distance of the friction bound from mu |R sigma_nu|"
+        constants = max(smoothing_constants(state, fields) for fields in rubbing)
+        found |= {
+            "friction_complementarity": of_law(sum(slid), "complementarity of friction"),
+            "coulomb_cone": of_law(max(cones), "friction above its bound"),
+            "friction_sign": of_law(sum(signs), "work that friction adds"),
+            "friction_bound": Criterion(change, settled, moved),
+            "smoothing_constants": Criterion(constants, _CONSTANTS, "change of constants by R"),
+        }
+    return found | {"duality_gap": of_law(gap, "duality gap")}
 
 
 def entry_criterion(state: SolvedState) -> dict[str, Criterion]:
@@ -81,26 +92,6 @@ def entry_criterion(state: SolvedState) -> dict[str, Criterion]:
             _ENTRY,
             "depth of a foundation that the nodes miss, as a share of its indentation,",
         )
-    }
-
-
-def _friction_criteria(
-    state: SolvedState, rubbing: list[ContactFields], law: float
-) -> dict[str, Criterion]:
-    products, cones, signs = np.transpose([friction(state, fields) for fields in rubbing])
-    settled = _MARGIN * max(state.settings.friction_tolerance, _TOLERANCE)
-    change = bound_change(state, rubbing)
-    constants = max(smoothing_constants(state, fields) for fields in rubbing)
-    return {
-        "friction_complementarity": Criterion(
-            float(sum(products)), law, "complementarity of friction"
-        ),
-        "coulomb_cone": Criterion(float(max(cones)), law, "friction above its bound"),
-        "friction_sign": Criterion(float(sum(signs)), law, "work that friction adds"),
-        "friction_bound": Criterion(
-            change, settled, "distance of the friction bound from mu |R sigma_nu|"
-        ),
-        "smoothing_constants": Criterion(constants, _CONSTANTS, "change of constants by R"),
     }
 
 
@@ -178,12 +169,14 @@ def friction(state: SolvedState, fields: ContactFields) -> tuple[float, float, f
     work = -np.sum(fields.traction * fields.increment, axis=1)
     left = epsilon * np.sqrt(np.maximum(fields.bound**2 - size**2, 0.0))
     products = np.abs(fields.bound * slip - left - work)
-    total = state.sum(weights * fields.bound)
-    least = _least_bound(state, fields)
+    # A friction bound that is less on average is not told from zero.
+    area = state.sum(fields.surface.weights)
+    least = state.target.least_bound(state.mean_strain) * float(np.sqrt(area))
+    most = max(state.sum(weights * fields.bound), least)
     outside = state.sum(weights * np.maximum(size - fields.bound, 0.0))
     return (
         state.share_of_work(state.sum(weights * products)),
-        outside / max(total, least) if max(total, least) > 0.0 else outside,
+        outside / most if most > 0.0 else outside,
         state.share_of_work(state.sum(weights * np.maximum(-work, 0.0))),
     )
 
@@ -225,9 +218,3 @@ def smoothing_constants(state: SolvedState, fields: ContactFields) -> float:
     change = (smoothing.apply(np.ones(len(free))) - 1.0)[free]
     change = np.abs(change) if smoothing.keeps_constants else np.maximum(change, 0.0)
     return maximum(contact.surface.domain.comm, change)
-
-
-def _least_bound(state: SolvedState, fields: ContactFields) -> float:
-    """The integral of a friction bound so small that it is not told from zero; collective."""
-    area = state.sum(fields.surface.weights)
-    return state.target.least_bound(state.mean_strain) * float(np.sqrt(area))

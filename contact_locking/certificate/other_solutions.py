@@ -179,15 +179,10 @@ class _FreeMotions:
         if np.linalg.norm(columns @ shares - wanted) > _ROUNDING:
             return None
         rates = self._rows @ allowed @ shares
-        ends = [
-            float(
-                np.min(
-                    self._room[side * rates > _ROUNDING] / np.abs(rates[side * rates > _ROUNDING]),
-                    initial=np.inf,
-                )
-            )
-            for side in (-1.0, 1.0)
-        ]
+        ends = []
+        for side in (-1.0, 1.0):
+            meets = side * rates > _ROUNDING
+            ends.append(float(np.min(self._room[meets] / np.abs(rates[meets]), initial=np.inf)))
         if max(ends) <= _LEAST * self._length:
             return None
         if not all(map(math.isfinite, ends)):

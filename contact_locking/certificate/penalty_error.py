@@ -45,12 +45,11 @@ def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
     except NotApplicable as failure:
         none = dict.fromkeys(("energy_norm", "relative", "displacement_norm"))
         return {**none, "reason": str(failure)}
-    square = 2.0 * _gap(state, w)
-    size = np.sqrt(2.0 * state.energy)
+    found = float(np.sqrt(2.0 * _gap(state, w)))
     return {
-        "energy_norm": float(np.sqrt(square)),
-        "relative": float(np.sqrt(square) / size) if size > 0.0 else None,
-        "displacement_norm": float(np.sqrt(square / state.problem.material.ellipticity)),
+        "energy_norm": found,
+        "relative": state.relative(found),
+        "displacement_norm": found / float(np.sqrt(state.problem.material.ellipticity)),
     }
 
 
@@ -91,7 +90,9 @@ def admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
     start, back = lifting.admissible, lifting.push_back()
     w = fem.Function(back.function_space)
     w.x.array[:] = state.problem.u.x.array - back.x.array
-    _check_entered(state, w)
+    enters = [float(np.max(f.contact.split(w)[0] - f.gap, initial=0.0)) for f in state.contacts]
+    if maximum(state.comm, max(enters, default=0.0)) > _ROUNDING * state.target.length:
+        raise NotApplicable("prescribed displacements at the edge of Gamma_C enter the foundation")
     theta = 1.0
     for item in state.points.sets:
         b = item.measured(w)
@@ -119,16 +120,8 @@ def _longest_step(item: SetAtPoints, a: FloatArray, b: FloatArray) -> float:
     """
     if isinstance(item, PrincipalAtPoints):
         a, b = item.reach(a), item.reach(b)
-    return _largest_step(a, b, item.limit)
-
-
-def _largest_step(a: FloatArray, b: FloatArray, limit: FloatArray) -> float:
-    """The largest theta in [0, 1] with ``|a + theta b| <= M`` at all points, where ``|a| <= M``.
-
-    For scalars a and b it is that with ``a + theta b <= M``.
-    """
-    locks = np.isfinite(limit)
-    a, b, limit = a[locks], b[locks], limit[locks]
+    locks = np.isfinite(item.limit)
+    a, b, limit = a[locks], b[locks], item.limit[locks]
     if a.ndim == 1:
         room = np.maximum(limit - a, 0.0)
         steps = np.divide(room, b, out=np.ones_like(b), where=b > 0.0)
@@ -141,14 +134,6 @@ def _largest_step(a: FloatArray, b: FloatArray, limit: FloatArray) -> float:
     top = np.where(ab > 0.0, room, root - ab)
     steps = np.divide(top, bottom, out=np.ones_like(top), where=bottom > 0.0)
     return float(min(1.0, steps.min(initial=1.0)))
-
-
-def _check_entered(state: SolvedState, w: fem.Function) -> None:
-    local = 0.0
-    for fields in state.contacts:
-        local = max(local, float(np.max(fields.contact.split(w)[0] - fields.gap, initial=0.0)))
-    if maximum(state.comm, local) > _ROUNDING * state.target.length:
-        raise NotApplicable("prescribed displacements at the edge of Gamma_C enter the foundation")
 
 
 def _gap(state: SolvedState, w: fem.Function) -> float:

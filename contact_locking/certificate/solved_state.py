@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -21,44 +20,33 @@ from contact_locking.problem.strain_sets import NormSet, PrincipalSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.derived import ContactFields, penalised
-from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.task import Settings, SolverReport, Target
 
 
-@dataclass
 class SolvedState:
-    """A problem with its solution, its multipliers and the report of the solver."""
+    """A problem with its solution ``problem.u``, its multipliers and the report of the solver.
 
-    problem: DiscreteProblem
-    system: PenalisedSystem
-    target: Target
-    settings: Settings
-    report: SolverReport
-    multipliers: Multipliers
-    body: BodyFields
-    contacts: tuple[ContactFields, ...]
+    Without multipliers in the report the stresses are those of the penalty laws.  The constructor
+    is collective.
+    """
 
-    @classmethod
-    def of(
-        cls,
+    def __init__(
+        self,
         problem: DiscreteProblem,
         system: PenalisedSystem,
         target: Target,
         settings: Settings,
         report: SolverReport,
-    ) -> SolvedState:
-        """The state with the displacement ``problem.u`` and the multipliers of the report.
-
-        Without multipliers the stresses are those of the penalty laws.  Collective.
-        """
-        u, data = problem.u, problem.data
-        found = report.multipliers or penalised(system)
-        body = BodyFields(problem, system, found)
-        pairs = zip(data.contacts, found.contacts, strict=True)
-        contacts = tuple(
-            ContactFields(contact, u, forces, data.bounds) for contact, forces in pairs
+    ) -> None:
+        self.problem, self.system = problem, system
+        self.target, self.settings, self.report = target, settings, report
+        self.multipliers = report.multipliers or penalised(system)
+        self.body = BodyFields(problem, system, self.multipliers)
+        pairs = zip(problem.contacts, self.multipliers.contacts, strict=True)
+        self.contacts = tuple(
+            ContactFields(contact, problem.u, forces, problem.data.bounds)
+            for contact, forces in pairs
         )
-        return cls(problem, system, target, settings, report, found, body, contacts)
 
     @property
     def comm(self) -> MPI.Intracomm:
@@ -133,6 +121,11 @@ class SolvedState:
     def weights(self, fields: ContactFields) -> FloatArray:
         """The weights (k,) of the nodes of a contact, zero at held nodes; collective."""
         return np.where(self.held(fields), 0.0, fields.surface.weights)
+
+    def relative(self, distance: float) -> float | None:
+        """A distance in the energy norm over that of u, None for a body at rest; collective."""
+        size = (2.0 * self.energy) ** 0.5
+        return float(distance / size) if size > 0.0 else None
 
     def share_of_work(self, value: float) -> float:
         """A value relative to :attr:`work`; the value itself for a body at rest."""
@@ -238,23 +231,13 @@ class SetAtPoints:
         #: ``L (eps(w) - eps_0)`` of a displacement w: (k, d, d), or (k,) for a half space.
         self.measured = measured
         self.limit, self._multiplier = limit, multiplier
-        self._measure_multiplier()
-
-    def _measure_multiplier(self) -> None:
-        is_scalar = self._multiplier.ndim == 1
-        self.size = self.reach(self._multiplier) if not is_scalar else np.abs(self._multiplier)
-        self.pulling = np.maximum(-self._multiplier if is_scalar else 0.0 * self.size, 0.0)
-        self.strength = self.size
-
-    @property
-    def largest(self) -> FloatArray:
-        """M (k,) with 0 in place of an infinite M, where there is no multiplier."""
-        return np.where(np.isfinite(self.limit), self.limit, 0.0)
+        self.size = self.strength = np.abs(SetAtPoints.reach(self, multiplier))
+        self.pulling = np.maximum(-multiplier, 0.0) if multiplier.ndim == 1 else 0.0 * self.size
 
     @property
     def support(self) -> FloatArray:
-        """``M |y|`` (k,): the largest work of y at a strain of the set."""
-        return self.largest * self.size
+        """``M |y|`` (k,): the largest work of y at a strain of the set, 0 where M is infinite."""
+        return np.where(np.isfinite(self.limit), self.limit, 0.0) * self.size
 
     def reach(self, measured: FloatArray) -> FloatArray:
         """``|L eps|``, or ``L eps`` for a half space: (k,) of what is measured."""
@@ -284,11 +267,16 @@ class PrincipalAtPoints(SetAtPoints):
     eigenvalues of y, of which a solution has none.
     """
 
-    def _measure_multiplier(self) -> None:
-        self._eigenvalues = np.linalg.eigvalsh(self._multiplier)
+    def __init__(
+        self,
+        measured: Callable[[fem.Function], FloatArray],
+        limit: FloatArray,
+        multiplier: FloatArray,
+    ) -> None:
+        super().__init__(measured, limit, multiplier)
+        self._eigenvalues = np.linalg.eigvalsh(multiplier)
         self.size = np.abs(self._eigenvalues).sum(axis=1)
         self.pulling = np.maximum(-self._eigenvalues[:, 0], 0.0)
-        self.strength = np.linalg.norm(self._multiplier, axis=(1, 2))
 
     def reach(self, measured: FloatArray) -> FloatArray:
         return np.asarray(np.linalg.eigvalsh(measured)[:, 1])

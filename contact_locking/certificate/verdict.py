@@ -11,7 +11,7 @@ from dolfinx import fem
 from contact_locking.certificate.balances import equilibrium
 from contact_locking.certificate.bounds import proved_bounds
 from contact_locking.certificate.constants import constant_supports, constants
-from contact_locking.certificate.criteria import Criterion, complaints
+from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.critical_friction import critical_friction
 from contact_locking.certificate.elliptic import Lifting, NotApplicable
 from contact_locking.certificate.indicator import ErrorIndicator, cell_field, error_indicator
@@ -54,12 +54,17 @@ class Certificate:
     def complaint(self) -> str:
         """The criteria and the bounds that do not hold, in words; empty if all hold."""
         broken = [
+            f"the {item.meaning} is {item.value:.1e}, above {item.limit:g}"
+            for item in self.criteria.values()
+            if not item.holds
+        ]
+        broken += [
             f"the proved bound of {name.replace('_', ' ')} does not hold: {entry['value']:.3g} "
             f"exceeds {entry['bound']:.3g}"
             for name, entry in self.bounds.items()
             if entry["holds"] is False
         ]
-        return "; ".join(filter(None, [complaints(self.criteria), *broken]))
+        return "; ".join(broken)
 
     def summary(self) -> dict[str, Any]:
         """The key ``certificate`` of summary.json."""
@@ -160,9 +165,8 @@ def _mesh_error(state: SolvedState) -> tuple[dict[str, Any], ErrorIndicator | No
     except NotApplicable as failure:
         none = dict.fromkeys(("energy_norm", "relative", "with_locking"))
         return {**none, "reason": str(failure)}, None
-    size = (2.0 * state.energy) ** 0.5
     return {
         "energy_norm": indicator.elastic,
-        "relative": indicator.elastic / size if size > 0.0 else None,
+        "relative": state.relative(indicator.elastic),
         "with_locking": indicator.total,
     }, indicator

@@ -148,7 +148,7 @@ class ProblemSolver:
     def state(self, report: SolverReport) -> SolvedState:
         """The solved state with its stresses and tractions; collective."""
         self.system.set_penalty(self.problem.penalty)
-        return SolvedState.of(self.problem, self.system, self.target, self.settings, report)
+        return SolvedState(self.problem, self.system, self.target, self.settings, report)
 
     def unused_options(self) -> list[str]:
         """A warning about PETSc options that no solve has used."""

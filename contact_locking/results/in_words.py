@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from contact_locking.results.read import number
 ROUGH = 0.1
 NOT_USEFUL = "there is no useful bound (below 100 %) of"
 
+_CHANGE = "the penalty changes the solution on this mesh by"
 _UNIQUENESS = {
     "covered by theory": "proved: no other displacement solves the problem on this mesh",
     "covered for the discrete problem, by sampled constants": (
@@ -65,7 +66,8 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     sizes = [count(summary[key], name) for key, name in kinds.items()]
     element = summary["discretisation"]
     body = "; axisymmetric" if element.get("axisymmetric") else ""
-    bound = certificate["errors"].get("guaranteed", {})
+    errors, critical = certificate["errors"], certificate.get("critical_friction")
+    bound = errors.get("guaranteed", {})
     found = [
         ("converged", f"{verdict(summary)} (residual {summary['residual']:.1e})"),
         ("restart", summary.get("restart")),
@@ -75,9 +77,9 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("criteria", _criteria(certificate["criteria"])),
         ("proved", _proved(summary)),
         ("guaranteed bound", None if bound.get("applicable", True) else bound["reason"]),
-        ("moving friction", _moving(certificate["errors"].get("moving_friction"))),
-        ("limit load", _limit_load(certificate.get("limit_load"))),
-        ("critical friction", _critical_friction(certificate.get("critical_friction"))),
+        ("moving friction", _if_known(errors.get("moving_friction"), "relative", _moving)),
+        ("limit load", _if_known(certificate.get("limit_load"), "load_factor", _limit_load)),
+        ("critical friction", _if_known(critical, "share", _critical_friction)),
         ("estimated", _estimated(summary)),
         ("weakest number", _weakest(summary)),
         ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"])),
@@ -100,11 +102,16 @@ def _quantities(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
             yield quantity.name, value_in_words(quantity, summary[key], summary.get(f"{key}_at"))
 
 
-def _critical_friction(found: Mapping[str, Any] | None) -> str | None:
-    if found is None:
+def _if_known(
+    entry: Mapping[str, Any] | None, key: str, words: Callable[[Mapping[str, Any]], str]
+) -> str | None:
+    """An entry in words, or the reason why its key is unknown; None if nobody asks for it."""
+    if entry is None:
         return None
-    if found["share"] is None:
-        return str(found["reason"])
+    return str(entry["reason"]) if entry[key] is None else words(entry)
+
+
+def _critical_friction(found: Mapping[str, Any]) -> str:
     mu = "" if found["coefficient"] is None else f", the coefficient {found['coefficient']:.4g}"
     return (
         f"{found['share']:.4g} times the given friction{mu}: there the linearised problem is "
@@ -273,8 +280,7 @@ def _proved(summary: Mapping[str, Any]) -> str:
         under = under if reached and is_finer else reached
         parts.append(_at_most("the whole error is", whole, "the whole error", under))
     if distance := _relative(summary, "penalty"):
-        change = "the penalty changes the solution on this mesh by"
-        parts.append(_at_most(change, distance, "what the penalty changes", reached))
+        parts.append(_at_most(_CHANGE, distance, "what the penalty changes", reached))
     if held:
         parts.append(f"{count(held, 'bound')} of the theory, which the result keeps")
     return "; ".join(parts) or "no bound applies"
@@ -287,16 +293,11 @@ def _at_most(change: str, bound: float, what: str, under: str) -> str:
     return f"{change} at most {per_cent(bound)}{under}"
 
 
-def _moving(entry: Mapping[str, Any] | None) -> str | None:
-    if entry is None or entry["relative"] is None:
-        return None if entry is None else str(entry["reason"])
+def _moving(entry: Mapping[str, Any]) -> str:
     return f"bound of the whole error {per_cent(entry['relative'])}, {entry['reason']}"
 
 
-def _limit_load(entry: Mapping[str, Any] | None) -> str | None:
-    """The limit load, if the study file asks for proofs and displacements move."""
-    if entry is None or entry["load_factor"] is None:
-        return None if entry is None else str(entry["reason"])
+def _limit_load(entry: Mapping[str, Any]) -> str:
     confirmed, excluded = entry["load_factor"]
     most = "any share" if excluded is None else f"more than {per_cent(excluded)}"
     shares = f"{per_cent(confirmed)} can be followed, {most} on no mesh"
@@ -307,8 +308,7 @@ def _estimated(summary: Mapping[str, Any]) -> str:
     mesh, measured = _relative(summary, "mesh"), _relative(summary, "penalty_measured")
     parts = [] if mesh is None else [f"the error of the mesh is about {_roughly(mesh)}"]
     if measured is not None:
-        change = f"the penalty changes the solution on this mesh by {per_cent(measured)}"
-        parts.append(f"measured: {change}")
+        parts.append(f"measured: {_CHANGE} {per_cent(measured)}")
     return "; ".join(parts) or "no estimate applies"
 
 

@@ -130,8 +130,8 @@ class Bars:
         rises = -self._tangents[:, None, :, None] * self._rises[:, None]
         found[:, 0] = np.where(held[:, None, :, None], 0.0, rises).reshape(found[:, 0].shape)
         found[:, [1, 2], 0, [0, 1]] = self._signs
-        found = found.reshape(len(held), 3 * block, self.degree + 2)
-        return np.where(self._zero[:, None], 0.0, found)
+        rows = found.reshape(len(held), 3 * block, self.degree + 2)
+        return np.where(self._zero[:, None], 0.0, rows)
 
     def _integrate(self) -> None:
         """Integrals over a facet of length 1."""

@@ -21,10 +21,10 @@ from contact_locking.certificate.guaranteed.macro_element import (
     lagrange_gradients,
 )
 from contact_locking.certificate.guaranteed.triangles import Triangles
+from contact_locking.certificate.indicator import nodal_means
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem import compiled
 from contact_locking.laws.elasticity import MANDEL_PAIRS
-from contact_locking.mesh.rank_sums import summed
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.elasticity import matrix_of
 
@@ -66,19 +66,6 @@ class Elasticity:
         """Components (n, 3, m, 3) of Mandel vectors (n, 3, m, 3) along the eigenvectors."""
         shape = tensors.shape
         return np.asarray(flattened(tensors, kept=1) @ self.vectors).reshape(shape)
-
-
-def averaged(values: FloatArray, triangles: Triangles) -> FloatArray:
-    """(n,) the means over the corners of the means over the cells around; collective.
-
-    An average is better than the values of single cells, because Z alternates between the cells of
-    a locked zone.
-    """
-    weighted = np.column_stack([values, np.ones(len(values))]) * triangles.areas[:, None]
-    every = np.repeat(weighted[:, None], 3, axis=1)
-    sums = summed(triangles.vertex_map, triangles.vertices, every)
-    means = sums[:, 0] / sums[:, 1]
-    return np.asarray(means[triangles.vertices].mean(axis=1))
 
 
 def best_stiffening(squares: FloatArray, eigenvalues: FloatArray, limit: FloatArray) -> FloatArray:
@@ -149,7 +136,10 @@ class Body:
         self.limit = self._constant(points.by_cell(points.limit))
         self.elasticity = Elasticity(*np.linalg.eigh(self._constant(self._stiffness())))
         ratio = np.linalg.norm(points.locking_stress, axis=(1, 2)) / points.limit
-        self._zeta = averaged(points.by_cell(ratio).mean(axis=1), triangles)
+        # Z alternates between the cells of a locked zone, and means over patches do not.
+        means = points.by_cell(ratio).mean(axis=1)[:, None]
+        around = nodal_means(triangles.vertex_map, triangles.vertices, means, triangles.areas)
+        self._zeta = around.mean(axis=(1, 2))
         self._zeta[~np.isfinite(self.limit)] = 0.0
         self._locks = on_any_rank(state.comm, np.isfinite(self.limit))
 

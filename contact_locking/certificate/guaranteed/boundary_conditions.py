@@ -42,7 +42,7 @@ def held_components(state: SolvedState, triangles: Triangles) -> BoolArray:
     then does not have these values between the nodes.
     """
     held = np.zeros((*triangles.facets.shape, 2), dtype=bool)
-    problem, worst, s = state.problem, 0.0, np.linspace(0.0, 1.0, _SAMPLES)
+    problem, worst, s = state.problem, 0.0, np.arange(_SAMPLES) / (_SAMPLES - 1.0)
     if problem.constraints.supports.placed:
         raise NotApplicable("a support holds a direction that is no axis")
     if problem.constraints.given:
@@ -68,12 +68,12 @@ def require_exact_gaps(
 
     The values are compared at 8 points of each facet.
     """
-    s, worst = np.linspace(0.0, 1.0, _SAMPLES), 0.0
+    s, worst = np.arange(_SAMPLES) / (_SAMPLES - 1.0), 0.0
     for contact in contacts:
         places = between(triangles.ends[contact.cells, contact.sides], s)
         at_places = contact.fields.contact.foundation.gap(places.reshape(-1, 2).T)
         exact = at_places.reshape(len(places), _SAMPLES)
-        own = contact.gap @ bernstein(contact.gap.shape[1] - 1, s).T
+        own = np.einsum("mr,sr->ms", contact.gap, bernstein(contact.gap.shape[1] - 1, s))
         worst = max(worst, float(np.abs(exact - own).max(initial=0.0)))
     if maximum(state.comm, worst) > _ROUNDING_OF_DISTANCES * state.target.length:
         raise NotApplicable("the gap is not met between the nodes of the mesh")

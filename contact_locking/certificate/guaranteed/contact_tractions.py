@@ -49,11 +49,6 @@ class ContactTractions:
     def tangent(self) -> FloatArray:
         return np.column_stack([-self.normal[:, 1], self.normal[:, 0]])
 
-    def vectors(self) -> FloatArray:
-        """The control values (m, r + 1, 2) of the traction."""
-        pushing = self.pressure[:, :, None] * self.normal[:, None]
-        return np.asarray(self.along[:, :, None] * self.tangent[:, None] - pushing)
-
     def split(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """``u_nu`` and ``u_tau`` as control values (m, r + 1), from values at all nodes (k, 2)."""
         values = u[self.nodes]
@@ -63,7 +58,9 @@ class ContactTractions:
 
     def moments(self, degree: int) -> FloatArray:
         """The moments (m, k + 1, 2) of the traction along the facets of the cells."""
-        return self.lengths[:, None, None] * legendre_moments(self.vectors(), degree)
+        rubbing = self.along[:, :, None] * self.tangent[:, None]
+        vectors = rubbing - self.pressure[:, :, None] * self.normal[:, None]
+        return self.lengths[:, None, None] * legendre_moments(vectors, degree)
 
     def work(self, normal: FloatArray, tangent: FloatArray, gap: FloatArray) -> FloatArray:
         """``int p (g - w_nu) + G |w_tau| + q . w_tau`` over each facet (m,) of this rank.

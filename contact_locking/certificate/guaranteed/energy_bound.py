@@ -116,9 +116,8 @@ def guaranteed_error(
     except NotApplicable as failure:
         none = dict.fromkeys(("relative", "energy_norm"))
         return {**none, "applicable": False, "reason": f"not applicable: {failure}"}, None
-    size = np.sqrt(2.0 * state.energy)
     return {
-        "relative": float(found.energy_norm / size) if size > 0.0 else None,
+        "relative": state.relative(found.energy_norm),
         "energy_norm": found.energy_norm,
         "applicable": True,
         "reason": _PROVED,

@@ -87,7 +87,9 @@ def _excluded(state: SolvedState) -> float:
         raise NotApplicable("nothing limits the strain in a part of the body")
     bars, unstretched = Bars(triangles, 1, held), np.empty((0, 2))
     system = HybridSystem(triangles, element, forces, bars, state.settings.linear)
-    size = _first_sizes(state, triangles)
+    # |Z| of the last iterate, raised by a share of its mean.
+    size = np.linalg.norm(state.points.locking_stress, axis=(1, 2))
+    size = size + (state.sum(size * triangles.areas) / state.points.volume or 1.0)
     best = np.inf
     for _ in range(_STEPS):
         weights = limit / np.maximum(size, _LEAST * maximum(state.comm, size))
@@ -117,13 +119,6 @@ def _pushing(state: SolvedState, triangles: Triangles) -> list[ContactTractions]
     except NotApplicable:
         return []
     return [replace(item, along=np.zeros_like(item.along)) for item in found]
-
-
-def _first_sizes(state: SolvedState, triangles: Triangles) -> FloatArray:
-    """``|Z|`` of the last iterate, raised by a share of its mean."""
-    sizes = np.linalg.norm(state.points.locking_stress, axis=(1, 2))
-    mean = state.sum(sizes * triangles.areas) / state.points.volume
-    return np.asarray(sizes + (mean or 1.0))
 
 
 def _factor(

@@ -79,10 +79,10 @@ def _bound(
     above = Kappa(slip, small.lift)
     used = above if above.is_small else small
     more = used.value * frozen.stress + used.trace * residual
-    found, size = frozen.energy_norm + more / (1.0 - used.value), np.sqrt(2.0 * state.energy)
+    found = frozen.energy_norm + more / (1.0 - used.value)
     estimated = _ESTIMATED.format(above=slip, kappa=above.value)
     return {
-        "relative": float(found / size) if size > 0.0 else None,
+        "relative": state.relative(found),
         "energy_norm": found,
         "kappa": used.value,
         "residual": residual,
