@@ -22,7 +22,8 @@ from mpi4py import MPI
 from contact_locking.arrays import BoolArray
 from contact_locking.errors import InputError, NotRefined
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells, gather_mesh
+from contact_locking.mesh.file.data import MeshData
+from contact_locking.mesh.whole_mesh import gather_cells, gather_mesh
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.process import checkpoint, solving
 from contact_locking.process.adaptivity.finer import finer_mesh, smoothing_radii
@@ -115,7 +116,9 @@ def solve_adaptively(
         finer = _refined(solution, measure, sequence)
         monitor.mesh(len(sequence.meshes), sequence.in_words())
         if sequence.stopped and not sequence.is_reached:
-            _warn(solution, monitor, sequence)
+            text = "the meshes were not refined until adapt.tolerance was reached: "
+            solution.summary["warnings"].append(text + sequence.stopped)
+            monitor.message(f"warning: {text}{sequence.stopped}")
         seconds = time.perf_counter() - began
         solution.summary |= {"adapt": sequence.summary(), "wall_seconds": seconds}
         yield dataclasses.replace(solution, meshes=tuple(sequence.pictures))
@@ -147,12 +150,12 @@ def _refined(
     ]
     entered = entered_places(solution)
 
-    def marks(mesh: WholeMesh) -> BoolArray:
+    def marks(data: MeshData) -> BoolArray:
         assert found is not None
         if sequence.stagnates and not entered:
-            raise NotRefined(singular_place(mesh.data, smoothing))
-        marked = marked_cells(found, given.share) | cells_at(mesh.data, entered)
-        sequence.pictures[-1] = sequence.pictures[-1].with_marks(mesh.data.cells.nodes, marked)
+            raise NotRefined(singular_place(data, smoothing))
+        marked = marked_cells(found, given.share) | cells_at(entered, data)
+        sequence.pictures[-1] = sequence.pictures[-1].with_marks(data.cells.nodes, marked)
         return marked
 
     try:
@@ -160,9 +163,3 @@ def _refined(
     except NotRefined as reason:
         sequence.stop(str(reason))
         return None
-
-
-def _warn(solution: StudySolution, monitor: Monitor, sequence: MeshSequence) -> None:
-    text = f"the meshes were not refined until adapt.tolerance was reached: {sequence.stopped}"
-    solution.summary["warnings"].append(text)
-    monitor.message(f"warning: {text}")

@@ -9,6 +9,7 @@ from contact_locking.arrays import BoolArray
 from contact_locking.contact.coulomb import default_radius
 from contact_locking.errors import NotRefined
 from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.file.data import MeshData
 from contact_locking.mesh.whole_mesh import WholeMesh, gather_mesh, spread
 from contact_locking.parallel import on_root
 from contact_locking.process.adaptivity import refinement
@@ -22,7 +23,7 @@ _STRAIGHT = (
 
 def finer_mesh(
     solution: StudySolution,
-    marks: Callable[[WholeMesh], BoolArray],
+    marks: Callable[[MeshData], BoolArray],
     most: int,
     name: str,
     may_stay_straight: bool = False,
@@ -44,7 +45,7 @@ def finer_mesh(
         assert mesh is not None
         told = mesh.warnings
         curved = () if geometry is None or is_nested else geometry.curved
-        marked, news = marks(mesh), list[str]()
+        marked, news = marks(mesh.data), list[str]()
         try:
             finer = refinement.refined(mesh, marked, curved)
         except refinement.Collapses:

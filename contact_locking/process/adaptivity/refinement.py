@@ -134,18 +134,11 @@ def singular_place(data: MeshData, radii: Sequence[float]) -> str:
 _PARALLEL, _EDGE = 1e-4, math.radians(40.0)
 
 
-def curved_parts(data: MeshData) -> list[str]:
-    """The names of the boundary parts with neighbouring facets at a small angle, sorted."""
-    return [
-        name
-        for name in sorted(data.facets.names)
-        if _bends(data, data.facets.take(data.facets.named(name)))
-    ]
-
-
 def warnings(data: MeshData) -> list[str]:
-    """A warning about the curved boundary parts, if there are any."""
-    names = curved_parts(data)
+    """A warning about the boundary parts with neighbouring facets at a small angle."""
+    facets = data.facets
+    parts = {name: facets.take(facets.named(name)) for name in sorted(facets.names)}
+    names = [name for name, part in parts.items() if _bends(data, part)]
     if not names:
         return []
     return [
@@ -156,8 +149,6 @@ def warnings(data: MeshData) -> list[str]:
 
 
 def _bends(data: MeshData, part: MeshElements) -> bool:
-    if len(part) < 2:
-        return False
     ridges = keys(np.sort(data.kind.facet.facets_of(part.nodes), axis=1), len(data.points))
     order = np.argsort(ridges, kind="stable")
     shared = np.flatnonzero(ridges[order[1:]] == ridges[order[:-1]])
