@@ -23,8 +23,8 @@ from contact_locking.files.atomic import staging
 from contact_locking.mesh.boundary_parts import EntityGroup, require_different
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.diagnosis import DistributedCells
-from contact_locking.mesh.distribution import mesh_of
-from contact_locking.mesh.domain import Domain, Regions, about, diagnosed
+from contact_locking.mesh.distribution import Regions, mesh_of
+from contact_locking.mesh.domain import Domain, about, diagnosed
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.diagnosis import check_arrays

@@ -26,11 +26,14 @@ from contact_locking.mesh.file.data import MeshData
 from contact_locking.mesh.whole_mesh import gather_cells, gather_mesh
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.process import solving
-from contact_locking.process.adaptivity.finer import finer_mesh, smoothing_radii
 from contact_locking.process.adaptivity.marking import cells_at, entered_places, marked_cells
 from contact_locking.process.adaptivity.mesh_sequence import MEASURES, ErrorMeasure, MeshSequence
 from contact_locking.process.adaptivity.missed import solved_with_nodes
-from contact_locking.process.adaptivity.refinement import singular_place
+from contact_locking.process.adaptivity.refinement import (
+    finer_mesh,
+    singular_place,
+    smoothing_radii,
+)
 from contact_locking.process.adaptivity.sharper_bound import sharper_errors
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results.adapted_meshes import AdaptedMesh

@@ -18,8 +18,8 @@ import numpy as np
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import NotRefined
 from contact_locking.mesh.domain import Domain
-from contact_locking.process.adaptivity.finer import finer_mesh
 from contact_locking.process.adaptivity.marking import cells_at, entered_places, only_misses
+from contact_locking.process.adaptivity.refinement import finer_mesh
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.solution import StudySolution
 

@@ -28,9 +28,9 @@ from contact_locking.mesh.file.data import MeshData
 from contact_locking.mesh.whole_mesh import gather_cells
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum, on_any_rank
-from contact_locking.process.adaptivity.finer import finer_mesh
 from contact_locking.process.adaptivity.marking import marked_cells
 from contact_locking.process.adaptivity.mesh_sequence import MEASURES
+from contact_locking.process.adaptivity.refinement import finer_mesh
 from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
