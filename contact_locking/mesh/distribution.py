@@ -34,7 +34,7 @@ class Regions(NamedTuple):
 
 
 class Distributed(NamedTuple):
-    """A mesh with its regions and groups of facets, and the numbers of nodes and cells in a file."""
+    """A mesh with its regions and groups of facets, and the numbers in a file."""
 
     mesh: dmesh.Mesh
     regions: Regions

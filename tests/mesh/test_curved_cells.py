@@ -206,7 +206,7 @@ def test_a_state_is_written_read_and_gone_on_from(
         for name in ("fields.bp", "fields.xdmf"):
             assert (folder / name).exists()
     comm.barrier()
-    with pytest.raises(InputError, match="the locking limit at gauss"):
+    with pytest.raises(InputError, match=r"discretisation\.limit_at: gauss"):
         solve(ring({**CURVED, "curved": False}), comm, restart=folder)
 
 
