@@ -29,11 +29,7 @@ from contact_locking.process import solving
 from contact_locking.process.adaptivity.marking import cells_at, entered_places, marked_cells
 from contact_locking.process.adaptivity.mesh_sequence import MEASURES, ErrorMeasure, MeshSequence
 from contact_locking.process.adaptivity.missed import solved_with_nodes
-from contact_locking.process.adaptivity.refinement import (
-    finer_mesh,
-    singular_place,
-    smoothing_radii,
-)
+from contact_locking.process.adaptivity.refinement import finer_mesh, singular_place
 from contact_locking.process.adaptivity.sharper_bound import sharper_errors
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results.adapted_meshes import AdaptedMesh
@@ -145,18 +141,13 @@ def _refined(
         # A mesh that misses a foundation may have no error.
         index_map = domain.mesh.topology.index_map(domain.dim)
         squares = np.zeros(index_map.size_local)
-    found, radii = gather_cells(domain, squares), smoothing_radii(solution)
-    smoothing = [
-        one.friction.smoothing.radius or radii[one.key]
-        for one in solution.parameters.contacts
-        if one.friction.coefficient != 0 and one.friction.smoothing.kernel != "none"
-    ]
+    found = gather_cells(domain, squares)
     entered = entered_places(solution)
 
     def marks(data: MeshData) -> BoolArray:
         assert found is not None
         if sequence.stagnates and not entered:
-            raise NotRefined(singular_place(data, smoothing))
+            raise NotRefined(singular_place(data))
         marked = marked_cells(found, given.share) | cells_at(entered, data)
         sequence.pictures[-1] = sequence.pictures[-1].with_marks(data.cells.nodes, marked)
         return marked

@@ -9,7 +9,7 @@ again, and the mesh does not depend on the number of ranks.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -33,8 +33,6 @@ from contact_locking.results.solution import StudySolution
 
 # A node that moves onto a curved side may take at most this share of the volume of a cell.
 _LARGEST_LOSS = 0.9
-# Cells that are smaller than this share of the smoothing radius no longer change what R smooths.
-_SMOOTHED = 0.05
 # Cells that are smaller than this share of the body are near the rounding of the coordinates.
 _SMALLEST_SHARE = 1e-9
 
@@ -117,25 +115,15 @@ def _nodes_of(data: MeshData, name: str) -> BoolArray:
     return mask
 
 
-def singular_place(data: MeshData, radii: Sequence[float]) -> str:
-    """Why an error that hardly falls ends the loop: where the smallest cells are, in words.
-
-    ``radii`` are the smoothing radii of the contacts.
-    """
+def singular_place(data: MeshData) -> str:
+    """Why an error that hardly falls ends the loop: where the smallest cells are, in words."""
     sizes = longest_edges(data.points, data.cells.nodes)
     least = int(np.argmin(sizes))
     place = places.at(data.points[data.cells.nodes[least]].mean(axis=0))
-    told = (
+    return (
         "the error has hardly fallen over the last meshes; the smallest cells, of size "
         f"{sizes[least]:.2g}, are at {place}, where the solution may be singular"
     )
-    radius = min(radii, default=0.0)
-    if sizes[least] < _SMOOTHED * radius:
-        told += (
-            f"; R smooths the pressure over {radius:g}, so that finer cells do not change friction "
-            "there"
-        )
-    return told
 
 
 # Two facets of a boundary part belong to a curve if the angle between them is in this range: below
@@ -184,7 +172,10 @@ def finer_mesh(
     with a warning.  Raises NotRefined, on all ranks.
     """
     domain, geometry = solution.domain, solution.parameters.mesh.geometry
-    mesh, radii = gather_mesh(domain), smoothing_radii(solution)
+    mesh = gather_mesh(domain)
+    radii = domain.smoothing_radii or {
+        one.contact.key: default_radius(one.surface) for one in solution.contacts
+    }
     held: list[WholeMesh] = []
 
     def work() -> None:
@@ -209,10 +200,3 @@ def finer_mesh(
     if dofs > most:
         raise NotRefined(f"the next mesh has {dofs} unknowns, more than {name}")
     return finer
-
-
-def smoothing_radii(solution: StudySolution) -> dict[str, float]:
-    """The default smoothing radii of the contacts on the first mesh, by their keys; collective."""
-    return solution.domain.smoothing_radii or {
-        one.contact.key: default_radius(one.surface) for one in solution.contacts
-    }
