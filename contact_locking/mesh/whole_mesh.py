@@ -70,17 +70,19 @@ def gather_mesh(domain: Domain) -> WholeMesh | None:
     facets = domain.facet_tags.indices
     is_owned = facets < mesh.topology.index_map(dim - 1).size_local
     corners = numbers[_compat.entities_to_geometry(mesh, dim - 1, facets[is_owned])]
-    tags = domain.facet_tags.values[is_owned]
-    gathered = comm.gather((numbers, mesh.geometry.x[:, :dim], corners, tags))
+
+    def whole(local: Any) -> Any:
+        parts = comm.gather(np.ascontiguousarray(local))
+        return None if parts is None else np.concatenate(parts)
+
+    place, coordinates = whole(numbers), whole(mesh.geometry.x[:, :dim])
     all_cells, groups, parts = (
         gather_cells(domain, values)
         for values in (cells, domain.cell_tags.values[:owned], domain.parts[:owned])
     )
-    if gathered is None or all_cells is None or groups is None or parts is None:
+    all_corners, marks = whole(corners), whole(domain.facet_tags.values[is_owned])
+    if place is None or all_cells is None or groups is None or parts is None:
         return None
-    place, coordinates, all_corners, marks = (
-        np.concatenate(values) for values in zip(*gathered, strict=True)
-    )
     points = np.empty((int(place.max()) + 1, dim))
     points[place] = coordinates
     order = np.lexsort(np.sort(all_corners, axis=1).T[::-1])
