@@ -8,16 +8,12 @@ on one process, where `model` is ``gmsh.model`` with the physical groups that th
 """
 
 from .annulus import Annulus
-from .ball import Ball
-from .block import Block
-from .disc import Disc
+from .block import Block, Inclusion, LShape, Punch
 from .disc_in_ring import DiscInRing
 from .geometry import Geometry
 from .grains import Grains
 from .grip import Grip
-from .inclusion import Inclusion
-from .l_shape import LShape
-from .punch import Punch
+from .round import Ball, Disc
 from .session import build, empty_model, write
 from .stack import Stack
 

@@ -1,11 +1,22 @@
-"""The block: a rectangle or a box."""
+"""The block, a rectangle or a box, and bodies that are cut from it."""
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from .geometry import GROWTH, Geometry, Point, Zone, dimension, length, parameter, vector
+from .curved import Curved
+from .geometry import (
+    GROWTH,
+    Geometry,
+    Point,
+    Zone,
+    dimension,
+    length,
+    parameter,
+    real,
+    vector,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,3 +158,166 @@ class Block(Box):
             model.mesh.setTransfiniteSurface(tag)
         for _, tag in model.getEntities(3):
             model.mesh.setTransfiniteVolume(tag)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inclusion(Box):
+    """A block with a disc or a ball of another material inside, with one conforming mesh.
+
+    Cells: body and inclusion. Facets: the sides of the block. The contact zone is the bottom.
+    """
+
+    radius: float = parameter(0.25, "length", "radius of the inclusion")
+    centre: tuple[float, ...] = parameter(
+        (), "length", "centre of the inclusion; empty: the middle of the block"
+    )
+
+    cell_names = ("body", "inclusion")
+
+    def validate(self) -> None:
+        super().validate()
+        self.complete("centre", tuple(edge / 2 for edge in self.size), real)
+        if self.h > self.radius:
+            raise ValueError(
+                f"h: {self.h:g} is more than the radius of the inclusion, {self.radius:g}"
+            )
+        gap = (
+            min(min(x, edge - x) for x, edge in zip(self.centre, self.size, strict=True))
+            - self.radius
+        )
+        if gap < 0.05 * self.radius:
+            raise ValueError(
+                f"radius: an inclusion of {self.radius:g} around {list(self.centre)} does not stay "
+                f"inside the block {list(self.size)}"
+            )
+
+    @property
+    def curved(self) -> tuple[Curved, ...]:
+        return (Curved(("body", "inclusion"), self.centre, self.radius),)
+
+    def shape(self, occ: Any) -> dict[str, list[int]]:
+        """The block, divided into body and inclusion."""
+        (block,) = super().shape(occ)["body"]
+        if self.dim == 2:
+            core = occ.addDisk(*self.centre, 0, self.radius, self.radius)
+        else:
+            core = occ.addSphere(*self.centre, self.radius)
+        _, (parts, inner) = occ.fragment([(self.dim, block)], [(self.dim, core)])
+        return {
+            "body": [tag for dim, tag in parts if (dim, tag) not in inner],
+            "inclusion": [tag for _, tag in inner],
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class LShape(Box):
+    """A block without its upper right corner, the notch: a foot and an upright.
+
+    Facets: the sides of the block, where right is the end of the foot and top the end of the
+    upright; inner_horizontal, the upper side of the foot; inner_vertical, the right side of the
+    upright.  The contact zone is the bottom.
+    """
+
+    notch: tuple[float, ...] = parameter(
+        (), "length", "what is cut away along x and up; empty: half of the block"
+    )
+
+    def validate(self) -> None:
+        super().validate()
+        edges = (self.size[0], self.size[-1])
+        self.complete("notch", (edges[0] / 2, edges[1] / 2), length)
+        if any(cut >= edge for cut, edge in zip(self.notch, edges, strict=True)):
+            raise ValueError(f"notch: {list(self.notch)} is not inside the block {list(self.size)}")
+
+    @property
+    def thickness(self) -> float:
+        return min(self.size[0] - self.notch[0], self.size[-1] - self.notch[1], *self.size)
+
+    @property
+    def measure(self) -> float:
+        share = math.prod(self.notch) / (self.size[0] * self.size[-1])
+        return super().measure * (1 - share)
+
+    @property
+    def facet_names(self) -> tuple[str, ...]:
+        return (*self.sides, "inner_horizontal", "inner_vertical")
+
+    def shape(self, occ: Any) -> dict[str, list[int]]:
+        """The block without the notch."""
+        (block,) = super().shape(occ)["body"]
+        depth = self.size[1:-1]
+        corner = (
+            self.size[0] - self.notch[0],
+            *(0.0 for _ in depth),
+            self.size[-1] - self.notch[1],
+        )
+        notch = self.cuboid(occ, corner, (self.notch[0], *depth, self.notch[1]))
+        parts, _ = occ.cut([(self.dim, block)], [(self.dim, notch)])
+        return {"body": [tag for _, tag in parts]}
+
+    def facet_name(self, centre: Point, region: str) -> str:
+        """The name of the side; the height distinguishes the two sides of the notch."""
+        inner = self.at(centre[self.dim - 1], self.size[-1] - self.notch[1])
+        return self.side(centre) or ("inner_horizontal" if inner else "inner_vertical")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Punch(Box):
+    """A block whose top has a contact part, which a punch may touch, and a free part.
+
+    ``size`` is the size of the part x > 0 (and y > 0). Facets: contact (on top, with x, y <
+    half_width), top (the rest of the top), symmetry (x = 0), right, in 3D symmetry_y (y = 0) and
+    back, bottom. The contact zone is around contact. The gap of a flat punch is minus its depth;
+    the gap of a rounded punch adds the profile.
+    """
+
+    half_width: float = parameter(0.25, "length", "half-width of the punch: contact ends there")
+
+    contact_names = ("contact",)
+
+    def validate(self) -> None:
+        super().validate()
+        if self.half_width >= min(self.size[:-1]):
+            raise ValueError(
+                f"half_width: {self.half_width:g} is not less than the width of the block kept, "
+                f"{min(self.size[:-1]):g}"
+            )
+        if self.finest > self.half_width:
+            raise ValueError(
+                f"half_width: {self.half_width:g} is less than one element of size "
+                f"{self.finest:g}; make h_contact smaller"
+            )
+
+    @property
+    def facet_names(self) -> tuple[str, ...]:
+        sides = ("symmetry_y", "back") if self.dim == 3 else ()
+        return ("symmetry", "right", *sides, "bottom", "top", "contact")
+
+    @property
+    def zone(self) -> Zone:
+        """Two layers of elements below and beside the punch."""
+        margin = 2 * self.finest
+        box = self.limits(lower=self.size[-1] - margin)
+        for axis in "XY"[: self.dim - 1]:
+            box[f"{axis}Max"] = self.half_width + margin
+        reach = self.half_width + margin + self.finest / GROWTH / 2
+        return Zone("Box", box, reach ** (self.dim - 1) * (margin + self.transition))
+
+    def shape(self, occ: Any) -> dict[str, list[int]]:
+        """The block, with the top divided at the end of the punch."""
+        (body,) = super().shape(occ)["body"]
+        a, height = self.half_width, self.size[-1]
+        if self.dim == 2:
+            cut = (0, occ.addPoint(a, height, 0))
+        else:
+            cut = (2, occ.addRectangle(0, 0, height, a, a))
+        _, (parts, _) = occ.fragment([(self.dim, body)], [cut])
+        return {"body": [tag for _, tag in parts]}
+
+    def facet_name(self, centre: Point, region: str) -> str:
+        """The name of the side; the position distinguishes contact and top."""
+        name = self.side(centre)
+        # The centre of the free part is outside the punch in one direction at least.
+        if name == "top" and all(x < self.half_width for x in centre[: self.dim - 1]):
+            return "contact"
+        return {"left": "symmetry", "front": "symmetry_y"}.get(name, name)

@@ -33,19 +33,32 @@ _END = b"$EndElements\n"
 
 @contextmanager
 def empty_model(model_name: str = "body") -> Iterator[Any]:
-    """An empty ``gmsh.model``, until the end of the block; for one process.
+    """An empty ``gmsh.model`` with ``OPTIONS``, until the end of the block; for one process.
 
-    The signal handlers, the command line and a Gmsh that the caller has initialised do not change.
+    The signal handlers, the command line and a Gmsh that the caller has initialised, with its
+    options, do not change.
     """
     import gmsh
 
-    with _initialised(gmsh):
+    ours = not gmsh.isInitialized()
+    if ours:
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
+    before = {name: gmsh.option.getNumber(name) for name in OPTIONS}
+    current = None if ours else gmsh.model.getCurrent()
+    try:
+        for name, value in OPTIONS.items():
+            gmsh.option.setNumber(name, value)
         gmsh.model.add(model_name)
-        try:
-            yield gmsh.model
-        finally:
+        yield gmsh.model
+    finally:
+        if ours:
+            gmsh.finalize()
+        else:
             gmsh.model.setCurrent(model_name)
             gmsh.model.remove()
+            for name, value in before.items():
+                gmsh.option.setNumber(name, value)
+            gmsh.model.setCurrent(current)
 
 
 @contextmanager
@@ -105,24 +118,3 @@ def _check_complete(path: Path) -> None:
         stream.seek(max(0, path.stat().st_size - len(_END)))
         if stream.read().strip() != _END.strip():
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
-
-
-@contextmanager
-def _initialised(gmsh: Any) -> Iterator[None]:
-    """Gmsh with ``OPTIONS``; after the block the options of the caller are restored."""
-    ours = not gmsh.isInitialized()
-    if ours:
-        gmsh.initialize(readConfigFiles=False, interruptible=False)
-    before = {name: gmsh.option.getNumber(name) for name in OPTIONS}
-    current = None if ours else gmsh.model.getCurrent()
-    try:
-        for name, value in OPTIONS.items():
-            gmsh.option.setNumber(name, value)
-        yield
-    finally:
-        if ours:
-            gmsh.finalize()
-        else:
-            for name, value in before.items():
-                gmsh.option.setNumber(name, value)
-            gmsh.model.setCurrent(current)

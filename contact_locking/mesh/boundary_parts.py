@@ -100,7 +100,7 @@ def tags_of(
     kinds: BoolArray = np.unique(np.concatenate(mesh.comm.allgather(local)), axis=0)[::-1]
     values = 1 + np.nonzero((local[:, None] == kinds).all(axis=2))[1].astype(np.int32)
     of_name = {
-        name: tuple((1 + np.flatnonzero(kinds[:, column])).tolist())
+        name: tuple(1 + int(place) for place in np.flatnonzero(kinds[:, column]))
         for column, name in enumerate(marks)
     }
     tags = dmesh.meshtags(mesh, mesh.topology.dim - 1, facets, values[place.reshape(-1)])

@@ -26,15 +26,18 @@ from contact_locking.parallel import on_root
 _SCOTCH_THREADS = "SCOTCH_PTHREAD_NUMBER"
 
 
-class Distributed(NamedTuple):
-    """A mesh with the group (k,) of each local cell, and its groups of facets.
+class Regions(NamedTuple):
+    """The number (k,) of the region of each local cell, 0 for none, and the numbers by name."""
 
-    ``numbers`` are those of nodes and cells in the file.
-    """
+    numbers: IndexArray
+    names: dict[str, int]
+
+
+class Distributed(NamedTuple):
+    """A mesh with its regions and groups of facets, and the numbers in a file."""
 
     mesh: dmesh.Mesh
-    regions: IndexArray
-    region_names: dict[str, int]
+    regions: Regions
     groups: list[EntityGroup]
     numbers: FileNumbers
 
@@ -67,14 +70,14 @@ def distribute(comm: MPI.Intracomm, data: MeshData) -> Distributed:
     mesh.topology.create_connectivity(dim - 1, dim)
     mesh.topology.create_connectivity(dim, dim - 1)
     numbers = FileNumbers(*comm.bcast((data.numbers[used], data.cells.numbers)))
-    regions = of_cells(mesh, data.cells.groups).astype(np.int32)
     names = {name: tag for name, (tag,) in data.cells.names.items()}
-    return Distributed(mesh, regions, names, _facet_groups(mesh, data, row), numbers)
+    regions = Regions(of_cells(mesh, data.cells.groups), names)
+    return Distributed(mesh, regions, _facet_groups(mesh, data, row), numbers)
 
 
-def of_cells(mesh: dmesh.Mesh, values: IntArray) -> IntArray:
+def of_cells(mesh: dmesh.Mesh, values: IntArray) -> IndexArray:
     """The values (k,) of local cells, of which rank 0 has those of the given cells; collective."""
-    every: IntArray = mesh.comm.bcast(values)
+    every: IndexArray = mesh.comm.bcast(values.astype(np.int32))
     return every[np.asarray(mesh.topology.original_cell_index, dtype=np.int64)]
 
 

@@ -32,7 +32,7 @@ from contact_locking.mesh.diagnosis import (
     connected_parts,
     part_names,
 )
-from contact_locking.mesh.distribution import distribute, on_first_rank
+from contact_locking.mesh.distribution import Regions, distribute, on_first_rank
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData
 from contact_locking.mesh.file.diagnosis import check_arrays, check_curved
@@ -222,14 +222,6 @@ def _plate(boxes: float, squares: float) -> tuple[float, float]:
     return width, boxes / width**2
 
 
-@dataclass(frozen=True)
-class Regions:
-    """The number (k,) of the region of each local cell, 0 for none, and the numbers by name."""
-
-    numbers: IndexArray
-    names: dict[str, int]
-
-
 def assembled(
     mesh: dmesh.Mesh,
     regions: Regions,
@@ -290,6 +282,17 @@ def diagnosed(
     return assembled(mesh, regions, facets, origin, cells.parts, unusable=unusable, warnings=said)
 
 
+def sound(data: MeshData, comm: MPI.Intracomm, origin: str, bodies: int = 1) -> Domain:
+    """The domain of a mesh of so many bodies, which needs no check; collective.
+
+    Rank 0 has the mesh.
+    """
+    made = distribute(comm, data)
+    facets = {group.name: marked(made.mesh, group.entities) for group in made.groups}
+    parts = connected_parts(made.mesh) if bodies > 1 else None
+    return assembled(made.mesh, made.regions, facets, origin, parts)
+
+
 def from_geometry(
     geometry: Any, comm: MPI.Intracomm, contact: Collection[str] = (), curved: bool = False
 ) -> Domain:
@@ -311,10 +314,7 @@ def from_geometry(
         return mesh
 
     def made() -> Domain:
-        mesh = distribute(comm, on_first_rank(comm, make))
-        facets = {group.name: marked(mesh.mesh, group.entities) for group in mesh.groups}
-        parts = connected_parts(mesh.mesh) if geometry.bodies > 1 else None
-        return assembled(mesh.mesh, Regions(mesh.regions, mesh.region_names), facets, origin, parts)
+        return sound(on_first_rank(comm, make), comm, origin, geometry.bodies)
 
     return with_key("mesh.builder", made)
 
@@ -350,10 +350,8 @@ def from_arrays(
         on_root(comm, lambda: check_curved(data))
         made = distribute(comm, data)
         cells = DistributedCells(made.mesh, made.numbers)
-        regions = Regions(made.regions, made.region_names)
-        return diagnosed(
-            made.mesh, cells, regions, made.groups, origin, touching, _told_of_order(data)
-        )
+        told = _told_of_order(data)
+        return diagnosed(made.mesh, cells, made.regions, made.groups, origin, touching, told)
 
 
 def _told_of_order(mesh: MeshData) -> list[str]:

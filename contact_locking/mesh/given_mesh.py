@@ -15,7 +15,8 @@ from contact_locking.errors import InputError
 from contact_locking.mesh.boundary_parts import marked
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.diagnosis import connected_parts
-from contact_locking.mesh.domain import Domain, Regions, Where, assembled
+from contact_locking.mesh.distribution import Regions
+from contact_locking.mesh.domain import Domain, Where, assembled
 from contact_locking.parallel import agree, on_any_rank
 from contact_locking.plain_text import nearest
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact_locking import _compat
-from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.mesh.cell_kind import facet_normals
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.lagrange import mean_normals, measures
 
@@ -61,39 +59,22 @@ def table(rows: list[Group]) -> list[tuple[str, str, str, str, str]]:
 def _region(domain: Domain, name: str) -> Group:
     cells = domain.cells(name)
     cells = cells[cells < domain.mesh.topology.index_map(domain.dim).size_local]
-    if domain.is_curved:
-        nodes = domain.mesh.geometry.x[_compat.cell_nodes(domain.mesh)[cells], : domain.dim]
-        measure = float(measures(domain.kind, nodes).sum())
-    else:
-        corners = _corners(domain, domain.dim, cells)[:, np.array(domain.kind.simplices)]
-        corners = corners.reshape(-1, domain.dim + 1, domain.dim)
-        edges = corners[:, 1:] - corners[:, :1]
-        measure = float(np.abs(np.linalg.det(edges)).sum()) / (2.0 if domain.dim == 2 else 6.0)
-    count, measure = (domain.comm.allreduce(x) for x in (len(cells), measure))
+    nodes = domain.mesh.geometry.x[_compat.cell_nodes(domain.mesh)[cells], : domain.dim]
+    local = len(cells), float(measures(domain.kind, nodes).sum())
+    count, measure = (domain.comm.allreduce(x) for x in local)
     return Group(name, domain.dim, count, measure)
 
 
 def _boundary(domain: Domain, name: str, dim: int) -> Group:
     facets = domain.facets((name,))
     facets = facets[facets < domain.mesh.topology.index_map(dim).size_local]
-    corners = _corners(domain, dim, facets)
-    if domain.is_curved:
-        nodes = domain.mesh.geometry.x[_compat.facet_nodes(domain.mesh, facets), : domain.dim]
-        normals, areas = mean_normals(domain.kind.facet, nodes)
-    else:
-        pieces = corners[:, np.array(domain.kind.facet.simplices)]
-        normals = facet_normals(pieces.reshape(-1, domain.dim, domain.dim))
-        normals = normals.reshape(*pieces.shape[:2], domain.dim).sum(axis=1)
-        areas = np.linalg.norm(normals, axis=1)
-    inward = _corners(domain, domain.dim, domain.owners(facets)).mean(axis=1) - corners.mean(axis=1)
+    x = domain.mesh.geometry.x[:, : domain.dim]
+    nodes = x[_compat.facet_nodes(domain.mesh, facets)]
+    normals, areas = mean_normals(domain.kind.facet, nodes)
+    cells = _compat.cell_corners(domain.mesh)[domain.owners(facets)]
+    inward = x[cells].mean(axis=1) - nodes[:, : domain.kind.facet.corners].mean(axis=1)
     normals *= -np.sign(np.einsum("ki,ki->k", normals, inward))[:, None]
-    sizes = areas.sum()
     count, measure, total = (
-        domain.comm.allreduce(x) for x in (len(facets), float(sizes), normals.sum(axis=0))
+        domain.comm.allreduce(x) for x in (len(facets), float(areas.sum()), normals.sum(axis=0))
     )
     return Group(name, dim, count, measure, tuple(float(x) for x in total / measure))
-
-
-def _corners(domain: Domain, dim: int, entities: IndexArray) -> FloatArray:
-    nodes = _compat.entities_to_geometry(domain.mesh, dim, entities)
-    return domain.mesh.geometry.x[nodes, : domain.dim]

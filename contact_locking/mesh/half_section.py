@@ -8,7 +8,7 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import on_any_rank
@@ -64,10 +64,6 @@ def require_surface(domain: Domain, names: tuple[str, ...], key: str) -> None:
         facets = domain.facets((name,), key)
         if not domain.comm.allreduce(len(facets)):
             continue
-        if not on_any_rank(domain.comm, _radii(domain, facets) > 0.0):
+        nodes = _compat.entities_to_geometry(domain.mesh, 1, facets)
+        if not on_any_rank(domain.comm, domain.mesh.geometry.x[nodes, 0] > 0.0):
             raise InputError(f"{name!r} lies on the axis of revolution and is no surface", key)
-
-
-def _radii(domain: Domain, facets: IndexArray) -> FloatArray:
-    nodes = _compat.entities_to_geometry(domain.mesh, 1, facets)
-    return np.asarray(domain.mesh.geometry.x[nodes.reshape(-1), 0])

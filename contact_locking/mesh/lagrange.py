@@ -13,8 +13,9 @@ from contact_locking.mesh.cell_kind import CellKind
 # The Jacobian has the degree 2 in triangles and 3 in other cells.  It is looked at on a lattice of
 # this degree.
 _LATTICE = 6
-# The rule for measures is exact for cells, and to many digits for facets.
-_DEGREE = 8
+# By the degree of the sides, rules for measures that are exact for cells.  For curved facets they
+# are so to many digits.
+_DEGREE = {1: 2, 2: 8}
 
 
 @cache
@@ -43,14 +44,14 @@ def curved_jacobians(kind: CellKind, nodes: FloatArray) -> FloatArray:
 
 
 def measures(kind: CellKind, nodes: FloatArray) -> FloatArray:
-    """The measures (k,) of curved cells with nodes (k, n, d)."""
-    slopes, weights = _slopes(kind)
+    """The measures (k,) of cells with nodes (k, n, d)."""
+    slopes, weights = _slopes(kind, nodes)
     return np.abs(np.linalg.det(np.einsum("aqn,knd->kqda", slopes, nodes))) @ weights
 
 
 def mean_normals(kind: CellKind, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The integrals of a normal (k, d) and of 1 (k,) over curved facets with nodes (k, n, d)."""
-    slopes, weights = _slopes(kind)
+    """The integrals of a normal (k, d) and of 1 (k,) over facets with nodes (k, n, d)."""
+    slopes, weights = _slopes(kind, nodes)
     normals = _normals(slopes, nodes)
     return np.einsum("kqd,q->kd", normals, weights), np.linalg.norm(normals, axis=2) @ weights
 
@@ -70,7 +71,9 @@ def _normals(slopes: FloatArray, nodes: FloatArray) -> FloatArray:
     return np.asarray(np.cross(*along))
 
 
-def _slopes(kind: CellKind) -> tuple[FloatArray, FloatArray]:
+def _slopes(kind: CellKind, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The derivatives (dim, q, n) of the nodes' functions at Gauss's points, and their weights."""
-    points, weights = basix.make_quadrature(basix.CellType[kind.name], _DEGREE)
-    return lagrange(kind.name, 2).tabulate(1, points)[1:, :, :, 0], np.asarray(weights)
+    degree = 1 if nodes.shape[1] == kind.corners else 2
+    rule = 1 if degree == 1 and kind.is_simplex else _DEGREE[degree]
+    points, weights = basix.make_quadrature(basix.CellType[kind.name], rule)
+    return lagrange(kind.name, degree).tabulate(1, points)[1:, :, :, 0], np.asarray(weights)

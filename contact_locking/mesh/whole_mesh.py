@@ -16,9 +16,8 @@ from mpi4py import MPI
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.mesh.boundary_parts import marked
-from contact_locking.mesh.distribution import distribute, of_cells, on_first_rank
-from contact_locking.mesh.domain import Domain, Regions, assembled
+from contact_locking.mesh.distribution import of_cells, on_first_rank
+from contact_locking.mesh.domain import Domain, sound
 from contact_locking.mesh.file.data import MeshData, MeshElements
 
 
@@ -130,14 +129,8 @@ def spread(mesh: WholeMesh | None, comm: MPI.Intracomm) -> Domain:
         assert mesh is not None
         return mesh.data
 
-    made = distribute(comm, on_first_rank(comm, data))
-    facets = {group.name: marked(made.mesh, group.entities) for group in made.groups}
+    domain = sound(on_first_rank(comm, data), comm, "")
     parts: IntArray = np.empty(0, dtype=np.int64) if mesh is None else mesh.parts
     names = ("part_names", "unusable", "warnings", "origin", "smoothing_radii")
     facts = comm.bcast({name: getattr(mesh, name) for name in names} if mesh else {})
-    return replace(
-        assembled(made.mesh, Regions(made.regions, made.region_names), facets),
-        parts=of_cells(made.mesh, parts).astype(np.int32),
-        is_refined=True,
-        **facts,
-    )
+    return replace(domain, parts=of_cells(domain.mesh, parts), is_refined=True, **facts)

@@ -23,8 +23,8 @@ from contact_locking.files.atomic import staging
 from contact_locking.mesh.boundary_parts import EntityGroup, require_different
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.diagnosis import DistributedCells
-from contact_locking.mesh.distribution import mesh_of
-from contact_locking.mesh.domain import Domain, Regions, about, diagnosed
+from contact_locking.mesh.distribution import Regions, mesh_of
+from contact_locking.mesh.domain import Domain, about, diagnosed
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.diagnosis import check_arrays
@@ -37,7 +37,6 @@ from contact_locking.mesh.file.xdmf_grids import (
 )
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank, on_root
 
-_KEY = "mesh.file"
 # The largest z of a body in the plane, as a share of the largest coordinate.
 _FLAT = 1e-12
 # More numbers in one grid are no groups.
@@ -58,11 +57,11 @@ def from_xdmf(path: Path, comm: MPI.Intracomm, facets: Path | None = None) -> Do
     Raises InputError if the file cannot be read, if the cells are not of one kind and first order,
     and if the mesh is not a body.
     """
-    grids = with_key(_KEY, lambda: on_root(comm, lambda: read_grids(path)))
-    return with_key(_KEY, lambda: _read(path, grids, comm, facets))
+    return with_key("mesh.file", lambda: _read(path, comm, facets))
 
 
-def _read(path: Path, grids: Grids, comm: MPI.Intracomm, other: Path | None) -> Domain:
+def _read(path: Path, comm: MPI.Intracomm, other: Path | None) -> Domain:
+    grids = on_root(comm, lambda: read_grids(path))
     with _explained(path), io.XDMFFile(comm, path, "r") as file:
         mesh = _mesh(file, grids)
         cells = DistributedCells(mesh)
@@ -133,10 +132,7 @@ def _facets_of(path: Path, grids: Grids, mesh: dmesh.Mesh, points: FloatArray) -
                 )
             return [group for grid in tags for group in _groups(file, grid, mesh, by_number=True)]
 
-    try:
-        return read()
-    except InputError as error:
-        raise InputError(str(error), "mesh.facets") from None
+    return with_key("mesh.facets", read)
 
 
 def _groups(

@@ -178,10 +178,6 @@ class PlacedSupport:
     directions: FloatArray
     points: FloatArray
 
-    def values(self) -> FloatArray:
-        """The prescribed values (k,) at the present time; collective."""
-        return np.asarray(self.support.value(self.points))
-
     def rows_at(self, nodes: IndexArray) -> tuple[IndexArray, FloatArray]:
         """The directions at those of the given nodes that the support holds.
 
@@ -273,7 +269,7 @@ class Supports:
         """
         if not self.placed:
             return
-        wanted = [item.values() for item in self.placed]
+        wanted = [np.asarray(item.support.value(item.points)) for item in self.placed]
         nodes, dim = self.directions.nodes, self.domain.dim
         nodal = u.x.array.reshape(-1, dim)
         given = np.zeros(self._rows.shape[:2])
@@ -399,17 +395,12 @@ def _normals_at_corners(corners: FloatArray, kind: CellKind) -> tuple[FloatArray
         sizes = np.linalg.norm(edges, axis=1)[:, None]
         unit = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / sizes
         return np.repeat(unit[:, None], 2, axis=1), np.tile(1.0 / sizes, 2)
-    around = [(i, *(j for j in beside if j != i)) for i, beside in _around_corners(kind)]
+    # The corners of the simplex beside each corner.
+    beside = kind.beside * kind.corners if kind.is_simplex else kind.beside
+    around = [(i, *(j for j in ends if j != i)) for i, ends in enumerate(beside)]
     at, one, other = (corners[:, list(places)] for places in zip(*around, strict=True))
     first, second = one - at, other - at
     normals = np.cross(first, second)
     sizes = np.linalg.norm(normals, axis=2)
     squares = np.sum(first**2, axis=2) * np.sum(second**2, axis=2)
     return normals / sizes[..., None], sizes / squares
-
-
-def _around_corners(kind: CellKind) -> list[tuple[int, tuple[int, ...]]]:
-    """Each corner of a facet in space, and the corners of the simplex beside it."""
-    if kind.is_simplex:
-        return [(corner, kind.beside[0]) for corner in range(kind.corners)]
-    return list(enumerate(kind.beside))

@@ -18,22 +18,27 @@ import numpy as np
 from contact_locking.arrays import BoolArray, IndexArray, IntArray
 from contact_locking.errors import InputError, explained
 from contact_locking.files.atomic import staging
+from contact_locking.mesh.cell_kind import (
+    HEXAHEDRON,
+    QUADRILATERAL,
+    TETRAHEDRON,
+    TRIANGLE,
+    CellKind,
+)
 
 #: Of files of other programs that meshio reads.
 ENDINGS = frozenset(
     (".bdf", ".cgns", ".e", ".exo", ".fem", ".inp", ".med", ".mesh", ".nas", ".su2", ".vtk", ".vtu")
 )
 _INSTALL = "apt-get install python3-meshio, or pip install meshio"
-#: The corners of the facets of a cell, by meshio's names of the cell and of its facets.
-_FACETS: dict[str, tuple[str, tuple[tuple[int, ...], ...]]] = {
-    "triangle": ("line", ((0, 1), (1, 2), (2, 0))),
-    "quad": ("line", ((0, 1), (1, 2), (2, 3), (3, 0))),
-    "tetra": ("triangle", ((0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3))),
-    "hexahedron": (
-        "quad",
-        ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
-    ),
+#: The kinds of cells by meshio's names, whose corners are in Gmsh's order, and those of facets.
+_CELL_KINDS = {
+    "triangle": TRIANGLE,
+    "quad": QUADRILATERAL,
+    "tetra": TETRAHEDRON,
+    "hexahedron": HEXAHEDRON,
 }
+_FACETS = {"triangle": "line", "quad": "line", "tetra": "triangle", "hexahedron": "quad"}
 # Elements of Abaqus in the plane; meshio knows those of plane stress alone.
 _TYPES = re.compile(rb"(TYPE\s*=\s*)(?:CP[ES]|CPEG|C?G?AX)([34])[A-Z]*\b", re.IGNORECASE)
 # The names of all cells with that many dimensions begin so, of any order.
@@ -59,7 +64,7 @@ def convert(source: Path, target: Path) -> list[str]:
         others
     )
     regions, names = _regions(mesh, [i for i, _ in blocks], len(cells))
-    facet, facets = _boundary(cells, kind)
+    facets = _boundary(cells, _CELL_KINDS[kind])
     parts: dict[str, IntArray] = {}
     for name, nodes in mesh.point_sets.items():
         inside = np.zeros(len(mesh.points), dtype=bool)
@@ -68,20 +73,20 @@ def convert(source: Path, target: Path) -> list[str]:
             parts[str(name)] = found
         else:
             warnings.append(f"{source}: the set {name} of nodes has no facet on the boundary")
-    _write(target, mesh.points, dim, (kind, cells, regions, names), (facet, parts))
+    _write(target, mesh.points, dim, (kind, cells, regions, names), (_FACETS[kind], parts))
     return warnings
 
 
 def _kind(there: list[str], source: Path) -> tuple[int, str]:
     for dim, begins in _CELLS.items():
         cells = [name for name in there if name.startswith(begins)]
-        if len(cells) == 1 and cells[0] in _FACETS:
+        if len(cells) == 1 and cells[0] in _CELL_KINDS:
             return dim, cells[0]
         if cells:
             break
     raise InputError(
         f"{source} has the cells {', '.join(there) or 'none'}; a body has cells of one kind, "
-        f"{', '.join(_FACETS)}, of first order"
+        f"{', '.join(_CELL_KINDS)}, of first order"
     )
 
 
@@ -130,14 +135,13 @@ def _regions(mesh: Any, blocks: list[int], count: int) -> tuple[IntArray, list[s
     return np.asarray(numbers).reshape(-1) + 1, names
 
 
-def _boundary(cells: IntArray, kind: str) -> tuple[str, IntArray]:
-    """The name of the facets' kind and the corners (f, d) of the facets of one cell only."""
-    facet, corners = _FACETS[kind]
-    every = np.concatenate([cells[:, list(of)] for of in corners])
+def _boundary(cells: IntArray, kind: CellKind) -> IntArray:
+    """The corners (f, d) of the facets of one cell only, in Gmsh's order as those of the cells."""
+    every = kind.facets_of(cells[:, list(kind.gmsh_order)])[:, list(kind.facet.gmsh_order)]
     _, first, counts = np.unique(
         np.sort(every, axis=1), axis=0, return_index=True, return_counts=True
     )
-    return facet, every[first[counts == 1]]
+    return every[first[counts == 1]]
 
 
 def _write(

@@ -29,22 +29,21 @@ from contact_locking.errors import InputError
 from contact_locking.mesh.file.conversion import ENDINGS
 from contact_locking.mesh.file.data import MeshData
 
-_KEY = "mesh.file"
 # The first two lines of a mesh: "$MeshFormat", then version, 0 (text) or 1 (binary), and size.
 _BEGIN = re.compile(rb"\$MeshFormat[ \t]*\r?\n[ \t]*(\d+(?:\.\d+)?)[ \t]+[01][ \t]+\d+[ \t]*\r?\n")
 _BEGIN_LENGTH = 200
 _VERSIONS = ("2", "2.1", "2.2", "4", "4.0", "4.1")
 
 
-def require_file(path: Path, kind: str = "mesh file", key: str | None = _KEY) -> None:
-    """Raise InputError, with the key, unless the path is a regular file.
+def require_file(path: Path, kind: str = "mesh file") -> None:
+    """Raise InputError unless the path is a regular file.
 
     This comes before a file is opened: to open a pipe would wait for a writer.
     """
     if not path.exists():
-        raise InputError(f"there is no {kind} {path}", key)
+        raise InputError(f"there is no {kind} {path}")
     if not stat.S_ISREG(path.stat().st_mode):
-        raise InputError(f"{path} is no file", key)
+        raise InputError(f"{path} is no file")
 
 
 @contextmanager
@@ -74,28 +73,24 @@ def _check_begin(stream: BinaryIO, path: Path) -> None:
         words = script.format(source=str(path), mesh=mesh, made=str(path.with_suffix(".msh")))
         raise InputError(
             f"{path} is a script of Gmsh, which can start programs and is not run here; if you "
-            f'trust it, this makes the mesh: python3 -c "{words}"',
-            _KEY,
+            f'trust it, this makes the mesh: python3 -c "{words}"'
         )
     if found is None and path.suffix.lower() in ENDINGS:
         made = path.with_suffix(".msh")
         raise InputError(
             f"{path} is a mesh of another program; this writes one that is read: "
-            f"contact-locking mesh {path} -o {made}",
-            _KEY,
+            f"contact-locking mesh {path} -o {made}"
         )
     if found is None:
         raise InputError(
             f"{path} is not a mesh in Gmsh's format, which begins with the line $MeshFormat; "
-            "in Gmsh, save the mesh as .msh (File > Export, or gmsh.write)",
-            _KEY,
+            "in Gmsh, save the mesh as .msh (File > Export, or gmsh.write)"
         )
     version = found[1].decode()
     if version not in _VERSIONS:
         raise InputError(
             f"{path} is in version {version} of Gmsh's mesh format; 2.2, 4.0 and 4.1 can be read "
-            "(Mesh.MshFileVersion in Gmsh)",
-            _KEY,
+            "(Mesh.MshFileVersion in Gmsh)"
         )
 
 
@@ -139,13 +134,12 @@ def _read(path: Path, what: str) -> Iterator[Path]:
         )
         said = done.stdout.decode("utf-8", errors="replace").strip()
         if done.returncode == InputError.exit_code and said:
-            raise InputError(said, _KEY)
+            raise InputError(said)
         if done.returncode != 0:
             last = done.stderr.decode("utf-8", errors="replace").strip()[-_MESSAGE_TAIL:]
             raise InputError(
                 f"Gmsh cannot read {path}: it {_end(done.returncode)}"
-                f"{' and said: ' if last else ''}{' '.join(last.split())}",
-                _KEY,
+                f"{' and said: ' if last else ''}{' '.join(last.split())}"
             )
         yield target
 

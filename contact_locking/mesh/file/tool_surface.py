@@ -125,7 +125,7 @@ _HEAD, _RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)),
 
 def check_size(path: Path) -> None:
     """Raise InputError unless the path is a file of at least 1 and at most `LARGEST_FILE` bytes."""
-    require_file(path, "file", None)
+    require_file(path, "file")
     size = path.stat().st_size
     if size > LARGEST_FILE:
         raise InputError(

@@ -16,7 +16,6 @@ from contact_locking.mesh.file import places
 from contact_locking.mesh.file.reader import require_file
 
 ENDING = ".xdmf"
-_KEY = "mesh.file"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 # A grid takes less than 1 kB, and a mesh does not have thousands of groups.
 _LARGEST = 1_000_000
@@ -77,13 +76,12 @@ def read_grids(path: Path) -> Grids:
     """
     cells, *groups = _listed(path)
     if cells.dim < 2:
-        raise InputError(f"{path} is a 1D mesh; a body in 2D or 3D is needed", _KEY)
+        raise InputError(f"{path} is a 1D mesh; a body in 2D or 3D is needed")
     for grid in groups:
         if grid.kind not in (cells.kind, cells.kind.facet):
             raise InputError(
                 f"{path}: grid {grid.name!r} has neither {cells.kind.plural} nor "
-                f"{places.of_facets(cells.kind)}s of the body",
-                _KEY,
+                f"{places.of_facets(cells.kind)}s of the body"
             )
     return Grids(cells, tuple(groups))
 
@@ -91,17 +89,17 @@ def read_grids(path: Path) -> Grids:
 def read_facet_grids(path: Path, cells: CellKind) -> tuple[Grid, tuple[Grid, ...]]:
     """The first grid of a file, which has its points, and those with tags of facets.
 
-    For one process.  The first grid may be a mesh without values.  Raises InputError, with the key
-    of mesh files, for a file with anything else.
+    For one process.  The first grid may be a mesh without values.  Raises InputError for a file
+    with anything else.
     """
     first, *others = _listed(path)
     tags = [*([first] if first.has_values else []), *others]
     facets = f"{places.of_facets(cells)}s"
     for grid in tags:
         if grid.kind != cells.facet or not grid.has_values:
-            raise InputError(f"{path}: grid {grid.name!r} has no tags of {facets}", _KEY)
+            raise InputError(f"{path}: grid {grid.name!r} has no tags of {facets}")
     if not tags:
-        raise InputError(f"{path} has no tags of {facets}, but a mesh alone", _KEY)
+        raise InputError(f"{path} has no tags of {facets}, but a mesh alone")
     return first, tuple(tags)
 
 
@@ -110,33 +108,32 @@ def _listed(path: Path) -> list[Grid]:
     require_file(path)
     if path.stat().st_size > _LARGEST:
         size = f"{path.stat().st_size / 1e6:.1f} MB"
-        raise InputError(f"{path} has {size}, and holds its numbers itself; {_WRITE}", _KEY)
+        raise InputError(f"{path} has {size}, and holds its numbers itself; {_WRITE}")
     content = path.read_bytes()
     if b"<!ENTITY" in content:
-        raise InputError(f"{path} defines XML entities, which are not read", _KEY)
+        raise InputError(f"{path} defines XML entities, which are not read")
     try:
         root = ElementTree.fromstring(content)
     except ElementTree.ParseError as error:
-        raise InputError(f"{path} is not an XML file: {error}", _KEY) from None
+        raise InputError(f"{path} is not an XML file: {error}") from None
     items = list(root.iter("DataItem"))
     if any(item.get("Format") == "XML" for item in items):
-        raise InputError(f"{path}: numbers in the text of XDMF are not read; {_WRITE}", _KEY)
+        raise InputError(f"{path}: numbers in the text of XDMF are not read; {_WRITE}")
     _require_whole(data_file(path))
     for item in items:
         file = (item.text or "").strip().partition(":")[0]
         if item.get("Format") != "HDF" or file != data_file(path).name:
             raise InputError(
                 f"{path} refers to other data than those in {data_file(path).name}: DOLFINx reads "
-                "the HDF5 file with the same name beside the file",
-                _KEY,
+                "the HDF5 file with the same name beside the file"
             )
     grids = [_grid(grid, path) for grid in root.iterfind("Domain/Grid")]
     if not grids:
-        raise InputError(f"{path} holds no grid; write the mesh first", _KEY)
+        raise InputError(f"{path} holds no grid; write the mesh first")
     names = [grid.name for grid in grids]
     twice = {name for name in names if names.count(name) > 1}
     if twice:
-        raise InputError(f"{path} has two grids named {min(twice)!r}", _KEY)
+        raise InputError(f"{path} has two grids named {min(twice)!r}")
     return grids
 
 
@@ -146,11 +143,11 @@ def _require_whole(path: Path) -> None:
     with path.open("rb") as stream:
         head = stream.read(64)
     if not head.startswith(_HDF5):
-        raise InputError(f"{path} is not an HDF5 file", _KEY)
+        raise InputError(f"{path} is not an HDF5 file")
     place = _END.get(head[_VERSION] if len(head) > _VERSION else -1, 0)
     end, size = int.from_bytes(head[place : place + 8], "little"), path.stat().st_size
     if place and size < end:
-        raise InputError(f"{path} is truncated: it has {size} of {end} bytes; write it again", _KEY)
+        raise InputError(f"{path} is truncated: it has {size} of {end} bytes; write it again")
 
 
 def _grid(grid: ElementTree.Element, path: Path) -> Grid:
@@ -158,16 +155,13 @@ def _grid(grid: ElementTree.Element, path: Path) -> Grid:
     kind = "" if topology is None else topology.get("TopologyType", "")
     # Names are printed, and terminals read some characters as commands; quotes end an XPath.
     if not name or not name.isprintable() or "'" in name:
-        raise InputError(f"{path}: the name of a grid is {name!a}, which is no name", _KEY)
+        raise InputError(f"{path}: the name of a grid is {name!a}, which is no name")
     if kind.lower() == "mixed":
-        raise InputError(
-            f"{path}: grid {name!r} has cells of several kinds; {places.ONE_KIND}", _KEY
-        )
+        raise InputError(f"{path}: grid {name!r} has cells of several kinds; {places.ONE_KIND}")
     if kind.lower() not in _KINDS:
         known = ", ".join(kind.plural for kind in NAMED.values())
         raise InputError(
             f"{path}: grid {name!r} has the topology {kind!a}; only these of first order are "
-            f"supported: {known}, with lines, triangles and quadrilaterals as their facets",
-            _KEY,
+            f"supported: {known}, with lines, triangles and quadrilaterals as their facets"
         )
     return Grid(name, _KINDS[kind.lower()], grid.find("Attribute") is not None)

@@ -22,14 +22,14 @@ from mpi4py import MPI
 from contact_locking.arrays import BoolArray
 from contact_locking.errors import InputError, NotRefined
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells, gather_mesh
+from contact_locking.mesh.file.data import MeshData
+from contact_locking.mesh.whole_mesh import gather_cells, gather_mesh
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.process import solving
-from contact_locking.process.adaptivity.finer import finer_mesh, smoothing_radii
 from contact_locking.process.adaptivity.marking import cells_at, entered_places, marked_cells
 from contact_locking.process.adaptivity.mesh_sequence import MEASURES, ErrorMeasure, MeshSequence
 from contact_locking.process.adaptivity.missed import solved_with_nodes
-from contact_locking.process.adaptivity.refinement import singular_place
+from contact_locking.process.adaptivity.refinement import finer_mesh, singular_place
 from contact_locking.process.adaptivity.sharper_bound import sharper_errors
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results.adapted_meshes import AdaptedMesh
@@ -115,7 +115,9 @@ def solve_adaptively(
         finer = _refined(solution, measure, sequence)
         monitor.mesh(len(sequence.meshes), sequence.in_words())
         if sequence.stopped and not sequence.is_reached:
-            _warn(solution, monitor, sequence)
+            text = "the meshes were not refined until adapt.tolerance was reached: "
+            solution.summary["warnings"].append(text + sequence.stopped)
+            monitor.message(f"warning: {text}{sequence.stopped}")
         seconds = time.perf_counter() - began
         solution.summary |= {"adapt": sequence.summary(), "wall_seconds": seconds}
         yield dataclasses.replace(solution, meshes=tuple(sequence.pictures))
@@ -139,20 +141,15 @@ def _refined(
         # A mesh that misses a foundation may have no error.
         index_map = domain.mesh.topology.index_map(domain.dim)
         squares = np.zeros(index_map.size_local)
-    found, radii = gather_cells(domain, squares), smoothing_radii(solution)
-    smoothing = [
-        one.friction.smoothing.radius or radii[one.key]
-        for one in solution.parameters.contacts
-        if one.friction.coefficient != 0 and one.friction.smoothing.kernel != "none"
-    ]
+    found = gather_cells(domain, squares)
     entered = entered_places(solution)
 
-    def marks(mesh: WholeMesh) -> BoolArray:
+    def marks(data: MeshData) -> BoolArray:
         assert found is not None
         if sequence.stagnates and not entered:
-            raise NotRefined(singular_place(mesh.data, smoothing))
-        marked = marked_cells(found, given.share) | cells_at(mesh.data, entered)
-        sequence.pictures[-1] = sequence.pictures[-1].with_marks(mesh.data.cells.nodes, marked)
+            raise NotRefined(singular_place(data))
+        marked = marked_cells(found, given.share) | cells_at(entered, data)
+        sequence.pictures[-1] = sequence.pictures[-1].with_marks(data.cells.nodes, marked)
         return marked
 
     try:
@@ -160,9 +157,3 @@ def _refined(
     except NotRefined as reason:
         sequence.stop(str(reason))
         return None
-
-
-def _warn(solution: StudySolution, monitor: Monitor, sequence: MeshSequence) -> None:
-    text = f"the meshes were not refined until adapt.tolerance was reached: {sequence.stopped}"
-    solution.summary["warnings"].append(text)
-    monitor.message(f"warning: {text}")

@@ -47,7 +47,7 @@ def only_misses(solution: StudySolution) -> bool:
     return broken == [ENTRY]
 
 
-def cells_at(data: MeshData, places: list[tuple[float, ...]]) -> BoolArray:
+def cells_at(places: list[tuple[float, ...]], data: MeshData) -> BoolArray:
     """The cells (k,) that have one of some places."""
     corners = data.points[data.cells.nodes]
     found = np.zeros(len(corners), dtype=bool)

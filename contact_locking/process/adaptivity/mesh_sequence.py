@@ -22,55 +22,35 @@ class ErrorMeasure:
     """A measure of the error in the energy norm.
 
     ``entry`` is the name of the measure below ``certificate.errors`` in the summary, whose value
-    ``relative`` is the error over the energy norm of the solution.  ``squares`` gives the squared
-    contributions (k,) of the owned cells, and None for a solution without them; only their ratios
-    count.
+    ``relative`` is the error over the energy norm of the solution.  ``field`` gives the
+    contributions of the cells, and None for a solution without them; only their ratios count.
     """
 
     entry: str
-    squares: Callable[[StudySolution], FloatArray | None]
+    field: Callable[[StudySolution], fem.Function | None]
 
-    def relative(self, solution: StudySolution) -> float | None:
-        """The relative error; None if it is not known."""
-        found = self._entry(solution).get("relative")
-        return None if found is None else float(found)
-
-    def reason(self, solution: StudySolution) -> str:
-        """Why the error is not known."""
-        return str(self._entry(solution).get("reason") or "the certificate has none")
-
-    def _entry(self, solution: StudySolution) -> dict[str, Any]:
+    def relative(self, solution: StudySolution) -> tuple[float | None, str]:
+        """The relative error; None, with the reason, if it is not known."""
         found = solution.summary["certificate"]["errors"].get(self.entry)
-        return found if isinstance(found, dict) else {}
+        found = found if isinstance(found, dict) else {}
+        return found.get("relative"), str(found.get("reason") or "the certificate has none")
 
-
-def _estimated(solution: StudySolution) -> FloatArray | None:
-    """``eta_K^2`` of the indicator by recovery, for the elastic stress, as in the estimate.
-
-    With the locking stress the contributions would lead to locked zones, where this stress
-    alternates between cells on every mesh.
-    """
-    return _squares(solution, solution.elastic_error_indicator)
-
-
-def _bounded(solution: StudySolution) -> FloatArray | None:
-    """The contributions of the cells to the guaranteed bound, with those of their contacts."""
-    return _squares(solution, solution.error_bound)
-
-
-def _squares(solution: StudySolution, field: fem.Function | None) -> FloatArray | None:
-    """The squares (k,) of a function that is constant in each of the owned cells."""
-    if field is None:
-        return None
-    mesh = solution.domain.mesh
-    owned = mesh.topology.index_map(mesh.topology.dim).size_local
-    return np.asarray(field.x.array[field.function_space.dofmap.list[:owned, 0]] ** 2)
+    def squares(self, solution: StudySolution) -> FloatArray | None:
+        """The squared contributions (k,) of the owned cells."""
+        field = self.field(solution)
+        if field is None:
+            return None
+        mesh = solution.domain.mesh
+        owned = mesh.topology.index_map(mesh.topology.dim).size_local
+        return np.asarray(field.x.array[field.function_space.dofmap.list[:owned, 0]] ** 2)
 
 
 #: The measures by the values of ``adapt.by``.
 MEASURES = {
-    "estimate": ErrorMeasure("mesh", _estimated),
-    "bound": ErrorMeasure("guaranteed", _bounded),
+    # With the locking stress, which alternates between cells on every mesh, the contributions would
+    # lead to locked zones: the indicator by recovery is that of the elastic stress.
+    "estimate": ErrorMeasure("mesh", lambda solution: solution.elastic_error_indicator),
+    "bound": ErrorMeasure("guaranteed", lambda solution: solution.error_bound),
 }
 
 
@@ -109,7 +89,7 @@ class MeshSequence:
             }
         )
         self._began = now
-        error = measure.relative(solution)
+        error, reason = measure.relative(solution)
         is_entered = bool(entered_places(solution))
         if is_entered and (solution.converged or only_misses(solution)):
             # No error on this mesh tells of a foundation that enters between the nodes.
@@ -119,9 +99,8 @@ class MeshSequence:
             self.stop("the solve on this mesh did not converge")
         elif error is None:
             # A body at rest has no relative error.
-            self.is_reached = _is_at_rest(solution)
-            rests = "the body is at rest"
-            self.stop(rests if self.is_reached else f"no error: {measure.reason(solution)}")
+            self.is_reached = bool(summary["elastic_energy"] == 0.0)
+            self.stop("the body is at rest" if self.is_reached else f"no error: {reason}")
         elif error <= self.given.tolerance:
             self.is_reached = True
             self.stop(f"the {self.given.by} is below the tolerance")
@@ -158,7 +137,3 @@ class MeshSequence:
         errors = [entry[self.given.by] for entry in self.meshes[-_MESHES:]]
         is_known = len(errors) == _MESHES and None not in errors
         return is_known and errors[-1] > _LEAST_FALL * errors[0]
-
-
-def _is_at_rest(solution: StudySolution) -> bool:
-    return bool(solution.summary["elastic_energy"] == 0.0)

@@ -18,9 +18,8 @@ import numpy as np
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import NotRefined
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.whole_mesh import WholeMesh
-from contact_locking.process.adaptivity.finer import finer_mesh
 from contact_locking.process.adaptivity.marking import cells_at, entered_places, only_misses
+from contact_locking.process.adaptivity.refinement import finer_mesh
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.solution import StudySolution
 
@@ -58,7 +57,7 @@ def solved_with_nodes(
         is_seen = not entered and counts.any() and not few.any()
         if is_seen or not (solution.converged or only_misses(solution)):
             break
-        marks = partial(_marks, [*entered, *map(tuple, points[is_near.any(axis=1)])])
+        marks = partial(cells_at, [*entered, *map(tuple, points[is_near.any(axis=1)])])
         try:
             finer = finer_mesh(solution, marks, most, f"{most}", may_stay_straight=True)
         except NotRefined:
@@ -77,7 +76,3 @@ def _touching(
     own = [fields.surface.points[fields.state != OPEN] for fields in solution.contacts]
     points = np.concatenate(comm.allgather(np.concatenate(own)))
     return points, np.linalg.norm(points[:, None] - around, axis=2) <= reach
-
-
-def _marks(places: list[tuple[float, ...]], mesh: WholeMesh) -> BoolArray:
-    return cells_at(mesh.data, places)

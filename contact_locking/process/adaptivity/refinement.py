@@ -1,4 +1,4 @@
-"""The refinement of marked cells, with regions, boundary parts and curved sides.
+"""The mesh of a solution with marked cells refined: regions, boundary parts and curved sides stay.
 
 DOLFINx does not carry mesh tags to the refinement of a mesh with ghost cells
 (https://github.com/FEniCS/dolfinx/issues/3443).  Therefore rank 0 refines the whole mesh, which has
@@ -9,7 +9,7 @@ again, and the mesh does not depend on the number of ranks.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -19,20 +19,27 @@ from mpi4py import MPI
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, IntArray
+from contact_locking.contact.coulomb import default_radius
 from contact_locking.errors import NotRefined
 from contact_locking.mesh.cell_kind import unit_normals
+from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.topology import keys, longest_edges, signed_measures
-from contact_locking.mesh.whole_mesh import WholeMesh, elements, spread
+from contact_locking.mesh.whole_mesh import WholeMesh, elements, gather_mesh, spread
 from contact_locking.meshes.curved import Curved, rounded
+from contact_locking.parallel import on_root
+from contact_locking.results.solution import StudySolution
 
 # A node that moves onto a curved side may take at most this share of the volume of a cell.
 _LARGEST_LOSS = 0.9
-# Cells that are smaller than this share of the smoothing radius no longer change what R smooths.
-_SMOOTHED = 0.05
 # Cells that are smaller than this share of the body are near the rounding of the coordinates.
 _SMALLEST_SHARE = 1e-9
+
+_STRAIGHT = (
+    "the mesh is so coarse that the refinement keeps the facets of curved sides straight; make "
+    "mesh.h smaller for curves"
+)
 
 
 class Collapses(NotRefined):
@@ -108,25 +115,15 @@ def _nodes_of(data: MeshData, name: str) -> BoolArray:
     return mask
 
 
-def singular_place(data: MeshData, radii: Sequence[float]) -> str:
-    """Why an error that hardly falls ends the loop: where the smallest cells are, in words.
-
-    ``radii`` are the smoothing radii of the contacts.
-    """
+def singular_place(data: MeshData) -> str:
+    """Why an error that hardly falls ends the loop: where the smallest cells are, in words."""
     sizes = longest_edges(data.points, data.cells.nodes)
     least = int(np.argmin(sizes))
     place = places.at(data.points[data.cells.nodes[least]].mean(axis=0))
-    told = (
+    return (
         "the error has hardly fallen over the last meshes; the smallest cells, of size "
         f"{sizes[least]:.2g}, are at {place}, where the solution may be singular"
     )
-    radius = min(radii, default=0.0)
-    if sizes[least] < _SMOOTHED * radius:
-        told += (
-            f"; R smooths the pressure over {radius:g}, so that finer cells do not change friction "
-            "there"
-        )
-    return told
 
 
 # Two facets of a boundary part belong to a curve if the angle between them is in this range: below
@@ -134,18 +131,11 @@ def singular_place(data: MeshData, radii: Sequence[float]) -> str:
 _PARALLEL, _EDGE = 1e-4, math.radians(40.0)
 
 
-def curved_parts(data: MeshData) -> list[str]:
-    """The names of the boundary parts with neighbouring facets at a small angle, sorted."""
-    return [
-        name
-        for name in sorted(data.facets.names)
-        if _bends(data, data.facets.take(data.facets.named(name)))
-    ]
-
-
 def warnings(data: MeshData) -> list[str]:
-    """A warning about the curved boundary parts, if there are any."""
-    names = curved_parts(data)
+    """A warning about the boundary parts with neighbouring facets at a small angle."""
+    facets = data.facets
+    parts = {name: facets.take(facets.named(name)) for name in sorted(facets.names)}
+    names = [name for name, part in parts.items() if _bends(data, part)]
     if not names:
         return []
     return [
@@ -156,8 +146,6 @@ def warnings(data: MeshData) -> list[str]:
 
 
 def _bends(data: MeshData, part: MeshElements) -> bool:
-    if len(part) < 2:
-        return False
     ridges = keys(np.sort(data.kind.facet.facets_of(part.nodes), axis=1), len(data.points))
     order = np.argsort(ridges, kind="stable")
     shared = np.flatnonzero(ridges[order[1:]] == ridges[order[:-1]])
@@ -165,3 +153,50 @@ def _bends(data: MeshData, part: MeshElements) -> bool:
     cosines = np.abs(np.einsum("kd,kd->k", normals[shared], normals[shared + 1]))
     angles = np.arccos(np.minimum(cosines, 1.0))
     return bool(np.any((angles > _PARALLEL) & (angles < _EDGE)))
+
+
+def finer_mesh(
+    solution: StudySolution,
+    marks: Callable[[MeshData], BoolArray],
+    most: int,
+    name: str,
+    may_stay_straight: bool = False,
+    is_nested: bool = False,
+) -> Domain:
+    """The mesh of a solution with the cells ``marks`` (k,) refined; collective.
+
+    ``marks`` is called on rank 0.  ``most`` is the largest number of unknowns, and ``name`` its
+    name in words.  Default radii of smoothing stay those of the first mesh.  Curved sides of a
+    builder stay curved, unless the mesh ``is_nested`` in that of the solution.  Where a cell would
+    collapse at a curved side, the sides keep the facets of the mesh if they ``may_stay_straight``,
+    with a warning.  Raises NotRefined, on all ranks.
+    """
+    domain, geometry = solution.domain, solution.parameters.mesh.geometry
+    mesh = gather_mesh(domain)
+    radii = domain.smoothing_radii or {
+        one.contact.key: default_radius(one.surface) for one in solution.contacts
+    }
+    held: list[WholeMesh] = []
+
+    def work() -> None:
+        assert mesh is not None
+        told = mesh.warnings
+        curved = () if geometry is None or is_nested else geometry.curved
+        marked, news = marks(mesh.data), list[str]()
+        try:
+            finer = refined(mesh, marked, curved)
+        except Collapses:
+            if not may_stay_straight:
+                raise
+            finer, news = refined(mesh, marked), [_STRAIGHT]
+        news += warnings(mesh.data) if geometry is None else []
+        news = [text for text in news if text not in told]
+        held.append(replace(finer, warnings=(*told, *news), smoothing_radii=radii))
+
+    on_root(domain.comm, work)
+    finer = spread(held[0] if held else None, domain.comm)
+    dofmap = solution.element.displacement_space(finer.mesh).dofmap
+    dofs = int(dofmap.index_map.size_global * dofmap.index_map_bs)
+    if dofs > most:
+        raise NotRefined(f"the next mesh has {dofs} unknowns, more than {name}")
+    return finer

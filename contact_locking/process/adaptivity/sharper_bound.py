@@ -14,23 +14,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
 from dolfinx import fem
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.arrays import BoolArray
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.errors import NotRefined
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells
+from contact_locking.mesh.file.data import MeshData
+from contact_locking.mesh.whole_mesh import gather_cells
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum, on_any_rank
-from contact_locking.process.adaptivity.finer import finer_mesh
 from contact_locking.process.adaptivity.marking import marked_cells
 from contact_locking.process.adaptivity.mesh_sequence import MEASURES
+from contact_locking.process.adaptivity.refinement import finer_mesh
 from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
@@ -140,13 +140,13 @@ def _finer(solution: StudySolution) -> Domain | None:
     squares = MEASURES["bound"].squares(solution)
     if squares is None:
         return None
-    marks = partial(_marks, gather_cells(solution.domain, squares))
+    every = gather_cells(solution.domain, squares)
+
+    def marks(data: MeshData) -> BoolArray:
+        assert every is not None
+        return marked_cells(every, _SHARE)
+
     try:
         return finer_mesh(solution, marks, _MOST, f"{_MOST}", is_nested=True)
     except NotRefined:
         return None
-
-
-def _marks(squares: FloatArray | None, mesh: WholeMesh) -> BoolArray:
-    assert squares is not None
-    return marked_cells(np.asarray(squares), _SHARE)
