@@ -108,12 +108,14 @@ def study(arguments: argparse.Namespace) -> int:
         raise InputError("start a study without mpirun: --ranks K runs each case on K ranks")
     began = time.perf_counter()
     file = _load(arguments.file, _overrides(arguments))
-    from contact_locking.running import studies
+    from contact_locking.running.studies.executor import Plan
+    from contact_locking.running.studies.runner import Study, finish, summary_rows
 
-    plan = studies.Plan(arguments.jobs, arguments.ranks, arguments.executor)
+    plan = Plan(arguments.jobs, arguments.ranks, arguments.executor)
     with _explained(file):
-        done = studies.run(file, plan, terminal.console())
-    print(terminal.columns(studies.summary_rows(done, time.perf_counter() - began)))
+        done = Study.of(file)
+        finish(done, file.parameters, plan, terminal.console())
+    print(terminal.columns(summary_rows(done, time.perf_counter() - began)))
     return CONVERGED if set(done.count()) == {"converged"} else NOT_CONVERGED
 
 
@@ -152,12 +154,12 @@ def fit(arguments: argparse.Namespace) -> int:
 
 def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
     """The best of several searches that a fit asks for, None for one search."""
-    from contact_locking.running import studies
+    from contact_locking.running.studies.executor import Plan
 
-    plan = studies.Plan(arguments.jobs, arguments.ranks, arguments.executor)
+    plan = Plan(arguments.jobs, arguments.ranks, arguments.executor)
     given = file.parameters.fit
     if given is None or given.starts == 1:
-        if plan != studies.Plan():
+        if plan != Plan():
             raise InputError("--jobs, --ranks and --executor are for several searches: fit.starts")
         return None
     if terminal.world() is not None:
@@ -234,9 +236,9 @@ def check(arguments: argparse.Namespace) -> int:
         rows += [(name, _shown(value)) for name, value in facts.items()]
         rows += [(f"{part} is held by", words) for part, words in held.items()]
         if parameters.study is not None:
-            from contact_locking.running import studies
+            from contact_locking.running.studies.runner import Study
 
-            cases = studies.Study.of(study)
+            cases = Study.of(study)
             finished = f"{cases.finished} finished in {cases.directory}"
             rows.append(("cases of the study", f"{len(cases.cases)}, {finished}"))
         if parameters.fit is not None:
@@ -332,7 +334,7 @@ def _overrides(arguments: argparse.Namespace) -> list[str]:
 
 def _keep_checkpoint(restart: Path, results: Path) -> None:
     """Refuse to replace the checkpoint that the run starts from by results without one."""
-    from contact_locking.process.checkpoint import locate
+    from contact_locking.process.checkpoint.record import locate
 
     if locate(restart).resolve() == locate(results).resolve():
         raise InputError(
@@ -363,7 +365,7 @@ def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
 
 def _checkpoints_work() -> bool:
     """Whether checkpoints can be saved; a warning says why not."""
-    from contact_locking.process import checkpoint
+    from contact_locking.process.checkpoint import stored as checkpoint
 
     missing = checkpoint.unavailable()
     if missing is not None:

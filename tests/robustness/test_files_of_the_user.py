@@ -17,7 +17,8 @@ from contact_locking.errors import InputError
 from contact_locking.extras import report
 from contact_locking.files import ownership
 from contact_locking.files.lock import locked
-from contact_locking.running import studies, writing
+from contact_locking.running import writing
+from contact_locking.running.studies.runner import Study
 
 pytestmark = pytest.mark.serial
 
@@ -114,7 +115,7 @@ def test_a_study_refuses_a_folder_with_a_file_of_the_user(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("contact_locking.running.studies.runner._solve", never)
     Path("study.yml").write_text(STUDY)
-    case = studies.Study.of(study_file.load(Path("study.yml"))).cases[1].name
+    case = Study.of(study_file.load(Path("study.yml"))).cases[1].name
     mine = users(tmp_path / name.format(case=case))
     assert cli.main(["study", "study.yml"]) == 2
     assert mine.name in capsys.readouterr().err
