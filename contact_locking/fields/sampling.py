@@ -42,11 +42,7 @@ _SUSPECTS, _ZOOMS = 8, 30
 # Data that grow faster than with this power of the inverse distance have a pole; the powers of a
 # pole as 1/x, of a logarithm and of a square root are 1, 0 and 1/2.
 _POLE = 0.9
-_CELLS = {
-    1: basix.CellType.interval,
-    2: basix.CellType.triangle,
-    3: basix.CellType.tetrahedron,
-}
+_CELLS = {1: basix.CellType.interval, 2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
 # The corners of the children of a simplex, each the midpoint between two corners of the simplex.
 _CHILDREN = {
     1: ("00 01", "01 11"),
@@ -171,14 +167,15 @@ def _features(
     inner, _ = rule(dim, entities.halvings, 1)
     # The residual of a fit by an affine function.
     left = np.eye(len(inner)) - inner @ np.linalg.pinv(inner)
-    used, _ = rule(dim, 0, 1) if entities.name == "cell" else (np.eye(dim + 1), None)
+    used = rule(dim, 0, 1)[0] if entities.name == "cell" else np.eye(dim + 1)
     count = len(entities.corners)
     low, high, sizes, bend, missed, mean = np.zeros((6, count))
     ends = [np.inf, -np.inf]
     place = np.zeros((count, entities.domain.dim))
     with np.errstate(all="ignore"):
-        for chunk, x in entities.chunks(inner):
-            given = values(x.reshape(-1, x.shape[2])).reshape(x.shape[:2])
+        for chunk, x in entities.chunks(np.vstack([inner, used])):
+            both = values(x.reshape(-1, x.shape[2])).reshape(x.shape[:2])
+            given, at_used = both[:, : len(inner)], _filled(both[:, len(inner) :])
             found = _filled(given)
             given = np.where(np.isnan(given), found, given)
             low[chunk], high[chunk] = given.min(axis=1), given.max(axis=1)
@@ -187,10 +184,8 @@ def _features(
             bend[chunk] = rest.max(axis=1)
             place[chunk] = x[np.arange(len(x)), rest.argmax(axis=1)]
             mean[chunk] = found.mean(axis=1)
-        for chunk, x in entities.chunks(used):
-            found = _filled(values(x.reshape(-1, x.shape[2])).reshape(x.shape[:2]))
-            ends = [found.min(initial=ends[0]), found.max(initial=ends[1])]
-            missed[chunk] = found.mean(axis=1) - mean[chunk]
+            ends = [at_used.min(initial=ends[0]), at_used.max(initial=ends[1])]
+            missed[chunk] = at_used.mean(axis=1) - mean[chunk]
     least = -maximum(comm, -np.minimum(low, ends[0]), -np.inf)
     most = maximum(comm, np.maximum(high, ends[1]), -np.inf)
     offset = least if relative_to == "range" else 0.0
@@ -203,8 +198,8 @@ def _features(
     agree(comm, lambda: refuse_poles(entities, suspects, values, key))
     weights = entities.sizes
     sums = [weights @ np.abs(missed), weights @ np.abs(mean - offset), weights @ mean]
-    lost, whole, total = comm.allreduce(np.array([*sums]))
-    measure, used_mean = comm.allreduce(np.array([weights.sum(), weights @ (mean + missed)]))
+    sums += [weights.sum(), weights @ (mean + missed)]
+    lost, whole, total, measure, used_mean = comm.allreduce(np.array(sums))
     worst = int(np.argmax(share)) if count else 0
     mine = (0.0, "", 0.0, 0.0)
     if count:

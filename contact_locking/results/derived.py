@@ -1,4 +1,4 @@
-"""NodalContact fields of a solved displacement, and the multipliers of the penalty laws."""
+"""Nodal fields of the contacts of a solved displacement, and multipliers of the penalty laws."""
 
 from __future__ import annotations
 
@@ -37,7 +37,6 @@ _SLIP_SHARE = 0.99
 _SCALAR_FIELDS = {
     "contact_pressure": "pressure",
     "smoothed_stress": "smoothed_stress",
-    "contact_state": "state",
     "friction_bound": "bound",
 }
 
@@ -173,6 +172,7 @@ def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, 
     scalars = _compat.collapse(vectors.sub(0))[0]
     dim = u.ufl_shape[0]
     found = {name: fem.Function(scalars, name=name) for name in _SCALAR_FIELDS}
+    state = fem.Function(scalars, name="contact_state")
     found["tangential_traction"] = fem.Function(vectors, name="tangential_traction")
     area = np.zeros(len(scalars.tabulate_dof_coordinates()))
     for fields in contacts:
@@ -181,15 +181,12 @@ def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, 
         nodes = fields.surface.nodes
         share = fields.surface.weights / area[nodes]
         for name, attribute in _SCALAR_FIELDS.items():
-            values = found[name].x.array
-            if name == "contact_state":
-                values[nodes] = np.maximum(values[nodes], fields.state)
-            else:
-                values[nodes] += share * getattr(fields, attribute)
+            found[name].x.array[nodes] += share * getattr(fields, attribute)
+        state.x.array[nodes] = np.maximum(state.x.array[nodes], fields.state)
         tractions = found["tangential_traction"].x.array.reshape(-1, dim)
         tractions[fields.surface.blocks] += share[:, None] * fields.traction
-    for name, function in found.items():
+    state.x.scatter_forward()
+    for function in found.values():
         function.x.scatter_forward()
-        if name != "contact_state":
-            make_nodal(function, [fields.surface.limited for fields in contacts])
-    return found
+        make_nodal(function, [fields.surface.limited for fields in contacts])
+    return found | {"contact_state": state}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import re
@@ -15,6 +16,7 @@ from contact_locking.errors import InputError
 from contact_locking.results import contact_table, names
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.history import History, read_history
+from contact_locking.results.quantities import look_up
 
 Row = dict[str, Any]
 
@@ -105,7 +107,7 @@ def _run(folder: Path) -> RunResults:
         raise InputError(f"{path}: is damaged: it does not say whether the run converged")
     listed = summary.pop("not_finite", None)
     for key, text in listed.items() if isinstance(listed, dict) else ():
-        _restore(summary, key.split("."), text)
+        _restore(summary, key, text)
     picture, meshes, film = folder / names.PICTURE, folder / names.MESHES, folder / names.ANIMATION
     contact, facets, history = folder / names.CONTACT, folder / names.FACETS, folder / names.HISTORY
     points = contact_table.read_points(_text(contact), str(contact))
@@ -163,17 +165,14 @@ def _require_version(record: dict[str, Any], folder: Path) -> None:
         )
 
 
-def _restore(value: Any, path: list[str], text: Any) -> None:
-    """Set the value at ``path`` in a summary to an infinity or NaN, which JSON cannot hold."""
-    first, *rest = path
-    place: Any = int(first) if isinstance(value, list) and first.isdecimal() else first
-    known = range(len(value)) if isinstance(value, list) else value
-    if not isinstance(value, dict | list) or place not in known:
-        return
-    if rest:
-        _restore(value[place], rest, text)
-    elif text in ("inf", "-inf", "nan") and value[place] is None:
-        value[place] = float(text)
+def _restore(summary: dict[str, Any], key: str, text: Any) -> None:
+    """Set the value of a dotted key to an infinity or NaN, which JSON cannot hold."""
+    above, _, last = key.rpartition(".")
+    place = look_up(summary, above) if above else summary
+    with contextlib.suppress(LookupError, TypeError, ValueError):
+        name: Any = int(last) if isinstance(place, list) else last
+        if text in ("inf", "-inf", "nan") and place[name] is None:
+            place[name] = float(text)
 
 
 def number(value: Any) -> float | None:

@@ -21,7 +21,7 @@ from solutions import of_kind
 from contact_locking.errors import NoRendering
 from contact_locking.extras import report
 from contact_locking.extras.pictures import offscreen, style
-from contact_locking.extras.pictures.animation import MOST_FRAMES, Film, Frame, gif
+from contact_locking.extras.pictures.animation import MOST_FRAMES, Film, Frame, animation
 from contact_locking.extras.pictures.gather import gather
 from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot, seen_from_outside
 from contact_locking.extras.pictures.style import look_of
@@ -124,7 +124,7 @@ def test_the_mesh_of_a_film_is_in_memory_once() -> None:
 @pytest.mark.serial
 def test_equal_frames_stay_frames_of_their_own(tmp_path: Path) -> None:
     path = tmp_path / "animation.gif"
-    path.write_bytes(gif([Frame(step, 0.1 * step, flat_body(0.2)) for step in (1, 2, 3)]))
+    path.write_bytes(animation([Frame(step, 0.1 * step, flat_body(0.2)) for step in (1, 2, 3)]))
     assert [frame.caption for frame in frames(path)] == [f"t = 0.{k}, step {k}" for k in (1, 2, 3)]
 
 
@@ -199,7 +199,7 @@ def test_the_frames_of_a_film_share_magnification_scale_and_palette(tmp_path: Pa
     assert look.factor == style.magnification(bodies[1])
     assert {shade.norm.vmax for shade in look.shades} == {1.0}
     path = tmp_path / "animation.gif"
-    path.write_bytes(gif([Frame(step, 0.1 * step, flat_body(0.1 * step)) for step in (1, 2)]))
+    path.write_bytes(animation([Frame(step, 0.1 * step, flat_body(0.1 * step)) for step in (1, 2)]))
     bars = []
     with Image.open(path) as opened:
         assert opened.getpalette() is not None

@@ -76,20 +76,9 @@ class Film:
 
 
 def animation(frames: Sequence[Frame]) -> bytes:
-    """The film as a GIF file. Raises NoRendering in three dimensions if PyVista cannot draw."""
-    if frames[0].body.dim == 2:
-        return gif(frames)
-    with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
-        for number, frame in enumerate(frames):
-            snapshot_file.save(frame.body, Path(folder) / f"{number:04d}.npz", compressed=False)
-        images = offscreen.views(Path(folder))
-    return gif(frames, [images[name] for name in sorted(images)])
-
-
-def gif(frames: Sequence[Frame], images: Sequence[offscreen.Image] = ()) -> bytes:
     """The film as a GIF file, whose comment has the steps and the times as JSON.
 
-    In three dimensions ``images`` are the pictures of the bodies.
+    Raises NoRendering in three dimensions if PyVista cannot draw.
     """
     bodies, titles = [frame.body for frame in frames], [f"t = {frame.time:.4g}" for frame in frames]
     look = look_of(bodies)
@@ -97,7 +86,7 @@ def gif(frames: Sequence[Frame], images: Sequence[offscreen.Image] = ()) -> byte
         if bodies[0].dim == 2:
             figures = plane.frames(bodies, look, titles)
         else:
-            figures = space.frames(images, titles)
+            figures = space.frames(_images(bodies), titles)
         pictures = [_picture(figure) for figure in figures]
     pictures = _in_few_colours(pictures, look.shades[0].cmap)
     comment = json.dumps(
@@ -118,6 +107,15 @@ def gif(frames: Sequence[Frame], images: Sequence[offscreen.Image] = ()) -> byte
         disposal=2,
     )
     return stream.getvalue()
+
+
+def _images(bodies: Sequence[Snapshot]) -> list[offscreen.Image]:
+    """The pictures of bodies in three dimensions."""
+    with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
+        for number, body in enumerate(bodies):
+            snapshot_file.save(body, Path(folder) / f"{number:04d}.npz", compressed=False)
+        images = offscreen.views(Path(folder))
+    return [images[name] for name in sorted(images)]
 
 
 def _picture(figure: Figure) -> Image.Image:

@@ -14,7 +14,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -47,22 +46,19 @@ def views(source: Path) -> dict[str, Image]:
     if importlib.util.find_spec("pyvista") is None:
         raise NoRendering("PyVista is not installed")
     hidden = shutil.which(XVFB[0]) is not None
-    reasons = []
-    # If the hidden screen fails, VTK draws on the user's screen; VTK from PyPI draws without one.
-    for screen in [XVFB, ()] if hidden else [()]:
-        try:
-            with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
-                reason = _draw(screen, source, Path(folder))
-                if reason is None:
-                    with np.load(Path(folder) / _TARGET, allow_pickle=False) as images:
-                        return {name: images[name] for name in images.files}
-            reasons.append(reason)
-        except (OSError, ValueError, zipfile.BadZipFile) as error:
-            reasons.append(f"{type(error).__name__}: {error}")
+    try:
+        with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
+            reason = _draw(XVFB if hidden else (), source, Path(folder))
+            if reason is None:
+                with np.load(Path(folder) / _TARGET, allow_pickle=False) as images:
+                    return {name: images[name] for name in images.files}
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        reason = f"{type(error).__name__}: {error}"
+    # VTK from PyPI draws without a screen.
     no_screen = sys.platform == "linux" and not hidden and not os.environ.get("DISPLAY")
-    if no_screen and reasons[0].startswith(_CRASHED):
-        raise NoRendering("there is no screen, and no xvfb-run, which makes one for VTK")
-    raise NoRendering(reasons[0])
+    if no_screen and reason.startswith(_CRASHED):
+        reason = "there is no screen, and no xvfb-run, which makes one for VTK"
+    raise NoRendering(reason)
 
 
 def program(module: str) -> tuple[str, ...]:
@@ -121,12 +117,9 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
     The first signal is a request, after which a hidden screen removes its lock.
     """
-    deadline = time.monotonic() + _GRACE_SECONDS
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGTERM)
-        while time.monotonic() < deadline:
-            process.poll()
-            os.killpg(process.pid, 0)
-            time.sleep(0.02)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(_GRACE_SECONDS)
         os.killpg(process.pid, signal.SIGKILL)
     process.wait()

@@ -199,10 +199,8 @@ class Scene:
                 segments = tool(contact, self._factor)
                 if not len(segments):
                     segments = touched(contact, self._factor)[contact.facets]
-                points = in_space(segments.reshape(-1, 2))
-                self._line(
-                    _surface(points, np.arange(len(points)).reshape(-1, 2)), style.GREY, _CASING
-                )
+                lines = _loose(in_space(segments.reshape(-1, 2)).reshape(-1, 2, 3))
+                self._line(lines, style.GREY, _CASING)
                 continue
             corners = foundation(contact, self._factor, self._body.size)
             ground, plane = _loose(corners), len(corners) == 1

@@ -359,7 +359,8 @@ def _fit(figure: Figure, curves: Sequence[Mapping[str, Any]]) -> None:
     axes = figure.subplots(2 * len(curves), 1, height_ratios=[1.0, 0.35] * len(curves))
     several = len({curve["file"] for curve in curves}) > 1
     for number, curve in enumerate(curves):
-        _curve(*axes[2 * number : 2 * number + 2], curve, curve["file"] if several else "")
+        title = curve["file"] if several else ""
+        _curve(axes[2 * number], axes[2 * number + 1], curve, title)
     axes[0].legend(loc="best")
 
 
