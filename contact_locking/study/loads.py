@@ -350,39 +350,35 @@ def springs_of(domain: Domain, given: Sequence[Spring]) -> tuple[list[Springs], 
 
     Raises InputError for a stiffness that is not positive somewhere.
     """
-    found, told = [], []
+    found, told = [], list[str]()
+    x = ufl.SpatialCoordinate(domain.mesh)
+    places = {axis: x[i] for i, axis in enumerate(AXES[: domain.dim])}
     for number, item in enumerate(given):
         key = f"loads.springs.{number}"
+        expression = parse(item.stiffness, AXES)
+        stiffness = expression.ufl({}, **places)
+        if expression.is_constant:
+            stiffness = fem.Constant(domain.mesh, stiffness)
+        along = _spring_along(domain, item)
         for name in item.on:
             facets = Entities.of(domain, domain.dim - 1, domain.facets((name,), f"{key}.on"))
-            told += _spring_warnings(facets, item.stiffness, f"{key}.stiffness")
+            told += _spring_warnings(facets, expression, f"{key}.stiffness")
             measure = domain.ds((name,), f"{key}.on", quadrature_degree=_OF_SPRINGS)
-            found.append(
-                Springs(name, _spring_stiffness(domain, item), _spring_along(domain, item), measure)
-            )
+            found.append(Springs(name, stiffness, along, measure))
     return found, told
 
 
-def _spring_warnings(facets: Entities, value: float | str, key: str) -> list[str]:
-    expression = parse(value, AXES)
+def _spring_warnings(facets: Entities, expression: Expression, key: str) -> list[str]:
     if expression.is_constant:
         return []
     points, _ = rule(facets.dim, 0, _OF_SPRINGS)
     domain = facets.domain
     places: FloatArray = np.einsum("qc,kcd->kqd", points, facets.corners).reshape(-1, domain.dim)
-    values = evaluate(domain.comm, value, places.T, key)
+    values = evaluate(domain.comm, expression.text, places.T, key)
     least = minimum(domain.comm, values)
     if not least > 0.0:
         raise InputError(f"must be positive everywhere, and is {least:g} somewhere", key)
     return features(facets, expression, key, "refine the mesh there")
-
-
-def _spring_stiffness(domain: Domain, item: Spring) -> ufl.core.expr.Expr:
-    expression = parse(item.stiffness, AXES)
-    if expression.is_constant:
-        return fem.Constant(domain.mesh, float(expression.numpy()))
-    x = ufl.SpatialCoordinate(domain.mesh)
-    return expression.ufl({}, **{axis: x[i] for i, axis in enumerate(AXES[: domain.dim])})
 
 
 def _spring_along(domain: Domain, item: Spring) -> ufl.core.expr.Expr | None:
