@@ -80,7 +80,7 @@ class StudyProblem(DiscreteProblem):
         )
         penalty = parameters.penalty
         super().__init__(body, contacts, penalty.n, penalty.epsilon)
-        self.require_held()
+        self.rigidity.require_held()
         told += given.warnings() + of_springs
         for item in parameters.contacts:
             told += friction_warnings(domain, item, clock)

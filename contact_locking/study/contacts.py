@@ -23,9 +23,8 @@ from contact_locking.expressions.gradient import value_and_gradient
 from contact_locking.fields.clock import Clock, is_timed
 from contact_locking.fields.sampling import Entities, features
 from contact_locking.fields.values import PresentValue
-from contact_locking.laws.foundation import Cylinder, Foundation, HalfSpace, Sphere
+from contact_locking.laws.foundation import Cylinder, Foundation, HalfSpace, LevelSet, Sphere
 from contact_locking.laws.friction import FrictionLaw
-from contact_locking.laws.level_set import LevelSet
 from contact_locking.laws.polyline import Polyline
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.laws.triangulated import TriangulatedSurface
