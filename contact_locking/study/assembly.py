@@ -32,7 +32,7 @@ from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.probe_points import locate
 from contact_locking.study_file.named_numbers import resolved
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.base import dimension_faults, dotted
+from contact_locking.study_file.parameters.base import BodyKind, dimension_faults, dotted
 from contact_locking.study_file.parameters.boundary import LoadParameters
 from contact_locking.study_file.parameters.mesh import BoundaryPart, MeshParameters
 from contact_locking.supports.conditions import ComponentCondition, constrain
@@ -254,7 +254,7 @@ def with_placed_parts(domain: Domain, given: MeshParameters) -> Domain:
     """
     if not given.parts:
         return domain
-    for fault in dimension_faults(given, domain.dim):
+    for fault in dimension_faults(given, BodyKind(domain.dim)):
         raise InputError(fault.message, dotted("mesh", *fault.place))
     rounding = _ROUNDING * float(np.ptp(domain.bounding_box, axis=0).max())
     places = {

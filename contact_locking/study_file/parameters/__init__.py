@@ -17,6 +17,7 @@ from contact_locking.expressions import ANY_TABLE, NO_TABLES, POSITION, TIME, pa
 from contact_locking.plain_text import nearest
 
 from .base import (
+    BodyKind,
     Fault,
     FaultsError,
     Place,
@@ -356,12 +357,9 @@ class Parameters(Section):
         yield from self._faults_of_expressions(self.mesh.dim)
 
     def _dimension_faults(self, dim: int) -> Iterator[Fault]:
-        yield from dimension_faults(self, dim)
-        yield from below(("material",), self.material.dimension_faults(dim, self.mesh.axisymmetric))
-        for place, contact in self._contact_sections() if self.mesh.axisymmetric else ():
-            if contact.foundation is not None:
-                where = (*place, "foundation")
-                yield from below(where, contact.foundation.revolution_faults())
+        stress, elastic = self.material.plane == "stress", self.material.limits_of == "elastic"
+        body = BodyKind(dim, self.mesh.axisymmetric, stress, elastic)
+        yield from dimension_faults(self, body)
 
     def _faults_of_expressions(self, dim: int | None) -> Iterator[Fault]:
         """Names and tables that there are not in ``dim`` dimensions, and t without steps."""

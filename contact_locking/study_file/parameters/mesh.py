@@ -16,7 +16,7 @@ from contact_locking.mesh.file.xdmf_grids import is_xdmf
 from contact_locking.meshes import BUILDERS
 from contact_locking.plain_text import nearest
 
-from .base import PER_AXIS, Fault, FaultsError, Section, entry, refuse_if
+from .base import PER_AXIS, BodyKind, Fault, FaultsError, Section, entry, refuse_if
 from .values import (
     Condition,
     Direction,
@@ -65,12 +65,12 @@ class BoundaryPart(Section):
             if any(a > b for a, b in zip(low, high, strict=False)):
                 yield Fault(("box",), "has the greatest coordinates before the least")
 
-    def _faults_in(self, dim: int) -> Iterator[Fault]:
+    def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
         if self.expression is not None:
             try:
-                parse(self.expression, POSITION[:dim], condition=True)
+                parse(self.expression, POSITION[: body.dim], condition=True)
             except InputError as error:
-                yield Fault(("expression",), f"{error} in {dim}D")
+                yield Fault(("expression",), f"{error} in {body.dim}D")
 
 
 class MeshParameters(Section):
