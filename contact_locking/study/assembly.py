@@ -269,18 +269,10 @@ def _tests(part: BoundaryPart, dim: int, rounding: float) -> list[Test]:
     if part.plane is not None:
         point, normal = np.array(part.plane.point), np.array(part.plane.normal)
         unit = normal / np.linalg.norm(normal)
-
-        def on_plane(x: FloatArray) -> BoolArray:
-            return np.abs(unit @ x - unit @ point) <= rounding
-
-        tests.append(on_plane)
+        tests.append(lambda x: np.abs(unit @ x - unit @ point) <= rounding)
     if part.box is not None:
         low, high = np.array(part.box)[:, :, None]
-
-        def in_box(x: FloatArray) -> BoolArray:
-            return np.all((x >= low - rounding) & (x <= high + rounding), axis=0)
-
-        tests.append(in_box)
+        tests.append(lambda x: np.all((x >= low - rounding) & (x <= high + rounding), axis=0))
     if part.expression is not None:
         condition = parse(part.expression, AXES[:dim], condition=True)
 

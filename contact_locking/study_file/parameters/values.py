@@ -70,13 +70,9 @@ def _number_or_infinite(value: Any) -> float:
 
 
 def _not_tiny(value: float) -> float:
-    if value < SMALLEST:
+    if 0.0 < value < SMALLEST:
         raise ValueError(f"must be at least {SMALLEST:g}, not {show(value)}")
     return value
-
-
-def _zero_or_not_tiny(value: float) -> float:
-    return value if value == 0.0 else _not_tiny(value)
 
 
 def _whole(value: Any) -> Any:
@@ -218,9 +214,7 @@ _PoissonOrText = Annotated[
 Number = Annotated[float, BeforeValidator(_finite)]
 NumberOrInfinite = Annotated[float, BeforeValidator(_number_or_infinite)]
 Positive = Annotated[float, Field(gt=0), BeforeValidator(_finite), AfterValidator(_not_tiny)]
-NonNegative = Annotated[
-    float, Field(ge=0), BeforeValidator(_finite), AfterValidator(_zero_or_not_tiny)
-]
+NonNegative = Annotated[float, Field(ge=0), BeforeValidator(_finite), AfterValidator(_not_tiny)]
 PositiveOrInfinite = Annotated[
     float, Field(gt=0), BeforeValidator(partial(_number, infinite=True)), AfterValidator(_not_tiny)
 ]
