@@ -22,7 +22,6 @@ from pydantic import (
     PlainValidator,
     Tag,
     ValidationInfo,
-    WithJsonSchema,
 )
 
 from contact_locking.arrays import SMALLEST
@@ -37,11 +36,8 @@ from .wording import show
 #: Tags of the choices that a value has. Pydantic adds them to the place of an error.
 CHOICES = SECTION, LIST, NUMBER, TEXT = "<section>", "<list>", "<number>", "<text>"
 
-_NAME_SCHEMA = {"type": "string", "minLength": 1}
-_ALONG_SCHEMA = {
-    "anyOf": [{"const": "normal"}, {"type": "array", "items": {"type": "number"}, "minItems": 2}]
-}
-_NAMES_SCHEMA = {"anyOf": [_NAME_SCHEMA, {"type": "array", "items": _NAME_SCHEMA}]}
+_Name = Annotated[str, Field(min_length=1)]
+_Components = Annotated[tuple[float, ...], Field(min_length=2)]
 
 
 def _number(value: Any, infinite: bool) -> float:
@@ -230,12 +226,14 @@ Switch = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(strict=True), AfterValidator(_harmless)]
 File = Annotated[Text, AfterValidator(_there)]
 ToolFile = Annotated[Text, AfterValidator(_readable)]
-Names = Annotated[tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
+Names = Annotated[
+    tuple[str, ...],
+    BeforeValidator(_names, json_schema_input_type=_Name | tuple[_Name, ...]),
+]
 Along = Annotated[
     Literal["normal"] | tuple[float, ...],
     PER_AXIS,
-    PlainValidator(_along),
-    WithJsonSchema(_ALONG_SCHEMA),
+    PlainValidator(_along, json_schema_input_type=Literal["normal"] | _Components),
 ]
 Condition = Annotated[str, BeforeValidator(_condition)]
 Scalar = Annotated[float | str, BeforeValidator(_IN_SPACE)]
