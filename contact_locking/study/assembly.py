@@ -32,7 +32,7 @@ from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.probe_points import locate
 from contact_locking.study_file.named_numbers import resolved
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.base import dimension_faults, dotted
+from contact_locking.study_file.parameters.base import BodyKind, dimension_faults, dotted
 from contact_locking.study_file.parameters.boundary import LoadParameters
 from contact_locking.study_file.parameters.mesh import BoundaryPart, MeshParameters
 from contact_locking.supports.conditions import ComponentCondition, constrain
@@ -59,12 +59,7 @@ class StudyProblem(DiscreteProblem):
         tables = read_tables(domain.comm, parameters.tables or {})
         self.clock = clock = Clock(domain.mesh, times[0], tables, times)
         given = MaterialOfStudy(domain, parameters.material, clock)
-        constraints = constrain(
-            domain,
-            space,
-            _conditions(domain, parameters.loads, clock, told),
-            _supports(domain, parameters.loads, clock, told),
-        )
+        constraints = constrain(domain, space, *_held(domain, parameters.loads, clock, told))
         contacts = [contact_of(domain, item, clock, times) for item in parameters.contacts]
         self.loads = build_loads(domain, parameters.loads, element, clock)
         springs, of_springs = springs_of(domain, parameters.loads.springs)
@@ -199,13 +194,11 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
     """Raise InputError for unknown boundary parts, and where Gamma_C and Gamma_D overlap."""
     contacts = [domain.facets(part.on, f"{part.key}.on") for part in parameters.contacts]
     loads = parameters.loads
-    for on, key in (
-        *((part.on, f"{part.key}.on") for part in parameters.contacts),
-        *((load.on, f"loads.tractions.{i}.on") for i, load in enumerate(loads.tractions)),
-        *((load.on, f"loads.pressures.{i}.on") for i, load in enumerate(loads.pressures)),
-        *((load.on, f"loads.forces.{i}.on") for i, load in enumerate(loads.forces)),
-        *((item.on, f"loads.springs.{i}.on") for i, item in enumerate(loads.springs)),
-    ):
+    surfaces = [(part.on, f"{part.key}.on") for part in parameters.contacts]
+    for kind in ("tractions", "pressures", "forces", "springs"):
+        items = enumerate(getattr(loads, kind))
+        surfaces += [(item.on, f"loads.{kind}.{i}.on") for i, item in items]
+    for on, key in surfaces:
         require_surface(domain, on, key)
     for place, condition in parameters.loads.held():
         key = dotted("loads", *place, "on")
@@ -214,58 +207,40 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
         if domain.comm.allreduce(both):
             raise InputError(
                 "Gamma_C and Gamma_D overlap: contact and a displacement condition share facets of "
-                f"{_quoted(condition.on)}",
+                f"{', '.join(map(repr, condition.on))}",
                 key,
             )
 
 
-def _conditions(
+def _held(
     domain: Domain, loads: LoadParameters, clock: Clock, warnings: list[str]
-) -> list[ComponentCondition]:
-    wanted = []
-    for i, condition in enumerate(loads.displacements):
-        for j, value in enumerate(condition.value):
-            if value is not None:
-                key = f"loads.displacements.{i}.value.{j}"
-                field = _prescribed(domain, condition.on, value, key, clock, warnings)
-                wanted.append(ComponentCondition(condition.on, j, field, key, field.timed))
-    return wanted
-
-
-def _supports(
-    domain: Domain, loads: LoadParameters, clock: Clock, warnings: list[str]
-) -> list[Support]:
-    wanted = []
-    for i, support in enumerate(loads.supports):
-        key = f"loads.supports.{i}"
-        field = _prescribed(domain, support.on, support.value, f"{key}.value", clock, warnings)
-        along = None if support.along == "normal" else support.along
-        wanted.append(Support(support.on, along, field, key, field.timed))
-    return wanted
-
-
-def _prescribed(
-    domain: Domain,
-    on: tuple[str, ...],
-    value: float | str,
-    key: str,
-    clock: Clock,
-    warnings: list[str],
-) -> PresentValue:
-    """A prescribed displacement on the boundary parts ``on``; collective.
+) -> tuple[list[ComponentCondition], list[Support]]:
+    """The prescribed components and the supports; collective.
 
     ``warnings`` get one for values that change sharply inside of a facet.  Raises InputError for a
     pole there.
     """
-    field = PresentValue(domain.comm, value, key, clock)
-    facets = Entities.of(domain, domain.dim - 1, domain.facets(on, key))
-    advice = "refine the mesh there"
-    warnings += features(facets, field.expression, key, advice, times=clock.some_times)
-    return field
 
+    def prescribed(on: tuple[str, ...], value: float | str, key: str) -> PresentValue:
+        field = PresentValue(domain.comm, value, key, clock)
+        facets = Entities.of(domain, domain.dim - 1, domain.facets(on, key))
+        advice, times = "refine the mesh there", clock.some_times
+        warnings.extend(features(facets, field.expression, key, advice, times=times))
+        return field
 
-def _quoted(names: tuple[str, ...]) -> str:
-    return ", ".join(repr(name) for name in names)
+    conditions, supports = [], []
+    for i, condition in enumerate(loads.displacements):
+        for j, value in enumerate(condition.value):
+            if value is not None:
+                key = f"loads.displacements.{i}.value.{j}"
+                field = prescribed(condition.on, value, key)
+                conditions.append(ComponentCondition(condition.on, j, field, key, field.timed))
+    for i, support in enumerate(loads.supports):
+        key = f"loads.supports.{i}"
+        field = prescribed(support.on, support.value, f"{key}.value")
+        along = None if support.along == "normal" else support.along
+        supports.append(Support(support.on, along, field, key, field.timed))
+    return conditions, supports
 
 
 # A point is on a plane, or in a box, up to this share of the size of the body.
@@ -279,7 +254,7 @@ def with_placed_parts(domain: Domain, given: MeshParameters) -> Domain:
     """
     if not given.parts:
         return domain
-    for fault in dimension_faults(given, domain.dim):
+    for fault in dimension_faults(given, BodyKind(domain.dim)):
         raise InputError(fault.message, dotted("mesh", *fault.place))
     rounding = _ROUNDING * float(np.ptp(domain.bounding_box, axis=0).max())
     places = {
@@ -294,18 +269,10 @@ def _tests(part: BoundaryPart, dim: int, rounding: float) -> list[Test]:
     if part.plane is not None:
         point, normal = np.array(part.plane.point), np.array(part.plane.normal)
         unit = normal / np.linalg.norm(normal)
-
-        def on_plane(x: FloatArray) -> BoolArray:
-            return np.abs(unit @ x - unit @ point) <= rounding
-
-        tests.append(on_plane)
+        tests.append(lambda x: np.abs(unit @ x - unit @ point) <= rounding)
     if part.box is not None:
         low, high = np.array(part.box)[:, :, None]
-
-        def in_box(x: FloatArray) -> BoolArray:
-            return np.all((x >= low - rounding) & (x <= high + rounding), axis=0)
-
-        tests.append(in_box)
+        tests.append(lambda x: np.all((x >= low - rounding) & (x <= high + rounding), axis=0))
     if part.expression is not None:
         condition = parse(part.expression, AXES[:dim], condition=True)
 

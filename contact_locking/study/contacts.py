@@ -15,7 +15,7 @@ from mpi4py import MPI
 from contact_locking.arrays import AXES, FloatArray
 from contact_locking.contact.contact import Contact, FoundationSpring, Tilt
 from contact_locking.contact.coulomb import Convolution, Coulomb, Helmholtz, Kernel, Local
-from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
+from contact_locking.contact.foundation import GivenGap, RigidFoundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, NotConverged, with_key
 from contact_locking.expressions import TIME, Expression, parse
@@ -152,33 +152,18 @@ def contact_of(
     elif given.friction.coefficient != 0:
         coefficient = _friction_law(domain, given, clock)
     friction = Coulomb(coefficient, _kernel(domain, given), given.friction.regularisation)
-    foundation = given.foundation
+    body, against = given.foundation, given.against or None
+    found = partial(Contact, given.on, friction=friction, key=given.key)
+    if body is None:
+        return found(GapOfStudy(domain, given, clock), against=against, pair=given.pair)
     force = None
-    if foundation is not None and foundation.force is not None:
-        key = f"{given.key}.foundation.force"
-        force = TimedForce(foundation, key, clock, times)
-    placed: PlacedFoundation = GapOfStudy(domain, given, clock)
-    if foundation is not None:
-        placed = _foundation(domain, given, foundation, clock)
-    spring, tilt = _holders(foundation)
-    return Contact(
-        given.on,
-        placed,
-        friction,
+    if body.force is not None:
+        force = TimedForce(body, f"{given.key}.foundation.force", clock, times)
+    return found(
+        _foundation(domain, given, body, clock),
         force=force,
-        key=given.key,
-        against=given.against or None,
-        pair=given.pair,
-        spring=spring,
-        tilt=tilt,
-    )
-
-
-def _holders(given: rigid_body.Foundation | None) -> tuple[FoundationSpring | None, Tilt | None]:
-    spring, tilt = (None, None) if given is None else (given.spring, given.tilt)
-    return (
-        None if spring is None else FoundationSpring(spring.stiffness, spring.along),
-        None if tilt is None else Tilt(tilt.about, tilt.stiffness),
+        spring=None if body.spring is None else FoundationSpring(**dict(body.spring)),
+        tilt=None if body.tilt is None else Tilt(**dict(body.tilt)),
     )
 
 

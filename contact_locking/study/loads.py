@@ -57,21 +57,21 @@ def build_loads(domain: Domain, given: LoadParameters, element: Element, clock: 
         on = Entities.of(domain, domain.dim, cells)
         load = _Load(on, given.body_force, key, element, clock)
         low, high = domain.bounding_box
-        found.add(load, domain.dx(**load.metadata), key, float((high - low).max()))
-    on_boundary: list[tuple[tuple[str, ...], str, type[_Load], Sequence[float | str]]] = [
-        *((item.on, f"forces.{i}", _TotalForce, item.value) for i, item in enumerate(given.forces)),
-        *((item.on, f"tractions.{i}", _Load, item.value) for i, item in enumerate(given.tractions)),
-        *(
-            (item.on, f"pressures.{i}", _Pressure, (item.value,))
-            for i, item in enumerate(given.pressures)
-        ),
-    ]
-    for names, place, kind, values in on_boundary:
-        key = f"loads.{place}"
-        on = Entities.of(domain, domain.dim - 1, domain.facets(names, f"{key}.on"))
-        load = kind(on, values, f"{key}.value", element, clock)
-        measure = domain.ds(names, f"{key}.on", **load.metadata)
-        found.add(load, measure, f"{key}.value", load.spread_over(measure))
+        found.add(load, load.ufl(), domain.dx(**load.metadata), float((high - low).max()))
+    for kind in ("forces", "tractions", "pressures"):
+        for i, item in enumerate(getattr(given, kind)):
+            key = f"loads.{kind}.{i}"
+            on = Entities.of(domain, domain.dim - 1, domain.facets(item.on, f"{key}.on"))
+            load = _Load(on, item.value, f"{key}.value", element, clock)
+            measure = domain.ds(item.on, f"{key}.on", **load.metadata)
+            vector, stress = load.ufl(), 1.0
+            if kind == "forces":
+                # Spread evenly over the part of the boundary.
+                stress = 1.0 / integral(domain, fem.Constant(domain.mesh, 1.0) * measure)
+                vector = stress * vector
+            elif kind == "pressures":
+                vector = -vector[0] * ufl.FacetNormal(domain.mesh)
+            found.add(load, vector, measure, stress)
     return found
 
 
@@ -84,12 +84,12 @@ class Loads:
         self._told: list[str] = []
         self._stresses: list[tuple[float, str]] = []
 
-    def add(self, load: _Load, measure: ufl.Measure, key: str, per: float = 1.0) -> None:
-        """Add a load that acts on a measure, and times ``per`` is a stress; collective."""
+    def add(self, load: _Load, vector: Any, measure: ufl.Measure, per: float) -> None:
+        """Add a load, in UFL a vector on a measure, that times ``per`` is a stress; collective."""
         largest, told = load.check()
         self._told += told
-        self._stresses.append((largest * per, key))
-        self.terms.append((load.ufl(), measure))
+        self._stresses.append((largest * per, load.key))
+        self.terms.append((vector, measure))
         if load.timed:
             self._timed.append(load)
 
@@ -114,18 +114,27 @@ class Loads:
 
 
 class _Load:
-    """One load: a vector of numbers or expressions of x, y[, z] and t, on cells or facets.
+    """One load: a number or expression of x, y[, z] and t, or a vector, on cells or facets.
 
     ``halvings`` says how often the rule of integration halves each of them; it is the least with
     which the integrals are right at the present time and at the given times.
     """
 
     def __init__(
-        self, on: Entities, values: Sequence[float | str], key: str, element: Element, clock: Clock
+        self,
+        on: Entities,
+        given: float | str | tuple[float | str, ...],
+        key: str,
+        element: Element,
+        clock: Clock,
     ) -> None:
         domain = self._domain = on.domain
-        self._on, self._key, self._element, self._clock = on, key, element, clock
+        self._on, self.key, self._element, self._clock = on, key, element, clock
         names = (*AXES[: domain.dim], TIME)
+        values = given if isinstance(given, tuple) else (given,)
+        self._keys = [key]
+        if values is given:
+            self._keys = [f"{key}.{i}" for i in range(len(values))]
         self._components: list[Expression] = [
             parse(value, names, tables=clock.tables) for value in values
         ]
@@ -158,10 +167,6 @@ class _Load:
                 "quadrature_weights": tuple(map(float, weights)),
             }
         return found
-
-    def spread_over(self, measure: ufl.Measure) -> float:
-        """The stress of a unit of the load on a part of the boundary; collective."""
-        return 1.0
 
     def ufl(self) -> Any:
         if self._constant:
@@ -205,7 +210,7 @@ class _Load:
             if self.timed:
                 return 0.0, []
             return 0.0, [
-                f"{self._key}: is zero at all points of the quadrature; is the load meant for "
+                f"{self.key}: is zero at all points of the quadrature; is the load meant for "
                 "another place, or for a place smaller than the elements?"
             ]
         if self.halvings or share > _ACCURATE:
@@ -216,7 +221,7 @@ class _Load:
             def size(x: FloatArray) -> FloatArray:
                 return np.asarray(np.linalg.norm(self._values(x, time), axis=1))
 
-            agree(comm, lambda: refuse_poles(self._on, suspects, size, self._key))
+            agree(comm, lambda: refuse_poles(self._on, suspects, size, self.key))
         nodes = " (its table counts at the nodes alone)" if self._lookups.fields else ""
         text = (
             f"changes too sharply for this mesh near {where}, where it reaches {largest:.3g}; its "
@@ -224,10 +229,10 @@ class _Load:
             "or give a load that is wider"
         )
         if share > _LOST:
-            raise InputError(text, self._key)
+            raise InputError(text, self.key)
         if share > _UNCERTAIN and not self._warned:
             self._warned = True
-            return largest, [f"{self._key}: {text}"]
+            return largest, [f"{self.key}: {text}"]
         return largest, []
 
     def _enough(self, time: float) -> int:
@@ -245,10 +250,6 @@ class _Load:
         left, whole = self._domain.comm.allreduce(np.array([rest, fine.size]))
         return float(left / whole) if whole > 0.0 else 0.0
 
-    def _component_key(self, i: int) -> str:
-        """The key of a component in the study file."""
-        return f"{self._key}.{i}"
-
     def _values(
         self, x: FloatArray, time: float, used: Mapping[Lookup, FloatArray] | None = None
     ) -> FloatArray:
@@ -261,7 +262,7 @@ class _Load:
         found = np.empty((len(x), len(self._components)))
         for i, component in enumerate(self._components):
             if used is not None:
-                with_key(self._component_key(i), partial(component.numpy, **places))
+                with_key(self._keys[i], partial(component.numpy, **places))
             found[:, i] = component.unchecked(used, **places)
         return np.where(np.abs(found) <= LARGEST, found, 0.0)
 
@@ -288,30 +289,6 @@ class _Load:
             if sizes[largest] > top[0]:
                 top = (float(sizes[largest]), self._domain.where(places[largest]))
         return _Sample(integrals, size, top, jumps)
-
-
-class _Pressure(_Load):
-    """One load ``-p nu`` along the outward normal of the mesh: p is the only component."""
-
-    def ufl(self) -> Any:
-        return -super().ufl()[0] * ufl.FacetNormal(self._domain.mesh)
-
-    def _component_key(self, i: int) -> str:
-        return self._key
-
-
-class _TotalForce(_Load):
-    """One force F that is spread evenly over a part of the boundary."""
-
-    _stress: float
-
-    def spread_over(self, measure: ufl.Measure) -> float:
-        one = fem.Constant(self._domain.mesh, 1.0)
-        self._stress = 1.0 / integral(self._domain, one * measure)
-        return self._stress
-
-    def ufl(self) -> Any:
-        return self._stress * super().ufl()
 
 
 @dataclass(frozen=True)
@@ -350,39 +327,35 @@ def springs_of(domain: Domain, given: Sequence[Spring]) -> tuple[list[Springs], 
 
     Raises InputError for a stiffness that is not positive somewhere.
     """
-    found, told = [], []
+    found, told = [], list[str]()
+    x = ufl.SpatialCoordinate(domain.mesh)
+    places = {axis: x[i] for i, axis in enumerate(AXES[: domain.dim])}
     for number, item in enumerate(given):
         key = f"loads.springs.{number}"
+        expression = parse(item.stiffness, AXES)
+        stiffness = expression.ufl({}, **places)
+        if expression.is_constant:
+            stiffness = fem.Constant(domain.mesh, stiffness)
+        along = _spring_along(domain, item)
         for name in item.on:
             facets = Entities.of(domain, domain.dim - 1, domain.facets((name,), f"{key}.on"))
-            told += _spring_warnings(facets, item.stiffness, f"{key}.stiffness")
+            told += _spring_warnings(facets, expression, f"{key}.stiffness")
             measure = domain.ds((name,), f"{key}.on", quadrature_degree=_OF_SPRINGS)
-            found.append(
-                Springs(name, _spring_stiffness(domain, item), _spring_along(domain, item), measure)
-            )
+            found.append(Springs(name, stiffness, along, measure))
     return found, told
 
 
-def _spring_warnings(facets: Entities, value: float | str, key: str) -> list[str]:
-    expression = parse(value, AXES)
+def _spring_warnings(facets: Entities, expression: Expression, key: str) -> list[str]:
     if expression.is_constant:
         return []
     points, _ = rule(facets.dim, 0, _OF_SPRINGS)
     domain = facets.domain
     places: FloatArray = np.einsum("qc,kcd->kqd", points, facets.corners).reshape(-1, domain.dim)
-    values = evaluate(domain.comm, value, places.T, key)
+    values = evaluate(domain.comm, expression.text, places.T, key)
     least = minimum(domain.comm, values)
     if not least > 0.0:
         raise InputError(f"must be positive everywhere, and is {least:g} somewhere", key)
     return features(facets, expression, key, "refine the mesh there")
-
-
-def _spring_stiffness(domain: Domain, item: Spring) -> ufl.core.expr.Expr:
-    expression = parse(item.stiffness, AXES)
-    if expression.is_constant:
-        return fem.Constant(domain.mesh, float(expression.numpy()))
-    x = ufl.SpatialCoordinate(domain.mesh)
-    return expression.ufl({}, **{axis: x[i] for i, axis in enumerate(AXES[: domain.dim])})
 
 
 def _spring_along(domain: Domain, item: Spring) -> ufl.core.expr.Expr | None:

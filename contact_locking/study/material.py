@@ -335,8 +335,9 @@ class _Part:
         """Mandel matrices (k, s, s) at the points in the cells; collective."""
         domain = points.domain
         if not self.is_matrix:
+            first, second = self.lame(points)
             pairs = domain.kinematics.mandel_pairs(domain.dim)
-            return law.isotropic_stiffness(*self.lame(points), domain.dim, pairs)
+            return law.isotropic_stiffness(first, second, domain.dim, pairs)
         size = math.isqrt(len(self.pieces))
         entries = np.array([piece.at(points) for piece in self.pieces])
         found = entries.T.reshape(-1, size, size)

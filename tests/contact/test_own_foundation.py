@@ -19,7 +19,8 @@ from contact_locking.laws.foundation import Foundation
 from contact_locking.results.contact_points import OPEN
 from contact_locking.study.contacts import FOUNDATIONS
 from contact_locking.study_file.parameters import rigid_body
-from contact_locking.study_file.parameters.base import Section, dimension_faults, entry
+from contact_locking.study_file.parameters.base import BodyKind, Section, dimension_faults, entry
+from contact_locking.study_file.parameters.values import Point
 
 GAP = 0.005
 
@@ -147,15 +148,15 @@ def test_an_edge_of_an_own_foundation_carries_the_load(
 
 
 class Bore(Section):
-    centre: tuple[float, ...] = entry(..., "its centre", "length", vector=True)
-    semi_axes: tuple[float, ...] = entry(..., "its semi-axes", "length", vector=True)
+    centre: Point = entry(..., "its centre", "length")
+    semi_axes: Point = entry(..., "its semi-axes", "length")
     depth: float
 
 
 def test_the_vectors_of_a_new_section_have_the_components_of_the_space() -> None:
     bore = Bore(centre=(0.0, 0.0), semi_axes=(1.0, 2.0, 3.0), depth=1.0)
-    assert [fault.place for fault in dimension_faults(bore, 2)] == [("semi_axes",)]
-    assert [fault.place for fault in dimension_faults(bore, 3)] == [("centre",)]
+    assert [fault.place for fault in dimension_faults(bore, BodyKind(2))] == [("semi_axes",)]
+    assert [fault.place for fault in dimension_faults(bore, BodyKind(3))] == [("centre",)]
 
 
 class Broken(Capsule):

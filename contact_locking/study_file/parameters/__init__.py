@@ -5,6 +5,7 @@ The checks need no mesh, MPI or DOLFINx, so that a file is checked before anythi
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Self
@@ -12,10 +13,11 @@ from typing import Any, Self
 from pydantic import ModelWrapValidatorHandler, model_validator
 
 from contact_locking.errors import InputError
-from contact_locking.expressions import ANY_TABLE, POSITION, TIME, parse
+from contact_locking.expressions import ANY_TABLE, NO_TABLES, POSITION, TIME, parse
 from contact_locking.plain_text import nearest
 
 from .base import (
+    BodyKind,
     Fault,
     FaultsError,
     Place,
@@ -216,7 +218,7 @@ class Parameters(Section):
 
     def check_dimension(self, dim: int) -> None:
         """Raise InputError for the first value that does not fit a body of ``dim`` dimensions."""
-        for fault in self._dimension_faults(dim):
+        for fault in itertools.chain(self._dimension_faults(dim), self._faults_of_expressions(dim)):
             raise InputError(fault.message, dotted(*fault.place))
 
     def _faults(self) -> Iterator[Fault]:
@@ -352,14 +354,25 @@ class Parameters(Section):
         yield from below(("parameters",), name_faults(numbers, "names"))
         for name in set(names) & set(numbers):
             yield Fault(("parameters", name), "is the name of a table as well")
-        tables = {name: ANY_TABLE[name] for name in names}
+        yield from self._faults_of_expressions(self.mesh.dim)
+
+    def _dimension_faults(self, dim: int) -> Iterator[Fault]:
+        stress, elastic = self.material.plane == "stress", self.material.limits_of == "elastic"
+        body = BodyKind(dim, self.mesh.axisymmetric, stress, elastic)
+        yield from dimension_faults(self, body)
+
+    def _faults_of_expressions(self, dim: int | None) -> Iterator[Fault]:
+        """Names and tables that there are not in ``dim`` dimensions, and t without steps."""
+        outside, where = ((), "") if dim is None else (POSITION[dim:], f" in {dim}D")
+        tables = {name: ANY_TABLE[name] for name in self.tables or ()}
         for place, text, rule in expressions(self):
-            if not rule.has_tables:
-                continue
+            known = [name for name in rule.variables if name not in outside]
+            names = (*known, *(self.parameters or ()))
+            known_tables = tables if rule.has_tables else NO_TABLES
             try:
-                found = parse(text, (*rule.variables, *numbers), tables=tables)
+                found = parse(text, names, allow_infinite=rule.infinite, tables=known_tables)
             except InputError as error:
-                yield Fault(place, str(error))
+                yield Fault(place, f"{error}{where}")
                 continue
             if self.steps is None and TIME in found.names:
                 yield Fault(
@@ -367,22 +380,6 @@ class Parameters(Section):
                     "depends on the time t, and the file has no steps; add a section such as "
                     "steps: {to: 1, count: 20}",
                 )
-
-    def _dimension_faults(self, dim: int) -> Iterator[Fault]:
-        yield from dimension_faults(self, dim)
-        yield from below(("material",), self.material.dimension_faults(dim, self.mesh.axisymmetric))
-        for place, contact in self._contact_sections() if self.mesh.axisymmetric else ():
-            if contact.foundation is not None:
-                where = (*place, "foundation")
-                yield from below(where, contact.foundation.revolution_faults())
-        outside = POSITION[dim:]
-        for place, text, rule in expressions(self):
-            try:
-                known = [name for name in rule.variables if name not in outside]
-                names = (*known, *(self.parameters or ()))
-                parse(text, names, allow_infinite=rule.infinite, tables=ANY_TABLE)
-            except InputError as error:
-                yield Fault(place, f"{error} in {dim}D")
 
 
 def _unknown_name(place: Place, name: str, known: Sequence[str], what: str) -> Iterator[Fault]:

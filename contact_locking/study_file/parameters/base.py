@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple, Self, TypeVar, get_args, get_origin, get_type_hints
 
@@ -45,6 +46,29 @@ def below(place: Place, faults: Iterable[Fault]) -> Iterator[Fault]:
     return (Fault((*place, *fault.place), fault.message) for fault in faults)
 
 
+@dataclass(frozen=True)
+class BodyKind:
+    """The body as far as the sizes of tensors depend on it; ``str`` tells it in words."""
+
+    dim: int
+    axisymmetric: bool = False
+    plane_stress: bool = False
+    elastic_limits: bool = False
+
+    def __str__(self) -> str:
+        return "for an axisymmetric body" if self.axisymmetric else f"in {self.dim}D"
+
+    @property
+    def strains(self) -> int:
+        """The number of normal strains."""
+        return 3 if self.axisymmetric else self.dim
+
+    @property
+    def components(self) -> int:
+        """The number of components of Mandel vectors."""
+        return 4 if self.axisymmetric else self.dim * (self.dim + 1) // 2
+
+
 def dotted(*place: str | int) -> str:
     """The key of a place in the file."""
     return ".".join(map(str, place))
@@ -74,8 +98,8 @@ class Section(BaseModel):
         """The faults of the values of the section together."""
         return iter(())
 
-    def _faults_in(self, dim: int) -> Iterator[Fault]:
-        """The faults in ``dim`` dimensions but for the vectors, which `dimension_faults` checks."""
+    def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
+        """The values that do not fit a body but for vectors, which `dimension_faults` checks."""
         return iter(())
 
 
@@ -142,17 +166,17 @@ def sections(section: Section, place: Place = ()) -> Iterator[tuple[Place, Secti
                 yield from sections(value, inner)
 
 
-def dimension_faults(whole: Section, dim: int) -> Iterator[Fault]:
-    """The values below a section that do not fit a body of ``dim`` dimensions."""
+def dimension_faults(whole: Section, body: BodyKind) -> Iterator[Fault]:
+    """The values below a section that do not fit a body."""
     for place, section in sections(whole):
         for name, (depth, components) in marked(type(section), Components).items():
             value, here = getattr(section, name), (*place, section.key_of(name))
             if not isinstance(value, tuple):
                 continue
-            size = components.number or dim
+            size = components.number or body.dim
             vectors = [((*here, index), one) for index, one in enumerate(value)]
             for at, vector in vectors if depth else [(here, value)]:
                 if len(vector) != size:
                     told = f"must have {size} components in {size}D, not {len(vector)}"
                     yield Fault(at, f"{told}: {show(vector)}")
-        yield from below(place, section._faults_in(dim))
+        yield from below(place, section._faults_in(body))

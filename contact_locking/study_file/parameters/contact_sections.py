@@ -136,17 +136,10 @@ class ContactSection(Section):
 
     def resolved(self, key: str, common: FrictionParameters) -> ContactParameters:
         """The section at ``key`` of the file, with its friction completed by ``common``."""
-        own = OwnFriction() if self.friction is None else self.friction
-        friction = own.over(common)
+        own = self.friction or OwnFriction()
+        friction, against, pair = own.over(common), self.against or (), self.pair or "once"
         return ContactParameters(
-            key,
-            self.on,
-            self.gap,
-            self.foundation,
-            friction,
-            own,
-            self.against or (),
-            self.pair or "once",
+            key, self.on, self.gap, self.foundation, friction, own, against, pair
         )
 
 

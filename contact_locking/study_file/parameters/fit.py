@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import BeforeValidator, Field
 
 from .base import Fault, Section, entry
 from .values import File, Integer, Number, NumberOrInfinite, Text
@@ -27,16 +27,6 @@ def _curves(value: Any) -> Any:
     """A list of curves, also of the name of one file, or of names."""
     entries = value if isinstance(value, list | tuple) else [value]
     return [{"file": one} if isinstance(one, str) else one for one in entries]
-
-
-_FILE = {"type": "string", "minLength": 1}
-_EXPERIMENT = {
-    "type": "object",
-    "additionalProperties": False,
-    "required": ["file"],
-    "properties": {"file": _FILE, "set": {"type": "object"}},
-}
-_CURVES = {"anyOf": [_FILE, {"type": "array", "items": {"anyOf": [_FILE, _EXPERIMENT]}}]}
 
 
 class FittedNumber(Section):
@@ -75,8 +65,7 @@ class FitParameters(Section):
     data: Annotated[
         tuple[Curve, ...],
         Field(min_length=1, max_length=_MOST),
-        BeforeValidator(_curves),
-        WithJsonSchema(_CURVES),
+        BeforeValidator(_curves, json_schema_input_type=str | tuple[str | Curve, ...]),
     ] = entry(..., "a CSV file, or a list of {file, set}, one for each experiment")
     quantities: dict[str, Text] = entry(
         ..., "the column of each measured quantity with the quantity, as force: reactions.top.1"

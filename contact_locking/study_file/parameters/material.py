@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
-from pydantic import Field, Tag, model_validator
+from pydantic import AfterValidator, Field, Tag, model_validator
 
-from .base import Fault, Place, Section, below, entry, refuse_if
+from .base import BodyKind, Fault, Place, Section, entry, refuse_if
 from .values import (
     LIST,
     SECTION,
@@ -27,30 +27,6 @@ from .values import (
 )
 from .wording import show
 
-
-@dataclass(frozen=True)
-class BodyKind:
-    """The body as far as the sizes of tensors depend on it; ``str`` tells it in words."""
-
-    dim: int
-    axisymmetric: bool = False
-    plane_stress: bool = False
-    elastic_limits: bool = False
-
-    def __str__(self) -> str:
-        return "for an axisymmetric body" if self.axisymmetric else f"in {self.dim}D"
-
-    @property
-    def strains(self) -> int:
-        """The number of normal strains."""
-        return 3 if self.axisymmetric else self.dim
-
-    @property
-    def components(self) -> int:
-        """The number of components of Mandel vectors."""
-        return 4 if self.axisymmetric else self.dim * (self.dim + 1) // 2
-
-
 _MOST_ENTRIES = 50
 
 _Row = Annotated[
@@ -61,6 +37,17 @@ _Row = Annotated[
 Tensor = Annotated[
     Annotated[tuple[_Row, ...], Tag(LIST)] | Annotated[TimedScalar, Tag(SECTION)], list_or(SECTION)
 ]
+
+
+def _square(rows: tuple[tuple[Any, ...], ...]) -> tuple[tuple[Any, ...], ...]:
+    lengths = [len(row) for row in rows]
+    if len(rows) not in (3, 4, 6) or set(lengths) != {len(rows)}:
+        given = f"rows of the lengths {show(lengths)}" if rows else "nothing"
+        raise ValueError(f"must be a 3x3, 4x4 or 6x6 matrix (a list of rows), not {given}")
+    return rows
+
+
+MandelMatrix: TypeAlias = Annotated[tuple[tuple[Scalar, ...], ...], AfterValidator(_square)]
 
 
 class Eigenstrain(Section):
@@ -97,8 +84,7 @@ class Eigenstrain(Section):
         if isinstance(tensor, tuple):
             yield from _tensor_faults(key, tensor)
 
-    def dimension_faults(self, body: BodyKind) -> Iterator[Fault]:
-        """A list or rows of another size than the body has, and shear that it cannot have."""
+    def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
         key, tensor = self.tensor
         if not isinstance(tensor, tuple):
             return
@@ -122,14 +108,13 @@ def _tensor_faults(key: str, tensor: tuple[Any, ...]) -> Iterator[Fault]:
     elif rows and len(rows) != len(tensor):
         yield Fault((key,), f"mixes numbers and rows: {show(tensor)}")
     elif rows:
-        for i in range(len(tensor)):
-            for j in range(i):
-                if tensor[i][j] != tensor[j][i]:
-                    yield Fault(
-                        (key, i, j),
-                        f"not symmetric: it is {show(tensor[i][j])}, and row {j + 1}, column "
-                        f"{i + 1} is {show(tensor[j][i])}",
-                    )
+        for j, i in itertools.combinations(range(len(tensor)), 2):
+            if tensor[i][j] != tensor[j][i]:
+                yield Fault(
+                    (key, i, j),
+                    f"not symmetric: it is {show(tensor[i][j])}, and row {j + 1}, column {i + 1} "
+                    f"is {show(tensor[j][i])}",
+                )
 
 
 _Several = Annotated[tuple[Eigenstrain, ...], Field(max_length=_MOST_ENTRIES), Tag(LIST)]
@@ -170,7 +155,7 @@ class StrainLimit(Section):
         None, "lower limit m < 0 of volume or direction", "1"
     )
     along: ScalarDirection | None = entry(None, "direction a, of any length", "1")
-    matrix: tuple[tuple[Scalar, ...], ...] | None = entry(
+    matrix: MandelMatrix | None = entry(
         None,
         "C of weighted as 3x3 (2D), 6x6 or 4x4 matrix (axisymmetric), in Mandel's notation",
         "1",
@@ -202,21 +187,18 @@ class StrainLimit(Section):
             )
         elif self.at_most is None:
             yield Fault(("at_most",), "is missing")
-        if self.matrix is not None:
-            yield from _matrix_faults(self.matrix)
+        given = [value for row in self.matrix or () for value in row]
+        if given and all(value == 0.0 for value in given):
+            yield Fault(("matrix",), "is zero and limits nothing")
 
-    def dimension_faults(self, body: BodyKind) -> Iterator[Fault]:
-        """A direction or a matrix of another size, or a norm that the body does not have."""
+    def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
         if self.along is not None and not body.dim <= len(self.along) <= body.strains:
             number = f"{body.dim}" + (" or 3 (r, z, hoop)" if body.axisymmetric else "")
             yield Fault(
                 ("along",),
                 f"must have {number} components {body}, not {len(self.along)}: {show(self.along)}",
             )
-        size = body.components
-        if self.matrix is not None and len(self.matrix) != size:
-            given = len(self.matrix)
-            yield Fault(("matrix",), f"must be {size}x{size} {body} (Mandel), not {given}x{given}")
+        yield from _size_faults("matrix", self.matrix, body)
         if self.norm == "largest_principal" and body.strains != 2:
             yield Fault(
                 ("norm",),
@@ -225,23 +207,27 @@ class StrainLimit(Section):
                 "solvers do not have; take direction for the fibres that stretch most, or strain, "
                 "which implies it",
             )
-        if body.elastic_limits and body.strains == 2 and self.norm in _ACROSS_THE_PLANE:
-            yield Fault(
-                ("norm",),
-                f"{self.norm} does not go with limits_of: elastic in 2D, where the elastic strain "
-                "across the plane is that of the eigenstrain; take strain, direction or weighted, "
-                "the limits of the strain in the plane",
-            )
-        elif body.plane_stress and self.norm in _ACROSS_THE_PLANE:
-            yield Fault(
-                ("norm",),
-                f"{self.norm} does not go with material.plane: stress: it limits the strain across "
-                "the plane as well, which is not known there; take strain, direction or weighted, "
-                "the limits of the strain in the plane",
-            )
+        if self.norm in _ACROSS_THE_PLANE and body.strains == 2:
+            why = ""
+            if body.elastic_limits:
+                why = "limits_of: elastic in 2D, where the elastic strain across the plane is that "
+                why += "of the eigenstrain"
+            elif body.plane_stress:
+                why = "material.plane: stress: it limits the strain across the plane as well, "
+                why += "which is not known there"
+            instead = "take strain, direction or weighted, the limits of the strain in the plane"
+            if why:
+                yield Fault(("norm",), f"{self.norm} does not go with {why}; {instead}")
 
 
 StrainLimits: TypeAlias = Annotated[tuple[StrainLimit, ...], Field(max_length=_MOST_LIMITS)]
+
+
+def _size_faults(key: str, rows: MandelMatrix | None, body: BodyKind) -> Iterator[Fault]:
+    size = body.components
+    if rows is not None and len(rows) != size:
+        given = f"{len(rows)}x{len(rows)}"
+        yield Fault((key,), f"must be {size}x{size} {body} (Mandel), not {given}")
 
 
 def limit_faults(limits: tuple[StrainLimit, ...], ball: float | str | None) -> Iterator[Fault]:
@@ -259,15 +245,6 @@ def limit_faults(limits: tuple[StrainLimit, ...], ball: float | str | None) -> I
                 f"has {number} entries with norm: {norm}; give one, with the smaller "
                 "limit (min(a, b) of two expressions)",
             )
-
-
-def _matrix_faults(rows: tuple[tuple[float | str, ...], ...]) -> Iterator[Fault]:
-    lengths = [len(row) for row in rows]
-    if len(rows) not in (3, 4, 6) or set(lengths) != {len(rows)}:
-        given = f"rows of the lengths {show(lengths)}" if rows else "nothing"
-        yield Fault(("matrix",), f"must be a 3x3, 4x4 or 6x6 matrix (a list of rows), not {given}")
-    elif all(isinstance(value, float) for row in rows for value in row) and not np.any(rows):
-        yield Fault(("matrix",), "is zero and limits nothing")
 
 
 _YOUNG = "Young's modulus E"
@@ -291,7 +268,7 @@ class Elasticity(Section):
         None, "Lame's first parameter, in place of E and nu", "stress", alias="lambda"
     )
     lame_mu: PositiveScalar | None = entry(None, "shear modulus, with lambda", "stress", alias="mu")
-    stiffness: tuple[tuple[Scalar, ...], ...] | None = entry(None, _STIFFNESS, "stress")
+    stiffness: MandelMatrix | None = entry(None, _STIFFNESS, "stress")
 
     @model_validator(mode="before")
     @classmethod
@@ -314,8 +291,7 @@ class Elasticity(Section):
     def _faults(self) -> Iterator[Fault]:
         return iter(()) if self.stiffness is None else _stiffness_faults(self.stiffness)
 
-    def dimension_faults(self, body: BodyKind) -> Iterator[Fault]:
-        """Faults that depend on the body: m lambda + 2 mu <= 0, a matrix of another size."""
+    def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
         if isinstance(self.lame_lambda, float) and isinstance(self.lame_mu, float):
             # With sigma_zz = 0 the inverse of A is positive if it is so in three dimensions.
             number = 3 if body.plane_stress else body.strains
@@ -325,13 +301,8 @@ class Elasticity(Section):
                     ("lambda",),
                     f"not elliptic: {number} lambda + 2 mu = {bulk:g} must be > 0 {body}",
                 )
-        size = body.components
-        if self.stiffness is not None and len(self.stiffness) != size:
-            given = len(self.stiffness)
-            yield Fault(
-                ("stiffness",), f"must be {size}x{size} {body} (Mandel), not {given}x{given}"
-            )
-        elif self.stiffness is not None and body.plane_stress:
+        yield from _size_faults("stiffness", self.stiffness, body)
+        if self.stiffness is not None and body.plane_stress:
             yield Fault(
                 ("stiffness",),
                 "does not go with material.plane: stress; give the matrix of plane stress itself, "
@@ -339,13 +310,8 @@ class Elasticity(Section):
             )
 
 
-def _stiffness_faults(rows: tuple[tuple[float | str, ...], ...]) -> Iterator[Fault]:
+def _stiffness_faults(rows: MandelMatrix) -> Iterator[Fault]:
     place = ("stiffness",)
-    lengths = {len(row) for row in rows}
-    if len(rows) not in (3, 4, 6) or lengths != {len(rows)}:
-        given = f"rows of the lengths {show([len(row) for row in rows])}" if rows else "nothing"
-        yield Fault(place, f"must be a 3x3, 4x4 or 6x6 matrix (a list of rows), not {given}")
-        return
     values = np.array([[v if isinstance(v, float) else np.nan for v in row] for row in rows])
     scale = np.nanmax(np.abs(values), initial=0.0)
     # A difference is not a number if an expression is in it, and is not compared.
@@ -430,26 +396,10 @@ class MaterialParameters(Section):
         """The limits of the strain; ``locking_limit`` is the one of the norm ``strain``."""
         return _limits(self.locking, self.locking_limit)
 
-    def dimension_faults(self, dim: int, axisymmetric: bool = False) -> Iterator[Fault]:
-        """The faults of elasticity tensors and limits of the strain for a body."""
-        plane_stress = self.plane == "stress"
-        if plane_stress and (dim != 2 or axisymmetric):
-            where = "axisymmetric bodies" if axisymmetric else "bodies in 3D"
+    def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
+        if body.plane_stress and (body.dim != 2 or body.axisymmetric):
+            where = "axisymmetric bodies" if body.axisymmetric else "bodies in 3D"
             yield Fault(("plane",), f"stress is for bodies in 2D, not for {where}")
-            return
-        body = BodyKind(dim, axisymmetric, plane_stress, self.limits_of == "elastic")
-        sections: dict[Place, Elasticity | StrainLimit | Eigenstrain] = {
-            ("elasticity",): self.elasticity
-        }
-        sections |= dict(self.eigenstrains)
-        sections |= {("locking", i): limit for i, limit in enumerate(self.locking)}
-        for name, region in self.regions.items():
-            if region.elasticity is not None:
-                sections["regions", name, "elasticity"] = region.elasticity
-            for i, limit in enumerate(region.locking or ()):
-                sections["regions", name, "locking", i] = limit
-        for place, section in sections.items():
-            yield from below(place, section.dimension_faults(body))
 
 
 def _limits(limits: tuple[StrainLimit, ...], ball: float | str | None) -> tuple[StrainLimit, ...]:

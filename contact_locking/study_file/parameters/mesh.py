@@ -16,7 +16,7 @@ from contact_locking.mesh.file.xdmf_grids import is_xdmf
 from contact_locking.meshes import BUILDERS
 from contact_locking.plain_text import nearest
 
-from .base import PER_AXIS, Fault, FaultsError, Section, entry, refuse_if
+from .base import PER_AXIS, BodyKind, Fault, FaultsError, Section, entry, refuse_if
 from .values import (
     Condition,
     Direction,
@@ -65,12 +65,12 @@ class BoundaryPart(Section):
             if any(a > b for a, b in zip(low, high, strict=False)):
                 yield Fault(("box",), "has the greatest coordinates before the least")
 
-    def _faults_in(self, dim: int) -> Iterator[Fault]:
+    def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
         if self.expression is not None:
             try:
-                parse(self.expression, POSITION[:dim], condition=True)
+                parse(self.expression, POSITION[: body.dim], condition=True)
             except InputError as error:
-                yield Fault(("expression",), f"{error} in {dim}D")
+                yield Fault(("expression",), f"{error} in {body.dim}D")
 
 
 class MeshParameters(Section):
@@ -110,23 +110,14 @@ class MeshParameters(Section):
         if not isinstance(data, dict):
             return data
         own = {key: value for key, value in data.items() if key not in _SHARED}
-        shared = {key: data[key] for key in ("axisymmetric", "curved", "parts") if key in data}
-        builder, file = data.get("builder"), data.get("file")
-        if file is not None:
+        shared = {key: value for key, value in data.items() if key in _SHARED}
+        builder = data.get("builder")
+        if data.get("file") is not None:
             refuse_if(
                 Fault((key,), "does not go with file; a mesh comes from a builder or from a file")
                 for key in (*(["builder"] if builder is not None else []), *own)
             )
-            facets = data.get("facets")
-            if facets is not None and not all(
-                isinstance(name, str) and is_xdmf(name) for name in (file, facets)
-            ):
-                refuse_if(
-                    [Fault(("facets",), "is an XDMF file beside another one: both end with .xdmf")]
-                )
-            return {"builder": None, "file": file, "facets": facets, **shared}
-        if data.get("facets") is not None:
-            refuse_if([Fault(("facets",), "goes with file, another XDMF file")])
+            return {**shared, "builder": None}
         if builder is None:
             builder = "block"
         if not isinstance(builder, str) or builder not in BUILDERS:
@@ -134,10 +125,7 @@ class MeshParameters(Section):
             known = ", ".join(sorted(BUILDERS))
             message = f"unknown geometry {show(builder)}{guess}; there are {known}"
             refuse_if([Fault(("builder",), message)])
-        geometry = _geometry(BUILDERS[builder], own)
-        if shared.get("axisymmetric") is True:
-            refuse_if(_section_faults(builder, geometry))
-        return {"builder": builder, "geometry": geometry, **shared}
+        return {**shared, "builder": builder, "geometry": _geometry(BUILDERS[builder], own)}
 
     @model_serializer
     def _flat(self) -> dict[str, Any]:
@@ -159,8 +147,14 @@ class MeshParameters(Section):
         return (*self.geometry.facet_names, *self.parts)
 
     def _faults(self) -> Iterator[Fault]:
+        if self.facets is not None and self.file is None:
+            yield Fault(("facets",), "goes with file, another XDMF file")
+        elif self.facets is not None and not (is_xdmf(str(self.file)) and is_xdmf(self.facets)):
+            yield Fault(("facets",), "is an XDMF file beside another one: both end with .xdmf")
         if self.curved:
             yield from self._curved_faults()
+        if self.axisymmetric and self.geometry is not None:
+            yield from _section_faults(str(self.builder), self.geometry)
         known = [] if self.geometry is None else list(self.geometry.facet_names)
         for name, part in self.parts.items():
             if not name.isprintable() or not name:

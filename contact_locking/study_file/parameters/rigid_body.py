@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
 
-from .base import Components, Fault, Place, Section, entry
+from .base import BodyKind, Components, Fault, Place, Section, entry
 from .values import (
     LIST,
     SECTION,
@@ -53,10 +53,10 @@ class Motion(Section):
             missing, there = ("about", "rotation") if self.about is None else ("rotation", "about")
             yield Fault((missing,), f"is missing beside {there}")
 
-    def _faults_in(self, dim: int) -> Iterator[Fault]:
-        if dim == 2 and isinstance(self.rotation, tuple):
+    def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
+        if body.dim == 2 and isinstance(self.rotation, tuple):
             yield Fault(("rotation",), "is one angle in 2D, and no list")
-        if dim == 3 and isinstance(self.rotation, float | str):
+        if body.dim == 3 and isinstance(self.rotation, float | str):
             message = "is a vector with 3 components in 3D: the axis times the angle"
             yield Fault(("rotation",), message)
 
@@ -100,8 +100,8 @@ class Cylinder(Section):
         None, "its direction, in 3D only; null: [0, 1, 0]", "1"
     )
 
-    def _faults_in(self, dim: int) -> Iterator[Fault]:
-        if dim == 2 and self.axis is not None:
+    def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
+        if body.dim == 2 and self.axis is not None:
             yield Fault(("axis",), "must be left out in 2D")
 
 
@@ -238,13 +238,15 @@ class Foundation(Section):
             return Motion.model_construct(translation=self.motion)
         return self.motion
 
-    def _faults_in(self, dim: int) -> Iterator[Fault]:
-        if self.polyline is not None and dim != 2:
+    def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
+        if self.polyline is not None and body.dim != 2:
             yield Fault(("polyline",), "is for 2D; in 3D take surface")
-        if self.surface is not None and dim != 3:
+        if self.surface is not None and body.dim != 3:
             yield Fault(("surface",), "is for 3D; in 2D take polyline")
+        if body.axisymmetric:
+            yield from self._revolution_faults()
 
-    def revolution_faults(self) -> Iterator[Fault]:
+    def _revolution_faults(self) -> Iterator[Fault]:
         """A shape or a motion that is not one of revolution about x = 0."""
         if self.cylinder is not None:
             message = "is no body of revolution about x = 0; take sphere, or half_space"

@@ -22,7 +22,6 @@ from pydantic import (
     PlainValidator,
     Tag,
     ValidationInfo,
-    WithJsonSchema,
 )
 
 from contact_locking.arrays import SMALLEST
@@ -37,11 +36,8 @@ from .wording import show
 #: Tags of the choices that a value has. Pydantic adds them to the place of an error.
 CHOICES = SECTION, LIST, NUMBER, TEXT = "<section>", "<list>", "<number>", "<text>"
 
-_NAME_SCHEMA = {"type": "string", "minLength": 1}
-_ALONG_SCHEMA = {
-    "anyOf": [{"const": "normal"}, {"type": "array", "items": {"type": "number"}, "minItems": 2}]
-}
-_NAMES_SCHEMA = {"anyOf": [_NAME_SCHEMA, {"type": "array", "items": _NAME_SCHEMA}]}
+_Name = Annotated[str, Field(min_length=1)]
+_Components = Annotated[tuple[float, ...], Field(min_length=2)]
 
 
 def _number(value: Any, infinite: bool) -> float:
@@ -70,13 +66,9 @@ def _number_or_infinite(value: Any) -> float:
 
 
 def _not_tiny(value: float) -> float:
-    if value < SMALLEST:
+    if 0.0 < value < SMALLEST:
         raise ValueError(f"must be at least {SMALLEST:g}, not {show(value)}")
     return value
-
-
-def _zero_or_not_tiny(value: float) -> float:
-    return value if value == 0.0 else _not_tiny(value)
 
 
 def _whole(value: Any) -> Any:
@@ -218,9 +210,7 @@ _PoissonOrText = Annotated[
 Number = Annotated[float, BeforeValidator(_finite)]
 NumberOrInfinite = Annotated[float, BeforeValidator(_number_or_infinite)]
 Positive = Annotated[float, Field(gt=0), BeforeValidator(_finite), AfterValidator(_not_tiny)]
-NonNegative = Annotated[
-    float, Field(ge=0), BeforeValidator(_finite), AfterValidator(_zero_or_not_tiny)
-]
+NonNegative = Annotated[float, Field(ge=0), BeforeValidator(_finite), AfterValidator(_not_tiny)]
 PositiveOrInfinite = Annotated[
     float, Field(gt=0), BeforeValidator(partial(_number, infinite=True)), AfterValidator(_not_tiny)
 ]
@@ -236,12 +226,14 @@ Switch = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(strict=True), AfterValidator(_harmless)]
 File = Annotated[Text, AfterValidator(_there)]
 ToolFile = Annotated[Text, AfterValidator(_readable)]
-Names = Annotated[tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
+Names = Annotated[
+    tuple[str, ...],
+    BeforeValidator(_names, json_schema_input_type=_Name | tuple[_Name, ...]),
+]
 Along = Annotated[
     Literal["normal"] | tuple[float, ...],
     PER_AXIS,
-    PlainValidator(_along),
-    WithJsonSchema(_ALONG_SCHEMA),
+    PlainValidator(_along, json_schema_input_type=Literal["normal"] | _Components),
 ]
 Condition = Annotated[str, BeforeValidator(_condition)]
 Scalar = Annotated[float | str, BeforeValidator(_IN_SPACE)]
