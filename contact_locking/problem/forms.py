@@ -24,7 +24,7 @@ from contact_locking.laws.friction import (
     friction_energy,
     friction_traction,
 )
-from contact_locking.problem.eigenstrain import Eigenstrain
+from contact_locking.problem.elasticity import Eigenstrain
 from contact_locking.problem.springs import ElasticSupport
 from contact_locking.problem.strain_sets import NormSet, StrainSet
 
