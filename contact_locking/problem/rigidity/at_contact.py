@@ -8,9 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.contact.bounds_in_force import BoundsInForce
 from contact_locking.contact.free_motions import FreeMotion
-from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.contact.nodal_contact import BoundsInForce, NodalContact
 
 
 class MotionsAtContact:
