@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from contact_locking.contact.contact import Tilt as Tilt
     from contact_locking.contact.coulomb import Convolution as Convolution
     from contact_locking.contact.coulomb import Coulomb as Coulomb
+    from contact_locking.contact.coulomb import FrictionBound as FrictionBound
     from contact_locking.contact.coulomb import Helmholtz as Helmholtz
     from contact_locking.contact.coulomb import Local as Local
-    from contact_locking.contact.friction_bound import FrictionBound as FrictionBound
     from contact_locking.contact_problem import ContactProblem as ContactProblem
     from contact_locking.errors import ContactLockingError as ContactLockingError
     from contact_locking.errors import InputError as InputError
@@ -74,8 +74,7 @@ if TYPE_CHECKING:
 _NAMES = {
     "certificate.verdict": "Extras",
     "contact.contact": "Contact Force FoundationSpring Gap Motion Tilt",
-    "contact.coulomb": "Convolution Coulomb Helmholtz Local",
-    "contact.friction_bound": "FrictionBound",
+    "contact.coulomb": "Convolution Coulomb FrictionBound Helmholtz Local",
     "contact_problem": "ContactProblem",
     "errors": "ContactLockingError InputError NotConverged",
     "laws.foundation": "Cylinder HalfSpace LevelSet Sphere",

@@ -11,8 +11,8 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.contact import Contact, Gap
+from contact_locking.contact.coulomb import NoSlip
 from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
-from contact_locking.contact.friction_bound import NoSlip
 from contact_locking.contact.smoothing import Identity
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError

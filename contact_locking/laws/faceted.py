@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
+from contact_locking.laws.foundation import Foundation
 
 # As many distances between points and segments are computed at once.
 _AT_ONCE = 1 << 20
@@ -17,7 +18,7 @@ _AT_ONCE = 1 << 20
 _GRAZING = 1e-9
 
 
-class FacetedFoundation(ABC):
+class FacetedFoundation(Foundation, ABC):
     """The signed distance to facets, positive on the side of their normals."""
 
     @property
@@ -29,14 +30,6 @@ class FacetedFoundation(ABC):
     @abstractmethod
     def is_closed(self) -> bool:
         """Whether the surface has no rim."""
-
-    @abstractmethod
-    def gap(self, x: FloatArray) -> FloatArray:
-        """The distance (k,) of points (d, k), negative inside the foundation."""
-
-    @abstractmethod
-    def contact_normal(self, x: FloatArray) -> FloatArray:
-        """Unit vectors (d, k) into the foundation."""
 
     @abstractmethod
     def reversed(self) -> FacetedFoundation:
