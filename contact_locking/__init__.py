@@ -37,13 +37,13 @@ if TYPE_CHECKING:
     from contact_locking.errors import ContactLockingError as ContactLockingError
     from contact_locking.errors import InputError as InputError
     from contact_locking.errors import NotConverged as NotConverged
+    from contact_locking.laws.faceted import Polyline as Polyline
+    from contact_locking.laws.faceted import TriangulatedSurface as TriangulatedSurface
     from contact_locking.laws.foundation import Cylinder as Cylinder
     from contact_locking.laws.foundation import HalfSpace as HalfSpace
     from contact_locking.laws.foundation import LevelSet as LevelSet
     from contact_locking.laws.foundation import Sphere as Sphere
     from contact_locking.laws.friction import FrictionLaw as FrictionLaw
-    from contact_locking.laws.polyline import Polyline as Polyline
-    from contact_locking.laws.triangulated import TriangulatedSurface as TriangulatedSurface
     from contact_locking.problem.elasticity import Elasticity as Elasticity
     from contact_locking.problem.limits import Deviator as Deviator
     from contact_locking.problem.limits import Direction as Direction
@@ -77,10 +77,9 @@ _NAMES = {
     "contact.coulomb": "Convolution Coulomb FrictionBound Helmholtz Local",
     "contact_problem": "ContactProblem",
     "errors": "ContactLockingError InputError NotConverged",
+    "laws.faceted": "Polyline TriangulatedSurface",
     "laws.foundation": "Cylinder HalfSpace LevelSet Sphere",
     "laws.friction": "FrictionLaw",
-    "laws.polyline": "Polyline",
-    "laws.triangulated": "TriangulatedSurface",
     "problem.elasticity": "Elasticity",
     "problem.limits": "Deviator Direction LargestPrincipal StrainBall Volume Weighted",
     "process.adaptivity": "solve solve_adaptively",

@@ -17,9 +17,8 @@ from contact_locking import InputError, Parameters, StudySolution, solve
 from contact_locking.arrays import FloatArray
 from contact_locking.expressions import parse
 from contact_locking.expressions.gradient import value_and_gradient
+from contact_locking.laws.faceted import Polyline, TriangulatedSurface
 from contact_locking.laws.foundation import Foundation, Round
-from contact_locking.laws.polyline import Polyline
-from contact_locking.laws.triangulated import TriangulatedSurface
 from contact_locking.mesh.file.tool_surface import checked, read_surface
 from contact_locking.study_file import from_mapping, load
 from contact_locking.study_file.fingerprint import fingerprint
