@@ -131,7 +131,7 @@ class Rigidity:
         for group, found in self._groups():
             if not found.of_body:
                 continue
-            told = found.describe_unheld() or found.describe_push() or found.describe_slide()
+            told = found.describe_unheld() or found.describe_slide()
             if told is not None:
                 of = " and ".join(names[number] for number in group)
                 return f"{of}: {told}" if len(names) > 1 else told
