@@ -187,9 +187,10 @@ class Material:
             values = law.tensor_values(strains, self._pairs, self._size)
         elif self._size == 2 and given.stiffness is not None and self._has(values[:, 2, 2]):
             raise InputError(
-                "has a part across the plane, and a stiffness matrix of the plane does not "
-                "tell its stress; give the components in the plane alone, as in [0.01, 0.01]",
-                f"{given.key}.eigenstrain",
+                "the eigenstrain has a part across the plane, and a stiffness matrix of the plane "
+                "does not tell its stress; give the components in the plane alone, as in "
+                "[0.01, 0.01]",
+                given.key,
             )
         self._points.write(self.eigenstrain.values, values)
 

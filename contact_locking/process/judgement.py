@@ -108,9 +108,9 @@ def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
             fields.contact.key, maximum(state.comm, slid), length, fields.contact.pairs_anew
         )
     for contact in data.contacts:
-        entry = uncovered_entry(problem.domain, problem.u, contact)
+        depth, place = uncovered_entry(problem.domain, problem.u, contact)
         found += plausibility.about_uncovered_boundary(
-            contact.key, entry.depth, entry.place, state.largest_displacement
+            contact.key, depth, place, state.largest_displacement
         )
     return found + plausibility.about_the_penetration(
         max(entering, default=0.0),

@@ -30,7 +30,8 @@ from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file.tool_surface import read_corners, read_surface
 from contact_locking.parallel import agree, maximum, on_root
-from contact_locking.study_file.parameters import ContactParameters, rigid_body
+from contact_locking.study_file.parameters import rigid_body
+from contact_locking.study_file.parameters.contact_sections import ContactParameters
 
 
 @dataclass

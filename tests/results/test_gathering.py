@@ -10,7 +10,6 @@ from __future__ import annotations
 import pickle
 import platform
 import re
-import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,13 +23,12 @@ from problems import block
 import contact_locking
 from contact_locking.extras.pictures.gather import gather
 from contact_locking.mesh.whole_mesh import gather_mesh
-from contact_locking.process import checkpoint, solving
+from contact_locking.process import solving
+from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing
 from contact_locking.running.writing import return_freed_memory
 
-# The direct solver of several ranks partitions the graph of its matrix, whose size is limited.
-LIMITED = ("substructuring.py", "__init__")
 OUTPUT = {
     "output__picture": False,
     "output__formats": ["vtx", "xdmf"],
@@ -45,9 +43,7 @@ def messages() -> Iterator[list[int]]:
 
     def dumps(*arguments: Any, **named: Any) -> bytes:
         found = pickle.dumps(*arguments, **named)
-        frames = {(Path(f.filename).name, f.name) for f in traceback.extract_stack()}
-        if LIMITED not in frames:
-            sizes.append(len(found))
+        sizes.append(len(found))
         return found
 
     MPI.pickle.__init__(dumps, pickle.loads)  # type: ignore[misc]
