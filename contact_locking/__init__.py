@@ -30,20 +30,20 @@ if TYPE_CHECKING:
     from contact_locking.contact.contact import Tilt as Tilt
     from contact_locking.contact.coulomb import Convolution as Convolution
     from contact_locking.contact.coulomb import Coulomb as Coulomb
+    from contact_locking.contact.coulomb import FrictionBound as FrictionBound
     from contact_locking.contact.coulomb import Helmholtz as Helmholtz
     from contact_locking.contact.coulomb import Local as Local
-    from contact_locking.contact.friction_bound import FrictionBound as FrictionBound
     from contact_locking.contact_problem import ContactProblem as ContactProblem
     from contact_locking.errors import ContactLockingError as ContactLockingError
     from contact_locking.errors import InputError as InputError
     from contact_locking.errors import NotConverged as NotConverged
+    from contact_locking.laws.faceted import Polyline as Polyline
+    from contact_locking.laws.faceted import TriangulatedSurface as TriangulatedSurface
     from contact_locking.laws.foundation import Cylinder as Cylinder
     from contact_locking.laws.foundation import HalfSpace as HalfSpace
     from contact_locking.laws.foundation import LevelSet as LevelSet
     from contact_locking.laws.foundation import Sphere as Sphere
     from contact_locking.laws.friction import FrictionLaw as FrictionLaw
-    from contact_locking.laws.polyline import Polyline as Polyline
-    from contact_locking.laws.triangulated import TriangulatedSurface as TriangulatedSurface
     from contact_locking.problem.elasticity import Elasticity as Elasticity
     from contact_locking.problem.limits import Deviator as Deviator
     from contact_locking.problem.limits import Direction as Direction
@@ -74,14 +74,12 @@ if TYPE_CHECKING:
 _NAMES = {
     "certificate.verdict": "Extras",
     "contact.contact": "Contact Force FoundationSpring Gap Motion Tilt",
-    "contact.coulomb": "Convolution Coulomb Helmholtz Local",
-    "contact.friction_bound": "FrictionBound",
+    "contact.coulomb": "Convolution Coulomb FrictionBound Helmholtz Local",
     "contact_problem": "ContactProblem",
     "errors": "ContactLockingError InputError NotConverged",
+    "laws.faceted": "Polyline TriangulatedSurface",
     "laws.foundation": "Cylinder HalfSpace LevelSet Sphere",
     "laws.friction": "FrictionLaw",
-    "laws.polyline": "Polyline",
-    "laws.triangulated": "TriangulatedSurface",
     "problem.elasticity": "Elasticity",
     "problem.limits": "Deviator Direction LargestPrincipal StrainBall Volume Weighted",
     "process.adaptivity": "solve solve_adaptively",

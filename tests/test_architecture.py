@@ -154,7 +154,7 @@ def test_no_module_but_those_of_contacts_writes_to_a_contact_or_its_friction() -
     names: set[str] = set()
     for module in (
         "contact_locking.contact.nodal_contact",
-        "contact_locking.contact.friction_bound",
+        "contact_locking.contact.coulomb",
     ):
         names |= {name for owner, name in written(tree_of(module)) if owner == "self"}
         names |= {n.name for n in ast.walk(tree_of(module)) if isinstance(n, ast.FunctionDef)}

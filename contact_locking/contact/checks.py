@@ -16,7 +16,7 @@ from contact_locking.contact.coulomb import Coulomb
 from contact_locking.contact.foundation import PlacedFoundation
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import InputError, with_key
-from contact_locking.laws.foundation import LevelSet, Round
+from contact_locking.laws.foundation import LevelSet, Sphere
 from contact_locking.laws.friction import FrictionLaw
 from contact_locking.parallel import agree, minimum
 
@@ -109,7 +109,7 @@ def _of_foundation(body: Any, dim: int) -> Iterator[tuple[bool, str]]:
         "must be a Gap, a shape such as Sphere(centre, radius), or an object with gap(x) "
         f"and contact_normal(x), not {_shown(body)}",
     )
-    if isinstance(body, Round):
+    if isinstance(body, Sphere):
         yield body.radius > 0.0, f"its radius must be > 0, not {body.radius}"
     if isinstance(body, LevelSet):
         wanted = "a function of points (d, k) that returns f (k,) and its gradient (d, k)"

@@ -10,8 +10,8 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.bounds_in_force import BoundsInForce
 from contact_locking.contact.free_motions import FreeMotion, Travel
+from contact_locking.contact.nodal_contact import BoundsInForce
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.laws.rigid_motion import SmallMotion
 from contact_locking.parallel import maximum

@@ -13,11 +13,9 @@ from contact_locking.contact.outline import outline
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, Misplaced, with_key
 from contact_locking.fields.plausibility import about_the_distance, about_the_size
-from contact_locking.laws.faceted import FacetedFoundation
-from contact_locking.laws.foundation import Foundation, HalfSpace, LevelSet, Round
-from contact_locking.laws.polyline import Polyline
+from contact_locking.laws.faceted import FacetedFoundation, Polyline, TriangulatedSurface
+from contact_locking.laws.foundation import Cylinder, Foundation, HalfSpace, LevelSet, Sphere
 from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion
-from contact_locking.laws.triangulated import TriangulatedSurface
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
 
 _TOO_FAR = "its distance is not a finite number: the foundation is too far away or too large"
@@ -163,8 +161,10 @@ def _name_of(body: Foundation) -> str:
     match body:
         case HalfSpace():
             return "half_space"
-        case Round():
-            return "sphere" if body.axis is None else "cylinder"
+        case Cylinder():
+            return "cylinder"
+        case Sphere():
+            return "sphere"
         case LevelSet():
             return "expression"
         case Polyline():

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from dolfinx import fem
@@ -11,10 +11,9 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.contact import Contact, Gap
+from contact_locking.contact.coulomb import NoSlip
 from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
-from contact_locking.contact.friction_bound import NoSlip
 from contact_locking.contact.smoothing import Identity
-from contact_locking.contact.state import ContactState
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
@@ -24,6 +23,32 @@ from contact_locking.laws.rigid_motion import RigidMotion, SmallMotion
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import on_any_rank
 from contact_locking.supports.conditions import Constraints
+
+
+@dataclass(frozen=True)
+class ContactState:
+    """``u_{k-1}`` and the accumulated slip ``s_{k-1} = sum_j |u_{j,tau} - u_{j-1,tau}|``.
+
+    Friction acts on the slip of the present step, ``u_tau - u_{k-1,tau}``, and the friction
+    coefficient depends on ``s_k``.  ``place`` (k, d) is ``u_{k-1}`` and ``slip`` (k,) is
+    ``s_{k-1}`` at the owned nodes of the contact.  ``travel`` is how far forces
+    had moved the foundation, and ``motion`` is where the foundation itself was.  All are zero at
+    the beginning, and in a static problem.  ``displacement`` are the values of
+    ``u_{k-1}`` at all local dofs, from which bodies are paired anew; it is None at the beginning,
+    and for others.
+    """
+
+    place: FloatArray
+    slip: FloatArray
+    travel: SmallMotion
+    motion: RigidMotion
+    displacement: FloatArray | None = None
+
+    @classmethod
+    def at_rest(cls, nodes: int, dim: int) -> ContactState:
+        """Nothing has moved."""
+        nothing = SmallMotion.rest(dim), RigidMotion.rest(dim)
+        return cls(np.zeros((nodes, dim)), np.zeros(nodes), *nothing)
 
 
 class NodalContact:
@@ -118,7 +143,7 @@ class NodalContact:
             return
         if is_anew and displacement is not None:
             place = surface.limited.at_nodes(displacement)
-            self.state = dataclasses.replace(self.state, place=place)
+            self.state = replace(self.state, place=place)
         gap, normals = self.foundation.at_nodes(surface)
         self._put(surface.limited_gap(gap), normals)
         if not (self.foundation.moves or is_anew):
@@ -257,7 +282,7 @@ class NodalContact:
 
         Bodies that are paired anew began it at the ``displacement``.
         """
-        self.state = dataclasses.replace(self.state, slip=np.array(slip), displacement=displacement)
+        self.state = replace(self.state, slip=np.array(slip), displacement=displacement)
         if self.pairs_anew:
             self.place()
         self._refer(reference)
@@ -266,6 +291,47 @@ class NodalContact:
         """The L2 norm on this part of Gamma_C by the nodal weights; collective."""
         local = float(np.sum(self.surface.weights * values**2))
         return float(np.sqrt(self.surface.domain.comm.allreduce(local)))
+
+
+class BoundsInForce:
+    """The friction bound G in force at each contact, a stress; all are zero at first.
+
+    ``bounds[contact]`` are the values (k,) at the owned nodes of the contact.  To set them is
+    collective.  ``lengths[contact]`` is the length that smooths friction at present.
+    """
+
+    def __init__(self, contacts: Sequence[NodalContact]) -> None:
+        self._functions = {
+            contact: contact.surface.scalar_function(
+                np.zeros(len(contact.surface.nodes)), "friction_bound"
+            )
+            for contact in contacts
+        }
+        self.lengths = {
+            contact: fem.Constant(contact.surface.domain.mesh, contact.regularisation)
+            for contact in contacts
+        }
+
+    def function(self, contact: NodalContact) -> fem.Function:
+        """G on a contact, for forms."""
+        return self._functions[contact]
+
+    def __getitem__(self, contact: NodalContact) -> FloatArray:
+        return np.asarray(self._functions[contact].x.array[contact.surface.nodes])
+
+    def __setitem__(self, contact: NodalContact, values: FloatArray) -> None:
+        function = self._functions[contact].x
+        function.array[contact.surface.nodes] = values
+        function.scatter_forward()
+
+    def at(self, contacts: Iterable[NodalContact]) -> list[FloatArray]:
+        """The values at some contacts."""
+        return [self[contact] for contact in contacts]
+
+    def enter(self, contacts: Iterable[NodalContact], values: Iterable[FloatArray]) -> None:
+        """Set the values at some contacts; collective."""
+        for contact, part in zip(contacts, values, strict=True):
+            self[contact] = part
 
 
 def joint_norm(contacts: Sequence[NodalContact], values: Sequence[FloatArray]) -> float:

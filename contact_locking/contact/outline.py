@@ -7,7 +7,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
-from contact_locking.laws.foundation import Foundation, Round
+from contact_locking.laws.foundation import Cylinder, Foundation, Sphere
 from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion
 
 # The box reaches beyond the body by this share of the longest edge of the body's own box.
@@ -34,7 +34,7 @@ def outline(body: Foundation, motion: RigidMotion, box: FloatArray) -> FloatArra
     """
     if box.shape[1] == 2:
         return _zero_line(MovedFoundation(body, motion), box)
-    if isinstance(body, Round) and body.axis is None:
+    if isinstance(body, Sphere) and not isinstance(body, Cylinder):
         centre = motion.place(np.array(body.centre, dtype=float)[:, None])[:, 0]
         return _ball(centre, body.radius, box)
     return np.empty((0, 3, 3))

@@ -26,6 +26,14 @@ The facets are chords of curved sides, and so the distance between two meshes of
 zero.  The gap is therefore that between the curved sides which the averaged normals at the nodes
 describe: beside the chord from 1 to 2 a side is ``|x_2 - x_1| (nu_2 - nu_1) . t/2`` times the
 product of both hat functions farther out, with the tangent t.
+
+A point of a plane quadrilateral is ``x = a + b s + c t + d s t`` with s and t from 0 to 1.  With
+the cross product, y = x - a, and the Jacobian J there,
+
+    s = 2 (y x c)/(b x c - y x d + J),   t = 2 (b x y)/(b x c + y x d + J),
+    J^2 = (b x c - y x d)^2 + 4 (b x d)(y x c),
+
+whose denominators are twice the Jacobian at the sides s = 0 and t = 0.
 """
 
 from __future__ import annotations
@@ -38,7 +46,6 @@ import basix
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
-from contact_locking.contact.facet_functions import EDGES, bernstein, functions, nodal
 from contact_locking.mesh.cell_kind import CellKind, facet_normals, unit_normals
 
 if TYPE_CHECKING:
@@ -61,6 +68,9 @@ _ON_AXIS = 1e-9
 _SMALL, _PARALLEL, _MOST_BENT = 1e-12, 1e-16, 0.42
 # The cosine of 15 degrees.
 _SMOOTH = 0.966
+
+# The edges of facets, as their corners, by the number of corners, in the order of DOLFINx.
+_EDGES = {2: [(0, 1)], 3: [(1, 2), (0, 2), (0, 1)], 4: [(0, 1), (0, 2), (1, 3), (2, 3)]}
 
 
 @dataclass(frozen=True)
@@ -155,14 +165,14 @@ def pair(one: Side, other: Side) -> Pairing:
     facet, facing, flat, heights = facet[meet], facing[meet], flat[meet], heights[meet]
     number, pieces = _overlaps(own[facet], flat, one.kind)
     places, weights = _quadrature(pieces, max(_degree(one), _degree(other)))
-    at_one = functions(one.kind, own[facet[number]], places)
-    at_other = functions(other.kind, flat[number], places)
+    at_one = _functions(one.kind, own[facet[number]], places)
+    at_other = _functions(other.kind, flat[number], places)
     covered = _summed(facet[number], len(one.facets), weights[:, :, None]).sum(axis=(1, 2))
     if one.revolves:
         radii = np.einsum("qni,qi->qn", at_one, one.corners[facet[number], :, 0])
         weights = 2.0 * math.pi * radii * weights
-    of_one = bernstein(at_one) if one.is_quadratic else at_one
-    of_other = nodal(at_other) if other.is_quadratic else at_other
+    of_one = _bernstein(at_one) if one.is_quadratic else at_one
+    of_other = _nodal(at_other) if other.is_quadratic else at_other
 
     # Sums over the pieces of each pair, then over the pairs of each facet.
     mixed = _summed(number, len(facet), np.einsum("qn,qni,qnk->qik", weights, of_one, of_other))
@@ -242,7 +252,7 @@ def _bulge(side: Side) -> FloatArray:
     sizes = np.linalg.norm(normals, axis=1)
     normals = (normals / np.where(sizes > 0.0, sizes, 1.0)[:, None])[corners]
     found = np.zeros((len(corners), count, count))
-    for (i, j), ends in zip(EDGES[count], _ends(side), strict=True):
+    for (i, j), ends in zip(_EDGES[count], _ends(side), strict=True):
         along = side.corners[:, j] - side.corners[:, i]
         length = np.linalg.norm(along, axis=1)[:, None]
         slopes = np.einsum("mci,mi->mc", normals[:, [i, j]], along / length)
@@ -265,7 +275,7 @@ def _ends(side: Side) -> BoolArray:
     at_rim = np.isin(corners, rows[is_rim])
     alone = np.bincount(corners.reshape(-1))[corners] == 1
     # Along the rim a curve ends in a corner of the side, which has one facet.
-    edges = zip(EDGES[side.kind.corners], is_rim.reshape(-1, len(corners)), strict=False)
+    edges = zip(_EDGES[side.kind.corners], is_rim.reshape(-1, len(corners)), strict=False)
     ends = [(alone | at_rim & ~along[:, None])[:, list(edge)] for edge, along in edges]
     return np.any(ends, axis=2)
 
@@ -410,3 +420,48 @@ def _summed(numbers: IntArray, count: int, values: FloatArray) -> FloatArray:
     gather = csr_matrix((ones, (numbers, np.arange(len(numbers)))), shape=(count, len(numbers)))
     sums = gather @ values.reshape(len(values), math.prod(values.shape[1:]))
     return np.asarray(sums.reshape(count, *values.shape[1:]))
+
+
+def _functions(kind: CellKind, corners: FloatArray, points: FloatArray) -> FloatArray:
+    """The functions of degree 1 (q, n, c) of the corners (q, c, d) at points (q, n, d).
+
+    On simplices these are the barycentric coordinates; quadrilaterals are convex.
+    """
+    if kind.is_simplex:
+        edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+        away = (points - corners[:, :1]).transpose(0, 2, 1)
+        places = np.asarray(np.linalg.solve(edges, away).transpose(0, 2, 1), dtype=float)
+    else:
+        a, b, c, d = (corners[:, i : i + 1] for i in range(4))
+        b, c, d, y = b - a, c - a, d - b - c + a, points - a
+        turn = np.sign(_cross(b, c))
+        area, bend, along = turn * _cross(b, c), turn * _cross(y, d), turn * _cross(y, c)
+        jacobian = np.sqrt(np.maximum((area - bend) ** 2 + 4.0 * turn * _cross(b, d) * along, 0.0))
+        s = 2.0 * along / (area - bend + jacobian)
+        t = 2.0 * turn * _cross(b, y) / (area + bend + jacobian)
+        places = np.stack([s, t], axis=2).astype(np.float64)
+    return kind.basis(places.reshape(-1, kind.dim)).reshape(*points.shape[:2], kind.corners)
+
+
+def _bernstein(linear: FloatArray) -> FloatArray:
+    """Bernstein's functions (..., n) of degree 2 at the values (..., c) of those of degree 1.
+
+    They are those of the corners, of the edges, and of the middle of a quadrilateral.
+    """
+    found = [linear**2]
+    found += [2.0 * linear[..., [i]] * linear[..., [j]] for i, j in _EDGES[linear.shape[-1]]]
+    if linear.shape[-1] == 4:
+        found.append(4.0 * linear[..., [0]] * linear[..., [3]])
+    return np.concatenate(found, axis=-1)
+
+
+def _nodal(linear: FloatArray) -> FloatArray:
+    """The functions (..., n) of degree 2 of the nodes, as :func:`_bernstein`."""
+    unit = np.eye(linear.shape[-1])
+    ends = [[i, j] for i, j in _EDGES[len(unit)]] + [[0, 1, 2, 3]] * (len(unit) == 4)
+    nodes = np.array([*unit, *(unit[some].mean(axis=0) for some in ends)])
+    return np.asarray(_bernstein(linear) @ np.linalg.inv(_bernstein(nodes)))
+
+
+def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])

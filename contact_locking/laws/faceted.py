@@ -4,20 +4,30 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
+from contact_locking.errors import InputError
+from contact_locking.laws.foundation import Foundation
 
 # As many distances between points and segments are computed at once.
 _AT_ONCE = 1 << 20
 # A ray runs along a facet if the cosine of its angle with the normal is smaller, and a ray that
 # misses a facet by this share of its size is rounding.
 _GRAZING = 1e-9
+_INSTALL = "apt-get install python3-vtk9, or pip install vtk"
+# Nearer to the surface than this share of its size, the direction to the nearest point is rounding,
+# and differences of the distance give the normal.
+_NEAR = 1e-6
+# The cosine of the angle between the normals beside a sharp edge, 10 degrees.
+_SHARP = 0.985
 
 
-class FacetedFoundation(ABC):
+class FacetedFoundation(Foundation, ABC):
     """The signed distance to facets, positive on the side of their normals."""
 
     @property
@@ -29,14 +39,6 @@ class FacetedFoundation(ABC):
     @abstractmethod
     def is_closed(self) -> bool:
         """Whether the surface has no rim."""
-
-    @abstractmethod
-    def gap(self, x: FloatArray) -> FloatArray:
-        """The distance (k,) of points (d, k), negative inside the foundation."""
-
-    @abstractmethod
-    def contact_normal(self, x: FloatArray) -> FloatArray:
-        """Unit vectors (d, k) into the foundation."""
 
     @abstractmethod
     def reversed(self) -> FacetedFoundation:
@@ -102,7 +104,209 @@ class FacetedFoundation(ABC):
         return depths, found
 
 
-def nearest_on_segments(
+@dataclass(frozen=True)
+class Polyline(FacetedFoundation):
+    """The signed distance to a polyline, positive on the right of the way along ``corners`` (m, 2).
+
+    The foundation is on the left, so that a closed outline runs counterclockwise around it.  The
+    line is closed if its last corner is the first.  At a corner the sign is that of the mean of the
+    normals of both segments, and beyond an open end that of the end's segment.
+    """
+
+    corners: FloatArray
+
+    @property
+    def is_closed(self) -> bool:
+        return bool(np.array_equal(self.corners[0], self.corners[-1]))
+
+    @property
+    def facets(self) -> FloatArray:
+        return np.stack([self.corners[:-1], self.corners[1:]], axis=1)
+
+    def sharp_points(self, box: FloatArray, spacing: float) -> FloatArray:
+        inside = np.all((self.corners >= box[0]) & (self.corners <= box[1]), axis=1)
+        return np.asarray(self.corners[inside])
+
+    def reversed(self) -> Polyline:
+        return Polyline(self.corners[::-1])
+
+    def gap(self, x: FloatArray) -> FloatArray:
+        return self._signed(x)[0]
+
+    def contact_normal(self, x: FloatArray) -> FloatArray:
+        return -self._signed(x)[1]
+
+    def at_open_end(self, x: FloatArray) -> BoolArray:
+        if self.is_closed:
+            return np.zeros(x.shape[1], dtype=bool)
+        places, segment, share = _nearest_on_segments(x.T, self.facets)
+        beyond = (segment == 0) & (share == 0.0)
+        beyond |= (segment == len(self.corners) - 2) & (share == 1.0)
+        away = x.T - places
+        # At the end itself, and straight above it, the line is met at a right angle.
+        size = np.linalg.norm(away, axis=1)
+        return np.asarray(beyond & (np.abs(_cross(away.T, self.normals[segment].T)) > 1e-9 * size))
+
+    def crossing(self) -> tuple[int, int] | None:
+        """The numbers of two segments that meet without being neighbours; None if no two do."""
+        start, end = self.corners[:-1], self.corners[1:]
+        count = len(start)
+        low, high = np.minimum(start, end), np.maximum(start, end)
+        for one in range(count - 1):
+            rest = slice(one + 1, count)
+            near = np.all((low[one] <= high[rest]) & (high[one] >= low[rest]), axis=1)
+            for other in map(int, one + 1 + np.flatnonzero(near)):
+                follows = other == one + 1 or (self.is_closed and other - one == count - 1)
+                test = _folds_back if follows else _meet
+                if test(
+                    end[one] - start[one], end[other] - start[other], start[other] - start[one]
+                ):
+                    return one, other
+        return None
+
+    def _signed(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The distance (k,) and its gradient (2, k) at points (2, k)."""
+        places, segment, share = _nearest_on_segments(x.T, self.facets)
+        normals, count = self.normals, len(self.normals)
+        before, after = segment - (share == 0.0), segment + (share == 1.0)
+        if self.is_closed:
+            before, after = before % count, after % count
+        before, after = np.clip(before, 0, count - 1), np.clip(after, 0, count - 1)
+        pseudo = normals[before] + normals[after]
+        pseudo = pseudo / np.linalg.norm(pseudo, axis=1)[:, None]
+        away = x.T - places
+        distance = np.linalg.norm(away, axis=1)
+        sign = np.where(np.sum(away * pseudo, axis=1) >= 0.0, 1.0, -1.0)
+        # On the line itself, to rounding, the normal of the line is the direction.
+        size = np.abs(self.corners).max(initial=np.finfo(float).tiny)
+        on = distance <= 1e-14 * size
+        direction = (sign / np.where(on, 1.0, distance))[:, None] * away
+        return sign * distance, np.where(on[:, None], pseudo, direction).T
+
+
+class TriangulatedSurface(FacetedFoundation):
+    """The signed distance to triangles in space, positive on the side of their normals.
+
+    ``points`` (m, 3) are the corners, each once, and ``triangles`` (n, 3) are numbers of corners,
+    counterclockwise seen from outside.  VTK finds the nearest point, and the sign by the normal
+    there: at an edge or a corner the mean of the normals, weighted by the angles of the triangles
+    (Baerentzen and Aanaes, doi:10.1109/TVCG.2005.49).
+    """
+
+    def __init__(self, points: FloatArray, triangles: IntArray) -> None:
+        self.points, self.triangles = points, triangles
+        self._size = float(np.ptp(points, axis=0).max())
+        # The last points with their results: callers ask for gap and normal one after the other.
+        self._last: tuple[FloatArray, FloatArray, FloatArray] | None = None
+
+    @property
+    def facets(self) -> FloatArray:
+        return np.asarray(self.points[self.triangles])
+
+    def gap(self, x: FloatArray) -> FloatArray:
+        return self._nearest(x)[0]
+
+    def contact_normal(self, x: FloatArray) -> FloatArray:
+        distance, places = self._nearest(x)
+        step = _NEAR * self._size
+        near = np.abs(distance) <= step
+        normals = (x - places) / np.where(near, 1.0, distance)
+        for number in np.flatnonzero(near):
+            places_around = x[:, number] + step * np.concatenate([np.eye(3), -np.eye(3)])
+            around = np.array([self._distance.EvaluateFunction(place) for place in places_around])
+            slope = around[:3] - around[3:]
+            normals[:, number] = slope / np.linalg.norm(slope)
+        return np.asarray(-normals)
+
+    def sharp_points(self, box: FloatArray, spacing: float) -> FloatArray:
+        inside = np.all((self.points >= box[0]) & (self.points <= box[1]), axis=1)
+        found = [self.points[inside]]
+        start, end = self.points[self._sharp_edges].transpose(1, 0, 2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ways = np.sort((box[:, None] - start) / (end - start), axis=0)
+        # Along a side of the box an edge is within the box for all of its length or for nothing.
+        between = (start >= box[0]) & (start <= box[1])
+        never, always = np.array([np.inf, -np.inf])[:, None, None], np.array([0.0, 1.0])
+        ways = np.where(start == end, np.where(between, always[:, None, None], never), ways)
+        first = np.maximum(ways[0].max(axis=1, initial=0.0), 0.0)
+        last = np.minimum(ways[1].min(axis=1, initial=1.0), 1.0)
+        for a, b, low, high in zip(start, end, first, last, strict=True):
+            if low < high:
+                length = float(np.linalg.norm(b - a)) * (high - low)
+                shares = np.linspace(low, high, int(np.ceil(length / spacing)) + 1)
+                found.append(a + shares[:, None] * (b - a))
+        return np.concatenate(found)
+
+    @cached_property
+    def _sharp_edges(self) -> IntArray:
+        """The edges (e, 2) between triangles whose normals differ by more than 10 degrees."""
+        normals = self.normals
+        sides = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        order = np.lexsort(sides.T)
+        sides, owner = sides[order], order // 3
+        pairs = np.flatnonzero(np.all(sides[1:] == sides[:-1], axis=1))
+        cosine = np.sum(normals[owner[pairs]] * normals[owner[pairs + 1]], axis=1)
+        return np.asarray(sides[pairs[cosine < _SHARP]])
+
+    def reversed(self) -> TriangulatedSurface:
+        return TriangulatedSurface(self.points, self.triangles[:, ::-1])
+
+    @cached_property
+    def rim(self) -> IntArray:
+        """The edges (r, 2) of one triangle only, as numbers of corners."""
+        edges = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        found, counts = np.unique(edges, axis=0, return_counts=True)
+        return np.asarray(found[counts == 1])
+
+    @property
+    def is_closed(self) -> bool:
+        return not len(self.rim)
+
+    def at_open_end(self, x: FloatArray) -> BoolArray:
+        if self.is_closed:
+            return np.zeros(x.shape[1], dtype=bool)
+        places = self._nearest(x)[1].T
+        on_rim, _, _ = _nearest_on_segments(places, self.points[self.rim])
+        return np.asarray(np.linalg.norm(places - on_rim, axis=1) <= 1e-9 * self._size)
+
+    def _nearest(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The signed distance (k,), and the nearest place (3, k) of the surface."""
+        if self._last is not None and np.array_equal(self._last[0], x):
+            return self._last[1:]
+        distances, places = np.empty(x.shape[1]), np.empty((x.shape[1], 3))
+        found = [0.0, 0.0, 0.0]
+        for number, point in enumerate(x.T):
+            distances[number] = self._distance.EvaluateFunctionAndGetClosestPoint(point, found)
+            places[number] = found
+        self._last = x.copy(), distances, places.T
+        return self._last[1:]
+
+    @cached_property
+    def _distance(self) -> Any:
+        # VTK is needed for surfaces of triangles only, and its import takes long.
+        try:
+            from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+            from vtkmodules.vtkCommonCore import vtkPoints
+            from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+            from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
+        except ImportError as error:
+            raise InputError(f"distances from triangles need VTK: {_INSTALL} ({error})") from None
+
+        corners, cells, surface = vtkPoints(), vtkCellArray(), vtkPolyData()
+        corners.SetData(numpy_to_vtk(np.ascontiguousarray(self.points, dtype=float), deep=1))
+        offsets = np.arange(0, self.triangles.size + 1, 3, dtype=np.int64)
+        numbers = np.ascontiguousarray(self.triangles, dtype=np.int64).reshape(-1)
+        cells.SetData(
+            numpy_to_vtkIdTypeArray(offsets, deep=1), numpy_to_vtkIdTypeArray(numbers, deep=1)
+        )
+        surface.SetPoints(corners)
+        surface.SetPolys(cells)
+        distance = vtkImplicitPolyDataDistance()
+        distance.SetInput(surface)
+        return distance
+
+
+def _nearest_on_segments(
     points: FloatArray, segments: FloatArray
 ) -> tuple[FloatArray, IntArray, FloatArray]:
     """The nearest places (k, d) to points (k, d) of segments (m, 2, d).
@@ -122,3 +326,19 @@ def nearest_on_segments(
         found.append(shares[np.arange(len(part)), nearest])
     number, share = np.concatenate(numbers), np.concatenate(found)
     return start[number] + share[:, None] * along[number], number, share
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(a[0] * b[1] - a[1] * b[0])
+
+
+def _folds_back(first: FloatArray, second: FloatArray, offset: FloatArray) -> bool:
+    """Whether of two neighbours one runs back along the other."""
+    return bool(_cross(first, second) == 0.0 and first @ second < 0.0)
+
+
+def _meet(first: FloatArray, second: FloatArray, offset: FloatArray) -> bool:
+    """Whether two segments with overlapping boxes meet; ``offset`` is from start to start."""
+    across = _cross(first, offset) * _cross(first, offset + second)
+    back = _cross(second, -offset) * _cross(second, first - offset)
+    return bool(across <= 0.0 and back <= 0.0)

@@ -50,49 +50,33 @@ class HalfSpace:
 
 
 @dataclass(frozen=True)
-class Round:
-    """``phi(x) = |P (x - centre)| - radius``: a disc or a sphere, or a cylinder along ``axis``.
-
-    ``P`` removes the component along ``axis``; without an axis ``P`` is the identity.
-    """
+class Sphere:
+    """``phi(x) = |x - centre| - radius``; a disc in 2D."""
 
     centre: tuple[float, ...]
     radius: float
-    axis: tuple[float, ...] | None = None
 
-    def _radial(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        radial = x - np.asarray(self.centre, dtype=float)[:, None]
-        if self.axis is not None:
-            axis = _unit(self.axis)
-            radial = radial - np.outer(axis, axis @ radial)
-        return radial, np.linalg.norm(radial, axis=0)
+    def _radial(self, x: FloatArray) -> FloatArray:
+        return x - np.asarray(self.centre, dtype=float)[:, None]
 
     def gap(self, x: FloatArray) -> FloatArray:
-        return self._radial(x)[1] - self.radius
+        return np.asarray(np.linalg.norm(self._radial(x), axis=0) - self.radius)
 
     def contact_normal(self, x: FloatArray) -> FloatArray:
-        radial, distance = self._radial(x)
+        radial = self._radial(x)
         # No direction is the nearest at the centre itself: the normal there is the zero vector.
-        return -radial / np.maximum(distance, np.finfo(float).tiny)
+        return -radial / np.maximum(np.linalg.norm(radial, axis=0), np.finfo(float).tiny)
 
 
-class Sphere(Round):
-    """``phi(x) = |x - centre| - radius``; a disc in 2D."""
-
-    def __init__(self, centre: tuple[float, ...], radius: float) -> None:
-        super().__init__(centre, radius)
-
-
-class Cylinder(Round):
+@dataclass(frozen=True)
+class Cylinder(Sphere):
     """The points of 3D whose distance to a line through ``centre`` along ``axis`` is a radius."""
 
-    def __init__(
-        self,
-        centre: tuple[float, ...],
-        radius: float,
-        axis: tuple[float, ...] = (0.0, 1.0, 0.0),
-    ) -> None:
-        super().__init__(centre, radius, axis)
+    axis: tuple[float, ...] = (0.0, 1.0, 0.0)
+
+    def _radial(self, x: FloatArray) -> FloatArray:
+        radial, axis = super()._radial(x), _unit(self.axis)
+        return radial - np.outer(axis, axis @ radial)
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,14 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import IndexArray
-from contact_locking.contact.bounds_in_force import BoundsInForce
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.free_motions import free_motions
-from contact_locking.contact.nodal_contact import NodalContact, place_of
-from contact_locking.contact.state import ContactState
+from contact_locking.contact.nodal_contact import (
+    BoundsInForce,
+    ContactState,
+    NodalContact,
+    place_of,
+)
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
 from contact_locking.laws.penalty import Penalty

@@ -19,7 +19,6 @@ from contact_locking.arrays import SMALLEST, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.laws import elasticity as law
 from contact_locking.mesh.domain import Domain
-from contact_locking.problem.eigenstrain import Eigenstrain
 from contact_locking.problem.points import Points, Sampler, Value, least
 
 Stress = Callable[[Expr], Expr]
@@ -55,6 +54,38 @@ class Elasticity:
     key: str = "elasticity"
 
 
+@dataclass(frozen=True)
+class Eigenstrain:
+    """``sigma = A (eps - eps_0)``: ``stress`` is ``-A eps_0``, ``energy`` is ``A eps_0 : eps_0/2``.
+
+    ``values`` has eps_0 at the points of the strains.  Both are homogeneous in the values, of the
+    degrees 1 and 2, unless the stress itself was given.
+    """
+
+    values: fem.Function
+    stress: Expr
+    energy: Expr
+
+    @classmethod
+    def in_space(cls, points: Points, linear: Stress, size: int, across: bool) -> Eigenstrain:
+        """eps_0 as (3, 3) tensors for a body whose tensors have the given size; collective.
+
+        With ``across`` the strain across the plane of a body in plane strain counts: the law
+        ``linear`` then maps tensors of space to those of space.
+        """
+        values = points.function((3, 3))
+        counted: Expr = values
+        if size == 2 and not across:
+            counted = ufl.as_tensor([[values[i, j] for j in range(2)] for i in range(2)])
+        stress = linear(counted)
+        part = ufl.as_tensor([[-stress[i, j] for j in range(size)] for i in range(size)])
+        return cls(values, part, 0.5 * ufl.inner(stress, counted))
+
+    def of_body(self, size: int) -> Expr:
+        """eps_0 as a (size, size) tensor of the strains of the body."""
+        return ufl.as_tensor([[self.values[i, j] for j in range(size)] for i in range(size)])
+
+
 class Material:
     """The elasticity on the mesh, for the forms and the certificate.
 
@@ -81,14 +112,16 @@ class Material:
         self._pairs = domain.kinematics.mandel_pairs(domain.dim)
         self._size = domain.kinematics.tensor_size(domain.dim)
         if given.stress is not None:
-            initial = given.stress(ufl.classes.Zero((self._size, self._size)))
-            self.stress = self.linear = given.stress
+            stress = given.stress
+            initial = stress(ufl.classes.Zero((self._size, self._size)))
+            self.stress = self.linear = stress
             if not isinstance(initial, ufl.classes.Zero):
-                share = partial(_linear_share, given.stress, initial)
                 # UFL does not see that the initial stress cancels out, for any other strain.
-                of_share = matrix_of(share, self._pairs, self._size)
-                self.linear = partial(law.anisotropic_stress, stiffness=of_share)
-                self.eigenstrain = Eigenstrain.of_stress(points, self.linear, initial)
+                share = matrix_of(lambda eps: stress(eps) - initial, self._pairs, self._size)
+                self.linear = partial(law.anisotropic_stress, stiffness=share)
+                values = points.function(initial.ufl_shape)
+                energy = 0.5 * ufl.inner(self.linear(values), values)
+                self.eigenstrain = Eigenstrain(values, initial, energy)
                 self._eigenstrain = points.sampler(initial, given.key, initial.ufl_shape)
             matrix = matrix_of(self.linear, self._pairs, self._size)
             self._matrix = points.sampler(matrix, given.key, matrix.ufl_shape)
@@ -99,38 +132,34 @@ class Material:
             self._field = points.function(shape)
             self.stress = self.linear = partial(law.anisotropic_stress, stiffness=self._field)
         else:
-            self._lame = self._lame_samplers()
-            lame = self._of_plane(self._lame_in_space())
-            self._lame_fields: list[Any] = [self._constant_or_field(row) for row in lame]
-            self.stress = self.linear = partial(
-                law.isotropic_stress,
-                lame_lambda=self._lame_fields[0],
-                lame_mu=self._lame_fields[1],
-            )
+            self._lame = self._lame_sampler()
+            in_plane = self._of_plane(self._lame())
+            self._lame_fields = [self._constant_or_field(row) for row in in_plane]
+            of_lame = dict(zip(("lame_lambda", "lame_mu"), self._lame_fields, strict=True))
+            self.stress = self.linear = partial(law.isotropic_stress, **of_lame)
         if given.eigenstrain is not None:
             key = f"{given.key}.eigenstrain"
             self._eigenstrain = points.sampler(given.eigenstrain, key, (3, 3))
             across = given.stiffness is None and given.plane == "strain"
-            self.eigenstrain = Eigenstrain.in_space(points, self.linear, self._size, across)
-            self.stress = partial(_affine_stress, self.linear, self.eigenstrain.stress)
+            eigenstrain = Eigenstrain.in_space(points, self.linear, self._size, across)
+            self.eigenstrain, linear = eigenstrain, self.linear
+            self.stress = lambda eps: linear(eps) + eigenstrain.stress
         self.refresh()
 
     def refresh(self) -> None:
         """Take the present values of the data; collective."""
         domain, given = self._points.domain, self._given
         if given.stress is None and given.stiffness is None:
-            in_space = self._lame_in_space()
+            in_space = self._lame()
             lame = self._of_plane(in_space)
-            for number, field in enumerate(self._lame_fields):
-                row = lame[number]
+            for field, row in zip(self._lame_fields, lame, strict=True):
                 if isinstance(field, fem.Constant):
                     field.value = least(domain, row)
                 else:
                     self._points.write(field, row)
             with np.errstate(all="ignore"):  # the eigenvalues tell whether A is elliptic
-                young = law.young_from_lame(*in_space)
+                self._young = young = law.young_from_lame(*in_space)
                 self._poisson = 0.5 * in_space[0] / (in_space[0] + in_space[1])
-            self._young = young
             eigenvalues = np.array(law.isotropic_eigenvalues(lame[0], lame[1], self._size))
         else:
             matrices = self._matrix()
@@ -156,18 +185,18 @@ class Material:
             vectors = law.mandel_values(values, self._pairs)
             strains = -np.asarray(np.linalg.solve(self._matrix(), vectors[..., None]))[..., 0]
             values = law.tensor_values(strains, self._pairs, self._size)
-        elif given.stiffness is not None and self._size == 2:
-            self._require_in_plane(values[:, 2, 2])
-        self._points.write(self.eigenstrain.values, values)
-
-    def _require_in_plane(self, across: FloatArray) -> None:
-        if least(self._points.domain, -np.abs(across)) < 0.0:
+        elif self._size == 2 and given.stiffness is not None and self._has(values[:, 2, 2]):
             raise InputError(
                 "the eigenstrain has a part across the plane, and a stiffness matrix of the plane "
                 "does not tell its stress; give the components in the plane alone, as in "
                 "[0.01, 0.01]",
-                self._given.key,
+                given.key,
             )
+        self._points.write(self.eigenstrain.values, values)
+
+    def _has(self, values: FloatArray, rounding: float = 0.0) -> bool:
+        """Whether a value of any rank is larger than rounding; collective."""
+        return largest(self._points.domain, values) > rounding
 
     def across(self, stress: FloatArray) -> FloatArray | None:
         """The stress (k,) across the plane beside elastic stresses (k, 2, 2) in the plane.
@@ -181,43 +210,36 @@ class Material:
             return None
         found = self._poisson * np.trace(stress, axis1=1, axis2=2)
         if self.eigenstrain is not None:
-            found -= self._young * self.eigenstrain.across(self._points)
+            found -= self._young * self._points.values(self.eigenstrain.values)[:, 2, 2]
         return np.asarray(found)
 
     def _require_strains(self, matrices: FloatArray) -> None:
-        size = -least(self._points.domain, -np.abs(matrices))
-        if -least(self._points.domain, -np.abs(self._rotational())) > _ROUNDING * size:
+        if self._has(self._rotational(), _ROUNDING * largest(self._points.domain, matrices)):
             raise InputError(
                 "has an energy of rotations, which no stress has: write it with "
                 "ufl.sym(ufl.grad(u))",
                 self._given.key,
             )
 
-    def _lame_samplers(self) -> tuple[Sampler, Sampler, bool]:
-        """Young's modulus and Poisson's ratio, or both Lame coefficients, and which it is."""
+    def _lame_sampler(self) -> Sampler:
+        """Both Lame coefficients (2, k) in space."""
         given, sampler = self._given, self._points.sampler
-        if given.young is not None and given.poisson is not None:
-            key = given.key
-            return (
-                sampler(given.young, f"{key}.young"),
-                sampler(given.poisson, f"{key}.poisson"),
-                True,
-            )
-        if given.lame_lambda is None or given.lame_mu is None:
+        are_moduli = given.young is not None and given.poisson is not None
+        names = ("young", "poisson") if are_moduli else ("lambda", "mu")
+        data = (given.young, given.poisson) if are_moduli else (given.lame_lambda, given.lame_mu)
+        if any(item is None for item in data):
             raise InputError(
                 "needs young and poisson, lame_lambda and lame_mu, stiffness, or stress", given.key
             )
-        key = given.key
-        return (
-            sampler(given.lame_lambda, f"{key}.lambda"),
-            sampler(given.lame_mu, f"{key}.mu"),
-            False,
+        first, second = (
+            sampler(item, f"{given.key}.{name}") for item, name in zip(data, names, strict=True)
         )
 
-    def _lame_in_space(self) -> FloatArray:
-        first, second, are_moduli = self._lame
-        values = first(), second()
-        return np.array(law.lame_from_young(*values) if are_moduli else values)
+        def lame() -> FloatArray:
+            values = first(), second()
+            return np.array(law.lame_from_young(*values) if are_moduli else values)
+
+        return lame
 
     def _of_plane(self, lame: FloatArray) -> FloatArray:
         """Both Lame coefficients (2, k), lambda that of the plane."""
@@ -238,19 +260,16 @@ class Material:
         return self._points.function()
 
 
+def largest(domain: Domain, values: FloatArray) -> float:
+    """The largest magnitude over all ranks; NaN counts as inf; collective."""
+    return -least(domain, -np.abs(values))
+
+
 def require_symmetric(domain: Domain, matrices: FloatArray, key: str) -> None:
     """Raise InputError for Mandel matrices (k, s, s) that are not symmetric; collective."""
     skew = np.abs(matrices - np.swapaxes(matrices, 1, 2))
-    if -least(domain, -skew) > _ROUNDING * -least(domain, -np.abs(matrices)):
+    if largest(domain, skew) > _ROUNDING * largest(domain, matrices):
         raise InputError("the stiffness matrix is not symmetric", key)
-
-
-def _affine_stress(linear: Stress, initial: Expr, eps: Expr) -> Expr:
-    return linear(eps) + initial
-
-
-def _linear_share(stress: Stress, initial: Expr, eps: Expr) -> Expr:
-    return stress(eps) - initial
 
 
 def matrix_of(stress: Stress, pairs: Sequence[tuple[int, int]], size: int) -> Expr:
@@ -303,9 +322,7 @@ def elasticity_of(a: ufl.Form) -> Elasticity:
     v, u = a.arguments()
     mesh = u.ufl_function_space().mesh
     size = mesh.topology.dim
-    densities = []
-    for integral in a.integrals():
-        densities.append(_on_subdomain(integral, mesh) * _density(integral))
+    densities = [_on_subdomain(item, mesh) * _density(item) for item in a.integrals()]
 
     def density_at(of_u: Expr, of_v: Expr) -> Expr:
         given = {ufl.grad(u): of_u, ufl.grad(v): of_v}

@@ -14,9 +14,8 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.contact.bounds_in_force import BoundsInForce
 from contact_locking.contact.free_motions import FreeMotion
-from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.contact.nodal_contact import BoundsInForce, NodalContact
 from contact_locking.fem.spaces import Element
 from contact_locking.laws.friction import (
     contact_energy,
@@ -24,7 +23,7 @@ from contact_locking.laws.friction import (
     friction_energy,
     friction_traction,
 )
-from contact_locking.problem.eigenstrain import Eigenstrain
+from contact_locking.problem.elasticity import Eigenstrain
 from contact_locking.problem.springs import ElasticSupport
 from contact_locking.problem.strain_sets import NormSet, StrainSet
 

@@ -13,8 +13,7 @@ from dolfinx import fem
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.contact.bounds_in_force import BoundsInForce
-from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.contact.nodal_contact import BoundsInForce, NodalContact
 from contact_locking.contact.outline import box_around
 from contact_locking.contact.surface import NodalAverage
 from contact_locking.fem import compiled

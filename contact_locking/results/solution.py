@@ -18,7 +18,7 @@ from contact_locking.results.history import History
 if TYPE_CHECKING:
     from dolfinx import fem
 
-    from contact_locking.contact.state import ContactState
+    from contact_locking.contact.nodal_contact import ContactState
     from contact_locking.fem.spaces import Element
     from contact_locking.mesh.domain import Domain
     from contact_locking.results.derived import ContactFields

@@ -23,11 +23,10 @@ from contact_locking.expressions.gradient import value_and_gradient
 from contact_locking.fields.clock import Clock, is_timed
 from contact_locking.fields.sampling import Entities, features
 from contact_locking.fields.values import PresentValue
+from contact_locking.laws.faceted import Polyline, TriangulatedSurface
 from contact_locking.laws.foundation import Cylinder, Foundation, HalfSpace, LevelSet, Sphere
 from contact_locking.laws.friction import FrictionLaw
-from contact_locking.laws.polyline import Polyline
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
-from contact_locking.laws.triangulated import TriangulatedSurface
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file.tool_surface import read_corners, read_surface
 from contact_locking.parallel import agree, maximum, on_root

@@ -22,7 +22,7 @@ from mpi4py import MPI
 
 from contact_locking import StudySolution, assemble, solve_assembled
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.friction_bound import FrictionBound
+from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.fem.compiled import integral
 from contact_locking.laws.elasticity import isotropic_stress, lame_from_young, strain
 from contact_locking.process.adaptivity.sharper_bound import on_mesh_of

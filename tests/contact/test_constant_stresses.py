@@ -12,7 +12,7 @@ from mpi4py import MPI
 from two_bodies import POISSON, YOUNG, bent_boxes, stack
 
 from contact_locking import StudySolution, assemble, solve
-from contact_locking.problem.body_forms import BodyForms
+from contact_locking.problem.system import BodyForms
 from contact_locking.study_file.parameters import Parameters
 
 pytest.importorskip("gmsh")

@@ -17,9 +17,8 @@ from contact_locking import InputError, Parameters, StudySolution, solve
 from contact_locking.arrays import FloatArray
 from contact_locking.expressions import parse
 from contact_locking.expressions.gradient import value_and_gradient
-from contact_locking.laws.foundation import Foundation, Round
-from contact_locking.laws.polyline import Polyline
-from contact_locking.laws.triangulated import TriangulatedSurface
+from contact_locking.laws.faceted import Polyline, TriangulatedSurface
+from contact_locking.laws.foundation import Foundation, Sphere
 from contact_locking.mesh.file.tool_surface import checked, read_surface
 from contact_locking.study_file import from_mapping, load
 from contact_locking.study_file.fingerprint import fingerprint
@@ -224,7 +223,7 @@ def test_a_ball_of_triangles_comes_near_to_the_ball(tmp_path: Path) -> None:
     x = np.random.default_rng(5).uniform(0.0, 1.0, (200, 3))
     x[:, 2] *= 0.1
     own = TriangulatedSurface(surface.points, surface.triangles)
-    exact = Round(tuple(centre), 2.995)
+    exact = Sphere(tuple(centre), 2.995)
     assert own.gap(x.T) == pytest.approx(exact.gap(x.T), abs=2e-3)
     assert own.contact_normal(x.T) == pytest.approx(exact.contact_normal(x.T), abs=5e-2)
 

@@ -24,7 +24,7 @@ from contact_locking.extras.pictures.gather import gather
 from contact_locking.extras.pictures.snapshot import Snapshot, drawn_tool, foundation, tool
 from contact_locking.extras.pictures.style import look_of
 from contact_locking.extras.pictures.views import from_the_side
-from contact_locking.laws.foundation import HalfSpace, Round
+from contact_locking.laws.foundation import Cylinder, HalfSpace, Sphere
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
 
 pytestmark = pytest.mark.serial
@@ -77,7 +77,7 @@ BOX = np.array([[-0.25, -0.25], [1.25, 1.25]])
 def test_the_outline_of_a_disc_is_its_circle_inside_the_box(radius: float) -> None:
     motion = RigidMotion(np.array([0.1, -0.05]), rotation(np.array([0.3])), np.array([0.5, 0.5]))
     centre = np.array([0.5, 1.0 + radius])
-    facets = outline(Round((0.5, 1.0 + radius), radius), motion, BOX)
+    facets = outline(Sphere((0.5, 1.0 + radius), radius), motion, BOX)
     ends, middles = facets.reshape(-1, 2), facets.mean(axis=1)
     moved = motion.place(centre[:, None])[:, 0]
     assert np.linalg.norm(ends - moved, axis=1) == pytest.approx(radius, rel=1e-3)
@@ -149,7 +149,7 @@ def test_a_ball_is_closed_and_of_a_large_one_there_is_the_cap_beside_the_body(
     box = np.array([[-0.25] * 3, [1.25] * 3])
     motion = RigidMotion(np.array([0.0, 0.1, 0.0]), np.eye(3), np.zeros(3))
     centre = np.array([0.5, 0.4, 1.0 + radius])
-    facets = outline(Round(tuple(centre), radius), motion, box)
+    facets = outline(Sphere(tuple(centre), radius), motion, box)
     moved = centre + motion.translation
     assert np.linalg.norm(facets - moved, axis=2) == pytest.approx(radius)
     sides = facets[:, [1, 2, 0]] - facets
@@ -164,7 +164,7 @@ def test_a_ball_is_closed_and_of_a_large_one_there_is_the_cap_beside_the_body(
         assert np.ptp(facets.reshape(-1, 3)[:, 0]) == pytest.approx(1.5, rel=0.01)
         assert facets[..., 2].min() == pytest.approx(1.0, abs=1e-9)
     # A cylinder in space has no outline.
-    cylinder = Round(tuple(centre), radius, (0.0, 1.0, 0.0))
+    cylinder = Cylinder(tuple(centre), radius, (0.0, 1.0, 0.0))
     assert outline(cylinder, motion, box).shape == (0, 3, 3)
 
 

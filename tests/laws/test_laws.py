@@ -22,7 +22,7 @@ from contact_locking.laws.elasticity import (
     lame_from_young,
     mean_young,
 )
-from contact_locking.laws.foundation import HalfSpace, Round
+from contact_locking.laws.foundation import Cylinder, HalfSpace, Sphere
 from contact_locking.laws.friction import (
     contact_energy,
     contact_pressure,
@@ -139,11 +139,11 @@ def test_half_space_gap_is_the_distance_along_its_normal(length: float) -> None:
 
 @pytest.mark.serial
 def test_cylinder_gap_ignores_the_place_along_its_axis() -> None:
-    cylinder = Round((0.0, 0.0, 0.0), 1.0, axis=(0.0, 3.0, 0.0))
+    cylinder = Cylinder((0.0, 0.0, 0.0), 1.0, axis=(0.0, 3.0, 0.0))
     x = np.array([[0.0], [7.0], [3.0]])
     assert cylinder.gap(x) == pytest.approx([2.0])
     assert cylinder.contact_normal(x) == pytest.approx(np.array([[0.0], [0.0], [-1.0]]))
-    assert Round((0.0, 0.0, 0.0), 1.0).gap(x) == pytest.approx([math.hypot(7.0, 3.0) - 1.0])
+    assert Sphere((0.0, 0.0, 0.0), 1.0).gap(x) == pytest.approx([math.hypot(7.0, 3.0) - 1.0])
 
 
 class Operators:

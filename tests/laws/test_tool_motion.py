@@ -10,7 +10,7 @@ import pytest
 
 from contact_locking import Parameters
 from contact_locking.arrays import FloatArray
-from contact_locking.laws.foundation import HalfSpace, Round
+from contact_locking.laws.foundation import HalfSpace, Sphere
 from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion, rotation
 from contact_locking.study_file import from_mapping
 from contact_locking.study_file.fingerprint import fingerprint
@@ -40,8 +40,8 @@ def test_a_moved_body_has_the_distance_of_the_body_where_it_was(dim: int) -> Non
     x = random.normal(size=(dim, 20))
     assert motion.place(motion.origin(x)) == pytest.approx(x)
     centre = vector()
-    ball = MovedFoundation(Round(tuple(centre), 0.3), motion)
-    there = Round(tuple(motion.place(centre[:, None])[:, 0]), 0.3)
+    ball = MovedFoundation(Sphere(tuple(centre), 0.3), motion)
+    there = Sphere(tuple(motion.place(centre[:, None])[:, 0]), 0.3)
     assert ball.gap(x) == pytest.approx(there.gap(x))
     assert ball.contact_normal(x) == pytest.approx(there.contact_normal(x))
     plane = MovedFoundation(HalfSpace(tuple(vector()), tuple(vector())), motion)

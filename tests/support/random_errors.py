@@ -14,7 +14,7 @@ from mpi4py import MPI
 from problems import with_changes
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.friction_bound import FrictionBound
+from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.fem.compiled import integral
 from contact_locking.fem.spaces import P1, Element
 from contact_locking.problem import forms

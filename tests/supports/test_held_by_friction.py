@@ -11,7 +11,7 @@ from certified import solved
 from mpi4py import MPI
 from sweep.case import Study
 
-from contact_locking.contact.friction_bound import FrictionBound
+from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.errors import InputError
 from contact_locking.problem.rigidity.words import describe_motion, resultant_on_plane
 from contact_locking.process.solving import solve, solve_assembled

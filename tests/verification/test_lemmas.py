@@ -18,7 +18,7 @@ from problems import block
 from contact_locking import StudySolution
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.penalty_error import distance
-from contact_locking.contact.friction_bound import FrictionBound
+from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.fem.compiled import integral
 from contact_locking.laws.convex import squared_norm
 from contact_locking.mesh.domain import Domain

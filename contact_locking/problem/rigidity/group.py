@@ -143,7 +143,7 @@ class GroupMotions:
         )
 
     def describe_unheld(self) -> str | None:
-        """A motion that no pressure and no friction stop, in words; collective.
+        """A motion that no pressure and no friction stop, with its proof in words; collective.
 
         None if there is none, or if the friction of a contact is not known before a solve.
         """
@@ -186,10 +186,16 @@ class GroupMotions:
         return motion if self.work @ motion > _ROUNDING * float(self.work @ slide) else None
 
     def describe_slide(self) -> str | None:
-        """A motion that the present friction bound does not stop, in words; collective.
+        """Resultants that break Coulomb's law, or a motion that the present friction bound allows.
 
-        It slides along the foundation, or else may leave it, too.
+        In words; collective.  The motion slides along the foundation, or else may leave it, too.
         """
+        told = self._coulomb(self._resultant(self.work)) if self._knows_friction() else None
+        if told is not None:
+            return (
+                "friction cannot hold the body, by the resultants of the loads (no proof, as R "
+                f"moves the bound to other places): {told}"
+            )
         return self._unstopped(sliding_motions(self.normals), self.normals[:0]) or self._unstopped(
             np.eye(len(self.work)), self.normals
         )
@@ -223,16 +229,6 @@ class GroupMotions:
             f"friction cannot hold the body with the friction bound that {of_which}: it {how} "
             f"(rigid motion: {words}), which needs {push / rate:.4g}, and friction holds "
             f"{held / rate:.4g}"
-        )
-
-    def describe_push(self) -> str | None:
-        """Resultants of the loads that break Coulomb's law, in words; collective."""
-        told = self._coulomb(self._resultant(self.work)) if self._knows_friction() else None
-        if told is None:
-            return None
-        return (
-            "friction cannot hold the body, by the resultants of the loads (no proof, as R moves "
-            f"the bound to other places): {told}"
         )
 
     def _coulomb(self, resultant: Resultant | None) -> str | None:

@@ -12,8 +12,8 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.problem import forms
+from contact_locking.problem.rigidity.at_contact import LooseMotion
 from contact_locking.problem.rigidity.group import GroupMotions
-from contact_locking.problem.rigidity.loose_motion import LooseMotion
 from contact_locking.problem.rigidity.motions import dofs_of, free_motions, rigid_motions
 from contact_locking.problem.rigidity.programmes import sliding_motions
 from contact_locking.problem.springs import Springs, motions_past
@@ -131,7 +131,7 @@ class Rigidity:
         for group, found in self._groups():
             if not found.of_body:
                 continue
-            told = found.describe_unheld() or found.describe_push() or found.describe_slide()
+            told = found.describe_unheld() or found.describe_slide()
             if told is not None:
                 of = " and ".join(names[number] for number in group)
                 return f"{of}: {told}" if len(names) > 1 else told

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.friction_bound import FrictionBound, NoSlip
+from contact_locking.contact.coulomb import FrictionBound, NoSlip
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.system import PenalisedSystem

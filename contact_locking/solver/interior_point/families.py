@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from contact_locking.contact.friction_bound import NoSlip
+from contact_locking.contact.coulomb import NoSlip
 from contact_locking.parallel import on_any_rank
 from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet, PrincipalSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
