@@ -29,9 +29,6 @@ _WAY_OUT_OF_SLIDING = (
 _WAY_OUT_OF_COMPLAINTS = (
     "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
 )
-_OUT_OF_ENTRY = "mesh.h_contact or mesh.h"
-_OUT_OF_ENTRY_OF_BOXES = "mesh.h_contact or mesh.h, or mesh.cells: simplex, which a run refines"
-_OUT_OF_ENTRY_OF_CURVED = "mesh.h_contact or mesh.h, or mesh.curved: false, which a run refines"
 
 
 def solution_of(
@@ -126,11 +123,11 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
     """summary.json, without the entries that only the caller knows; collective."""
     problem, report, target = state.problem, state.report, state.target
     domain, data, u = problem.domain, problem.data, problem.u
-    slide = None
+    slide, held = None, (domain, u.function_space, data, problem.constraints)
     if problem.free and not report.converged:
-        slide = describe_slide(domain, u.function_space, data, problem.constraints)
-    if slide is None and data.tools and problem.free and not report.converged:
-        slide = describe_loose(domain, u.function_space, data, problem.constraints)
+        slide = describe_slide(*held)
+        if slide is None and data.tools:
+            slide = describe_loose(*held)
     numbers = computed("body", state.body) | _contacts(state)
     warnings = [*problem.warnings, *report.warnings]
     if report.converged:
@@ -196,20 +193,18 @@ def _judged(
     if not report.converged and load is not None and load["infeasible"]:
         most = f"{100.0 * load['load_factor'][1]:.3g}"
         summary["reason"] += f"; on no mesh can more than {most} % of them be followed"
-    solved = certificate.criteria[ENTRY].holds if state.contacts else True
-    out_of_entry = _way_out_of_entry(state.problem.domain)
     if report.converged and certificate.complaint:
-        summary |= {
-            "converged": False,
-            "reason": certificate.complaint,
-            "suggestion": _WAY_OUT_OF_COMPLAINTS if solved else out_of_entry,
-        }
+        enters = bool(state.contacts) and not certificate.criteria[ENTRY].holds
+        way_out = _way_out_of_entry(state.problem.domain) if enters else _WAY_OUT_OF_COMPLAINTS
+        summary |= {"converged": False, "reason": certificate.complaint, "suggestion": way_out}
     return summary
 
 
 def _way_out_of_entry(domain: Domain) -> str:
     """What helps where a foundation enters between the nodes of this mesh."""
-    smaller = _OUT_OF_ENTRY_OF_CURVED if domain.is_curved else _OUT_OF_ENTRY
+    smaller = "mesh.h_contact or mesh.h"
     if not domain.kind.is_simplex:
-        smaller = _OUT_OF_ENTRY_OF_BOXES
+        smaller += ", or mesh.cells: simplex, which a run refines"
+    elif domain.is_curved:
+        smaller += ", or mesh.curved: false, which a run refines"
     return f"Refine the mesh where the foundation enters: {smaller}; or take a rounder foundation."
