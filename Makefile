@@ -8,9 +8,6 @@ SEVERAL = -n $(WORKERS) --dist loadfile
 # where other programs need the cores as well.
 PARALLEL = env OMPI_MCA_mpi_yield_when_idle=1 timeout --kill-after=30 3600 mpirun -n $(RANKS)
 
-# The compiled C serves several ranks: these tests also run with MUMPS in its place.
-NATIVE = $(addprefix tests/solver/test_,substructuring.py one_substructure.py projection.py)
-
 # $(call optional,TOOL,COMMANDS): a Python of the user's own need not have the tool.
 optional = ./in-env sh -c 'if command -v $(1) >/dev/null; then $(2); \
 	else echo "SKIPPED: $(1) is not installed (pip install .[dev])"; fi'
@@ -43,7 +40,6 @@ serial-all:
 
 parallel: ## the tests under mpirun -n 2 (RANKS=2)
 	./in-env $(PARALLEL) python3 -m pytest -p no:cacheprovider
-	CONTACT_LOCKING_NATIVE=0 ./in-env $(PARALLEL) python3 -m pytest -p no:cacheprovider $(NATIVE)
 parallel-all:
 	./in-env $(PARALLEL) python3 -m pytest -p no:cacheprovider -m ""
 

@@ -28,7 +28,7 @@ from petsc4py import PETSc
 from scipy.sparse import diags
 
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
-from contact_locking.solver.linear.gmres import Preconditioner
+from contact_locking.solver.linear.gmres import Contexts
 from contact_locking.solver.linear.storage import IN_BLOCKS
 from contact_locking.supports.affine_part import near_nullspace
 
@@ -77,7 +77,7 @@ def by_package(body: Body, limit: int) -> Outcome:
 
     def prepare(pc: PETSc.PC) -> None:
         pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(Preconditioner(multigrid))
+        pc.setPythonContext(Contexts(multigrid))
         multigrid.refresh(stiff)
 
     outcome = solved(body, matrix, prepare, multigrid.start)
@@ -96,7 +96,7 @@ def by_gamg(body: Body) -> Outcome:
 
     def prepare(pc: PETSc.PC) -> None:
         pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(Preconditioner(multigrid))
+        pc.setPythonContext(Contexts(multigrid))
         multigrid.refresh()
 
     outcome = solved(body, matrix, prepare)

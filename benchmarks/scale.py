@@ -29,7 +29,7 @@ from mpi4py import MPI
 from contact_locking.process import solving
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, Projection
-from contact_locking.solver.linear.multigrid_tangents import MultigridTangents
+from contact_locking.solver.linear.tangent_solver import MultigridTangents
 from contact_locking.study_file.parameters import Parameters
 
 # The reference problem belongs to the tests.
@@ -46,14 +46,9 @@ class Tangents(WallClock):
         #: What preconditions, seconds of its set-up and of solves, and the iterations of solves.
         self.rows: list[tuple[str, list[float], list[int]]] = []
         given = MultigridTangents
-        self._watch(given.refresh, given.solve, given.solve_following)
+        self._watch(given.refresh, given.solve)
 
-    def _watch(
-        self,
-        refresh: Callable[..., None],
-        solve: Callable[..., None],
-        solve_following: Callable[..., None],
-    ) -> None:
+    def _watch(self, refresh: Callable[..., None], solve: Callable[..., None]) -> None:
         def refresh_and_note(solver: MultigridTangents, *given: Any) -> None:
             self.print_last()
             began = time.perf_counter()
@@ -61,20 +56,16 @@ class Tangents(WallClock):
             refresh(solver, *given)
             self.rows[-1][1][0] += time.perf_counter() - began
 
-        def noting(solve: Callable[..., None]) -> Callable[..., None]:
-            def solve_and_note(solver: MultigridTangents, *given: Any) -> None:
-                began, before = time.perf_counter(), solver._iterations
-                solve(solver, *given)
-                _, seconds, counts = self.rows[-1]
-                counts.append(solver._iterations - before)
-                seconds[1] += time.perf_counter() - began
-                self.rows[-1] = (preconditioner(solver._multigrid), seconds, counts)
-
-            return solve_and_note
+        def solve_and_note(solver: MultigridTangents, *given: Any, **named: Any) -> None:
+            began, before = time.perf_counter(), solver._iterations
+            solve(solver, *given, **named)
+            _, seconds, counts = self.rows[-1]
+            counts.append(solver._iterations - before)
+            seconds[1] += time.perf_counter() - began
+            self.rows[-1] = (preconditioner(solver._multigrid), seconds, counts)
 
         MultigridTangents.refresh = refresh_and_note  # type: ignore[method-assign,assignment]
-        MultigridTangents.solve = noting(solve)  # type: ignore[method-assign]
-        MultigridTangents.solve_following = noting(solve_following)  # type: ignore[method-assign]
+        MultigridTangents.solve = solve_and_note  # type: ignore[method-assign,assignment]
 
     def print_last(self) -> None:
         """Print the row of the last tangent, on the first rank."""

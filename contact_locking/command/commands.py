@@ -172,11 +172,11 @@ def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
 
 def report(arguments: argparse.Namespace) -> int:
     """Write the page and the charts of a finished run or study."""
-    from contact_locking.extras.report import print_page, write_all
+    from contact_locking.extras.report import print_page, write
 
     if terminal.is_root():
         try:
-            for page in write_all(arguments.directory):
+            for page in write(arguments.directory):
                 print(f"{page}: written")
                 if arguments.pdf:
                     print(f"{print_page(page)}: written")
@@ -253,39 +253,37 @@ def check(arguments: argparse.Namespace) -> int:
 
 def mesh(arguments: argparse.Namespace) -> int:
     """Write the mesh of a study file or of another program as a file that is read."""
-    from contact_locking.mesh.file import conversion
+    for warning in _written_mesh(arguments, arguments.output):
+        terminal.complain(f"warning: {warning}")
+    if terminal.is_root():
+        print(f"{arguments.output}: written")
+    return 0
 
-    if arguments.file.suffix.lower() in conversion.ENDINGS:
-        if terminal.is_root():
-            for warning in conversion.convert(arguments.file, arguments.output):
-                terminal.complain(f"warning: {warning}")
-            print(f"{arguments.output}: written")
-        return 0
-    study = _load(arguments.file, arguments.set)
+
+def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
+    """Write the mesh to ``place``, and return the warnings about it."""
+    from contact_locking.mesh.file import conversion
     from contact_locking.mesh.file.xdmf_grids import is_xdmf
 
-    if is_xdmf(arguments.output):
+    if arguments.file.suffix.lower() in conversion.ENDINGS:
+        return conversion.convert(arguments.file, place) if terminal.is_root() else ()
+    study = _load(arguments.file, arguments.set)
+    if is_xdmf(place):
         comm = world_with_dolfinx(arguments)
         from contact_locking.mesh import xdmf_mesh
         from contact_locking.study import assembly
 
         with _explained(study):
             domain = assembly.mesh_of(study.parameters, comm)
-            xdmf_mesh.export(domain, arguments.output)
-        for warning in domain.warnings:
-            terminal.complain(f"warning: {domain.origin}: {warning}")
-        if comm.rank == 0:
-            print(f"{arguments.output}: written")
-        return 0
+            xdmf_mesh.export(domain, place)
+        return [f"{domain.origin}: {warning}" for warning in domain.warnings]
     geometry = study.parameters.mesh.geometry
-    if geometry is None:
-        raise InputError(
-            study.explain(InputError("the mesh is a file already, nothing is built", "mesh.file"))
-        )
-    from contact_locking.meshes import write
-
+    with _explained(study):
+        if geometry is None:
+            raise InputError("the mesh is a file already, nothing is built", "mesh.file")
     if terminal.is_root():
-        place = arguments.output
+        from contact_locking.meshes import write
+
         try:
             with explained(f"cannot write {place}", place):
                 order = 2 if study.parameters.mesh.curved else 1
@@ -294,8 +292,7 @@ def mesh(arguments: argparse.Namespace) -> int:
             raise ContactLockingError(f"Gmsh cannot be imported: {error}") from error
         except (ValueError, RuntimeError) as error:
             raise InputError(str(error)) from error
-        print(f"{place}: written")
-    return 0
+    return ()
 
 
 def schema(arguments: argparse.Namespace) -> int:

@@ -176,7 +176,7 @@ class Linearisation:
     def _followed(self, answer: _Answer) -> FloatArray:
         """The change of the bounds by a response of the displacement."""
         return _joined(
-            law.moved(pressing.response(answer.seen[pressing]), answer.seen[law.friction])
+            law.moved(pressing.block(answer.seen[pressing]), answer.seen[law.friction])
             for law, pressing in zip(self._laws, self._pressing, strict=True)
         )
 

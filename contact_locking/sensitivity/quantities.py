@@ -241,7 +241,7 @@ class _Travel(Quantity):
     number: int
 
     def value(self, equations: Equations, residual: Residual) -> float:
-        return float(equations.system.tools[self.number].travel)
+        return equations.system.tools.travels[self.number]
 
     def gradient(self, equations: Equations) -> Gradient:
         found = _nothing(equations)

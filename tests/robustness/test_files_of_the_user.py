@@ -137,7 +137,7 @@ def test_a_report_refuses_to_replace_a_file_of_the_user(name: str, tmp_path: Pat
 def test_the_reports_of_a_run_and_a_study_in_one_folder_are_two_pages(tmp_path: Path) -> None:
     run_folder(tmp_path)
     study_folder(tmp_path)
-    pages = report.write_all(tmp_path)
+    pages = report.write(tmp_path)
     assert pages == [tmp_path / "report.html", tmp_path / "report-study.html"]
     run, study = (page.read_text(encoding="utf-8") for page in pages)
     assert "of 8 cases" not in run and "cases" in study and run != study

@@ -153,18 +153,18 @@ def test_a_signal_to_one_rank_inside_its_linear_solver_ends_all_and_leaves_no_re
         import os, signal, sys
         from mpi4py import MPI
         from contact_locking.command import cli
-        from contact_locking.solver.linear.direct.substructuring import Substructuring
+        from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid
 
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        set_up, calls = Substructuring.setUp, []
+        apply, calls = FilteredMultigrid.apply, []
 
-        def interrupted(self, pc):
+        def interrupted(self, r, z):
             calls.append(1)
             if len(calls) == 5 and MPI.COMM_WORLD.rank == {rank}:
                 os.kill(os.getpid(), {int(end)})
-            set_up(self, pc)
+            apply(self, r, z)
 
-        Substructuring.setUp = interrupted
+        FilteredMultigrid.apply = interrupted
         sys.exit(cli.main())
         """
     (tmp_path / "script.py").write_text(textwrap.dedent(script))
@@ -172,7 +172,7 @@ def test_a_signal_to_one_rank_inside_its_linear_solver_ends_all_and_leaves_no_re
     ours = ("OMPI_COMM", "OMPI_FIRST", "PMIX_", "PMI_", "PRTE_LAUNCHED")
     environment = {k: v for k, v in os.environ.items() if not k.startswith(ours)}
     assert LAUNCHER is not None
-    words = ["script.py", "run", "study.yml", "--output", "out"]
+    words = ["script.py", "run", "study.yml", "--output", "out", "--set", "solver.linear=iterative"]
     done = subprocess.run(
         [LAUNCHER, "-n", "2", sys.executable, *words],
         cwd=tmp_path,

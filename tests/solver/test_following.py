@@ -19,7 +19,7 @@ from contact_locking.solver.interior_point.family import Direction
 from contact_locking.solver.interior_point.iterate import Corrections, Iterate
 from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.interior_point.tangent import Tangent
-from contact_locking.solver.linear import multigrid_tangents
+from contact_locking.solver.linear import tangent_solver
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.gmres import Gmres
@@ -104,7 +104,7 @@ def test_what_follows_the_displacement_without_symmetry_is_solved_for(
     x, left = _random(matrix, 3), right.duplicate()
     x.scale(start)
     asked = 1e-6 * right.norm()
-    count, found = solver.solve_following(follow, right, x, asked, 200)
+    count, found = solver.solve(right, x, asked, 200, follow)
     matrix.mult(x, left)
     follow(x, left)
     left.aypx(-1.0, right)
@@ -134,12 +134,12 @@ def _solved(coefficient: float = 0.3) -> StudySolution:
 
 def _project(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("_PATIENCE_OF_PROJECTION", "_LONGER_PATIENCE"):
-        monkeypatch.setattr(multigrid_tangents, name, 0)
+        monkeypatch.setattr(tangent_solver, name, 0)
     monkeypatch.setitem(FILTER_LIMIT, (3, 1), 0)
 
 
 def _filter(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(multigrid_tangents, "_PATIENCE", {3: 0})
+    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
 
 
 @pytest.mark.parametrize("prepare", [_project, _filter], ids=["projected", "filtered"])

@@ -17,7 +17,7 @@ from contact_locking.errors import InputError
 from contact_locking.process import solving
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.interior_point.tangent import Tangent
-from contact_locking.solver.linear import multigrid_tangents
+from contact_locking.solver.linear import tangent_solver
 from contact_locking.solver.linear.filtered_multigrid import Filter, FilteredMultigrid
 from contact_locking.solver.linear.ksp import LINEAR_SOLVERS, default_options
 
@@ -46,7 +46,7 @@ def filterings(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def test_whenever_the_filter_begins_the_solution_is_that_of_the_direct_solver(
     patience: int, filterings: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(multigrid_tangents, "_PATIENCE", {3: patience})
+    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: patience})
     by_cg = solved(1e4, "iterative")
     tangents = by_cg.summary["iterations"]["tangents"]
     if patience == _NEVER:
@@ -63,7 +63,7 @@ def test_one_symbolic_factorisation_serves_most_filters(
     filterings: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[Filter] = []
-    monkeypatch.setattr(multigrid_tangents, "_PATIENCE", {3: 50})
+    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 50})
     create = Filter.__init__
 
     def kept(self: Filter, *given: Any) -> None:
@@ -76,7 +76,7 @@ def test_one_symbolic_factorisation_serves_most_filters(
 
 
 def test_filters_take_in_all_that_is_stiff(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(multigrid_tangents, "_PATIENCE", {3: 0})
+    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
     refresh, filtered = FilteredMultigrid.refresh, 0
 
     def seen(self: FilteredMultigrid, stiff: Any = None) -> None:
@@ -95,7 +95,7 @@ def test_filters_take_in_all_that_is_stiff(monkeypatch: pytest.MonkeyPatch) -> N
 def test_the_filter_takes_iterations_away(monkeypatch: pytest.MonkeyPatch) -> None:
     counts = []
     for patience in (0, _NEVER):
-        monkeypatch.setattr(multigrid_tangents, "_PATIENCE", {3: patience})
+        monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: patience})
         counts.append(solved(1e4, "iterative").summary["iterations"]["linear"])
     assert 2 * counts[0] < counts[1]
 
@@ -135,7 +135,7 @@ def test_stiff_rows_and_what_is_left_make_up_the_tangent(monkeypatch: pytest.Mon
 def test_where_cg_of_a_user_breaks_down_the_residual_is_filtered_again_and_cg_goes_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(multigrid_tangents, "_PATIENCE", {3: 0})
+    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
     whole = solved(math.inf, "iterative", ksp_type="cg")
     agree(whole, solved(math.inf, "direct"))
     apply, count = FilteredMultigrid.apply, 0
@@ -197,7 +197,7 @@ def test_users_may_precondition_otherwise() -> None:
 def test_filtering_what_contact_holds_takes_iterations_away(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(multigrid_tangents, "_PATIENCE", {3: 0})
+    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
     held = solved(math.inf, "iterative").summary["iterations"]["linear"]
     nothing = np.empty(0, dtype=np.int32)
     monkeypatch.setattr(ContactNodes, "stiffer_than", lambda *_: nothing)

@@ -35,7 +35,8 @@ from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import mesh_of
-from contact_locking.study_file.parameters import AdaptParameters, Parameters
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters.numerics import AdaptParameters
 
 
 def solve(

@@ -21,10 +21,10 @@ from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.border import Border
-from contact_locking.solver.linear.choice import tangent_solver
 from contact_locking.solver.linear.filtered_multigrid import StiffPart
 from contact_locking.solver.linear.ksp import is_direct
 from contact_locking.solver.linear.storage import IN_BLOCKS, stacked
+from contact_locking.solver.linear.tangent_solver import tangent_solver
 from contact_locking.solver.task import Task
 from contact_locking.supports.conditions import Constraints
 
@@ -325,7 +325,8 @@ class Tangent:
         self._find_residual(reactions)
         self._right.scale(-1.0)
         residual = accuracy * self.force_scale
-        self._linear.solve_following(add_following, self._right.on_nodes, self._step, residual)
+        right = self._right.on_nodes
+        self._linear.solve(right, self._step, residual, follow=add_following)
         return self._with_travels(self._step)
 
     def elastic_parts(

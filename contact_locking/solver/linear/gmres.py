@@ -27,8 +27,9 @@ from contact_locking.solver.linear.ksp import (
     destroy_ksp,
     option,
 )
-from contact_locking.solver.linear.tangent_solver import Follow
 
+#: Adds the forces that follow a displacement to its second argument; collective.
+Follow = Callable[[PETSc.Vec, PETSc.Vec], None]
 #: The filtered multigrid, for PETSc a preconditioner of type python.
 OWN_PRECONDITIONER: dict[str, Any] = {"pc_type": "python"}
 # For matrices without symmetry, too.
@@ -61,8 +62,11 @@ _LONGEST_FILTERED = 40
 _AIM = 0.8
 
 
-class _Sum:
-    """The context of the matrix ``K + F``; without ``follow``, ``F`` is zero."""
+class Contexts:
+    """What PETSc calls: the product with ``K + F``, and the preconditioner ``B`` of ``K``.
+
+    Without ``follow``, ``F`` is zero.
+    """
 
     def __init__(self, multigrid: FilteredMultigrid) -> None:
         self._multigrid = multigrid
@@ -74,64 +78,12 @@ class _Sum:
         if self.follow is not None:
             self.follow(x, y)
 
-
-class Preconditioner:
-    """The context of the preconditioner of ``K``."""
-
-    def __init__(self, multigrid: FilteredMultigrid) -> None:
-        self.multiply = multigrid.apply
-
     def apply(self, _: PETSc.PC, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """``z = B r``."""
-        self.multiply(r, z)
-
-
-class _Krylov:
-    """PETSc's Krylov method with the contexts of a matrix and of a preconditioner; collective.
-
-    ``kind`` is its type, unless the user wants another.
-    """
-
-    def __init__(
-        self,
-        sizes: Any,
-        operator: Any,
-        preconditioner: Any,
-        options: Mapping[str, Any],
-        listen: Callable[[int], None],
-        comm: Any,
-        kind: str,
-    ) -> None:
-        self.kind = kind
-        self.operator = PETSc.Mat().createPython(sizes, operator, comm=comm)
-        self.operator.setUp()
-        wanted = option("ksp_type", {}, options)
-        is_gmres = wanted in (None, _GMRES, _FLEXIBLE)
-        self.ksp = create_ksp(comm, _OPTIONS | (_OF_GMRES if is_gmres else {}), options)
-        if wanted is None:
-            self.ksp.setType(kind)
-            self.ksp.setFromOptions()
-        self.ksp.setErrorIfNotConverged(False)
-        self.ksp.setInitialGuessNonzero(True)
-        self.ksp.setOperators(self.operator)
-        self.ksp.getPC().setPythonContext(preconditioner)
-        self._listener = IterationListener(self.ksp, listen)
-
-    def solve(self, right: PETSc.Vec, x: PETSc.Vec, residual: float, most: int) -> int:
-        """Improve ``x``, and return the iterations that were taken."""
-        self.ksp.setTolerances(rtol=0.0, atol=_AIM * residual, max_it=most)
-        self.ksp.solve(right, x)
-        self._listener.raise_kept()
-        return int(self.ksp.getIterationNumber())
-
-    def estimate(self) -> float | None:
-        """The residual that the last solve believes to have left, if it ended by that."""
-        return float(self.ksp.getResidualNorm()) if self.ksp.getConvergedReason() > 0 else None
-
-    def destroy(self) -> None:
-        """Free the PETSc objects."""
-        destroy_ksp(self.ksp)
-        self.operator.destroy()
+        if self.follow is None:
+            self._multigrid.apply(r, z)
+        else:
+            self._multigrid.apply_to_any(r, z)
 
 
 class Gmres:
@@ -148,55 +100,45 @@ class Gmres:
         options: Mapping[str, Any],
         listen: Callable[[int], None],
     ) -> None:
-        self._comm, self._multigrid = matrix.getComm(), multigrid
-        self._options, self._listen = options, listen
-        self._sum, self._preconditioner = _Sum(multigrid), Preconditioner(multigrid)
-        contexts = self._sum, self._preconditioner
-        self._given = matrix.getSizes(), *contexts, options, listen, self._comm
-        self._krylov = _Krylov(*self._given, _GMRES)
+        comm, self._multigrid = matrix.getComm(), multigrid
+        self._contexts = Contexts(multigrid)
+        self._operator = PETSc.Mat().createPython(matrix.getSizes(), self._contexts, comm=comm)
+        self._operator.setUp()
+        wanted = option("ksp_type", {}, options)
+        self._may_choose = wanted is None
+        is_gmres = wanted in (None, _GMRES, _FLEXIBLE)
+        # PETSc's own choice of a type is GMRES.
+        self._ksp = create_ksp(comm, _OPTIONS | (_OF_GMRES if is_gmres else {}), options)
+        self._ksp.setErrorIfNotConverged(False)
+        self._ksp.setInitialGuessNonzero(True)
+        self._ksp.setOperators(self._operator)
+        self._ksp.getPC().setPythonContext(self._contexts)
+        self._listener = IterationListener(self._ksp, listen)
         self._left = matrix.createVecLeft()
         #: The most iterations of a solve.
-        self.max_iterations: int = self._krylov.ksp.getTolerances()[3]
-
-    @property
-    def solves_following(self) -> bool:
-        """Whether :meth:`solve_following` is there: not with a user's solver for symmetry."""
-        return self._krylov.ksp.getType() in _FOR_ANY_MATRIX
+        self.max_iterations: int = self._ksp.getTolerances()[3]
+        #: Whether forces may follow: not with a user's solver for symmetric matrices.
+        self.solves_following: bool = self._ksp.getType() in _FOR_ANY_MATRIX
 
     def solve(
-        self, right: PETSc.Vec, x: PETSc.Vec, residual: float, most: int
-    ) -> tuple[int, float]:
-        """Improve ``x`` to a residual, or until ``most`` iterations are taken.
-
-        Returns the iterations, and the residual that is left but for rounding.
-        """
-        self._sum.follow, self._preconditioner.multiply = None, self._multigrid.apply
-        return self._improve(right, x, residual, most, self._multigrid.start)
-
-    def solve_following(
-        self, follow: Follow, right: PETSc.Vec, x: PETSc.Vec, residual: float, most: int
-    ) -> tuple[int, float]:
-        """As :meth:`solve`, with the forces that ``follow`` adds."""
-        self._sum.follow, self._preconditioner.multiply = follow, self._multigrid.apply_to_any
-        return self._improve(right, x, residual, most, lambda *_: None)
-
-    def destroy(self) -> None:
-        """Free the PETSc objects."""
-        self._krylov.destroy()
-        self._left.destroy()
-
-    def _improve(
         self,
         right: PETSc.Vec,
         x: PETSc.Vec,
         residual: float,
         most: int,
-        start: Callable[[PETSc.Vec, PETSc.Vec], None],
+        follow: Follow | None = None,
     ) -> tuple[int, float]:
+        """Improve ``x`` to a residual, or until ``most`` iterations are taken.
+
+        ``follow`` adds forces that follow the displacement.  Returns the iterations, and the
+        residual that is left but for rounding.
+        """
+        self._contexts.follow = follow
         self._choose()
         count, size = 0, right.norm()
         for _ in range(_CYCLES):
-            start(right, x)
+            if follow is None:
+                self._multigrid.start(right, x)
             left = self._residual(right, x)
             if left <= residual or count >= most:
                 break
@@ -205,21 +147,30 @@ class Gmres:
                 longest = min(longest, _LONGEST_FILTERED)
             if left > size and count == 0:
                 longest = min(longest, _FIRST)
-            count += self._krylov.solve(right, x, residual, longest)
+            self._ksp.setTolerances(rtol=0.0, atol=_AIM * residual, max_it=longest)
+            self._ksp.solve(right, x)
+            self._listener.raise_kept()
+            count += self._ksp.getIterationNumber()
         else:
             # Rounding keeps what GMRES has achieved from being seen.
-            estimate = self._krylov.estimate()
-            left = self._residual(right, x) if estimate is None else estimate
+            ends_small = self._ksp.getConvergedReason() > 0
+            left = self._ksp.getResidualNorm() if ends_small else self._residual(right, x)
         return count, left
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        destroy_ksp(self._ksp)
+        self._operator.destroy()
+        self._left.destroy()
 
     def _choose(self) -> None:
         """Take flexible GMRES for what is expensive to apply, and free the other's memory."""
         kind = _FLEXIBLE if self._multigrid.filters else _GMRES
-        if kind != self._krylov.kind:
-            self._krylov.destroy()
-            self._krylov = _Krylov(*self._given, kind)
+        if self._may_choose and self._ksp.getType() != kind:
+            self._ksp.setType(kind)
+            self._ksp.setFromOptions()
 
     def _residual(self, right: PETSc.Vec, x: PETSc.Vec) -> float:
-        self._krylov.operator.mult(x, self._left)
+        self._operator.mult(x, self._left)
         self._left.aypx(-1.0, right)
         return float(self._left.norm())

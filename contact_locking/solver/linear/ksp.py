@@ -9,7 +9,6 @@ from petsc4py import PETSc
 
 from contact_locking import _compat
 from contact_locking.errors import InputError
-from contact_locking.solver.linear.direct import SPARE_MEMORY, Substructuring
 from contact_locking.solver.linear.factorised import chosen
 from contact_locking.solver.linear.options import PREFIX, InsertedOptions, of_prefix
 
@@ -23,28 +22,24 @@ FROM_ANY_START: dict[str, Any] = {"ksp_divtol": 1e300}
 # By this name a KSP keeps its options.
 _OPTIONS = "inserted_options"
 
-_DIRECT: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "cholesky"}
 # On one rank CHOLMOD factorises in 60 (3D) to 80 % (2D) of MUMPS's time, after a fifth of its
-# analysis.
-_SERIAL_PACKAGE, _PARALLEL_PACKAGE = "cholmod", "mumps"
-# A matrix that is not definite is an error of the KSP; CHOLMOD's own line about it says nothing to
-# a user.  With nested dissection it factorises in 2D in 76 to 91 % of the time that its own choice
-# of minimum degree takes; in 3D both take the same time.
-_ORDERING = "pc_factor_mat_ordering_type"
+# analysis.  A matrix that is not definite is an error of the KSP; CHOLMOD's own line about it says
+# nothing to a user.  With nested dissection it factorises in 2D in 76 to 91 % of the time that its
+# own choice of minimum degree takes; in 3D both take the same time.
+_DIRECT: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "cholesky"}
 _BY_CHOLMOD: dict[str, Any] = {
-    "pc_factor_mat_solver_type": _SERIAL_PACKAGE,
-    _ORDERING: PETSc.Mat.OrderingType.ND,
+    **_DIRECT,
+    "pc_factor_mat_solver_type": "cholmod",
+    "pc_factor_mat_ordering_type": PETSc.Mat.OrderingType.ND,
     "mat_cholmod_print": 0,
 }
-# How MUMPS shares its work among ranks depends on their timing: it needs more than it foresees.
+# How MUMPS shares its work among ranks depends on their timing: by so many per cent it may need
+# more memory than it foresees.
 _BY_MUMPS: dict[str, Any] = {
     **_DIRECT,
-    "pc_factor_mat_solver_type": _PARALLEL_PACKAGE,
-    "mat_mumps_icntl_14": SPARE_MEMORY,
+    "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_14": 80,
 }
-# On several ranks each has CHOLMOD factorise its part, unless the user says anything of packages.
-_IN_PIECES: dict[str, Any] = {**_DIRECT, "pc_type": "python"}
-_OF_PACKAGES = ("pc_factor_", "mat_")
 _MULTIGRID: dict[str, Any] = {
     "pc_type": "gamg",
     # Dropping weak couplings saves no iterations and doubles the set-up.
@@ -92,9 +87,8 @@ def is_direct(linear: str, dim: int, size: int) -> bool:
 
 def direct_options(comm: Any) -> dict[str, Any]:
     """A Cholesky factorisation by what suits the communicator (of mpi4py or PETSc)."""
-    if comm.size == 1 and PETSc.Sys.hasExternalPackage(_SERIAL_PACKAGE):
-        return {**_DIRECT, **_BY_CHOLMOD}
-    return dict(_BY_MUMPS if comm.size == 1 else _IN_PIECES)
+    by_cholmod = comm.size == 1 and PETSc.Sys.hasExternalPackage("cholmod")
+    return dict(_BY_CHOLMOD if by_cholmod else _BY_MUMPS)
 
 
 #: The linear solvers by name: PETSc options for a communicator.  The interior point method puts
@@ -175,24 +169,20 @@ def configure(
     Their prefix is one of their own, so that they take no options of another solver.
     """
     bare = _PRODUCTS_ON_ONE_RANK if PETSc.COMM_WORLD.size == 1 else {}
-    fitting = _fitting(defaults, overrides, prefix)
-    options = InsertedOptions(fitting, overrides, prefix, bare)
+    is_other = option("pc_type", defaults, overrides, prefix) != defaults.get("pc_type")
+    if is_other and defaults.items() >= _BY_CHOLMOD.items():
+        # CHOLMOD has nothing but Cholesky's factorisation.
+        others = {key: value for key, value in defaults.items() if key not in _BY_CHOLMOD}
+        defaults = others | _BY_MUMPS
+    options = InsertedOptions(defaults, overrides, prefix, bare)
     try:
         for solver in solvers:
             solver.setOptionsPrefix(options.prefix)
             solver.setFromOptions()
-            if fitting.items() >= _IN_PIECES.items() and isinstance(solver, PETSc.KSP):
-                _complete(solver.getPC())
     except PETSc.Error:
         options.remove()
         raise
     return options
-
-
-def _complete(pc: PETSc.PC) -> None:
-    """An object of type python needs a context, unless it has one from before."""
-    if pc.getType() == PETSc.PC.Type.PYTHON and pc.getPythonContext() is None:
-        pc.setPythonContext(Substructuring())
 
 
 def option(
@@ -206,21 +196,3 @@ def option(
     if database.hasName(name):
         return database.getString(name)
     return {**defaults, **of_prefix(overrides or {}, prefix)}.get(name)
-
-
-def _fitting(
-    defaults: Mapping[str, Any], overrides: Mapping[str, Any] | None, prefix: str
-) -> dict[str, Any]:
-    """The defaults, with the package that suits what the user wants.
-
-    CHOLMOD has nothing but Cholesky's factorisation, and pieces take no options.
-    """
-    is_other = option("pc_type", defaults, overrides, prefix) != defaults.get("pc_type")
-    if is_other and defaults.get("pc_factor_mat_solver_type") == _SERIAL_PACKAGE:
-        bare = {name: value for name, value in defaults.items() if name != _ORDERING}
-        return {**bare, "pc_factor_mat_solver_type": _PARALLEL_PACKAGE}
-    names = {**PETSc.Options(prefix).getAll(), **of_prefix(overrides or {}, prefix)}
-    is_of_package = any(name.startswith(_OF_PACKAGES) for name in names)
-    if defaults.items() >= _IN_PIECES.items() and (is_other or is_of_package):
-        return {**defaults, **_BY_MUMPS}
-    return dict(defaults)
