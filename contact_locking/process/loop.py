@@ -24,7 +24,7 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError, Misplaced
 from contact_locking.monitor import Monitor
 from contact_locking.process.checkpoint.restart import restored_step
-from contact_locking.process.of_study import judged, solver_of
+from contact_locking.process.of_study import certified, of_study, solver_of
 from contact_locking.process.out_of_reach import AdmissibilityData, OutOfReach
 from contact_locking.process.sensitivities import Sensitivities
 from contact_locking.process.timeline import Timeline
@@ -261,7 +261,10 @@ class Steps(Iterator[StudySolution]):
     def _solution(self, state: SolvedState, energy: EnergyBalance, at: float) -> StudySolution:
         """The solution of a step with its certificate; collective."""
         derivatives = self._solver.derivatives(state.report)
-        found = judged(self.problem, state, derivatives, {CRITERION: energy.criterion(state)})
+        certificate = certified(self.problem.parameters, state)
+        criteria = {**certificate.criteria, CRITERION: energy.criterion(state)}
+        judged = dataclasses.replace(certificate, criteria=criteria)
+        found = of_study(self.problem, state, judged, derivatives)
         return dataclasses.replace(found, time=at)
 
     def _end(self, last: StudySolution | None, reason: str) -> None:

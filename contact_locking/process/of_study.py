@@ -6,8 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from contact_locking.certificate import Extras, certify
-from contact_locking.certificate.criteria import Criterion
+from contact_locking.certificate import Certificate, Extras, certify
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.monitor import Monitor
 from contact_locking.process.judgement import solution_of
@@ -50,22 +49,21 @@ def solver_of(
     return ProblemSolver(problem, settings_of(problem.parameters, petsc_options), monitor)
 
 
-def judged(
+def certified(parameters: Parameters, state: SolvedState) -> Certificate:
+    """The certificate of a state with the extra parts that a study file requests; collective."""
+    wanted = parameters.certificate
+    extras = Extras(wanted.constants, wanted.error_bound, wanted.critical_friction)
+    return certify(state, extras)
+
+
+def of_study(
     problem: StudyProblem,
     state: SolvedState,
+    certificate: Certificate,
     differentiable: Differentiable | None = None,
-    more: Mapping[str, Criterion] | None = None,
 ) -> StudySolution:
-    """The solution of a study in a solved state, with its certificate and probes; collective.
-
-    The certificate has the extra parts that the study file requests, and ``more`` criteria.
-    """
-    parameters, wanted = problem.parameters, problem.parameters.certificate
-    extras = Extras(wanted.constants, wanted.error_bound, wanted.critical_friction)
-    certificate = certify(state, extras)
-    criteria = {**certificate.criteria, **(more or {})}
-    certificate = dataclasses.replace(certificate, criteria=criteria)
-    found = solution_of(state, certificate, differentiable)
+    """The solution in a state, with title, probes and parameters of the study file; collective."""
+    found, parameters = solution_of(state, certificate, differentiable), problem.parameters
     fields = (problem.u, found.strain_norm, found.elastic_stress, found.locking_stress)
     probes = (sample(problem.probes, *fields),) if len(problem.probes) else ()
     given = {item.name: getattr(found, item.name) for item in dataclasses.fields(found)}

@@ -21,7 +21,7 @@ from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.checkpoint.restart import solved_already, start_in_words
 from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.loop import Steps
-from contact_locking.process.of_study import judged, settings_of, solver_of
+from contact_locking.process.of_study import certified, of_study, settings_of, solver_of
 from contact_locking.process.sensitivities import (
     Sensitivities,
     central_differences,
@@ -168,7 +168,8 @@ def _static(
     report = report or solver.solve(None if saved is None else saved.state)
     monitor.message("computing fields and the certificate")
     state = solver.state(report)
-    solution = judged(problem, state, solver.derivatives(report))
+    certificate = certified(problem.parameters, state)
+    solution = of_study(problem, state, certificate, solver.derivatives(report))
     solution.summary["warnings"] += solver.unused_options()
     if sensitivities is not None:
         if solution.converged:
@@ -186,7 +187,8 @@ def _static(
         for number, other in enumerate(solver.equilibria(report, most)):
             if number > 0:
                 monitor.message(f"another solution: {number + 1} so far")
-                solution = judged(problem, solver.state(other.report))
+                state = solver.state(other.report)
+                solution = of_study(problem, state, certified(problem.parameters, state))
                 solution.summary["restart"] = None
             solution.summary["index"] = other.index
             yield solution

@@ -51,7 +51,7 @@ def nearer_the_path(linear: Linearisation) -> LastIterate | None:
     if maximum(comm, apart) <= _ALIKE:
         return None
     change = linear.centring(mean)
-    longest = [f.longest_step_between(step, step, 0.0) for f, step in change.steps.items()]
+    longest = [f.longest_step(step) for f, step in change.steps.items()]
     length = min(1.0, _SHARE * minimum(comm, np.array(longest)))
     return _after(length, change, equations) if length > _SHORT else None
 
