@@ -27,12 +27,10 @@ from typing import Any, NamedTuple
 
 from mpi4py import MPI
 
-from contact_locking import certificate
 from contact_locking._version import __version__
 from contact_locking.extras import report
 from contact_locking.monitor import Monitor
-from contact_locking.process.judgement import solution_of
-from contact_locking.process.of_study import extras_of, of_study, solver_of
+from contact_locking.process.of_study import certified, of_study, solver_of
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing
 from contact_locking.study.assembly import assemble, mesh_of
@@ -124,9 +122,9 @@ def solved(parameters: Parameters, stages: Stages) -> StudySolution:
         outcome = solver.solve()
     with stages.stage("certificate"):
         state = solver.state(outcome)
-        judged = certificate.certify(state, extras_of(parameters))
+        judged = certified(parameters, state)
     with stages.stage("fields and summary"):
-        solution = of_study(problem, solution_of(state, judged))
+        solution = of_study(problem, state, judged)
         solution.summary["version"] = __version__
         problem.close()
     return solution

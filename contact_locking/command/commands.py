@@ -213,7 +213,7 @@ def check(arguments: argparse.Namespace) -> int:
         if parameters.solver.petsc:
             from contact_locking.process import of_study
 
-            of_study.require_usable_options(parameters)
+            of_study.settings_of(parameters)
         experiments, judged = [], []
         if parameters.fit is not None:
             from contact_locking.running.fit.curves import read_experiments

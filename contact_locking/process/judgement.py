@@ -28,9 +28,6 @@ _WAY_OUT_OF_SLIDING = (
 _WAY_OUT_OF_COMPLAINTS = (
     "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
 )
-_OUT_OF_ENTRY = "mesh.h_contact or mesh.h"
-_OUT_OF_ENTRY_OF_BOXES = "mesh.h_contact or mesh.h, or mesh.cells: simplex, which a run refines"
-_OUT_OF_ENTRY_OF_CURVED = "mesh.h_contact or mesh.h, or mesh.curved: false, which a run refines"
 
 
 def solution_of(
@@ -128,8 +125,8 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
     slide = None
     if problem.free and not report.converged:
         slide = problem.rigidity.describe_slide()
-    if slide is None and data.tools and problem.free and not report.converged:
-        slide = problem.rigidity.describe_loose()
+        if slide is None and data.tools:
+            slide = problem.rigidity.describe_loose()
     numbers = computed("body", state.body) | _contacts(state)
     warnings = [*problem.warnings, *report.warnings]
     if report.converged:
@@ -199,20 +196,18 @@ def _judged(
     if not report.converged and load is not None and load["infeasible"]:
         most = f"{100.0 * load['load_factor'][1]:.3g}"
         summary["reason"] += f"; on no mesh can more than {most} % of them be followed"
-    solved = certificate.criteria[ENTRY].holds if state.contacts else True
-    out_of_entry = _way_out_of_entry(state.problem.domain)
     if report.converged and certificate.complaint:
-        summary |= {
-            "converged": False,
-            "reason": certificate.complaint,
-            "suggestion": _WAY_OUT_OF_COMPLAINTS if solved else out_of_entry,
-        }
+        enters = bool(state.contacts) and not certificate.criteria[ENTRY].holds
+        way_out = _way_out_of_entry(state.problem.domain) if enters else _WAY_OUT_OF_COMPLAINTS
+        summary |= {"converged": False, "reason": certificate.complaint, "suggestion": way_out}
     return summary
 
 
 def _way_out_of_entry(domain: Domain) -> str:
     """What helps where a foundation enters between the nodes of this mesh."""
-    smaller = _OUT_OF_ENTRY_OF_CURVED if domain.is_curved else _OUT_OF_ENTRY
+    smaller = "mesh.h_contact or mesh.h"
     if not domain.kind.is_simplex:
-        smaller = _OUT_OF_ENTRY_OF_BOXES
+        smaller += ", or mesh.cells: simplex, which a run refines"
+    elif domain.is_curved:
+        smaller += ", or mesh.curved: false, which a run refines"
     return f"Refine the mesh where the foundation enters: {smaller}; or take a rounder foundation."

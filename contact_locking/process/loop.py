@@ -18,15 +18,13 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from contact_locking.certificate import certify
 from contact_locking.certificate.energy import EnergyBalance, Moment, energy_balance
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError, Misplaced
 from contact_locking.monitor import Monitor
 from contact_locking.process.checkpoint.restart import restored_step
-from contact_locking.process.judgement import solution_of
-from contact_locking.process.of_study import extras_of, of_study, solver_of
+from contact_locking.process.of_study import certified, of_study, solver_of
 from contact_locking.process.out_of_reach import AdmissibilityData, OutOfReach
 from contact_locking.process.sensitivities import Sensitivities
 from contact_locking.process.timeline import Timeline
@@ -37,12 +35,8 @@ from contact_locking.results.solution import State, StudySolution
 from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem
 
-#: The columns that add up over the steps, each with the column of the step.
-SUMS = {
-    "work_total": "work",
-    "dissipated_total": "dissipated",
-    "numerical_total": "numerical",
-}
+#: The columns of a step that add up over the steps.
+SUMMED = ("work", "dissipated", "numerical")
 
 
 def row_of(
@@ -71,7 +65,7 @@ def row_of(
         "numerical": energy.numerical,
         "energy_defect": energy.defect,
     }
-    row |= {total: history.last(total) + row[one] for total, one in SUMS.items()}
+    row |= {f"{name}_total": history.last(f"{name}_total") + row[name] for name in SUMMED}
     criteria = summary["certificate"]["criteria"].values()
     row |= {
         "converged": int(solution.converged),
@@ -86,6 +80,10 @@ def row_of(
 
 def totals(history: History, halvings: int, planned: int) -> dict[str, Any]:
     """The key ``steps`` of summary.json."""
+    last = {
+        name.removesuffix("_total"): history.last(name)
+        for name in ("work_total", "stored", "dissipated_total", "numerical_total")
+    }
     return {
         "solved": int(sum(row["converged"] for row in history)),
         "planned": planned,
@@ -93,10 +91,7 @@ def totals(history: History, halvings: int, planned: int) -> dict[str, Any]:
         "time": history.last("t"),
         "tangents": int(sum(row["tangents"] for row in history)),
         "seconds": sum(row["seconds"] for row in history),
-        "work": history.last("work_total"),
-        "stored": history.last("stored"),
-        "dissipated": history.last("dissipated_total"),
-        "numerical": history.last("numerical_total"),
+        **last,
     }
 
 
@@ -183,10 +178,10 @@ class Steps(Iterator[StudySolution]):
                     text = f"at t = {at:.6g} {error}" if is_misplaced else str(error)
                     self._end(solution, f"{error.key}: {text}")
                     raise InputError(text, error.key) from error
-                self._out_of_reach.add(data, report, at == timeline.planned)
+                reached = at == timeline.planned
+                self._out_of_reach.add(data, report, reached)
                 self._is_unbalanced |= report.is_unbalanced
                 # The branch is followed once at most on the way to a planned time.
-                reached = at == timeline.planned
                 self._follows_branch = report.converged and (reached or self._follows_branch)
                 if not report.converged and self._halve(
                     f"the step to t = {at:.6g} did not converge ({report.reason})"
@@ -194,18 +189,18 @@ class Steps(Iterator[StudySolution]):
                     continue
                 state = self._solver.state(report)
                 energy, after = energy_balance(before or Moment.at_rest(state), state)
-                judged = self._solution(state, energy, at)
+                found = self._solution(state, energy, at)
                 # Half the step misses a foundation between the nodes as well.
-                entering = judged.summary["certificate"]["criteria"].get(ENTRY, {"holds": True})
+                entering = found.summary["certificate"]["criteria"].get(ENTRY, {"holds": True})
                 if (
-                    not judged.converged
+                    not found.converged
                     and entering["holds"]
                     and self._halve(
-                        f"the step to t = {at:.6g} did not converge ({judged.summary['reason']})"
+                        f"the step to t = {at:.6g} did not converge ({found.summary['reason']})"
                     )
                 ):
                     continue
-                solution, before = judged, after
+                solution, before = found, after
                 if sensitivities is not None and solution.converged:
                     made = self._solver.derivatives(report).made
                     solution.summary |= sensitivities.of(made, state.contacts, at)
@@ -246,9 +241,11 @@ class Steps(Iterator[StudySolution]):
 
     def _solve_at(self, at: float, last: State | None) -> SolverReport:
         """Solve at the present time; collective."""
-        self._monitor.step(len(self.history) + 1, self._timeline.left, at, self._seconds_left())
-        saved = None if last is None else last.saved
-        return self._solver.solve(saved, self._follows_branch)
+        left = self._timeline.left
+        planned, taken = self._to_solve - left, time.perf_counter() - self._began
+        seconds = left * taken / planned if planned else None
+        self._monitor.step(len(self.history) + 1, left, at, seconds)
+        return self._solver.solve(None if last is None else last.saved, self._follows_branch)
 
     def _halve(self, failure: str) -> bool:
         """Halve the step after a failure, if it may be halved, and say so."""
@@ -263,12 +260,12 @@ class Steps(Iterator[StudySolution]):
 
     def _solution(self, state: SolvedState, energy: EnergyBalance, at: float) -> StudySolution:
         """The solution of a step with its certificate; collective."""
-        certificate = certify(state, extras_of(self.problem.parameters))
         derivatives = self._solver.derivatives(state.report)
+        certificate = certified(self.problem.parameters, state)
         criteria = {**certificate.criteria, CRITERION: energy.criterion(state)}
         judged = dataclasses.replace(certificate, criteria=criteria)
-        found = solution_of(state, judged, derivatives)
-        return dataclasses.replace(of_study(self.problem, found), time=at)
+        found = of_study(self.problem, state, judged, derivatives)
+        return dataclasses.replace(found, time=at)
 
     def _end(self, last: StudySolution | None, reason: str) -> None:
         """Let the last solution say why the process ends with it."""
@@ -291,11 +288,4 @@ class Steps(Iterator[StudySolution]):
         history = History([*self.history.rows])
         return dataclasses.replace(
             solution, probes=self._probes, history=history, halved=self._halved
-        )
-
-    def _seconds_left(self) -> float | None:
-        """About how long the planned steps that are left will take; None before the first step."""
-        planned = self._to_solve - self._timeline.left
-        return (
-            self._timeline.left * (time.perf_counter() - self._began) / planned if planned else None
         )

@@ -1,4 +1,4 @@
-"""Settings of solver and certificate from a study file, and its additions to a solution."""
+"""The solver and the judgement that a study file asks for."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from contact_locking.certificate import Extras
+from contact_locking.certificate import Certificate, Extras, certify
+from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.monitor import Monitor
+from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.probe_table import sample
-from contact_locking.results.solution import Solution, StudySolution
+from contact_locking.results.solution import Differentiable, StudySolution
 from contact_locking.solver.linear.options import UserOptions, require_harmless, require_names
 from contact_locking.solver.task import Settings
 from contact_locking.study.assembly import StudyProblem
@@ -18,9 +20,14 @@ from contact_locking.study_file.parameters import Parameters
 
 
 def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None = None) -> Settings:
-    """The settings of a study file.  Raises InputError for harmful PETSc options."""
-    given = parameters.solver
-    require_usable_options(parameters, petsc_options)
+    """The settings of a study file.
+
+    Raises InputError for a harmful PETSc option, or one that is no option.
+    """
+    given, others = parameters.solver, petsc_options or {}
+    for options, section in ((given.petsc, "solver.petsc"), (others, None)):
+        require_names(options, section)
+        require_harmless(options, section)
     return Settings(
         method=given.method,
         tolerance=given.tolerance,
@@ -29,20 +36,8 @@ def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None 
         max_friction_updates=given.max_friction_updates,
         nested=given.friction == "nested",
         linear=given.linear,
-        petsc=UserOptions({**given.petsc, **(petsc_options or {})}),
+        petsc=UserOptions({**given.petsc, **others}),
     )
-
-
-def require_usable_options(
-    parameters: Parameters, petsc_options: Mapping[str, Any] | None = None
-) -> None:
-    """Raise InputError for a harmful PETSc option, or one that is no option."""
-    for options, section in (
-        (parameters.solver.petsc, "solver.petsc"),
-        (petsc_options or {}, None),
-    ):
-        require_names(options, section)
-        require_harmless(options, section)
 
 
 def solver_of(
@@ -54,21 +49,23 @@ def solver_of(
     return ProblemSolver(problem, settings_of(problem.parameters, petsc_options), monitor)
 
 
-def extras_of(parameters: Parameters) -> Extras:
-    """The extra parts of the certificate that a study file requests."""
+def certified(parameters: Parameters, state: SolvedState) -> Certificate:
+    """The certificate of a state with the extra parts that a study file requests; collective."""
     wanted = parameters.certificate
-    return Extras(wanted.constants, wanted.error_bound, wanted.critical_friction)
+    extras = Extras(wanted.constants, wanted.error_bound, wanted.critical_friction)
+    return certify(state, extras)
 
 
-def of_study(problem: StudyProblem, solution: Solution) -> StudySolution:
-    """A solution with the title, the probes and the parameters of the study file; collective."""
-    fields = (
-        problem.u,
-        solution.strain_norm,
-        solution.elastic_stress,
-        solution.locking_stress,
-    )
+def of_study(
+    problem: StudyProblem,
+    state: SolvedState,
+    certificate: Certificate,
+    differentiable: Differentiable | None = None,
+) -> StudySolution:
+    """The solution in a state, with title, probes and parameters of the study file; collective."""
+    found, parameters = solution_of(state, certificate, differentiable), problem.parameters
+    fields = (problem.u, found.strain_norm, found.elastic_stress, found.locking_stress)
     probes = (sample(problem.probes, *fields),) if len(problem.probes) else ()
-    given = {item.name: getattr(solution, item.name) for item in dataclasses.fields(solution)}
-    given["summary"] = {"title": problem.parameters.title, **solution.summary}
-    return StudySolution(**given, parameters=problem.parameters, probes=probes)
+    given = {item.name: getattr(found, item.name) for item in dataclasses.fields(found)}
+    given["summary"] = {"title": parameters.title, **found.summary}
+    return StudySolution(**given, parameters=parameters, probes=probes)

@@ -47,25 +47,22 @@ class ProblemSolver:
             held_by_friction=problem.sliding > 0,
             loose=problem.rigidity.loose_motion() if problem.free else None,
         )
-        domain = problem.domain
-        self._length = domain.extent
-        # The face of a body of revolution is a surface in space.
-        self._face = self._length ** (domain.kinematics.tensor_size(domain.dim) - 1)
-        one = fem.Constant(domain.mesh, 1.0)
-        self._volume = integral(domain, one * problem.data.dx)
+        one = fem.Constant(problem.domain.mesh, 1.0)
+        self._volume = integral(problem.domain, one * problem.data.dx)
 
     @property
     def target(self) -> Target:
         """The penalty parameters to solve for, and the scales of the problem."""
-        material = self.problem.material
+        material, domain = self.problem.material, self.problem.domain
         return Target(
             self.problem.penalty,
             stiffness=material.stiffness,
             ellipticity=material.ellipticity,
             young=material.young,
-            length=self._length,
+            length=domain.extent,
             volume=self._volume,
-            face=self._face,
+            # The face of a body of revolution is a surface in space.
+            face=domain.extent ** (domain.kinematics.tensor_size(domain.dim) - 1),
         )
 
     def begin(self) -> None:
@@ -79,15 +76,14 @@ class ProblemSolver:
         ``follows_branch`` is that of :class:`Task`.
         """
         self.close()
-        task = Task(
-            self.system,
-            self.target,
-            self.settings,
-            self._monitor,
-            is_unbalanced=self.is_unbalanced,
-            follows_branch=follows_branch,
+        task = dataclasses.replace(
+            self._task, is_unbalanced=self.is_unbalanced, follows_branch=follows_branch
         )
         return solve_system(self._method, task, saved)
+
+    @property
+    def _task(self) -> Task:
+        return Task(self.system, self.target, self.settings, self._monitor)
 
     def is_unbalanced(self) -> bool:
         """Whether a proof shows that no forces balance the present loads; collective."""
@@ -98,8 +94,7 @@ class ProblemSolver:
 
         Each is in the system in its turn.  Raises InputError where they cannot be searched.
         """
-        task = Task(self.system, self.target, self.settings, self._monitor)
-        yield from equilibria(task, report, most)
+        yield from equilibria(self._task, report, most)
 
     def diagram(self, to: float, load: Callable[[float], None] | None = None) -> Diagram:
         """The branch of solutions up to ``to`` times the friction, or the loads; collective.
@@ -113,8 +108,7 @@ class ProblemSolver:
             load(share)
             self.system.assemble_loads()
 
-        task = Task(self.system, self.target, self.settings, self._monitor)
-        return diagram(task, to, None if load is None else put)
+        return diagram(self._task, to, None if load is None else put)
 
     def derivatives(self, report: SolverReport) -> LazyDerivatives:
         """The derivatives of the solution of a report, until the next solve."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import Any
 
 import numpy as np
@@ -65,11 +65,9 @@ class StudyNumber:
         """A context with the equations for one of the two values."""
         (side,) = (side for side in self._sides if side.value == value)
         side.solver.system.assemble_loads()
-        equations = Equations(side.solver.system, side.solver.target, frozen.iterate)
-        try:
+        made = Equations(side.solver.system, side.solver.target, frozen.iterate)
+        with closing(made) as equations:
             yield equations
-        finally:
-            equations.destroy()
 
     def remember(self, contacts: Sequence[ContactFields], change: Change, frozen: Frozen) -> None:
         """End a step, in which the iterate changes by ``change`` with this number."""

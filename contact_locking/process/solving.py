@@ -12,7 +12,6 @@ from mpi4py import MPI
 
 from contact_locking import study_file
 from contact_locking._version import __version__
-from contact_locking.certificate import certify
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
@@ -21,9 +20,8 @@ from contact_locking.process import forecast, several
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.checkpoint.restart import solved_already, start_in_words
 from contact_locking.process.checkpoint.saved_steps import saved_steps
-from contact_locking.process.judgement import solution_of
 from contact_locking.process.loop import Steps
-from contact_locking.process.of_study import extras_of, of_study, require_usable_options, solver_of
+from contact_locking.process.of_study import certified, of_study, settings_of, solver_of
 from contact_locking.process.sensitivities import (
     Sensitivities,
     central_differences,
@@ -79,7 +77,7 @@ def solve_steps(
     start = time.perf_counter()
     if restart is not None:
         checkpoint.expect(saved_steps(Path(restart))[-1], comm)
-    require_usable_options(parameters, petsc_options)
+    settings_of(parameters, petsc_options)  # refused before the mesh is made
     monitor.message("preparing the mesh and compiling forms (some seconds the first time)")
     problem = assemble(parameters, comm, domain)
     # Before the solve, because the mesh file may change during the solve.
@@ -170,8 +168,8 @@ def _static(
     report = report or solver.solve(None if saved is None else saved.state)
     monitor.message("computing fields and the certificate")
     state = solver.state(report)
-    certificate = certify(state, extras_of(problem.parameters))
-    solution = of_study(problem, solution_of(state, certificate, solver.derivatives(report)))
+    certificate = certified(problem.parameters, state)
+    solution = of_study(problem, state, certificate, solver.derivatives(report))
     solution.summary["warnings"] += solver.unused_options()
     if sensitivities is not None:
         if solution.converged:
@@ -190,8 +188,7 @@ def _static(
             if number > 0:
                 monitor.message(f"another solution: {number + 1} so far")
                 state = solver.state(other.report)
-                judged = certify(state, extras_of(problem.parameters))
-                solution = of_study(problem, solution_of(state, judged))
+                solution = of_study(problem, state, certified(problem.parameters, state))
                 solution.summary["restart"] = None
             solution.summary["index"] = other.index
             yield solution
@@ -204,7 +201,7 @@ def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[
 
     ``estimate`` is what the solve would take (:class:`contact_locking.process.forecast.Estimate`).
     """
-    require_usable_options(parameters)
+    settings_of(parameters)
     return forecast.completed(assembly.check(parameters, comm, require_known), parameters, comm)
 
 

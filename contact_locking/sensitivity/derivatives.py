@@ -68,7 +68,7 @@ class Derivatives:
             try:
                 require_solved(equations)
             except InputError:
-                equations.destroy()
+                equations.close()
                 raise
             self.linear = Linearisation(equations, task)
             for _ in range(_MOST_STEPS):

@@ -133,7 +133,7 @@ class Equations:
         pressure = nodes.at_all(bound.pressing.z)
         return nodes.of_all(contact.acting(contact.friction.evaluate(pressure, slips)))
 
-    def destroy(self) -> None:
+    def close(self) -> None:
         """Free the PETSc objects; collective."""
         self._all.destroy()
 

@@ -81,7 +81,7 @@ def _by_forms(
     problem, frozen = made.frozen.problem, made.frozen
     quantity, adjoint = made.adjoint(name)
     with frozen.system.preserved():
-        frozen.equations().destroy()  # they put the displacement to the iterate
+        frozen.equations().close()  # they put the displacement to the iterate
         equations, data, u = made.linear.equations, frozen.system.data, frozen.system.u
         test = frozen.system.function_of(adjoint.displacement)
         functional = forms.external_work(test, data) - forms.elastic_form(u, test, data)

@@ -315,4 +315,4 @@ class Linearisation:
     def destroy(self) -> None:
         """Free the PETSc objects."""
         self.tangent.destroy()
-        self.equations.destroy()
+        self.equations.close()

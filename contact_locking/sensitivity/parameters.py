@@ -9,7 +9,7 @@ change on the scale of the value itself.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
@@ -91,11 +91,8 @@ class Put:
         self.put(value)
         try:
             frozen.refresh()
-            equations = frozen.equations()
-            try:
+            with closing(frozen.equations()) as equations:
                 yield equations
-            finally:
-                equations.destroy()
         finally:
             self.put(self.value)
             frozen.refresh()

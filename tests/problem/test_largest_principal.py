@@ -16,7 +16,7 @@ from problems import block
 import contact_locking as cl
 from contact_locking.certificate import certify
 from contact_locking.laws.locking import principal_energy, principal_stress
-from contact_locking.process import solving
+from contact_locking.process import of_study, solving
 from contact_locking.solver.interior_point.principal_cones import TURN, Frame
 from contact_locking.study_file.parameters import Parameters
 
@@ -170,6 +170,6 @@ def test_a_limit_that_draws_together_is_caught(monkeypatch: pytest.MonkeyPatch) 
         state.body.locking_parts[1].x.array.reshape(-1, 4)[:, [0, 3]] -= 0.01
         return certify(state, *more)
 
-    monkeypatch.setattr(solving, "certify", tampered)
+    monkeypatch.setattr(of_study, "certify", tampered)
     summary = solving.solve(block(2, 0.25, material=material(TEAR), penalty__n=1e3)).summary
     assert not summary["certificate"]["criteria"]["locking_violation"]["holds"]

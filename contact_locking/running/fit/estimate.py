@@ -360,7 +360,8 @@ def _covariance(slopes: FloatArray, scale: float) -> tuple[FloatArray, FloatArra
 
 def combinations(by_logarithms: FloatArray, scale: float) -> tuple[Combination, ...]:
     """The principal combinations of derivatives (m, n) by the logarithms of the numbers."""
+    size, rows, known = _singular(by_logarithms)
     return tuple(
-        Combination(row, float(value), scale / float(value) if is_known else np.inf)
-        for value, row, is_known in zip(*_singular(by_logarithms), strict=True)
+        Combination(rows[k], float(size[k]), scale / float(size[k]) if known[k] else np.inf)
+        for k in range(len(size))
     )

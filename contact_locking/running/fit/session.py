@@ -81,7 +81,7 @@ def _final_runs(
         monitor.message(f"the runs of {count(len(cases), 'experiment')}")
     solutions = []
     for number, (*_, case) in enumerate(cases):
-        plain = model.case_parameters(case, found.numbers.tolist())
+        plain = model.case_parameters(case, list(map(float, found.numbers)))
         wanted = plain.model_copy(update={"sensitivities": model.parameters.sensitivities})
         folder = target / f"{number}-{case.experiment.path.stem}" if number else target
         with reserved(folder, comm) if number else nullcontext():

@@ -82,12 +82,14 @@ class Slot:
     def __init__(self, plan: Plan, variables: Mapping[str, str]) -> None:
         self._plan, self._variables = plan, variables
         self._process: subprocess.Popen[bytes] | None = None
-        self._cases = 0
+        self._cases, self._began = 0, 0.0
+        self._code: int | None = None
 
     def start(self, case: Case) -> None:
         """Prepare the folder of a case and begin it.  Raises ContactLockingError, and OSError."""
         begin(case)
-        self.case, self._code, self._began = case, None, time.monotonic()
+        self.case, self._began = case, time.monotonic()
+        self._code = None
         log = case.folder / LOG
         if not self._plan.shares_processes:
             program = command(case, self._plan.program, self._plan.ranks)

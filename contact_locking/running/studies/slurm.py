@@ -53,7 +53,6 @@ class SlurmExecutor:
         self._waiting = list(cases)
         self._array: list[_Task] = []
         self._submission: subprocess.Popen[bytes] | None = None
-        self._noted = ""
         # The job of a stopped study may still run, and solves the same cases.
         self._earlier = self._cancel()
         self._deadline = time.monotonic() + _ENDING_SECONDS
@@ -78,7 +77,7 @@ class SlurmExecutor:
         self._note_job()
         over = self._submission.poll() is not None
         if over and self._job() is None:
-            raise ContactLockingError(f"sbatch takes no job: {self._messages()}")
+            raise ContactLockingError(f"sbatch takes no job: {_text(self._folder / MESSAGES)}")
         if over:
             self._settle()
         ended = [task for task in self._array if over or task.exit_code() is not None]
@@ -134,15 +133,14 @@ class SlurmExecutor:
         )
 
     def _job(self) -> str | None:
-        number = self._messages().partition(";")[0].strip()
+        number = _text(self._folder / MESSAGES).partition(";")[0].strip()
         return number if number.isdecimal() else None
 
     def _note_job(self) -> None:
         """Save the number of the job: if this study is killed, the next one cancels the job."""
         number = self._job() if self._array else None
-        if number is not None and number != self._noted:
+        if number is not None and number != _text(self._folder / JOB):
             write_text(self._folder / JOB, number)
-            self._noted = number
 
     def _forget_job(self) -> None:
         (self._folder / JOB).unlink(missing_ok=True)
@@ -153,11 +151,11 @@ class SlurmExecutor:
         The number stays: the processes of a cancelled job go on for some time, and the next study
         waits for their end.
         """
+        job = _text(self._folder / JOB)
         with contextlib.suppress(OSError):
-            job = (self._folder / JOB).read_text()
-            subprocess.run(["scancel", job], capture_output=True, check=False)
-            return job
-        return ""
+            if job:
+                subprocess.run(["scancel", job], capture_output=True, check=False)
+        return job
 
     def _earlier_runs(self) -> bool:
         """Whether a job cancelled at the start still holds the folders of its cases."""
@@ -166,18 +164,20 @@ class SlurmExecutor:
             self._forget_job()
         return bool(self._earlier)
 
-    def _messages(self) -> str:
-        try:
-            return (self._folder / MESSAGES).read_text(errors="replace").strip()
-        except OSError:
-            return ""
-
     def _settle(self) -> None:
         deadline = time.monotonic() + _SETTLING_SECONDS
         while time.monotonic() < deadline:
             if all(task.exit_code() is not None for task in self._array):
                 return
             time.sleep(0.1)
+
+
+def _text(path: Path) -> str:
+    """The text of a file, empty if it cannot be read."""
+    try:
+        return path.read_text(errors="replace").strip()
+    except OSError:
+        return ""
 
 
 def _is_queued(job: str) -> bool:
@@ -211,10 +211,8 @@ class _Task:
         return 0.0 if self._began is None else time.monotonic() - self._began
 
     def exit_code(self) -> int | None:
-        try:
-            return int((self.case.folder / EXIT_CODE).read_text())
-        except (OSError, ValueError):
-            return None
+        code = _text(self.case.folder / EXIT_CODE)
+        return int(code) if code else None
 
     def why(self) -> str:
         code = self.exit_code()
