@@ -70,7 +70,7 @@ class StiffFamilies:
     def _rows(self, factor: float, matrix: PETSc.Mat) -> tuple[PETSc.Mat, FloatArray]:
         """The rows of all families, without the part that is prescribed; collective."""
         found = [family.stiff_rows(factor, self.material) for family in self.families]
-        rows = stacked([part for part, _ in found], matrix)
+        rows = stacked([part for part, _ in found])
         free = matrix.createVecRight()
         free.array_w[:] = self.constraints.free_dofs()[: free.getLocalSize()]
         rows.diagonalScale(None, free)

@@ -24,10 +24,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+import scipy.sparse as sp
 from petsc4py import PETSc
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp, direct_options
 from contact_locking.solver.linear.multigrid import CoarserSpace, Multigrid
 from contact_locking.solver.linear.options import PREFIX
@@ -76,14 +76,13 @@ class Projection:
         rows.transpose(columns)
         self._coupling = self._scaled.matMult(columns)
         columns.destroy()
-        diagonal = self._coupling.getDiagonal()
-        diagonal.array_w[:] += self._compliance
-        self._coupling.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-        self._coupling.setDiagonal(diagonal)
-        self._coupling.setOption(PETSc.Mat.Option.SPD, True)
-        diagonal.destroy()
         self._change, self._right = rows.createVecs()
         self._forces, self._forces_change = self._right.duplicate(), self._right.duplicate()
+        self._vectors = self._change, self._right, self._forces, self._forces_change
+        self._right.array_w[:] = self._compliance
+        self._coupling.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        self._coupling.setDiagonal(self._right, PETSc.InsertMode.ADD_VALUES)
+        self._coupling.setOption(PETSc.Mat.Option.SPD, True)
         # None where nothing is stiff.
         self._factor: PETSc.KSP | None = None
         if rows.getSize()[0] > 0:
@@ -121,38 +120,24 @@ class Projection:
         """Free the PETSc objects."""
         if self._factor is not None:
             destroy_ksp(self._factor)
-        for item in (
-            self._rows,
-            self._scaled,
-            self._coupling,
-            self._change,
-            self._right,
-            self._forces,
-            self._forces_change,
-        ):
+        for item in (self._rows, self._scaled, self._coupling, *self._vectors):
             item.destroy()
 
 
 def _inverse_blocks(matrix: PETSc.Mat) -> PETSc.Mat:
     """The inverses of the diagonal blocks of a matrix, as a matrix; collective."""
-    size = matrix.getBlockSize()
     # PETSc's own function returns the blocks of the first values again.
-    counts, columns, values = matrix.getDiagonalBlock().getValuesCSR()
-    rows = np.repeat(np.arange(len(counts) - 1), np.diff(counts))
-    is_inside = rows // size == columns // size
-    rows, columns = rows[is_inside], columns[is_inside]
-    blocks = np.zeros(((len(counts) - 1) // size, size, size))
-    blocks[rows // size, rows % size, columns % size] = values[is_inside]
-    blocks = np.linalg.inv(blocks)
-    first, last = matrix.getOwnershipRange()
-    starts = np.arange(0, blocks.size + 1, size, dtype=PETSc.IntType)
-    nodes = np.arange(first, last, size, dtype=PETSc.IntType)
-    columns = nodes[:, None, None] + np.arange(size, dtype=PETSc.IntType)[None, None, :]
-    columns = np.broadcast_to(columns, blocks.shape)
-    sizes: Any = (matrix.getLocalSize()[0], None)
-    return PETSc.Mat().createAIJ(
-        (sizes, sizes), csr=(starts, columns.reshape(-1), blocks.reshape(-1)), comm=matrix.getComm()
-    )
+    size, (first, last) = matrix.getBlockSize(), matrix.getOwnershipRange()
+    starts, columns, values = matrix.getDiagonalBlock().getValuesCSR()
+    shape = last - first, last - first
+    own = sp.csr_matrix((values, columns, starts), shape).tobsr((size, size))
+    nodes = np.arange(shape[0] // size)
+    is_diagonal = own.indices == np.repeat(nodes, np.diff(own.indptr))
+    blocks = np.linalg.inv(own.data[is_diagonal])
+    inverse = sp.bsr_matrix((blocks, nodes, np.arange(len(nodes) + 1)), shape).tocsr()
+    csr = [part.astype(PETSc.IntType) for part in (inverse.indptr, inverse.indices + first)]
+    sizes = matrix.getSizes()
+    return PETSc.Mat().createAIJ(sizes, csr=(*csr, inverse.data), comm=matrix.getComm())
 
 
 # A filter that is larger than it need be by this factor is made anew.
@@ -169,8 +154,8 @@ class StiffPart(NamedTuple):
     assembles the matrix without ``C^T B C``.  All are collective.
     """
 
-    nodes: npt.NDArray[np.int32]
-    find_nearly: Callable[[], npt.NDArray[np.int32]]
+    nodes: IndexArray
+    find_nearly: Callable[[], IndexArray]
     assemble_rest: Callable[[PETSc.Mat], None]
     find_rows: Callable[[], tuple[PETSc.Mat, FloatArray]]
     assemble_across: Callable[[PETSc.Mat], None]
@@ -183,9 +168,7 @@ class Filter:
     are those of the first values, and serve all that follow.
     """
 
-    def __init__(
-        self, matrix: PETSc.Mat, nodes: npt.NDArray[np.int32], overrides: Mapping[str, Any]
-    ) -> None:
+    def __init__(self, matrix: PETSc.Mat, nodes: IndexArray, overrides: Mapping[str, Any]) -> None:
         self._matrix, self._nodes = matrix, nodes
         self._comm, size = matrix.getComm(), matrix.getBlockSize()
         first = matrix.getOwnershipRange()[0] // size
@@ -200,7 +183,7 @@ class Filter:
         options = direct_options(self._comm)
         self._ksp = create_ksp(self._comm, options, overrides, PREFIX + "filter_")
 
-    def serves(self, nodes: npt.NDArray[np.int32]) -> bool:
+    def serves(self, nodes: IndexArray) -> bool:
         """Whether it takes in these nodes, and few others; collective."""
         comm = self._comm.tompi4py()
         missing = len(np.setdiff1d(nodes, self._nodes, assume_unique=True))
@@ -375,13 +358,13 @@ class FilteredMultigrid:
         self._made.refresh()
         return self._made
 
-    def _chosen(self, stiff: StiffPart) -> npt.NDArray[np.int32]:
+    def _chosen(self, stiff: StiffPart) -> IndexArray:
         """The nodes to filter: also those soon stiff, if there are not too many; collective."""
         nearly = stiff.find_nearly()
         most = min(_WASTE * self._count(stiff.nodes), self._limit)
         return nearly if self._count(nearly) <= most else stiff.nodes
 
-    def _count(self, nodes: npt.NDArray[np.int32]) -> int:
+    def _count(self, nodes: IndexArray) -> int:
         """The unknowns of owned nodes; collective."""
         count: int = self._matrix.getComm().tompi4py().allreduce(len(nodes))
         return count * self._matrix.getBlockSize()

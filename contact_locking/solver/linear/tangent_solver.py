@@ -182,11 +182,11 @@ class KspTangents(TangentSolver):
         if self._listener is not None:
             self._listener.raise_kept()
         self._iterations += self._ksp.getIterationNumber()
+        # Unlike CHOLMOD, MUMPS counts negative pivots and goes on.
         pc = self._ksp.getPC()
-        if pc.getType() == PETSc.PC.Type.CHOLESKY and pc.getFactorSolverType() == "mumps":
-            # Unlike CHOLMOD, MUMPS counts negative pivots and goes on.
-            if pc.getFactorMatrix().getMumpsInfog(12) > 0:
-                raise PETSc.Error(_NOT_DEFINITE)
+        by_mumps = pc.getType() == "cholesky" and pc.getFactorSolverType() == "mumps"
+        if by_mumps and pc.getFactorMatrix().getMumpsInfog(12) > 0:
+            raise PETSc.Error(_NOT_DEFINITE)
 
     def destroy(self) -> None:
         self._unblocked.destroy()
