@@ -11,7 +11,7 @@ from contact_locking.monitor import Monitor
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.probe_table import sample
 from contact_locking.results.solution import Solution, StudySolution
-from contact_locking.solver.linear.options import UserOptions, require_harmless, require_names
+from contact_locking.solver.linear.options import UserOptions, require_usable
 from contact_locking.solver.task import Settings
 from contact_locking.study.assembly import StudyProblem
 from contact_locking.study_file.parameters import Parameters
@@ -41,8 +41,7 @@ def require_usable_options(
         (parameters.solver.petsc, "solver.petsc"),
         (petsc_options or {}, None),
     ):
-        require_names(options, section)
-        require_harmless(options, section)
+        require_usable(options, section)
 
 
 def solver_of(

@@ -235,8 +235,6 @@ class FilteredMultigrid:
         self._multigrid = Multigrid(matrix.getComm(), coarser, self._overrides)
         self._product = matrix.createVecLeft()
         self._soft: PETSc.Mat | None = None
-        # The last filter that was made, and the same if it takes part at present.
-        self._made: Filter | None = None
         self._filter: Filter | None = None
         self._projection: Projection | None = None
 
@@ -250,13 +248,14 @@ class FilteredMultigrid:
         """Whether the filter takes part at present."""
         return self._filter is not None
 
-    def can_filter(self, stiff: StiffPart) -> bool:
-        """Whether there are nodes to filter, or to project; collective."""
-        return self._count(stiff.nodes) > 0
+    def count(self, nodes: IndexArray) -> int:
+        """The unknowns of owned nodes on all ranks; collective."""
+        count: int = self._matrix.getComm().tompi4py().allreduce(len(nodes))
+        return count * self._matrix.getBlockSize()
 
     def must_project(self, stiff: StiffPart) -> bool:
         """Whether more is stiff than may be filtered; collective."""
-        return self._count(stiff.nodes) > self._limit
+        return self.count(stiff.nodes) > self._limit
 
     def refresh(self, stiff: StiffPart | None = None) -> None:
         """Set up for the present values of the matrix; collective.
@@ -264,11 +263,9 @@ class FilteredMultigrid:
         Without ``stiff``, the multigrid is for the matrix to be solved with, and nothing is
         filtered.
         """
-        # Its factor is free before multigrid takes memory for the new values.
-        if self._projection is not None:
-            self._projection.destroy()
-            self._projection = None
         projects = stiff is not None and self.must_project(stiff)
+        # Factors are free before multigrid takes memory for the new values.
+        self._release(keeps_filter=stiff is not None and not projects)
         smoothed = self._matrix if stiff is None else self._without(stiff, projects)
         # The residuals of its finest level stay those of the first matrix that it was given.
         if smoothed is not self._smoothed:
@@ -277,10 +274,10 @@ class FilteredMultigrid:
             self._multigrid = Multigrid(self._matrix.getComm(), self._coarser, self._overrides)
         by_entry = self._unblocked.of(smoothed)
         self._multigrid.set_up(smoothed, by_entry)
-        self._filter = None if stiff is None or projects else self._filter_of(stiff)
         if stiff is not None and projects:
-            self._forget()
             self._projection = Projection(*stiff.find_rows(), by_entry, self._overrides)
+        elif stiff is not None:
+            self._filter_out(stiff)
 
     def smooth_more(self) -> None:
         """Let multigrid take more steps of its smoother; to be called after :meth:`refresh`."""
@@ -330,9 +327,7 @@ class FilteredMultigrid:
 
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
-        self._forget()
-        if self._projection is not None:
-            self._projection.destroy()
+        self._release()
         self._multigrid.destroy()
         for space in self._coarser:
             space.prolongation.destroy()
@@ -350,26 +345,23 @@ class FilteredMultigrid:
         (stiff.assemble_across if projects else stiff.assemble_rest)(self._soft)
         return self._soft
 
-    def _filter_of(self, stiff: StiffPart) -> Filter:
-        """The filter that was made last, if it serves, or a new one; collective."""
-        if self._made is None or not self._made.serves(stiff.nodes):
-            self._forget()
-            self._made = Filter(self._matrix, self._chosen(stiff), self._overrides)
-        self._made.refresh()
-        return self._made
+    def _filter_out(self, stiff: StiffPart) -> None:
+        """Factorise for the last filter, if it serves, or for a new one; collective."""
+        if self._filter is not None and not self._filter.serves(stiff.nodes):
+            self._release()
+        if self._filter is None:
+            # Nodes that will soon be stiff are taken in if they are few.
+            nearly = stiff.find_nearly()
+            most = min(_WASTE * self.count(stiff.nodes), self._limit)
+            nodes = nearly if self.count(nearly) <= most else stiff.nodes
+            self._filter = Filter(self._matrix, nodes, self._overrides)
+        self._filter.refresh()
 
-    def _chosen(self, stiff: StiffPart) -> IndexArray:
-        """The nodes to filter: also those soon stiff, if there are not too many; collective."""
-        nearly = stiff.find_nearly()
-        most = min(_WASTE * self._count(stiff.nodes), self._limit)
-        return nearly if self._count(nearly) <= most else stiff.nodes
-
-    def _count(self, nodes: IndexArray) -> int:
-        """The unknowns of owned nodes; collective."""
-        count: int = self._matrix.getComm().tompi4py().allreduce(len(nodes))
-        return count * self._matrix.getBlockSize()
-
-    def _forget(self) -> None:
-        if self._made is not None:
-            self._made.destroy()
-        self._made = self._filter = None
+    def _release(self, keeps_filter: bool = False) -> None:
+        """Free the projection and the filter; collective."""
+        if self._projection is not None:
+            self._projection.destroy()
+            self._projection = None
+        if self._filter is not None and not keeps_filter:
+            self._filter.destroy()
+            self._filter = None

@@ -52,9 +52,6 @@ _MULTIGRID: dict[str, Any] = {
 # and a cycle takes two thirds of its time.
 _BY_NODES: dict[str, Any] = {"mg_levels_pc_type": "pbjacobi"}
 _BY_ROWS: dict[str, Any] = {"mg_levels_pc_type": "sor"}
-# Galerkin products on one rank, with the transpose written out, take half the time.  Matrices of
-# several ranks refuse this way, and the option is for all matrices of a process.
-_PRODUCTS_ON_ONE_RANK: dict[str, Any] = {"matptap_via": "rap"}
 _ITERATIVE: dict[str, Any] = {"ksp_type": "cg", "ksp_rtol": 1e-4, "ksp_max_it": 2000}
 
 
@@ -168,13 +165,12 @@ def configure(
 
     Their prefix is one of their own, so that they take no options of another solver.
     """
-    bare = _PRODUCTS_ON_ONE_RANK if PETSc.COMM_WORLD.size == 1 else {}
     is_other = option("pc_type", defaults, overrides, prefix) != defaults.get("pc_type")
     if is_other and defaults.items() >= _BY_CHOLMOD.items():
         # CHOLMOD has nothing but Cholesky's factorisation.
         others = {key: value for key, value in defaults.items() if key not in _BY_CHOLMOD}
         defaults = others | _BY_MUMPS
-    options = InsertedOptions(defaults, overrides, prefix, bare)
+    options = InsertedOptions(defaults, overrides, prefix)
     try:
         for solver in solvers:
             solver.setOptionsPrefix(options.prefix)

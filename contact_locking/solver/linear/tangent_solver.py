@@ -232,7 +232,7 @@ class MultigridTangents(TangentSolver):
     def refresh(self, assemble: Assemble, split: Callable[[], StiffPart]) -> None:
         """The tangent has new values; its matrix gets none where it is projected."""
         self._stiff = split()
-        self._can_filter = self._multigrid.can_filter(self._stiff)
+        self._can_filter = self._multigrid.count(self._stiff.nodes) > 0
         self._projects = self._multigrid.must_project(self._stiff)
         patience = self._patience_of_projection if self._projects else _PATIENCE[self._dim]
         self._patience = min(patience, self._gmres.max_iterations)
