@@ -78,22 +78,14 @@ class Element:
         """``eps(u)``, a symmetric (m, m) tensor: m is d, and 3 for a body of revolution."""
         return self.kinematics.strain(u)
 
-    def tensor_space(self, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
-        """The space of strains and stresses, (m, m) tensors; collective."""
-        return self.strain_space(mesh, self.strain_shape(mesh))
-
     def strain_shape(self, mesh: dolfinx.mesh.Mesh) -> tuple[int, int]:
         """The shape (m, m) of strains and stresses."""
         size = self.kinematics.tensor_size(mesh.topology.dim)
         return size, size
 
-    def nodal_space(self, mesh: dolfinx.mesh.Mesh, size: int) -> fem.FunctionSpace:
-        """Continuous fields of the displacement's degree with ``size`` components; collective."""
-        return fem.functionspace(mesh, ("P", self.degree, (size,)))
-
     def displacement_space(self, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
         """The space of displacements; collective."""
-        return self.nodal_space(mesh, mesh.topology.dim)
+        return fem.functionspace(mesh, ("P", self.degree, (mesh.topology.dim,)))
 
     def strain_space(
         self, mesh: dolfinx.mesh.Mesh, shape: tuple[int, ...] = ()
@@ -152,9 +144,8 @@ class Element:
         corners, and for bodies of revolution, where the hoop strain is not affine and not a number
         at a corner on the axis.
         """
-        if self.kinematics.axisymmetric or self.strain_degree == 0:
-            return self
-        if self.strain_degree == 1 and self.limit_at == "vertices":
+        is_at_corners = self.strain_degree == 1 and self.limit_at == "vertices"
+        if self.kinematics.axisymmetric or self.strain_degree == 0 or is_at_corners:
             return self
         return replace(self, strain_degree=1, limit_at="vertices")
 

@@ -18,6 +18,7 @@ from ufl.core.expr import Expr
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
+from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.lagrange import lagrange
 
 if TYPE_CHECKING:
@@ -76,6 +77,25 @@ class Trace:
         the arguments of a form have one space.
         """
         return _control_space(vectors) if vectors.mesh.topology.dim in self.controls else vectors
+
+
+def facet_places(domain: Domain, facets: IndexArray, cells: IndexArray) -> IndexArray:
+    """(m,) which facet of its cell each of m local facets is."""
+    topology, dim = domain.mesh.topology, domain.dim
+    topology.create_connectivity(dim, dim - 1)
+    all_facets = topology.connectivity(dim, dim - 1).array
+    facets_of = all_facets.reshape(-1, len(domain.kind.facets))
+    return np.argmax(facets_of[cells] == facets[:, None], axis=1).astype(np.int32)
+
+
+def facet_nodes(
+    domain: Domain, space: fem.FunctionSpace, facets: IndexArray, cells: IndexArray
+) -> IndexArray:
+    """The local nodes (m, n) of facets (m,) with their cells (m,), the corners first."""
+    place, layout = facet_places(domain, facets, cells), space.dofmap.dof_layout
+    numbers = range(len(domain.kind.facets))
+    closure = np.array([layout.entity_closure_dofs(domain.dim - 1, i) for i in numbers])
+    return np.asarray(space.dofmap.list[cells[:, None], closure[place]])
 
 
 class PointValues:
@@ -266,20 +286,20 @@ def _control_space(vectors: fem.FunctionSpace) -> fem.FunctionSpace:
             places = element.points[nodes] if own else element.points[:0]
             points[entity].append(places)
             shares[entity].append(weights.reshape(len(own), 1, len(places), 1))
-    element = basix.ufl.custom_element(
+    made = basix.ufl.custom_element(
         element.cell_type,
-        [],
+        (),
         np.eye(element.dim),
         points,
         shares,
         0,
         basix.MapType.identity,
         basix.SobolevSpace.H1,
-        discontinuous=False,
-        embedded_subdegree=2,
-        embedded_superdegree=2,
+        False,
+        2,
+        2,
     )
-    return fem.functionspace(mesh, basix.ufl.blocked_element(element, shape=(dim,)))
+    return fem.functionspace(mesh, basix.ufl.blocked_element(made, shape=(dim,)))
 
 
 def _entities(scalars: fem.FunctionSpace, nodes: IndexArray) -> list[IndexArray]:
