@@ -177,27 +177,22 @@ class PointValues:
 
         Collective.
         """
-        forces = fem.Function(self.space)
-        forces.x.array[:] = (self.matrix.T @ at_nodes).reshape(-1)
-        forces.x.scatter_reverse(la.InsertMode.add)
-        forces.x.scatter_forward()
-        return np.asarray(forces.x.array)
+        forces = self._summed(self.matrix.T @ at_nodes)
+        forces.scatter_forward()
+        return np.asarray(forces.array)
 
-    def limited_forces(self, scalars: fem.FunctionSpace, at_nodes: FloatArray) -> FloatArray:
-        """The forces (k, d) on limited values for forces (k, d) on the values at the nodes.
-
-        ``scalars`` is the space of scalar fields.  Collective.
-        """
+    def limited_forces(self, at_nodes: FloatArray) -> FloatArray:
+        """The forces (k, d) on limited values for forces (k, d) on nodal values; collective."""
         if self.are_nodal:
             return at_nodes
-        found = np.empty_like(at_nodes)
-        work = fem.Function(scalars)
-        transposed = self.inverse(self._nodes, np.arange(len(self.blocks))).T
-        for component in range(at_nodes.shape[1]):
-            work.x.array[:] = transposed @ at_nodes[:, component]
-            work.x.scatter_reverse(la.InsertMode.add)
-            found[:, component] = work.x.array[self._nodes]
-        return found
+        forces = self._summed(self.inverse(self._nodes, self.blocks).T @ at_nodes)
+        return np.asarray(forces.array.reshape(-1, at_nodes.shape[1])[self.blocks[self._nodes]])
+
+    def _summed(self, forces: FloatArray) -> la.Vector:
+        vector = fem.Function(self.space).x
+        vector.array[:] = forces.reshape(-1)
+        vector.scatter_reverse(la.InsertMode.add)
+        return vector
 
     def entities(self, function: fem.Function) -> list[IndexArray]:
         """The edges (m, 3) and the quadrilaterals (m, 9) whose middles have control values.
