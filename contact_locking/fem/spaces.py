@@ -119,13 +119,14 @@ class Element:
         cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         if self.strain_degree == 0:
             return np.asarray(dmesh.compute_midpoints(mesh, dim, cells)[:, :dim].T)
-        if self.limit_at == "gauss":
+        if self.limit_at == "vertices":
+            places = mesh.geometry.x[_compat.cell_corners(mesh)[cells], :dim]
+        else:
             of_cell = 2 if self.curved else 1
             shares = gauss_points.shares(mesh.topology.cell_name(), self.strain_degree, of_cell)
-            nodes = mesh.geometry.x[_compat.cell_nodes(mesh)[cells]][:, :, :dim]
-            return np.asarray(np.einsum("pc,kcd->kpd", shares, nodes).reshape(-1, dim).T)
-        corners = mesh.geometry.x[_compat.cell_corners(mesh)[cells]][:, :, :dim]
-        return np.asarray(corners.reshape(-1, dim).T)
+            nodes = mesh.geometry.x[_compat.cell_nodes(mesh)[cells], :dim]
+            places = np.einsum("pc,kcd->kpd", shares, nodes)
+        return np.asarray(places.reshape(-1, dim).T)
 
     def height(self, mesh: ufl.Mesh, dim: int) -> Expr:
         """A length of the order of the height of each cell, in a measure of degree 1."""
