@@ -21,145 +21,82 @@ from typing import TYPE_CHECKING, Any
 from contact_locking._version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from contact_locking.certificate.verdict import Extras
-    from contact_locking.contact.contact import (
-        Contact,
-        Force,
-        FoundationSpring,
-        Gap,
-        Motion,
-        Tilt,
-    )
-    from contact_locking.contact.coulomb import Convolution, Coulomb, Helmholtz, Local
-    from contact_locking.contact.friction_bound import FrictionBound
-    from contact_locking.contact_problem import ContactProblem
-    from contact_locking.errors import ContactLockingError, InputError, NotConverged
-    from contact_locking.laws.foundation import Cylinder, HalfSpace, Sphere
-    from contact_locking.laws.friction import FrictionLaw
-    from contact_locking.laws.level_set import LevelSet
-    from contact_locking.laws.polyline import Polyline
-    from contact_locking.laws.triangulated import TriangulatedSurface
-    from contact_locking.problem.elasticity import Elasticity
-    from contact_locking.problem.limits import (
-        Deviator,
-        Direction,
-        LargestPrincipal,
-        StrainBall,
-        Volume,
-        Weighted,
-    )
-    from contact_locking.process.adaptivity import solve, solve_adaptively
-    from contact_locking.process.solving import check, solve_assembled, solve_steps
-    from contact_locking.results.solution import Solution, State, StudySolution
-    from contact_locking.running.writing import save, write
-    from contact_locking.sensitivity.parameters import Number
-    from contact_locking.solver.task import Settings
-    from contact_locking.study.assembly import assemble
-    from contact_locking.study_file import from_mapping, load
-    from contact_locking.study_file.parameters import Parameters
-    from contact_locking.supports.supports import Support
+    from contact_locking.certificate.verdict import Extras as Extras
+    from contact_locking.contact.contact import Contact as Contact
+    from contact_locking.contact.contact import Force as Force
+    from contact_locking.contact.contact import FoundationSpring as FoundationSpring
+    from contact_locking.contact.contact import Gap as Gap
+    from contact_locking.contact.contact import Motion as Motion
+    from contact_locking.contact.contact import Tilt as Tilt
+    from contact_locking.contact.coulomb import Convolution as Convolution
+    from contact_locking.contact.coulomb import Coulomb as Coulomb
+    from contact_locking.contact.coulomb import Helmholtz as Helmholtz
+    from contact_locking.contact.coulomb import Local as Local
+    from contact_locking.contact.friction_bound import FrictionBound as FrictionBound
+    from contact_locking.contact_problem import ContactProblem as ContactProblem
+    from contact_locking.errors import ContactLockingError as ContactLockingError
+    from contact_locking.errors import InputError as InputError
+    from contact_locking.errors import NotConverged as NotConverged
+    from contact_locking.laws.foundation import Cylinder as Cylinder
+    from contact_locking.laws.foundation import HalfSpace as HalfSpace
+    from contact_locking.laws.foundation import LevelSet as LevelSet
+    from contact_locking.laws.foundation import Sphere as Sphere
+    from contact_locking.laws.friction import FrictionLaw as FrictionLaw
+    from contact_locking.laws.polyline import Polyline as Polyline
+    from contact_locking.laws.triangulated import TriangulatedSurface as TriangulatedSurface
+    from contact_locking.problem.elasticity import Elasticity as Elasticity
+    from contact_locking.problem.limits import Deviator as Deviator
+    from contact_locking.problem.limits import Direction as Direction
+    from contact_locking.problem.limits import LargestPrincipal as LargestPrincipal
+    from contact_locking.problem.limits import StrainBall as StrainBall
+    from contact_locking.problem.limits import Volume as Volume
+    from contact_locking.problem.limits import Weighted as Weighted
+    from contact_locking.process.adaptivity import solve as solve
+    from contact_locking.process.adaptivity import solve_adaptively as solve_adaptively
+    from contact_locking.process.solving import check as check
+    from contact_locking.process.solving import find_equilibria as find_equilibria
+    from contact_locking.process.solving import solve_assembled as solve_assembled
+    from contact_locking.process.solving import solve_steps as solve_steps
+    from contact_locking.results.solution import Solution as Solution
+    from contact_locking.results.solution import State as State
+    from contact_locking.results.solution import StudySolution as StudySolution
+    from contact_locking.running.writing import save as save
+    from contact_locking.running.writing import write as write
+    from contact_locking.sensitivity.parameters import Number as Number
+    from contact_locking.solver.task import Settings as Settings
+    from contact_locking.study.assembly import assemble as assemble
+    from contact_locking.study_file import from_mapping as from_mapping
+    from contact_locking.study_file import load as load
+    from contact_locking.study_file.parameters import Parameters as Parameters
+    from contact_locking.supports.supports import Support as Support
 
-__all__ = [
-    "Contact",
-    "ContactLockingError",
-    "ContactProblem",
-    "Convolution",
-    "Coulomb",
-    "Cylinder",
-    "Deviator",
-    "Direction",
-    "Elasticity",
-    "Extras",
-    "Force",
-    "FoundationSpring",
-    "FrictionBound",
-    "FrictionLaw",
-    "Gap",
-    "HalfSpace",
-    "Helmholtz",
-    "InputError",
-    "LargestPrincipal",
-    "LevelSet",
-    "Local",
-    "Motion",
-    "NotConverged",
-    "Number",
-    "Parameters",
-    "Polyline",
-    "Settings",
-    "Solution",
-    "Sphere",
-    "State",
-    "StrainBall",
-    "StudySolution",
-    "Support",
-    "Tilt",
-    "TriangulatedSurface",
-    "Volume",
-    "Weighted",
-    "assemble",
-    "check",
-    "find_equilibria",
-    "from_mapping",
-    "load",
-    "save",
-    "solve",
-    "solve_adaptively",
-    "solve_assembled",
-    "solve_steps",
-    "write",
-]
-
-_HOME = {
-    "Contact": "contact.contact",
-    "ContactLockingError": "errors",
-    "ContactProblem": "contact_problem",
-    "Convolution": "contact.coulomb",
-    "Coulomb": "contact.coulomb",
-    "Cylinder": "laws.foundation",
-    "Deviator": "problem.limits",
-    "Direction": "problem.limits",
-    "Elasticity": "problem.elasticity",
-    "Extras": "certificate.verdict",
-    "Force": "contact.contact",
-    "FoundationSpring": "contact.contact",
-    "FrictionBound": "contact.friction_bound",
-    "FrictionLaw": "laws.friction",
-    "Gap": "contact.contact",
-    "HalfSpace": "laws.foundation",
-    "Helmholtz": "contact.coulomb",
-    "InputError": "errors",
-    "LargestPrincipal": "problem.limits",
-    "LevelSet": "laws.level_set",
-    "Local": "contact.coulomb",
-    "Motion": "contact.contact",
-    "NotConverged": "errors",
-    "Number": "sensitivity.parameters",
-    "Parameters": "study_file.parameters",
-    "Polyline": "laws.polyline",
-    "Settings": "solver.task",
-    "Solution": "results.solution",
-    "Sphere": "laws.foundation",
-    "State": "results.solution",
-    "StrainBall": "problem.limits",
-    "StudySolution": "results.solution",
-    "Support": "supports.supports",
-    "Tilt": "contact.contact",
-    "TriangulatedSurface": "laws.triangulated",
-    "Volume": "problem.limits",
-    "Weighted": "problem.limits",
-    "assemble": "study.assembly",
-    "check": "process.solving",
-    "find_equilibria": "process.solving",
-    "from_mapping": "study_file",
-    "load": "study_file",
-    "save": "running.writing",
-    "solve": "process.adaptivity",
-    "solve_adaptively": "process.adaptivity",
-    "solve_assembled": "process.solving",
-    "solve_steps": "process.solving",
-    "write": "running.writing",
+# The public names of each module.
+_NAMES = {
+    "certificate.verdict": "Extras",
+    "contact.contact": "Contact Force FoundationSpring Gap Motion Tilt",
+    "contact.coulomb": "Convolution Coulomb Helmholtz Local",
+    "contact.friction_bound": "FrictionBound",
+    "contact_problem": "ContactProblem",
+    "errors": "ContactLockingError InputError NotConverged",
+    "laws.foundation": "Cylinder HalfSpace LevelSet Sphere",
+    "laws.friction": "FrictionLaw",
+    "laws.polyline": "Polyline",
+    "laws.triangulated": "TriangulatedSurface",
+    "problem.elasticity": "Elasticity",
+    "problem.limits": "Deviator Direction LargestPrincipal StrainBall Volume Weighted",
+    "process.adaptivity": "solve solve_adaptively",
+    "process.solving": "check find_equilibria solve_assembled solve_steps",
+    "results.solution": "Solution State StudySolution",
+    "running.writing": "save write",
+    "sensitivity.parameters": "Number",
+    "solver.task": "Settings",
+    "study.assembly": "assemble",
+    "study_file": "from_mapping load",
+    "study_file.parameters": "Parameters",
+    "supports.supports": "Support",
 }
+_HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
+__all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:

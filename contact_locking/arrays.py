@@ -27,6 +27,13 @@ def present(value: Any) -> FloatArray:
     return np.array(getattr(value, "value", value), dtype=float)
 
 
+def values_at(data: Any, x: FloatArray) -> FloatArray:
+    """The present values (k,) of a number, a constant or a function of points, at points (d, k)."""
+    # Constants of DOLFINx can be called as well.
+    is_function = callable(data) and not hasattr(data, "value")
+    return np.broadcast_to(present(data(x) if is_function else data), x.shape[1:]).copy()
+
+
 def moments(x: FloatArray, forces: FloatArray) -> FloatArray:
     """``x cross F`` of forces (k, d) at points (k, d): (k, 1) in 2D, (k, 3) in 3D."""
     if x.shape[1] == 2:

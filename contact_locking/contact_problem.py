@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from numbers import Real
 from typing import Any, TypeAlias
 
@@ -15,7 +16,7 @@ from dolfinx import mesh as dmesh
 from ufl.core.expr import Expr
 
 from contact_locking import _compat
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import values_at
 from contact_locking.certificate import Extras, certify
 from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
@@ -36,6 +37,7 @@ from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Solution
 from contact_locking.script_names import in_script, script_names
+from contact_locking.sensitivity.lazy import LazyDerivatives
 from contact_locking.solver.equilibria.diagram import NO_START, Diagram
 from contact_locking.solver.task import Settings, SolverReport
 from contact_locking.supports.conditions import constrain
@@ -98,51 +100,31 @@ class ContactProblem:
             raise InputError(f"must be total or elastic, not {limits_of!r}", "limits_of")
         element = _element_of(space, limit_at, axisymmetric)
         places = NamedFacets(space.mesh, tags, names)
+        placed = [
+            _contact(item, places, f"contacts.{number}") for number, item in enumerate(contacts)
+        ]
         supports = [item for item in bcs if isinstance(item, Support)]
-        of_contacts = [
-            places.add(item.on, f"contacts.{number}") for number, item in enumerate(contacts)
-        ]
-        of_others = [
-            None if item.against is None else places.add(item.against, f"contacts.{number}.against")
-            for number, item in enumerate(contacts)
-        ]
-        of_supports = [
-            places.add(item.on, f"supports.{number}") for number, item in enumerate(supports)
+        held = [
+            _support(item, places, f"supports.{number}", space.mesh.topology.dim)
+            for number, item in enumerate(supports)
         ]
         domain = places.domain()
         domain = half_section(domain, "axisymmetric") if axisymmetric else domain
-        held = [
-            _support(item, names, f"supports.{number}", domain.dim)
-            for number, (item, names) in enumerate(zip(supports, of_supports, strict=True))
-        ]
-        placed = [
-            dataclasses.replace(item, on=names, against=others, key=f"contacts.{number}")
-            for number, (item, names, others) in enumerate(
-                zip(contacts, of_contacts, of_others, strict=True)
-            )
-        ]
         for item in placed:
             contact_checks.check(item, domain.dim)
         if energy is not None:
             own_energy.check(energy, space)
         given = [item for item in bcs if not isinstance(item, Support)]
-        form: ufl.Form | None = None
-        springs: list[OwnSupport] = []
-        if isinstance(a, Elasticity):
-            elasticity = a
-        else:
-            form, others = split(a)
-            elasticity = elasticity_of(form)
-            springs = [] if others is None else [OwnSupport(others)]
+        form, others = (None, None) if isinstance(a, Elasticity) else split(a)
         body = Body(
             domain=domain,
             element=element,
             space=space,
-            elasticity=elasticity,
+            elasticity=a if isinstance(a, Elasticity) else elasticity_of(form),
             constraints=constrain(domain, space, [], held, given),
             loads=L,
             form=form,
-            springs=springs,
+            springs=() if others is None else (OwnSupport(others),),
             limits=limits,
             own_energy=energy,
             supports=[name for support in held for name in support.on],
@@ -179,11 +161,9 @@ class ContactProblem:
         the summary.  Raises InputError for present data that cannot be used.
         """
         solver, report = self._solver, self._solve(after, after or start)
-        state = solver.state(report)
-        judged = certify(state, extras or Extras()) if certificate else None
         # Derivatives of a step need those of the memory that it began with.
         derivatives = solver.derivatives(report) if after is None else None
-        solution = solution_of(state, judged, derivatives)
+        solution = self._solution(report, extras, certificate, derivatives)
         solution.summary["warnings"] += solver.unused_options()
         return _in_script(solution)
 
@@ -200,13 +180,11 @@ class ContactProblem:
         there is no map of the friction bounds.
         """
         solver, report = self._solver, self._solve(after, after)
-        found: list[Solution] = []
         if not report.converged:
-            state = solver.state(report)
-            return [_in_script(solution_of(state, certify(state, extras or Extras())))]
+            return [_in_script(self._solution(report, extras))]
+        found: list[Solution] = []
         for item in solver.equilibria(report, find):
-            state = solver.state(item.report)
-            solution = solution_of(state, certify(state, extras or Extras()))
+            solution = self._solution(item.report, extras)
             solution.summary["index"] = item.index
             found.append(_in_script(solution))
         return found
@@ -224,7 +202,7 @@ class ContactProblem:
         """
         if over is None:
             self._begin(after)
-            return _named(self._solver.diagram(to))
+            return self._branch(to)
         if not self._solve(after, after).converged:
             return NO_START
         whole = over.value.copy()
@@ -233,7 +211,22 @@ class ContactProblem:
             over.value = share * whole
             self._discrete.place()
 
-        return _named(self._solver.diagram(to, load))
+        return self._branch(to, load)
+
+    def _branch(self, to: float, load: Callable[[float], None] | None = None) -> Diagram:
+        diagram = self._solver.diagram(to, load)
+        return dataclasses.replace(diagram, end=in_script(diagram.end))
+
+    def _solution(
+        self,
+        report: SolverReport,
+        extras: Extras | None,
+        certificate: bool = True,
+        derivatives: LazyDerivatives | None = None,
+    ) -> Solution:
+        state = self._solver.state(report)
+        judged = certify(state, extras or Extras()) if certificate else None
+        return solution_of(state, judged, derivatives)
 
     def _solve(self, after: Solution | None, begin: Solution | None) -> SolverReport:
         self._begin(after)
@@ -249,7 +242,7 @@ class ContactProblem:
         # The linear programmes of rigid motions do not take NaN.
         if on_any_rank(self.domain.comm, not np.all(np.isfinite(system.load))):
             raise InputError("is not finite somewhere", "L")
-        problem.require_held()
+        problem.rigidity.require_held()
         self._check_friction()
         system.clear()
 
@@ -261,10 +254,6 @@ class ContactProblem:
         """Destroy the PETSc objects."""
         self._solver.close()
         self._discrete.close()
-
-
-def _named(diagram: Diagram) -> Diagram:
-    return dataclasses.replace(diagram, end=in_script(diagram.end))
 
 
 def _in_script(solution: Solution) -> Solution:
@@ -313,8 +302,16 @@ def _element_of(space: fem.FunctionSpace, limit_at: str | None, axisymmetric: bo
     return element_of(degree, limit_at, axisymmetric, boxes, curved)
 
 
-def _support(given: Support, on: tuple[str, ...], key: str, dim: int) -> Support:
-    """A support on boundary parts, whose values are read before each solve."""
+def _contact(given: Contact, places: NamedFacets, key: str) -> Contact:
+    """A contact on boundary parts; collective."""
+    on = places.add(given.on, key)
+    against = None if given.against is None else places.add(given.against, f"{key}.against")
+    return dataclasses.replace(given, on=on, against=against, key=key)
+
+
+def _support(given: Support, places: NamedFacets, key: str, dim: int) -> Support:
+    """A support on boundary parts, whose values are read before each solve; collective."""
+    on = places.add(given.on, key)
     if given.along is not None:
         try:
             along = np.asarray(given.along, dtype=float)
@@ -326,18 +323,5 @@ def _support(given: Support, on: tuple[str, ...], key: str, dim: int) -> Support
                 f"not {given.along!r}",
                 f"{key}.along",
             )
-    return dataclasses.replace(given, on=on, value=_values(given.value), key=key, timed=True)
-
-
-def _values(value: Any) -> Callable[[FloatArray], FloatArray]:
-    """Values (k,) at points (d, k), of a number, a constant or a function of points."""
-
-    def at(x: FloatArray) -> FloatArray:
-        # Constants can be called as well.
-        if isinstance(value, fem.Constant):
-            found = value.value
-        else:
-            found = value(x) if callable(value) else value
-        return np.broadcast_to(np.asarray(found, dtype=float), x.shape[1:]).copy()
-
-    return at
+    value = partial(values_at, given.value)
+    return dataclasses.replace(given, on=on, value=value, key=key, timed=True)

@@ -23,7 +23,6 @@ class Ball(Round):
 
     @property
     def measure(self) -> float:
-        """The volume of the body."""
         return 2 / 3 * math.pi * self.radius**3 / (4 if self.quarter else 1)
 
     @property
@@ -34,12 +33,10 @@ class Ball(Round):
 
     @property
     def facet_names(self) -> tuple[str, ...]:
-        """The parts of the sphere, the top, and for a quarter the planes of symmetry."""
         return ("contact", "side", "top", *["symmetry_x", "symmetry_y"][: 2 * self.quarter])
 
     @property
     def curved(self) -> tuple[Curved, ...]:
-        """The sphere, and the circle where contact ends."""
         rim = Curved(("contact", "side"), (0.0, 0.0, self.rise), self.reach, level=True)
         return (*super().curved, rim)
 
@@ -60,7 +57,7 @@ class Ball(Round):
         _, (parts, *_) = occ.fragment([ball], cuts)
         return {"body": [tag for _, tag in parts]}
 
-    def facet_name(self, centre: Point) -> str:
+    def facet_name(self, centre: Point, region: str) -> str:
         """The name of the side with this centre of mass, which lies inside the ball."""
         x, y, z = centre
         if self.quarter and self.at(x, 0):

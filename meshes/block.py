@@ -1,7 +1,7 @@
 """The block: a rectangle or a box."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -22,25 +22,27 @@ class Box(Geometry):
     contact_names: ClassVar[tuple[str, ...]] = ("bottom",)
 
     def validate(self) -> None:
-        """Check the dimension and the edges."""
         object.__setattr__(self, "dim", dimension(self.dim))
-        given = (1.0,) * self.dim if self.size in (None, (), []) else self.size
-        edges = tuple(length("size", edge) for edge in vector("size", given, self.dim))
-        object.__setattr__(self, "size", edges)
+        self.complete("size", (1.0,) * self.dim, length)
+
+    def complete(
+        self, name: str, default: tuple[float, ...], check: Callable[[str, Any], float]
+    ) -> None:
+        """Give a list of numbers that is empty its default, and check each number."""
+        given = default if getattr(self, name) in (None, (), []) else getattr(self, name)
+        numbers = tuple(check(name, x) for x in vector(name, given, len(default)))
+        object.__setattr__(self, name, numbers)
 
     @property
     def thickness(self) -> float:
-        """The shortest edge."""
         return min(self.size)
 
     @property
     def measure(self) -> float:
-        """The product of the edges."""
         return math.prod(self.size)
 
     @property
     def facet_names(self) -> tuple[str, ...]:
-        """The names of the sides."""
         return self.sides
 
     @property
@@ -78,8 +80,7 @@ class Box(Geometry):
             return occ.addRectangle(*corner, 0, *edges)
         return occ.addBox(*corner, *edges)
 
-    def facet_name(self, centre: Point) -> str:
-        """The name of the side."""
+    def facet_name(self, centre: Point, region: str) -> str:
         return self.side(centre)
 
     def side(self, centre: Point) -> str:
@@ -100,7 +101,6 @@ class Block(Box):
     structured: bool = parameter(False, "1", "regular grid, of boxes or of split boxes")
 
     def validate(self) -> None:
-        """Refuse ``h_contact`` for a structured block."""
         super().validate()
         if self.structured and self.h_contact is not None:
             raise ValueError("h_contact: a structured block has one element size; leave it out")

@@ -26,7 +26,6 @@ class Round(Geometry):
     contact_names = ("contact",)
 
     def validate(self) -> None:
-        """Check the contact width against the radius and the element size."""
         if self.reach >= self.radius:
             raise ValueError(
                 f"contact_width: {self.reach:g} is not less than the radius, {self.radius:g}"
@@ -45,7 +44,6 @@ class Round(Geometry):
 
     @property
     def thickness(self) -> float:
-        """The radius."""
         return self.radius
 
     @property
@@ -60,7 +58,6 @@ class Round(Geometry):
 
     @property
     def curved(self) -> tuple[Curved, ...]:
-        """The circle or sphere, which contact and side share."""
         centre = (*(0.0,) * (self.dim - 1), self.radius)
         return tuple(Curved((name,), centre, self.radius) for name in ("contact", "side"))
 
@@ -78,14 +75,12 @@ class Disc(Round):
     dim = 2
 
     def validate(self) -> None:
-        """Check the contact width, and refuse a quarter of a whole disc."""
         super().validate()
         if self.quarter and not self.half:
             raise ValueError("quarter: only the half disc can be quartered; set half: true")
 
     @property
     def measure(self) -> float:
-        """The area of the body."""
         return math.pi * self.radius**2 / (4 if self.quarter else 2 if self.half else 1)
 
     @property
@@ -96,7 +91,6 @@ class Disc(Round):
 
     @property
     def facet_names(self) -> tuple[str, ...]:
-        """The parts of the circle, and those of top and symmetry that exist."""
         return ("contact", "side", *["top"] * self.half, *["symmetry"] * self.quarter)
 
     def shape(self, occ: Any) -> dict[str, list[int]]:
@@ -118,7 +112,7 @@ class Disc(Round):
         body = occ.addPlaneSurface([occ.addCurveLoop(curves)])
         return {"body": [body]}
 
-    def facet_name(self, centre: Point) -> str:
+    def facet_name(self, centre: Point, region: str) -> str:
         """The name of the side with this centre of mass, for an arc between its ends in height."""
         x, y, _ = centre
         if self.quarter and self.at(x, 0):

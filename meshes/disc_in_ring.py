@@ -1,17 +1,15 @@
 """A disc, or a ring, in a ring, whose meshes do not match."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .annulus import sector
-from .curved import Curved
-from .geometry import GROWTH, Geometry, Zone, parameter
+from .annulus import Rings
+from .geometry import GROWTH, Zone, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiscInRing(Geometry):
+class DiscInRing(Rings):
     """hole < |x| < radius and inner_radius < |x| < outer_radius; quartered by x > 0 and y > 0.
 
     Cells: disc, ring.  Facets: rim (of the disc), inner and outer (of the ring), hole if there is
@@ -28,27 +26,20 @@ class DiscInRing(Geometry):
     )
     quarter: bool = parameter(False, "1", "only x > 0 and y > 0")
 
-    dim = 2
     bodies = 2
     cell_names = ("disc", "ring")
     contact_names = ("rim", "inner")
 
     def validate(self) -> None:
-        """Check the order of the circles, and that the overlap is small."""
         if self.outer_radius <= max(self.inner_radius, self.radius):
             raise ValueError(
                 f"outer_radius: {self.outer_radius:g} is not more than the radii inside, "
                 f"{self.inner_radius:g} and {self.radius:g}"
             )
-        if self.core >= min(self.inner_radius, self.radius):
-            raise ValueError(f"hole: {self.core:g} is not less than the radius, {self.radius:g}")
+        if self.hole is not None and self.hole >= min(self.inner_radius, self.radius):
+            raise ValueError(f"hole: {self.hole:g} is not less than the radius, {self.radius:g}")
         if self.fine > self.h:
             raise ValueError(f"h_ring: {self.fine:g} is more than h, {self.h:g}")
-
-    @property
-    def core(self) -> float:
-        """The radius of the hole, 0 without one."""
-        return 0.0 if self.hole is None else self.hole
 
     @property
     def fine(self) -> float:
@@ -56,26 +47,10 @@ class DiscInRing(Geometry):
         return 0.7 * self.h if self.h_ring is None else self.h_ring
 
     @property
-    def thickness(self) -> float:
-        """The thinner of both bodies."""
-        return min(self.outer_radius - self.inner_radius, self.radius - self.core)
-
-    @property
-    def angle(self) -> float:
-        """The angle of the sector."""
-        return math.pi / 2 if self.quarter else 2 * math.pi
-
-    @property
-    def measure(self) -> float:
-        """The area of both bodies."""
-        squares = self.outer_radius**2 - self.inner_radius**2 + self.radius**2 - self.core**2
-        return self.angle / 2 * squares
-
-    @property
-    def facet_names(self) -> tuple[str, ...]:
-        """The circles and, for a quarter, the straight sides."""
-        hole = [] if self.hole is None else ["hole"]
-        return (*hole, "rim", "inner", "outer", *["bottom", "left"][: 2 * self.quarter])
+    def circles(self) -> dict[str, dict[str, float]]:
+        hole = {} if self.hole is None else {"hole": self.hole}
+        ring = {"inner": self.inner_radius, "outer": self.outer_radius}
+        return {"disc": {**hole, "rim": self.radius}, "ring": ring}
 
     @property
     def zone(self) -> Zone:
@@ -84,36 +59,6 @@ class DiscInRing(Geometry):
         depth = 4 * self.finest + self.finest / GROWTH
         return Zone("Ball", {"Radius": reach}, self.angle * reach * depth)
 
-    @property
-    def curved(self) -> tuple[Curved, ...]:
-        """The circles."""
-        radii = {"rim": self.radius, "inner": self.inner_radius, "outer": self.outer_radius}
-        radii |= {} if self.hole is None else {"hole": self.hole}
-        return tuple(Curved((name,), (0.0, 0.0), radius) for name, radius in radii.items())
-
-    def shape(self, occ: Any) -> dict[str, list[int]]:
-        """Both bodies between arcs of a quarter circle, each with corners of its own."""
-        origin = occ.addPoint(0, 0, 0)
-        return {
-            "disc": [sector(occ, origin, (self.core, self.radius), self.quarter)],
-            "ring": [sector(occ, origin, (self.inner_radius, self.outer_radius), self.quarter)],
-        }
-
-    def name_of(self, model: Any, tag: int, regions: dict[str, list[int]]) -> str:
-        """The name of a side, which tells the bodies apart by the cells beside it."""
-        (beside,) = model.getAdjacencies(1, tag)[0]
-        x, y, _ = model.occ.getCenterOfMass(1, tag)
-        if self.at(y, 0):
-            return "bottom"
-        if self.at(x, 0):
-            return "left"
-        # The centre of a quarter circle is at sin(pi/4)/(pi/4) of the radius along the bisector.
-        radius = math.hypot(x, y) * math.pi / 4 / math.sin(math.pi / 4)
-        if beside in regions["disc"]:
-            return "rim" if radius > (self.core + self.radius) / 2 else "hole"
-        return "inner" if radius < (self.inner_radius + self.outer_radius) / 2 else "outer"
-
     def set_sizes(self, model: Any, sides: Sequence[int] = ()) -> None:
-        """Prescribe the element size of both bodies, and of the zone."""
         super().set_sizes(model, sides)
         self.refine_second(model, self.fine)

@@ -148,13 +148,9 @@ class Geometry(ABC):
         """The number of parts that share no nodes."""
         return 1
 
-    def name_of(self, model: Any, tag: int, regions: dict[str, list[int]]) -> str:
-        """The name of the boundary part with an entity; ``regions`` has the tags of each region."""
-        return self.facet_name(model.occ.getCenterOfMass(self.dim - 1, tag))
-
-    def facet_name(self, centre: Point) -> str:
-        """The name of the boundary part with the entity whose centre of mass is ``centre``."""
-        raise NotImplementedError
+    @abstractmethod
+    def facet_name(self, centre: Point, region: str) -> str:
+        """The name of the boundary part of an entity with this centre of mass beside a region."""
 
     @abstractmethod
     def validate(self) -> None:
@@ -218,9 +214,12 @@ class Geometry(ABC):
         model.occ.remove(loose)
         model.occ.synchronize()
         facets: dict[str, list[int]] = {name: [] for name in self.facet_names}
+        region_of = {tag: name for name, tags in parts.items() for tag in tags}
         # The outer boundary only: an interface between two regions has no name.
         for _, tag in model.getBoundary(model.getEntities(self.dim), oriented=False):
-            facets[self.name_of(model, tag, parts)].append(tag)
+            ((beside,), _) = model.getAdjacencies(self.dim - 1, tag)
+            centre = model.occ.getCenterOfMass(self.dim - 1, tag)
+            facets[self.facet_name(centre, region_of[beside])].append(tag)
         for dim, groups in ((self.dim, parts), (self.dim - 1, facets)):
             for number, (name, tags) in enumerate(groups.items(), start=1):
                 model.addPhysicalGroup(dim, tags, number, name=name)
@@ -239,29 +238,21 @@ class Geometry(ABC):
         size = model.mesh.field
         # Gmsh divides by the thickness, so it may be small but not zero.
         thickness = max((self.h - self.finest) / GROWTH, 1e-3 * self.h)
+        factor = 2.0 if self.subdivides else 1.0
+        least, most = factor * self.finest, factor * self.h
         if sides and self.h_contact is not None:
-            self._set_sizes_at(size, sides, thickness)
-            return
-        tag = size.add(self.zone.kind)
-        factor = 2.0 if self.subdivides else 1.0
-        values = {"VIn": factor * self.finest, "VOut": factor * self.h, "Thickness": thickness}
-        for option, value in (self.zone.options | values).items():
-            size.setNumber(tag, option, value)
-        size.setAsBackgroundMesh(tag)
-
-    def _set_sizes_at(self, size: Any, sides: Sequence[int], thickness: float) -> None:
-        """Let the element size grow with the distance from boundary entities."""
-        distance = size.add("Distance")
-        size.setNumbers(distance, "CurvesList" if self.dim == 2 else "SurfacesList", sides)
-        # Gmsh measures the distance from so many points along each side.
-        points = min(self.extent / self.finest, _MOST_POINTS[self.dim])
-        size.setNumber(distance, "Sampling", math.ceil(points) + 1)
-        tag = size.add("Threshold")
-        near = 2 * self.finest
-        limits = {"DistMin": near, "DistMax": near + thickness}
-        factor = 2.0 if self.subdivides else 1.0
-        sizes = {"SizeMin": factor * self.finest, "SizeMax": factor * self.h}
-        for option, value in {"InField": distance, **limits, **sizes}.items():
+            distance = size.add("Distance")
+            size.setNumbers(distance, "CurvesList" if self.dim == 2 else "SurfacesList", sides)
+            # Gmsh measures the distance from so many points along each side.
+            points = min(self.extent / self.finest, _MOST_POINTS[self.dim])
+            size.setNumber(distance, "Sampling", math.ceil(points) + 1)
+            tag, near = size.add("Threshold"), 2 * self.finest
+            values = {"InField": distance, "DistMin": near, "DistMax": near + thickness}
+            values |= {"SizeMin": least, "SizeMax": most}
+        else:
+            tag = size.add(self.zone.kind)
+            values = self.zone.options | {"VIn": least, "VOut": most, "Thickness": thickness}
+        for option, value in values.items():
             size.setNumber(tag, option, value)
         size.setAsBackgroundMesh(tag)
 

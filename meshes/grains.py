@@ -35,7 +35,6 @@ class Grains(Geometry):
     cell_names = ("grains",)
 
     def validate(self) -> None:
-        """Check the numbers and the sizes."""
         if not 1 <= self.count <= 1000:
             raise ValueError(f"count: must be 1 to 1000, not {self.count}")
         if self.spread >= 1.0:
@@ -45,17 +44,14 @@ class Grains(Geometry):
 
     @property
     def bodies(self) -> int:
-        """The number of discs."""
         return self.count
 
     @property
     def thickness(self) -> float:
-        """The least radius."""
         return self.radius * (1.0 - self.spread)
 
     @property
     def measure(self) -> float:
-        """The area of all discs."""
         return math.pi * sum(radius**2 for _, _, radius in self.discs)
 
     @property
@@ -77,8 +73,7 @@ class Grains(Geometry):
         """The discs."""
         return {"grains": [occ.addDisk(x, y, 0.0, radius, radius) for x, y, radius in self.discs]}
 
-    def facet_name(self, centre: Point) -> str:
-        """The name of all circles."""
+    def facet_name(self, centre: Point, region: str) -> str:
         return "grains"
 
 

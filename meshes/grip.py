@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .curved import Curved
-from .geometry import Geometry, Zone, parameter
+from .geometry import Geometry, Point, Zone, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +27,6 @@ class Grip(Geometry):
     contact_names = ("rim", "left_pad", "right_pad")
 
     def validate(self) -> None:
-        """Check that the fingers end above the disc."""
         if self.length <= self.radius:
             raise ValueError(
                 f"length: {self.length:g} is not more than the radius, {self.radius:g}"
@@ -35,17 +34,14 @@ class Grip(Geometry):
 
     @property
     def thickness(self) -> float:
-        """The width of a finger, or the radius."""
         return min(self.width, self.radius)
 
     @property
     def measure(self) -> float:
-        """The area of the disc and both fingers."""
         return math.pi * self.radius**2 + 2 * self.width * (self.length + self.radius)
 
     @property
     def facet_names(self) -> tuple[str, ...]:
-        """The circle and the sides of the fingers."""
         parts = ("pad", "root", "back")
         return ("rim", *(f"{side}_{part}" for side in ("left", "right") for part in parts))
 
@@ -57,7 +53,6 @@ class Grip(Geometry):
 
     @property
     def curved(self) -> tuple[Curved, ...]:
-        """The circle."""
         return (Curved(("rim",), (0.0, 0.0), self.radius),)
 
     def shape(self, occ: Any) -> dict[str, list[int]]:
@@ -72,13 +67,10 @@ class Grip(Geometry):
             "right": [occ.addRectangle(r, -r, 0, self.width, high)],
         }
 
-    def name_of(self, model: Any, tag: int, regions: dict[str, list[int]]) -> str:
-        """The name of a side, which tells the bodies apart by the cells beside it."""
-        (beside,) = model.getAdjacencies(1, tag)[0]
-        if beside in regions["ball"]:
+    def facet_name(self, centre: Point, region: str) -> str:
+        if region == "ball":
             return "rim"
-        x, y, _ = model.occ.getCenterOfMass(1, tag)
-        side = "left" if x < 0 else "right"
+        x, y, _ = centre
         if self.at(abs(x), self.radius):
-            return f"{side}_pad"
-        return f"{side}_root" if self.at(y, self.length) else f"{side}_back"
+            return f"{region}_pad"
+        return f"{region}_root" if self.at(y, self.length) else f"{region}_back"

@@ -5,7 +5,7 @@ from typing import Any
 
 from .block import Box
 from .curved import Curved
-from .geometry import parameter, vector
+from .geometry import parameter, real
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,25 +23,24 @@ class Inclusion(Box):
     cell_names = ("body", "inclusion")
 
     def validate(self) -> None:
-        """Check that the inclusion is inside the block and not smaller than an element."""
         super().validate()
-        given = [edge / 2 for edge in self.size] if self.centre in (None, (), []) else self.centre
-        centre = vector("centre", given, self.dim)
-        object.__setattr__(self, "centre", centre)
+        self.complete("centre", tuple(edge / 2 for edge in self.size), real)
         if self.h > self.radius:
             raise ValueError(
                 f"h: {self.h:g} is more than the radius of the inclusion, {self.radius:g}"
             )
-        gap = min(min(x, edge - x) for x, edge in zip(centre, self.size, strict=True)) - self.radius
+        gap = (
+            min(min(x, edge - x) for x, edge in zip(self.centre, self.size, strict=True))
+            - self.radius
+        )
         if gap < 0.05 * self.radius:
             raise ValueError(
-                f"radius: an inclusion of {self.radius:g} around {list(centre)} does not stay "
+                f"radius: an inclusion of {self.radius:g} around {list(self.centre)} does not stay "
                 f"inside the block {list(self.size)}"
             )
 
     @property
     def curved(self) -> tuple[Curved, ...]:
-        """The surface of the inclusion."""
         return (Curved(("body", "inclusion"), self.centre, self.radius),)
 
     def shape(self, occ: Any) -> dict[str, list[int]]:

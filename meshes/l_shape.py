@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .block import Box
-from .geometry import Point, length, parameter, vector
+from .geometry import Point, length, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,29 +22,23 @@ class LShape(Box):
     )
 
     def validate(self) -> None:
-        """Check that the notch leaves a foot and an upright."""
         super().validate()
         edges = (self.size[0], self.size[-1])
-        given = [edge / 2 for edge in edges] if self.notch in (None, (), []) else self.notch
-        notch = tuple(length("notch", cut) for cut in vector("notch", given, 2))
-        object.__setattr__(self, "notch", notch)
-        if notch[0] >= edges[0] or notch[1] >= edges[1]:
-            raise ValueError(f"notch: {list(notch)} is not inside the block {list(self.size)}")
+        self.complete("notch", (edges[0] / 2, edges[1] / 2), length)
+        if any(cut >= edge for cut, edge in zip(self.notch, edges, strict=True)):
+            raise ValueError(f"notch: {list(self.notch)} is not inside the block {list(self.size)}")
 
     @property
     def thickness(self) -> float:
-        """The smallest of the widths of upright and foot and, in 3D, the depth."""
         return min(self.size[0] - self.notch[0], self.size[-1] - self.notch[1], *self.size)
 
     @property
     def measure(self) -> float:
-        """The measure of the block without the notch."""
         share = math.prod(self.notch) / (self.size[0] * self.size[-1])
         return super().measure * (1 - share)
 
     @property
     def facet_names(self) -> tuple[str, ...]:
-        """The sides of the block and the two sides of the notch."""
         return (*self.sides, "inner_horizontal", "inner_vertical")
 
     def shape(self, occ: Any) -> dict[str, list[int]]:
@@ -60,7 +54,7 @@ class LShape(Box):
         parts, _ = occ.cut([(self.dim, block)], [(self.dim, notch)])
         return {"body": [tag for _, tag in parts]}
 
-    def facet_name(self, centre: Point) -> str:
+    def facet_name(self, centre: Point, region: str) -> str:
         """The name of the side; the height distinguishes the two sides of the notch."""
         inner = self.at(centre[self.dim - 1], self.size[-1] - self.notch[1])
         return self.side(centre) or ("inner_horizontal" if inner else "inner_vertical")

@@ -22,7 +22,6 @@ class Punch(Box):
     contact_names = ("contact",)
 
     def validate(self) -> None:
-        """Check that the punch leaves a free part and is not narrower than an element."""
         super().validate()
         if self.half_width >= min(self.size[:-1]):
             raise ValueError(
@@ -37,7 +36,6 @@ class Punch(Box):
 
     @property
     def facet_names(self) -> tuple[str, ...]:
-        """The sides of the block, with other names on the planes of symmetry, and contact."""
         sides = ("symmetry_y", "back") if self.dim == 3 else ()
         return ("symmetry", "right", *sides, "bottom", "top", "contact")
 
@@ -62,7 +60,7 @@ class Punch(Box):
         _, (parts, _) = occ.fragment([(self.dim, body)], [cut])
         return {"body": [tag for _, tag in parts]}
 
-    def facet_name(self, centre: Point) -> str:
+    def facet_name(self, centre: Point, region: str) -> str:
         """The name of the side; the position distinguishes contact and top."""
         name = self.side(centre)
         # The centre of the free part is outside the punch in one direction at least.

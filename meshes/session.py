@@ -59,11 +59,14 @@ def build(
 
     Raises RuntimeError if Gmsh cannot make the mesh. See also `empty_model`.
     """
+    import gmsh
+
     unit = geometry.extent
     with empty_model(model_name) as model:
+        # Gmsh divides all cells into quadrilaterals, if the geometry asks for it.
+        gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 1 if geometry.subdivides else 0)
         try:
             # The geometry kernel has absolute tolerances for lengths around 1.
-            _divide_cells(geometry)
             geometry.in_units_of(unit).build(model, contact)
             if order > 1:
                 model.mesh.setOrder(order)
@@ -72,13 +75,6 @@ def build(
         except Exception as error:  # Gmsh raises Exception itself
             raise RuntimeError(f"Gmsh cannot mesh {geometry}: {error}") from error
         yield model
-
-
-def _divide_cells(geometry: Geometry) -> None:
-    """Let Gmsh divide all cells into quadrilaterals, if the geometry asks for it."""
-    import gmsh
-
-    gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 1 if geometry.subdivides else 0)
 
 
 def write(

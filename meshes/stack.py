@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .block import Block
-from .geometry import Zone, length, parameter, real, vector
+from .geometry import Point, Zone, length, parameter, real
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,19 +35,16 @@ class Stack(Block):
     contact_names = ("lower_top", "upper_bottom")
 
     def validate(self) -> None:
-        """Check the edges of both blocks and the slope of the interface."""
         super().validate()
-        given = self.size if self.upper in (None, (), []) else self.upper
-        edges = tuple(length("upper", edge) for edge in vector("upper", given, self.dim))
-        object.__setattr__(self, "upper", edges)
+        self.complete("upper", self.size, length)
         object.__setattr__(self, "slope", real("slope", self.slope))
         if self.structured and self.dim == 3 and self.cells == "simplex":
             # Gmsh splits the sides of these prisms in another way than their boxes.
             raise ValueError("structured: a stack in 3D is a grid of boxes alone; add cells: box")
         if self.fine > self.h:
             raise ValueError(f"h_upper: {self.fine:g} is more than h, {self.h:g}")
-        if 0.5 * abs(self.slope) * max(self.size[0], edges[0]) > 0.5 * min(
-            self.size[-1], edges[-1]
+        if 0.5 * abs(self.slope) * max(self.size[0], self.upper[0]) > 0.5 * min(
+            self.size[-1], self.upper[-1]
         ):
             raise ValueError(f"slope: {self.slope:g} takes more than half of the height of a block")
 
@@ -63,17 +60,14 @@ class Stack(Block):
 
     @property
     def thickness(self) -> float:
-        """The shortest edge of both blocks."""
         return min(*self.size, *self.upper)
 
     @property
     def measure(self) -> float:
-        """The area or volume of both blocks."""
         return math.prod(self.size) + math.prod(self.upper)
 
     @property
     def facet_names(self) -> tuple[str, ...]:
-        """The sides of both blocks."""
         *around, bottom, top = self.sides
         of_upper = (f"upper_{name}" for name in (*around, "bottom"))
         return (*around, bottom, "lower_top", *of_upper, top)
@@ -129,11 +123,9 @@ class Stack(Block):
         made = occ.extrude([(2, face)], 0.0, depth, 0.0)
         return next(int(tag) for dim, tag in made if dim == 3)
 
-    def name_of(self, model: Any, tag: int, regions: dict[str, list[int]]) -> str:
-        """The name of a side, which tells the blocks apart by the cells beside it."""
-        (beside,) = model.getAdjacencies(self.dim - 1, tag)[0]
-        x, *middle, up = model.occ.getCenterOfMass(self.dim - 1, tag)[: self.dim]
-        is_upper = beside in regions["upper"]
+    def facet_name(self, centre: Point, region: str) -> str:
+        x, *middle, up = centre[: self.dim]
+        is_upper = region == "upper"
         edges, start = (self.upper, self.size[-1] + self.between) if is_upper else (self.size, 0.0)
         # Sides that are no ends of the interface, whose middle lies at its height.
         centred = [x - 0.5 * (self.size[0] - edges[0])]
@@ -150,7 +142,6 @@ class Stack(Block):
         return "bottom" if low else "lower_top"
 
     def set_sizes(self, model: Any, sides: Sequence[int] = ()) -> None:
-        """Prescribe the element size of both blocks, and of the zone."""
         super().set_sizes(model, sides)
         if not self.structured:
             self.refine_second(model, self.fine)

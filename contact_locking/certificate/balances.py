@@ -145,10 +145,11 @@ def _tool_balances(state: SolvedState, least: float) -> tuple[float, ...]:
     """
     of_contact = {id(fields.contact): fields for fields in state.contacts}
     found = []
-    for tool in state.problem.data.tools:
+    tools = state.system.tools
+    for tool, force in zip(tools, tools.left, strict=True):
         fields = of_contact[id(tool.contact)]
         resultant, magnitude = tool.resultant(fields.pressure, fields.traction)
-        left = abs(tool.left - resultant)
+        left = abs(float(force) - resultant)
         size = max(abs(tool.force), magnitude, least * tool.reach)
         found.append(left / size if size > 0.0 else left)
     return tuple(found)

@@ -24,11 +24,10 @@ from scipy.linalg import block_diag
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.free_motions import Travel
-from contact_locking.problem.motion_in_words import describe_motion, point
-from contact_locking.problem.motions_at_contact import MotionsAtContact
-from contact_locking.problem.parts import loose_by_part, loose_fields
+from contact_locking.problem.rigidity.at_contact import MotionsAtContact
+from contact_locking.problem.rigidity.programmes import sliding_motions
+from contact_locking.problem.rigidity.words import describe_motion, point
 from contact_locking.results.contact_points import OPEN
-from contact_locking.supports.rigid_motions import sliding_motions
 
 UNIQUE = "covered by theory"
 OTHERS = "not unique"
@@ -85,10 +84,9 @@ class _FreeMotions:
     def __init__(self, state: SolvedState) -> None:
         problem, comm = state.problem, state.comm
         self._tools, domain = problem.data.loose_tools, problem.domain
-        parts = loose_by_part(domain, problem.u.function_space, problem.data, problem.constraints)
-        fields = np.vstack([values for _, values in parts])
+        free, fields = problem.rigidity.loose()
         self._part_names, self._dim = domain.part_names, domain.dim
-        self._coefficients = block_diag(*(free for free, _ in parts), np.eye(len(self._tools)))
+        self._coefficients = block_diag(*free, np.eye(len(self._tools)))
         self._box = domain.bounding_box
         count = self._coefficients.shape[1]
         rows, room, pressure = [np.zeros((0, count))], [np.zeros(0)], [np.zeros(0)]
@@ -205,8 +203,7 @@ def share_against_sliding(state: SolvedState) -> float:
     Collective.
     """
     problem, data, comm = state.problem, state.problem.data, state.comm
-    space = problem.u.function_space
-    fields = loose_fields(problem.domain, space, data, problem.constraints)
+    _, fields = problem.rigidity.loose()
     everywhere = np.ones(fields.shape[1], dtype=bool)
     tools = data.loose_tools
     normals, moves, forces, bounds = [np.zeros((0, len(fields) + len(tools)))], [], [], []

@@ -108,12 +108,14 @@ def study(arguments: argparse.Namespace) -> int:
         raise InputError("start a study without mpirun: --ranks K runs each case on K ranks")
     began = time.perf_counter()
     file = _load(arguments.file, _overrides(arguments))
-    from contact_locking.running import studies
+    from contact_locking.running.studies.executor import Plan
+    from contact_locking.running.studies.runner import Study, finish, summary_rows
 
-    plan = studies.Plan(arguments.jobs, arguments.ranks, arguments.executor)
+    plan = Plan(arguments.jobs, arguments.ranks, arguments.executor)
     with _explained(file):
-        done = studies.run(file, plan, terminal.console())
-    print(terminal.columns(studies.summary_rows(done, time.perf_counter() - began)))
+        done = Study.of(file)
+        finish(done, file.parameters, plan, terminal.console())
+    print(terminal.columns(summary_rows(done, time.perf_counter() - began)))
     return CONVERGED if set(done.count()) == {"converged"} else NOT_CONVERGED
 
 
@@ -152,12 +154,12 @@ def fit(arguments: argparse.Namespace) -> int:
 
 def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
     """The best of several searches that a fit asks for, None for one search."""
-    from contact_locking.running import studies
+    from contact_locking.running.studies.executor import Plan
 
-    plan = studies.Plan(arguments.jobs, arguments.ranks, arguments.executor)
+    plan = Plan(arguments.jobs, arguments.ranks, arguments.executor)
     given = file.parameters.fit
     if given is None or given.starts == 1:
-        if plan != studies.Plan():
+        if plan != Plan():
             raise InputError("--jobs, --ranks and --executor are for several searches: fit.starts")
         return None
     if terminal.world() is not None:
@@ -170,11 +172,11 @@ def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
 
 def report(arguments: argparse.Namespace) -> int:
     """Write the page and the charts of a finished run or study."""
-    from contact_locking.extras.report import print_page, write_all
+    from contact_locking.extras.report import print_page, write
 
     if terminal.is_root():
         try:
-            for page in write_all(arguments.directory):
+            for page in write(arguments.directory):
                 print(f"{page}: written")
                 if arguments.pdf:
                     print(f"{print_page(page)}: written")
@@ -234,9 +236,9 @@ def check(arguments: argparse.Namespace) -> int:
         rows += [(name, _shown(value)) for name, value in facts.items()]
         rows += [(f"{part} is held by", words) for part, words in held.items()]
         if parameters.study is not None:
-            from contact_locking.running import studies
+            from contact_locking.running.studies.runner import Study
 
-            cases = studies.Study.of(study)
+            cases = Study.of(study)
             finished = f"{cases.finished} finished in {cases.directory}"
             rows.append(("cases of the study", f"{len(cases.cases)}, {finished}"))
         if parameters.fit is not None:
@@ -251,39 +253,37 @@ def check(arguments: argparse.Namespace) -> int:
 
 def mesh(arguments: argparse.Namespace) -> int:
     """Write the mesh of a study file or of another program as a file that is read."""
-    from contact_locking.mesh.file import conversion
+    for warning in _written_mesh(arguments, arguments.output):
+        terminal.complain(f"warning: {warning}")
+    if terminal.is_root():
+        print(f"{arguments.output}: written")
+    return 0
 
-    if arguments.file.suffix.lower() in conversion.ENDINGS:
-        if terminal.is_root():
-            for warning in conversion.convert(arguments.file, arguments.output):
-                terminal.complain(f"warning: {warning}")
-            print(f"{arguments.output}: written")
-        return 0
-    study = _load(arguments.file, arguments.set)
+
+def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
+    """Write the mesh to ``place``, and return the warnings about it."""
+    from contact_locking.mesh.file import conversion
     from contact_locking.mesh.file.xdmf_grids import is_xdmf
 
-    if is_xdmf(arguments.output):
+    if arguments.file.suffix.lower() in conversion.ENDINGS:
+        return conversion.convert(arguments.file, place) if terminal.is_root() else ()
+    study = _load(arguments.file, arguments.set)
+    if is_xdmf(place):
         comm = world_with_dolfinx(arguments)
         from contact_locking.mesh import xdmf_mesh
         from contact_locking.study import assembly
 
         with _explained(study):
             domain = assembly.mesh_of(study.parameters, comm)
-            xdmf_mesh.export(domain, arguments.output)
-        for warning in domain.warnings:
-            terminal.complain(f"warning: {domain.origin}: {warning}")
-        if comm.rank == 0:
-            print(f"{arguments.output}: written")
-        return 0
+            xdmf_mesh.export(domain, place)
+        return [f"{domain.origin}: {warning}" for warning in domain.warnings]
     geometry = study.parameters.mesh.geometry
-    if geometry is None:
-        raise InputError(
-            study.explain(InputError("the mesh is a file already, nothing is built", "mesh.file"))
-        )
-    from contact_locking.meshes import write
-
+    with _explained(study):
+        if geometry is None:
+            raise InputError("the mesh is a file already, nothing is built", "mesh.file")
     if terminal.is_root():
-        place = arguments.output
+        from contact_locking.meshes import write
+
         try:
             with explained(f"cannot write {place}", place):
                 order = 2 if study.parameters.mesh.curved else 1
@@ -292,8 +292,7 @@ def mesh(arguments: argparse.Namespace) -> int:
             raise ContactLockingError(f"Gmsh cannot be imported: {error}") from error
         except (ValueError, RuntimeError) as error:
             raise InputError(str(error)) from error
-        print(f"{place}: written")
-    return 0
+    return ()
 
 
 def schema(arguments: argparse.Namespace) -> int:
@@ -335,7 +334,7 @@ def _overrides(arguments: argparse.Namespace) -> list[str]:
 
 def _keep_checkpoint(restart: Path, results: Path) -> None:
     """Refuse to replace the checkpoint that the run starts from by results without one."""
-    from contact_locking.process.checkpoint import locate
+    from contact_locking.process.checkpoint.record import locate
 
     if locate(restart).resolve() == locate(results).resolve():
         raise InputError(
@@ -366,7 +365,7 @@ def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
 
 def _checkpoints_work() -> bool:
     """Whether checkpoints can be saved; a warning says why not."""
-    from contact_locking.process import checkpoint
+    from contact_locking.process.checkpoint import stored as checkpoint
 
     missing = checkpoint.unavailable()
     if missing is not None:

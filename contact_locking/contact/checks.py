@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from numbers import Real
 from typing import Any
 
@@ -17,9 +16,8 @@ from contact_locking.contact.coulomb import Coulomb
 from contact_locking.contact.foundation import PlacedFoundation
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import InputError, with_key
-from contact_locking.laws.foundation import Round
+from contact_locking.laws.foundation import LevelSet, Round
 from contact_locking.laws.friction import FrictionLaw
-from contact_locking.laws.level_set import LevelSet
 from contact_locking.parallel import agree, minimum
 
 # The vectors of the foundations of this package.
@@ -28,8 +26,50 @@ _VECTORS = ("point", "normal", "centre", "axis")
 
 def check(given: Contact, dim: int) -> None:
     """Raise InputError for a part of another kind, and say which kind would be right."""
-    for part, fault in _faults(given, dim):
-        raise InputError(fault, f"{given.key}.{part}")
+
+    def require(is_right: object, part: str, wanted: str, *value: Any) -> None:
+        if not is_right:
+            shown = f", not {_shown(*value)}" if value else ""
+            raise InputError(wanted + shown, f"{given.key}.{part}")
+
+    for is_right, wanted in _of_foundation(given.foundation, dim):
+        require(is_right, "foundation", wanted)
+    friction: Any = given.friction
+    wanted = "must be Coulomb(mu) or a subclass"
+    require(isinstance(friction, Coulomb), "friction", wanted, friction)
+    _check_coefficient(friction.coefficient, require)
+    wanted = "must be once or each_step"
+    require(given.pair in ("once", "each_step"), "pair", wanted, given.pair)
+    wanted = "is about two bodies; name the other one in against, or leave out pair"
+    require(given.pair == "once" or given.against is not None, "pair", wanted)
+    if isinstance(given.motion, Motion):
+        wanted = f"translation must have {dim} components in {dim}D"
+        require(np.size(present(given.motion.translation)) == dim, "motion", wanted)
+    elif given.motion is not None:
+        wanted = "must be a Motion, or a function without arguments that returns a RigidMotion"
+        require(_is_function(given.motion), "motion", wanted, given.motion)
+    is_force = given.force is None or _has(given.force, "size")
+    require(is_force, "force", "must be a Force", given.force)
+    spring: Any = given.spring
+    tilt: Any = given.tilt
+    if spring is not None:
+        is_spring = isinstance(spring, FoundationSpring)
+        require(is_spring, "spring", "must be a FoundationSpring", spring)
+        wanted = "give it along a line" if given.force is None else "leave out its line"
+        wanted += ": it acts along the force, or along a line without a force"
+        require((spring.along is None) != (given.force is None), "spring", wanted)
+        if spring.along is not None:
+            wanted = f"along must have {dim} components in {dim}D"
+            require(np.shape(spring.along) == (dim,), "spring", wanted)
+            wanted = "along must be a vector of finite length above zero"
+            require(0.0 < np.linalg.norm(spring.along) < np.inf, "spring", wanted)
+        wanted = "stiffness must be a number"
+        require(_is_number(spring.stiffness), "spring", wanted, spring.stiffness)
+    if tilt is not None:
+        require(isinstance(tilt, Tilt), "tilt", "must be a Tilt", tilt)
+        wanted = f"about must have {dim} components in {dim}D"
+        require(np.shape(present(tilt.about)) == (dim,), "tilt", wanted)
+        require(_is_number(tilt.stiffness), "tilt", "stiffness must be a number", tilt.stiffness)
 
 
 def check_friction(contact: NodalContact) -> None:
@@ -53,92 +93,45 @@ def check_friction(contact: NodalContact) -> None:
         )
 
 
-def _faults(given: Contact, dim: int) -> Iterator[tuple[str, str]]:
-    for fault in _of_foundation(given.foundation, dim):
-        yield "foundation", fault
-    friction: Any = given.friction
-    if isinstance(friction, Coulomb):
-        for fault in _of_coefficient(friction.coefficient):
-            yield "friction", fault
-    else:
-        yield "friction", f"must be Coulomb(mu) or a subclass, not {_shown(friction)}"
-    if given.pair not in ("once", "each_step"):
-        yield "pair", f"must be once or each_step, not {_shown(given.pair)}"
-    elif given.pair == "each_step" and given.against is None:
-        yield "pair", "is about two bodies; name the other one in against, or leave out pair"
-    if isinstance(given.motion, Motion):
-        if np.size(present(given.motion.translation)) != dim:
-            yield "motion", f"translation must have {dim} components in {dim}D"
-    elif given.motion is not None and not _is_function(given.motion):
-        wanted = "a Motion, or a function without arguments that returns a RigidMotion"
-        yield "motion", f"must be {wanted}, not {_shown(given.motion)}"
-    if given.force is not None and not _has(given.force, "size"):
-        yield "force", f"must be a Force, not {_shown(given.force)}"
-    yield from _of_holders(given, dim)
-
-
-def _of_holders(given: Contact, dim: int) -> Iterator[tuple[str, str]]:
-    """The faults of spring and tilt."""
-    spring: Any = given.spring
-    tilt: Any = given.tilt
-    if spring is not None:
-        if not isinstance(spring, FoundationSpring):
-            yield "spring", f"must be a FoundationSpring, not {_shown(spring)}"
-        elif (spring.along is None) == (given.force is None):
-            wanted = "give it along a line" if given.force is None else "leave out its line"
-            yield "spring", f"{wanted}: it acts along the force, or along a line without a force"
-        elif spring.along is not None and np.shape(spring.along) != (dim,):
-            yield "spring", f"along must have {dim} components in {dim}D"
-        elif spring.along is not None and not 0.0 < np.linalg.norm(spring.along) < np.inf:
-            yield "spring", "along must be a vector of finite length above zero"
-        elif not _is_number(spring.stiffness):
-            yield "spring", f"stiffness must be a number, not {_shown(spring.stiffness)}"
-    if tilt is not None:
-        if not isinstance(tilt, Tilt):
-            yield "tilt", f"must be a Tilt, not {_shown(tilt)}"
-        elif np.shape(present(tilt.about)) != (dim,):
-            yield "tilt", f"about must have {dim} components in {dim}D"
-        elif not _is_number(tilt.stiffness):
-            yield "tilt", f"stiffness must be a number, not {_shown(tilt.stiffness)}"
-
-
-def _of_foundation(body: Any, dim: int) -> Iterator[str]:
+def _of_foundation(body: Any, dim: int) -> Iterator[tuple[bool, str]]:
+    """What must be true of a foundation, and what to say where it is not."""
+    if isinstance(body, PlacedFoundation):
+        return
     if isinstance(body, Gap):
-        if not (_is_number(body.distance) or _is_function(body.distance)):
-            yield (
-                "the distance of a Gap must be a number, a constant of DOLFINx, or a function of "
-                f"points (d, k) such as lambda x: 0.01*x[0], not {_shown(body.distance)}"
-            )
-    elif not isinstance(body, PlacedFoundation):
-        if not _has(body, "gap", "contact_normal"):
-            yield (
-                "must be a Gap, a shape such as Sphere(centre, radius), or an object with gap(x) "
-                f"and contact_normal(x), not {_shown(body)}"
-            )
-        if isinstance(body, Round) and not body.radius > 0.0:
-            yield f"its radius must be > 0, not {body.radius}"
-        if isinstance(body, LevelSet) and not _is_function(body.function):
-            wanted = "a function of points (d, k) that returns f (k,) and its gradient (d, k)"
-            yield f"a LevelSet takes {wanted}, not {_shown(body.function)}"
-        for name in _VECTORS:
-            vector = getattr(body, name, None)
-            if isinstance(vector, tuple | list) and len(vector) != dim:
-                yield f"its {name} must have {dim} components in {dim}D, not {len(vector)}"
-
-
-def _of_coefficient(mu: Any) -> Iterator[str]:
-    if isinstance(mu, FrictionLaw):
-        mu = mu.coefficient
-        if _is_function(mu):
-            return
-    if _is_number(mu):
-        if isinstance(mu, Real) and (math.isnan(mu) or mu < 0.0):
-            yield f"mu must be >= 0, not {mu}"
-    elif not _is_function(mu):
         yield (
-            "mu must be a number, a constant of DOLFINx, or a function of points (k, d) and slips "
-            f"(k,) such as lambda x, s: 0.1 + 0.2*x[:, 0], not {_shown(mu)}"
+            _is_number(body.distance) or _is_function(body.distance),
+            "the distance of a Gap must be a number, a constant of DOLFINx, or a function of "
+            f"points (d, k) such as lambda x: 0.01*x[0], not {_shown(body.distance)}",
         )
+        return
+    yield (
+        _has(body, "gap", "contact_normal"),
+        "must be a Gap, a shape such as Sphere(centre, radius), or an object with gap(x) "
+        f"and contact_normal(x), not {_shown(body)}",
+    )
+    if isinstance(body, Round):
+        yield body.radius > 0.0, f"its radius must be > 0, not {body.radius}"
+    if isinstance(body, LevelSet):
+        wanted = "a function of points (d, k) that returns f (k,) and its gradient (d, k)"
+        shown = _shown(body.function)
+        yield _is_function(body.function), f"a LevelSet takes {wanted}, not {shown}"
+    for name in _VECTORS:
+        vector = getattr(body, name, None)
+        if isinstance(vector, tuple | list):
+            wanted = f"its {name} must have {dim} components in {dim}D, not {len(vector)}"
+            yield len(vector) == dim, wanted
+
+
+def _check_coefficient(mu: Any, require: Callable[..., None]) -> None:
+    if isinstance(mu, FrictionLaw) and _is_function(mu.coefficient):
+        return
+    mu = mu.coefficient if isinstance(mu, FrictionLaw) else mu
+    wanted = (
+        "mu must be a number, a constant of DOLFINx, or a function of points (k, d) and slips "
+        "(k,) such as lambda x, s: 0.1 + 0.2*x[:, 0]"
+    )
+    require(_is_number(mu) or _is_function(mu), "friction", wanted, mu)
+    require(not isinstance(mu, Real) or mu >= 0.0, "friction", f"mu must be >= 0, not {mu}")
 
 
 def _is_number(value: Any) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import FloatArray, present
+from contact_locking.arrays import FloatArray, present, values_at
 from contact_locking.contact.coulomb import Coulomb
 from contact_locking.contact.foundation import PlacedFoundation
 from contact_locking.errors import InputError
@@ -31,11 +31,7 @@ class Gap:
 
     def at(self, x: FloatArray) -> FloatArray:
         """The gap (k,) at points (d, k)."""
-        if isinstance(self.distance, fem.Constant):
-            found = present(self.distance)
-        else:
-            found = present(self.distance(x) if callable(self.distance) else self.distance)
-        return np.broadcast_to(found, x.shape[1:]).copy()
+        return values_at(self.distance, x)
 
 
 @dataclass

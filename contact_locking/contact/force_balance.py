@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,8 @@ from dolfinx import fem
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.bounds_in_force import BoundsInForce
 from contact_locking.contact.free_motions import FreeMotion, Travel
+from contact_locking.contact.surface import ContactSurface
+from contact_locking.laws.rigid_motion import SmallMotion
 from contact_locking.parallel import maximum
 
 # Shorter ways than this share of the displacements are rounding.
@@ -27,15 +29,15 @@ _SLOPE_SHARE, _TRIALS = 0.5, 60
 class Tools(Sequence[FreeMotion]):
     """The free motions of all foundations, with their sizes and equilibrium by the penalty laws.
 
-    The motions of one foundation follow each other.
+    The motions of one foundation follow each other.  The methods are collective.
     """
 
     def __init__(
         self, motions: Sequence[FreeMotion], epsilon: fem.Constant, bounds: BoundsInForce
     ) -> None:
-        self._motions = tuple(motions)
+        self._motions, self._travels = tuple(motions), (0.0,) * len(motions)
         groups = itertools.groupby(motions, key=lambda item: item.contact)
-        self.balances = [ToolBalance(tuple(group), epsilon, bounds) for _, group in groups]
+        self._balances = [_Balance(tuple(group), epsilon, bounds) for _, group in groups]
 
     def __len__(self) -> int:
         return len(self._motions)
@@ -45,13 +47,14 @@ class Tools(Sequence[FreeMotion]):
 
     @property
     def travels(self) -> tuple[float, ...]:
-        """The size of each motion; to set them is collective."""
-        return tuple(tool.travel for tool in self)
+        """The size q of each motion; to set them moves the foundations."""
+        return self._travels
 
     @travels.setter
     def travels(self, values: Sequence[float]) -> None:
-        for tool, value in zip(self, values, strict=True):
-            tool.travel = value
+        self._travels = tuple(map(float, values))
+        for balance, sizes in self._of_foundations():
+            balance.move(sizes)
 
     @property
     def forces(self) -> FloatArray:
@@ -64,23 +67,49 @@ class Tools(Sequence[FreeMotion]):
         return np.array([tool.stiffness for tool in self])
 
     @property
+    def left(self) -> FloatArray:
+        """``F - k q`` (T,): the forces that the contacts have to bear."""
+        return self.forces - self.stiffnesses * np.array(self._travels)
+
+    @property
     def act(self) -> bool:
         """Whether a free foundation presses on the body, if it is in the way, at present."""
         return any(tool.acts for tool in self)
 
     def rest(self, u: fem.Function) -> None:
-        """Let foundations that no force presses touch the body; collective."""
-        for tool in self:
-            if isinstance(tool, Travel) and not tool.acts:
-                tool.touch(u)
+        """Let foundations that no force presses touch the body."""
+        found: list[float] = []
+        for balance, sizes in self._of_foundations():
+            found += sizes if balance.tools[0].acts else balance.touching(u, sizes)
+        self.travels = found
 
     def settle(self, u: fem.Function) -> None:
-        """Move each foundation to where the penalty laws hold its forces; collective."""
-        for balance in self.balances:
-            balance.settle(u)
+        """Move each foundation to where the penalty laws hold its forces."""
+        found: list[float] = []
+        for balance, sizes in self._of_foundations():
+            found += balance.settled(u, sizes)
+        self.travels = found
+
+    def borders(
+        self, u: fem.Function, floor: float
+    ) -> Iterator[tuple[ContactSurface, FloatArray, FloatArray]]:
+        """The surface of each foundation, the tractions (m, k, d) of ``B`` at its nodes, and C.
+
+        ``floor`` is a stiffness of the contact that is added to that of the law.
+        """
+        for balance, sizes in self._of_foundations():
+            yield balance.contact.surface, *balance.border(u, sizes, floor)
+
+    def _of_foundations(self) -> Iterator[tuple[_Balance, tuple[float, ...]]]:
+        """Each foundation with the sizes of its motions."""
+        first = 0
+        for balance in self._balances:
+            last = first + len(balance.tools)
+            yield balance, self._travels[first:last]
+            first = last
 
 
-class ToolBalance:
+class _Balance:
     """The sizes q(u) of motions at which pressure (25) and friction (22) hold a foundation.
 
     The forces of the contact along the motions m_i,
@@ -100,22 +129,26 @@ class ToolBalance:
         self.tools, self._epsilon, self._bounds = tools, epsilon, bounds
         self.contact = tools[0].contact
 
-    @property
-    def _acts(self) -> bool:
-        return self.tools[0].acts
+    def move(self, sizes: Sequence[float]) -> None:
+        """Move the foundation by the sizes of its motions; collective."""
+        moved = [tool.motion.times(size) for tool, size in zip(self.tools, sizes, strict=True)]
+        self.contact.move_foundation(sum(moved, SmallMotion.rest(self.contact.surface.domain.dim)))
 
-    def settle(self, u: fem.Function) -> None:
-        """Move the foundation to q(u); collective."""
-        first = self.tools[0]
-        if not self._acts:
-            assert isinstance(first, Travel)
-            return first.touch(u, self.contact.surface.domain.extent)
-        state = _State(self, u)
-        for tool, value in zip(self.tools, self._equilibrium(state), strict=True):
-            tool.travel = value
+    def touching(
+        self, u: fem.Function, sizes: Sequence[float], distance: float = 0.0
+    ) -> tuple[float, ...]:
+        """The sizes where the foundation is at a distance from the body along its travel."""
+        travel = self.tools[0]
+        if not isinstance(travel, Travel):
+            return tuple(sizes)
+        self.move((0.0, *sizes[1:]))
+        return (travel.touching(u) - distance, *sizes[1:])
 
-    def _equilibrium(self, state: _State) -> FloatArray:
-        """The sizes of all motions in equilibrium, by Newton's method."""
+    def settled(self, u: fem.Function, start: Sequence[float]) -> tuple[float, ...]:
+        """The sizes q(u), by Newton's method; collective."""
+        if not self.tools[0].acts:
+            return self.touching(u, start, self.contact.surface.domain.extent)
+        state = _State(self, u, start)
         sizes = state.start.copy()
         forces = np.array([tool.force for tool in self.tools])
         springs = np.array([tool.stiffness for tool in self.tools])
@@ -134,7 +167,7 @@ class ToolBalance:
             t = self._length_of(lambda t: float(left_at(sizes + t * step)[0] @ step), start)  # noqa: B023
             sizes = sizes + t * step
             left, slopes = left_at(sizes)
-        return sizes
+        return tuple(sizes)
 
     def _length_of(self, slope: Any, start: float) -> float:
         """The length of a step at which the work left along it is a share of that at its start."""
@@ -147,15 +180,14 @@ class ToolBalance:
             t = 0.5 * (low + high) if np.isfinite(high) else 4.0 * t
         return t
 
-    def border(self, u: fem.Function, floor: float) -> tuple[FloatArray, FloatArray]:
-        """The tractions (m, k, d) of ``B`` at the nodes, and C (m, m), at present; collective.
-
-        ``floor`` is a stiffness of the contact that is added to that of the law.
-        """
+    def border(
+        self, u: fem.Function, sizes: Sequence[float], floor: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """The tractions (m, k, d) of ``B`` at the nodes, and C (m, m); collective."""
         count = len(self.tools)
-        if not self._acts:
+        if not self.tools[0].acts:
             return np.zeros((count, *self.contact.normals.shape)), np.zeros((count, count))
-        state = _State(self, u)
+        state = _State(self, u, sizes)
         _, corner, tractions = state.at(state.start, floor)
         return tractions, corner + np.diag([tool.stiffness for tool in self.tools])
 
@@ -163,11 +195,11 @@ class ToolBalance:
 class _State:
     """The arguments of the laws at the nodes of a free foundation's contact; collective."""
 
-    def __init__(self, balance: ToolBalance, u: fem.Function) -> None:
+    def __init__(self, balance: _Balance, u: fem.Function, start: Sequence[float]) -> None:
         tools, contact = balance.tools, balance.contact
         self._contact, self._comm = contact, contact.surface.domain.comm
         #: The present sizes of the motions (m,).
-        self.start = np.array([tool.travel for tool in tools])
+        self.start = np.array(start)
         self._epsilon = float(balance._epsilon.value)
         self._excess = contact.split(u)[0] - contact.gaps
         self._slip = contact.increment(u)

@@ -13,8 +13,8 @@ from contact_locking.contact.outline import outline
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, Misplaced, with_key
 from contact_locking.fields.plausibility import about_the_distance, about_the_size
-from contact_locking.laws.foundation import Foundation, HalfSpace, Round
-from contact_locking.laws.level_set import LevelSet
+from contact_locking.laws.faceted import FacetedFoundation
+from contact_locking.laws.foundation import Foundation, HalfSpace, LevelSet, Round
 from contact_locking.laws.polyline import Polyline
 from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion
 from contact_locking.laws.triangulated import TriangulatedSurface
@@ -260,7 +260,7 @@ class RigidFoundation(PlacedFoundation):
                 "close the foundation, or let it reach beyond the body",
                 self._place,
             )
-        if isinstance(self._body, TriangulatedSurface | Polyline):
+        if isinstance(self._body, FacetedFoundation):
             sideways = inside & (facing < _SIDEWAYS)
             gap[sideways], normals[sideways] = self._way_out(
                 self._body, surface, points[:, sideways], outward[sideways]
@@ -281,7 +281,7 @@ class RigidFoundation(PlacedFoundation):
         presses from all sides may have all nodes inside of the die, but then the die faces them.
         """
         body = self._body
-        if not isinstance(body, TriangulatedSurface | Polyline) or (body.content or 1.0) > 0.0:
+        if not isinstance(body, FacetedFoundation) or (body.content or 1.0) > 0.0:
             return False
         domain = surface.domain
         places = domain.mesh.geometry.x[:, : domain.dim].T
@@ -292,7 +292,7 @@ class RigidFoundation(PlacedFoundation):
         )
 
     def _reverse(self) -> None:
-        assert isinstance(self._body, TriangulatedSurface | Polyline)
+        assert isinstance(self._body, FacetedFoundation)
         self._body = self._body.reversed()
         self._shape_warnings.append(
             f"{self._place}: it is that of a die, whose hole is inside of the outline, "
@@ -301,7 +301,7 @@ class RigidFoundation(PlacedFoundation):
 
     def _way_out(
         self,
-        body: TriangulatedSurface | Polyline,
+        body: FacetedFoundation,
         surface: ContactSurface,
         points: FloatArray,
         outward: FloatArray,
@@ -331,7 +331,7 @@ class RigidFoundation(PlacedFoundation):
         return self.distance(moved)
 
     def corners(self, box: FloatArray, spacing: float) -> FloatArray:
-        if not isinstance(self._body, TriangulatedSurface | Polyline):
+        if not isinstance(self._body, FacetedFoundation):
             return super().corners(box, spacing)
         motion, middle = self.motion(), box.mean(axis=0)
         # The box around the ball around the box, where the foundation was at rest.
@@ -356,13 +356,13 @@ class RigidFoundation(PlacedFoundation):
                 f"{self._place}: a part of Gamma_C lies beyond the end of the open "
                 "foundation, whose rim is nearest there; let the foundation reach beyond the body"
             )
-        if isinstance(body, TriangulatedSurface | Polyline):
+        if isinstance(body, FacetedFoundation):
             found += about_the_size(surface.domain, body.extent, self._place)
         return found + about_the_distance(surface.domain, gap, self._key)
 
     def outline(self, box: FloatArray) -> FloatArray:
         motion = self.motion()
-        if not isinstance(self._body, TriangulatedSurface | Polyline):
+        if not isinstance(self._body, FacetedFoundation):
             return outline(self._body, motion, box)
         facets = self._body.facets
         places = motion.place(facets.reshape(-1, self._dim).T)
@@ -374,7 +374,7 @@ class RigidFoundation(PlacedFoundation):
         return -maximum(self._comm, -slope, -np.inf), maximum(self._comm, slope)
 
     def _at_open_end(self, points: FloatArray) -> BoolArray:
-        if not isinstance(self._body, TriangulatedSurface | Polyline):
+        if not isinstance(self._body, FacetedFoundation):
             return np.zeros(points.shape[1], dtype=bool)
         return self._body.at_open_end(self.motion().origin(points))
 

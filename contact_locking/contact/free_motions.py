@@ -38,10 +38,11 @@ class FreeMotion(ABC):
 
     A foundation may have several of these motions, and has the sum of their displacements.  In all
     other ways it follows its given motion, or stands still.  ``key`` names the motion in messages.
+    The sizes q are those of ``Tools``.
     """
 
     def __init__(self, contact: NodalContact, key: str) -> None:
-        self.contact, self.key, self._size = contact, key, 0.0
+        self.contact, self.key = contact, key
 
     #: F at present, and the largest F that there will be.
     force: float = 0.0
@@ -64,23 +65,13 @@ class FreeMotion(ABC):
         """Take the present force and spring; collective.  Raises InputError for unfit ones."""
 
     @abstractmethod
-    def summary(self) -> tuple[str, dict[str, Any]]:
+    def summary(self, size: float) -> tuple[str, dict[str, Any]]:
         """The key in an entry of ``contacts`` of summary.json, and the results below it."""
 
     @property
     def is_sprung(self) -> bool:
         """Whether a spring gives the foundation a place of its own."""
         return self.stiffness > 0.0
-
-    @property
-    def travel(self) -> float:
-        """q; to set the travel moves the foundation and is collective."""
-        return self._size
-
-    @travel.setter
-    def travel(self, value: float) -> None:
-        self._size = float(value)
-        self.contact.move_foundation(self, self.motion.times(self._size))
 
     @property
     def field(self) -> FloatArray:
@@ -96,11 +87,6 @@ class FreeMotion(ABC):
     def reach(self) -> float:
         """The largest ``|m|`` at the nodes; collective."""
         return maximum(self.contact.surface.domain.comm, np.linalg.norm(self.field, axis=1))
-
-    @property
-    def left(self) -> float:
-        """``F - k q``: the force that the contact has to bear."""
-        return self.force - self.stiffness * self.travel
 
     def resultant(self, pressure: FloatArray, traction: FloatArray) -> tuple[float, float]:
         """``int (sigma_tau - p nu) . m`` of nodal p (k,) and ``sigma_tau`` (k, d); collective.
@@ -152,28 +138,26 @@ class Travel(FreeMotion):
     def acts(self) -> bool:
         return self.force > 0.0 or self.is_sprung
 
-    def touch(self, u: fem.Function, distance: float = 0.0) -> None:
-        """Travel until the foundation touches the body with the displacement u; collective.
+    def touching(self, u: fem.Function) -> float:
+        """How far the foundation travels until it touches the body with a displacement; collective.
 
-        This is where a force leaves the foundation that falls to zero.  The foundation keeps a
-        ``distance`` along its direction.
+        This is where a force leaves the foundation that falls to zero.
         """
         contact = self.contact
         towards = contact.free & (self.facing < -_FACING)
-        self.travel = 0.0
         room = contact.gaps - contact.split(u)[0]
         comm = contact.surface.domain.comm
         nearest = minimum(comm, room[towards] / -self.facing[towards])
         # Rounding must not leave a pressure.
         size = maximum(comm, np.abs(u.x.array)) + maximum(comm, np.abs(contact.gaps))
-        self.travel = nearest - _ROUNDING * size - distance
+        return nearest - _ROUNDING * size
 
-    def summary(self) -> tuple[str, dict[str, Any]]:
+    def summary(self, size: float) -> tuple[str, dict[str, Any]]:
         """The force F, the unit vector d, the travel q, and -k q with a spring."""
         direction = [float(x) + 0.0 for x in self.direction]
-        found = {"force": self.force, "direction": direction, "travel": self.travel + 0.0}
+        found = {"force": self.force, "direction": direction, "travel": size + 0.0}
         if self._spring is not None:
-            found["spring_force"] = 0.0 - self.stiffness * self.travel
+            found["spring_force"] = 0.0 - self.stiffness * size
         return "tool", found
 
     def _require_facing(self) -> None:
@@ -214,8 +198,6 @@ class Turn(FreeMotion):
         about = present(self._tilt.about)[:, None]
         pivot = self.contact.foundation.motion().place(about)[:, 0]
         self._motion = SmallMotion.about(pivot, skew(self.axis))
-        # A turned foundation turns about the present pivot.
-        self.travel = self.travel
         self._require_two_sides()
 
     @property
@@ -226,7 +208,7 @@ class Turn(FreeMotion):
     def acts(self) -> bool:
         return self._beside is None or self._beside.acts
 
-    def summary(self) -> tuple[str, dict[str, Any]]:
+    def summary(self, size: float) -> tuple[str, dict[str, Any]]:
         """The pivot at rest, the angle, and the moment -k q about the pivot."""
         # The turns about all axes.
         angle = axis_of(self.contact.travel.turn)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from dolfinx import fem
@@ -75,7 +75,6 @@ class NodalContact:
         self.reference = surface.vector_function(np.zeros((count, dim)), "old_slip")
         self.state = ContactState.at_rest(count, dim)
         self.travel = SmallMotion.rest(dim)
-        self._travels: dict[Hashable, SmallMotion] = {}
         self._gaps = self.gaps
         # How far the foundation itself has moved in the step, without its travel.
         self._moved: FloatArray = np.zeros((count, dim))
@@ -141,10 +140,9 @@ class NodalContact:
         self.normal.x.scatter_forward()
         self._refresh()
 
-    def move_foundation(self, key: Hashable, travel: SmallMotion) -> None:
-        """Let forces move the foundation by ``travel``, beside those of other keys; collective."""
-        self._travels[key] = travel
-        self.travel = sum(self._travels.values(), SmallMotion.rest(self.surface.domain.dim))
+    def move_foundation(self, travel: SmallMotion) -> None:
+        """Let forces have moved the foundation by ``travel``; collective."""
+        self.travel = travel
         self._refresh()
 
     def _refresh(self) -> None:

@@ -9,14 +9,7 @@ tables     ``name(argument)`` with the name of a `Table`
 ========== ==================================================================
 """
 
-from .operations import (
-    CONSTANTS,
-    FUNCTIONS,
-    MAX_DEPTH,
-    MAX_LENGTH,
-    POSITION,
-    TIME,
-)
+from .operations import CONSTANTS, FUNCTIONS, MAX_DEPTH, MAX_LENGTH, POSITION, TIME
 from .parsing import parse
 from .tree import ANY_TABLE, NO_TABLES, Expression, Lookup, Table
 

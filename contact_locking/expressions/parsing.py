@@ -56,10 +56,6 @@ def parse(
     With ``allow_infinite`` the value may be plus infinity, and ``inf`` is a known constant. Raises
     InputError that names the fault, its place in the text and the nearest known name.
     """
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise InputError(
-            f"expected a number or an expression, not a value of type {type(value).__name__}"
-        )
     if isinstance(value, str):
         return _Parser(value, tuple(variables), allow_infinite, tables).expression(condition)
     try:
@@ -71,7 +67,7 @@ def parse(
     if LARGEST < abs(number) < math.inf:
         hint = " or .inf" if allow_infinite else ""
         raise InputError(f"the number is too large; give one of at most {LARGEST:g}{hint}")
-    return Expression(f"{value}", frozenset(), allow_infinite, Number(number), ())
+    return Expression(f"{value}", allow_infinite, Number(number))
 
 
 class _Parser:
@@ -88,8 +84,7 @@ class _Parser:
         self.variables = variables
         self.allow_infinite = allow_infinite
         self.constants = CONSTANTS | ({"inf": math.inf} if allow_infinite else {})
-        self.names: set[str] = set()
-        self.tables, self.lookups = tables, dict[Lookup, None]()
+        self.tables = tables
 
     def expression(self, condition: bool) -> Expression:
         if not self.text:
@@ -116,8 +111,7 @@ class _Parser:
             root = self.apply(tree.body, "if", holds, Number(1.0), Number(0.0))
         else:
             root = self.number(tree.body, 0)
-        names, lookups = frozenset(self.names), tuple(self.lookups)
-        return Expression(self.text, names, self.allow_infinite, root, lookups)
+        return Expression(self.text, self.allow_infinite, root)
 
     def number(self, node: ast.expr, depth: int) -> Node:
         self.check_depth(node, depth)
@@ -184,7 +178,6 @@ class _Parser:
 
     def name(self, node: ast.expr, name: str) -> Node:
         if name in self.variables:
-            self.names.add(name)
             return Name(name)
         if name in self.constants:
             return Number(self.constants[name])
@@ -195,27 +188,21 @@ class _Parser:
         self.refuse(node, f"unknown name '{name}'{guess}; known: {', '.join(known)}")
 
     def call(self, node: ast.expr, name: str, args: list[ast.expr], depth: int) -> Node:
-        if name not in FUNCTIONS and name in self.tables:
-            return self.lookup(node, name, args, depth)
-        if name not in FUNCTIONS:
+        is_table = name not in FUNCTIONS and name in self.tables
+        if name not in FUNCTIONS and not is_table:
             known = [*FUNCTIONS, *self.tables]
             guess = nearest(name, known)
             self.refuse(node, f"unknown function '{name}'{guess}; known: {', '.join(known)}")
-        arity = FUNCTIONS[name]
+        arity = 1 if is_table else FUNCTIONS[name]
         if (len(args) < 2) if arity is None else (len(args) != arity):
-            wanted = "two or more arguments" if arity is None else f"{arity} argument(s)"
+            wanted = {None: "two or more arguments", 1: "1 argument", 2: "2 arguments"}[arity]
             self.refuse(node, f"{name} takes {wanted}, not {len(args)}")
         arguments = [self.number(argument, depth) for argument in args]
+        if is_table:
+            return Lookup(self.tables[name], arguments[0])
         if arity is None:
             return reduce(lambda a, b: self.apply(node, name, a, b), arguments)
         return self.apply(node, name, *arguments)
-
-    def lookup(self, node: ast.expr, name: str, args: list[ast.expr], depth: int) -> Node:
-        if len(args) != 1:
-            self.refuse(node, f"the table {name} takes 1 argument, not {len(args)}")
-        found = Lookup(self.tables[name], self.number(args[0], depth))
-        self.lookups[found] = None
-        return found
 
     def apply(self, node: ast.expr, operation: str, *arguments: Node) -> Node:
         """The operation, evaluated at once if all arguments are numbers.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -51,20 +52,14 @@ class Table:
         return f"table '{self.name}' has values from {self.points[0]:.6g} to {self.points[-1]:.6g}"
 
 
-class AnyTable(Mapping[str, Table]):
+class AnyTable(dict[str, Table]):
     """A table without values for every name, where the tables are not known yet."""
 
-    def __getitem__(self, name: str) -> Table:
+    def __missing__(self, name: str) -> Table:
         return Table(name, np.empty(0), np.empty(0))
 
     def __contains__(self, name: object) -> bool:
-        return isinstance(name, str)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(())
-
-    def __len__(self) -> int:
-        return 0
+        return True
 
 
 NO_TABLES: Mapping[str, Table] = {}
@@ -103,7 +98,7 @@ class Lookup:
     @property
     def names(self) -> frozenset[str]:
         """The variables of the argument."""
-        return _names(self.argument)
+        return frozenset(node.name for node in _nodes(self.argument) if isinstance(node, Name))
 
     def is_over(self, name: str) -> bool:
         """Whether the argument is the variable of this name alone."""
@@ -118,15 +113,15 @@ class Lookup:
 Node = Number | Name | Apply | Lookup
 
 
-def _names(node: Node) -> frozenset[str]:
-    match node:
-        case Name(name):
-            return frozenset({name})
+def _nodes(root: Node) -> Iterator[Node]:
+    """The nodes of a tree, from the leaves to the root."""
+    match root:
         case Apply(_, arguments):
-            return frozenset().union(*map(_names, arguments))
+            for argument in arguments:
+                yield from _nodes(argument)
         case Lookup(_, argument):
-            return _names(argument)
-    return frozenset()
+            yield from _nodes(argument)
+    yield root
 
 
 def _value(lookup: Lookup, argument: Any) -> Any:
@@ -153,16 +148,21 @@ def _evaluate(
 
 @dataclass(frozen=True)
 class Expression:
-    """A number or a formula in named variables, made by `parse`.
-
-    ``lookups`` are the different values of tables in the formula.
-    """
+    """A number or a formula in named variables, made by `parse`."""
 
     text: str
-    names: frozenset[str]
     allow_infinite: bool
     root: Node
-    lookups: tuple[Lookup, ...] = ()
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """The variables of the formula."""
+        return frozenset(node.name for node in _nodes(self.root) if isinstance(node, Name))
+
+    @cached_property
+    def lookups(self) -> tuple[Lookup, ...]:
+        """The different values of tables in the formula."""
+        return tuple(dict.fromkeys(n for n in _nodes(self.root) if isinstance(n, Lookup)))
 
     @property
     def is_constant(self) -> bool:
@@ -201,7 +201,6 @@ class Expression:
 
         ``given`` are values to take in place of those of some tables.
         """
-        self._require(variables)
         given = given or {}
         arrays = {name: np.asarray(value, dtype=float) for name, value in variables.items()}
         shape = np.broadcast_shapes(*(array.shape for array in arrays.values()))
@@ -220,7 +219,6 @@ class Expression:
         ``lookups`` has the UFL scalars of the tables.  Raises InputError if UFL finds that the
         expression is defined nowhere, such as ``1/(0*x)``.
         """
-        self._require(variables)
         if self.is_constant:
             return self.numpy()
         try:
@@ -232,9 +230,3 @@ class Expression:
             raise InputError(
                 f"the expression '{shortened(self.text)}' is not defined: {error}"
             ) from error
-
-    def _require(self, variables: Mapping[str, Any]) -> None:
-        if missing := self.names - variables.keys():
-            raise TypeError(
-                f"'{shortened(self.text)}' needs a value of {', '.join(sorted(missing))}"
-            )

@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
-from contact_locking.files.lock import wait_for_lock
+from contact_locking.files.lock import try_lock
 from contact_locking.mesh.domain import Domain
 
 T = TypeVar("T")
@@ -130,7 +130,7 @@ def _lock(folder: Path) -> Iterator[io.FileIO | None]:
         yield None
         return
     with file:
-        yield file if wait_for_lock(file.fileno()) else None
+        yield file if try_lock(file.fileno(), waits=True) else None
 
 
 def _remove_unfinished(folder: Path) -> None:

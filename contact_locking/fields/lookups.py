@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable
 from functools import partial
 from typing import Any
@@ -14,6 +13,10 @@ from dolfinx import fem
 from contact_locking.arrays import AXES, FloatArray
 from contact_locking.expressions import TIME, Expression, Lookup
 from contact_locking.fields.clock import Clock
+from contact_locking.mesh.lagrange import lagrange, nodal_functions
+
+# By the number of corners.
+_SIMPLICES = {2: "interval", 3: "triangle", 4: "tetrahedron"}
 
 
 class Lookups:
@@ -63,17 +66,13 @@ class Lookups:
 
         ``shares`` (q, c) are the barycentric coordinates of the points.
         """
-        pairs = list(itertools.combinations(range(corners.shape[1]), 2))
-        first, second = np.array(pairs, dtype=int).T
-        nodes, basis = corners, shares
-        if self._degree > 1:
-            middles = 0.5 * (corners[:, first] + corners[:, second])
-            nodes = np.concatenate([corners, middles], axis=1)
-            products = 4.0 * shares[:, first] * shares[:, second]
-            basis = np.concatenate([shares * (2.0 * shares - 1.0), products], axis=1)
-        axes = np.moveaxis(nodes, 2, 0)
+        cell = _SIMPLICES[shares.shape[1]]
+        places = lagrange(cell, self._degree).points
+        at_nodes = np.column_stack([1.0 - places.sum(axis=1), places])
+        nodes = np.einsum("nc,mcd->dmn", at_nodes, corners)
+        basis = nodal_functions(cell, self._degree, shares[:, 1:])
         return {
-            lookup: np.einsum("qn,mn->mq", basis, self._at(lookup, axes, time)).reshape(-1)
+            lookup: np.einsum("qn,mn->mq", basis, self._at(lookup, nodes, time)).reshape(-1)
             for lookup in self.fields
         }
 

@@ -14,7 +14,7 @@ from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import Table
 from contact_locking.files.csv_file import number_at, place_of, rows_of
 from contact_locking.parallel import on_root
-from contact_locking.study_file.parameters import TableParameters
+from contact_locking.study_file.parameters.boundary import TableParameters
 
 # A longer file is no table of loads.
 _MOST_ROWS = 1_000_000

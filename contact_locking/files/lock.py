@@ -66,14 +66,11 @@ def new_folders(directory: Path) -> Iterator[None]:
 
     Raises OSError.
     """
-    made: list[Path] = []
+    made = make_folders(directory)
     try:
-        made += make_folders(directory)
         yield
     finally:
-        for path in reversed(made):
-            with contextlib.suppress(OSError):
-                path.rmdir()
+        _remove_empty(made)
 
 
 def make_folders(directory: Path) -> list[Path]:
@@ -82,44 +79,35 @@ def make_folders(directory: Path) -> list[Path]:
     if len(os.fsencode(directory.absolute())) > _LONGEST_PATH:
         raise OSError(errno.ENAMETOOLONG, os.strerror(errno.ENAMETOOLONG))
     missing = [path for path in (directory, *directory.parents) if not path.exists()]
-    made = []
+    made: list[Path] = []
     try:
         for path in reversed(missing):
             path.mkdir(exist_ok=True)
             made.append(path)
     except OSError:
-        for path in reversed(made):
-            path.rmdir()
+        _remove_empty(made)
         raise
     if not directory.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(directory))
     return made
 
 
-def try_lock(descriptor: int) -> bool | None:
+def _remove_empty(folders: list[Path]) -> None:
+    for path in reversed(folders):
+        with contextlib.suppress(OSError):
+            path.rmdir()
+
+
+def try_lock(descriptor: int, waits: bool = False) -> bool | None:
     """Lock an open file or folder, and return True.
 
-    Returns None if another process holds the lock, and False if the file system has no locks.
-    Raises OSError.
+    Returns None if another process holds the lock, unless this one ``waits`` for it, and False if
+    the file system has no locks.  Raises OSError.
     """
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if waits else fcntl.LOCK_NB))
     except BlockingIOError:
         return None
-    except OSError as error:
-        if error.errno in _NO_LOCKS:
-            return False
-        raise
-    return True
-
-
-def wait_for_lock(descriptor: int) -> bool:
-    """Lock an open file as soon as no other process holds it; False if there are no locks.
-
-    Raises OSError.
-    """
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
     except OSError as error:
         if error.errno in _NO_LOCKS:
             return False

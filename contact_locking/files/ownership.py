@@ -52,7 +52,8 @@ def replace(directory: Path, made: Path, names: Iterable[str], key: str | None =
     names = tuple(names)
     require_own(directory, names, key)
     # The list has the new files before they are in place: a killed run leaves no strangers.
-    _add(directory, {relative: [look] for relative, look in _looks_of(made, names)})
+    new = [path for name in names for path in _files_of(made / name)]
+    _add(directory, {path.relative_to(made).as_posix(): [_look_of(path)] for path in new})
     for name in names:
         atomic.put_in_place(made / name, directory / name)
 
@@ -72,10 +73,9 @@ def discard(directory: Path) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Replace a text file of this program.  Raises InputError as `require_own`, and OSError."""
-    require_own(path.parent, [path.name])
-    content = text.encode()
-    _add(path.parent, {path.name: [_look(len(content), content[:_DIGESTED_BYTES])]})
-    atomic.write_text(path, text)
+    with atomic.staging(path.parent) as made:
+        (made / path.name).write_text(text, encoding="utf-8", newline="")
+        replace(path.parent, made, [path.name])
 
 
 def claim(directory: Path, names: Iterable[str]) -> None:
@@ -103,30 +103,16 @@ def _is_own(path: Path, directory: Path, listed: Mapping[str, _Looks]) -> bool:
 
 def _files_of(path: Path) -> Iterator[Path]:
     """The path itself, or all that a folder holds but for folders."""
-    if path.is_symlink() or not path.is_dir():
-        if os.path.lexists(path):
-            yield path
-        return
-    for folder, below, files in os.walk(path):
-        for name in (*below, *files):
-            entry = Path(folder, name)
-            if entry.is_symlink() or not entry.is_dir():
-                yield entry
-
-
-def _looks_of(directory: Path, names: Iterable[str]) -> Iterator[tuple[str, str]]:
-    for name in names:
-        for path in _files_of(directory / name):
-            yield path.relative_to(directory).as_posix(), _look_of(path)
+    is_folder = path.is_dir() and not path.is_symlink()
+    for entry in path.rglob("*") if is_folder else [path]:
+        if entry.is_symlink() or (entry.exists() and not entry.is_dir()):
+            yield entry
 
 
 def _look_of(path: Path) -> str:
     with path.open("rb") as stream:
-        return _look(path.stat().st_size, stream.read(_DIGESTED_BYTES))
-
-
-def _look(size: int, beginning: bytes) -> str:
-    return f"{size} {hashlib.sha256(beginning).hexdigest()[:16]}"
+        digest = hashlib.sha256(stream.read(_DIGESTED_BYTES)).hexdigest()
+    return f"{path.stat().st_size} {digest[:16]}"
 
 
 def _add(directory: Path, new: Mapping[str, _Looks]) -> None:

@@ -8,12 +8,14 @@ half space; for a curved foundation its error is of second order in ``u``.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from contact_locking.arrays import FloatArray
+from contact_locking.errors import InputError
 
 
 class Foundation(Protocol):
@@ -27,7 +29,6 @@ class Foundation(Protocol):
 
 
 def _unit(direction: tuple[float, ...]) -> FloatArray:
-    """The unit vector of ``direction``."""
     vector = np.asarray(direction, dtype=float)
     # Scaled first, so that the squares of tiny and huge components neither underflow nor overflow.
     vector = vector / np.abs(vector).max()
@@ -41,14 +42,11 @@ class HalfSpace:
     point: tuple[float, ...]
     normal: tuple[float, ...]
 
-    def _unit_normal(self) -> FloatArray:
-        return _unit(self.normal)
-
     def gap(self, x: FloatArray) -> FloatArray:
-        return self._unit_normal() @ (x - np.asarray(self.point)[:, None])
+        return _unit(self.normal) @ (x - np.asarray(self.point)[:, None])
 
     def contact_normal(self, x: FloatArray) -> FloatArray:
-        return np.repeat(-self._unit_normal()[:, None], x.shape[1], axis=1)
+        return np.repeat(-_unit(self.normal)[:, None], x.shape[1], axis=1)
 
 
 @dataclass(frozen=True)
@@ -95,3 +93,33 @@ class Cylinder(Round):
         axis: tuple[float, ...] = (0.0, 1.0, 0.0),
     ) -> None:
         super().__init__(centre, radius, axis)
+
+
+@dataclass(frozen=True)
+class LevelSet:
+    """``phi(x) = f(x)/|grad f(x)|``: to first order the distance to the surface ``f = 0``.
+
+    ``function`` maps points (d, k) to f (k,) and its gradient (d, k); f is positive outside.  Where
+    f is a distance, ``|grad f| = 1``, this is exact.  Where the gradient vanishes, phi is not
+    finite.
+    """
+
+    function: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+    def _evaluated(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        found = self.function(x)
+        if not isinstance(found, tuple | list) or np.shape(found[-1]) != x.shape:
+            raise InputError("the function of a LevelSet returns f (k,) and its gradient (d, k)")
+        return found[0], found[1]
+
+    def slope(self, x: FloatArray) -> FloatArray:
+        """``|grad f|`` (k,) at points (d, k)."""
+        return np.asarray(np.linalg.norm(self._evaluated(x)[1], axis=0))
+
+    def gap(self, x: FloatArray) -> FloatArray:
+        values, gradient = self._evaluated(x)
+        return np.asarray(values / np.linalg.norm(gradient, axis=0))
+
+    def contact_normal(self, x: FloatArray) -> FloatArray:
+        gradient = self._evaluated(x)[1]
+        return np.asarray(-gradient / np.linalg.norm(gradient, axis=0))

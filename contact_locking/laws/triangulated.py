@@ -9,19 +9,17 @@ import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
+from contact_locking.laws.faceted import FacetedFoundation, nearest_on_segments
 
 _INSTALL = "apt-get install python3-vtk9, or pip install vtk"
 # Nearer to the surface than this share of its size, the direction to the nearest point is rounding,
 # and differences of the distance give the normal.
 _NEAR = 1e-6
-# A ray runs along a triangle if the cosine of its angle with the normal is smaller, and a ray that
-# misses a triangle by this share of its size is rounding.
-_GRAZING = 1e-9
 # The cosine of the angle between the normals beside a sharp edge, 10 degrees.
 _SHARP = 0.985
 
 
-class TriangulatedSurface:
+class TriangulatedSurface(FacetedFoundation):
     """The signed distance to triangles in space, positive on the side of their normals.
 
     ``points`` (m, 3) are the corners, each once, and ``triangles`` (n, 3) are numbers of corners,
@@ -37,13 +35,7 @@ class TriangulatedSurface:
         self._last: tuple[FloatArray, FloatArray, FloatArray] | None = None
 
     @property
-    def extent(self) -> float:
-        """The longest edge of the surface's bounding box."""
-        return self._size
-
-    @property
     def facets(self) -> FloatArray:
-        """The corners (n, 3, 3) of the triangles."""
         return np.asarray(self.points[self.triangles])
 
     def gap(self, x: FloatArray) -> FloatArray:
@@ -61,19 +53,7 @@ class TriangulatedSurface:
             normals[:, number] = slope / np.linalg.norm(slope)
         return np.asarray(-normals)
 
-    @property
-    def content(self) -> float | None:
-        """``(1/6) sum a . (b x c)``: the volume inside a closed surface, None if it is open.
-
-        The volume is negative if the foundation is around the surface, as a die is.
-        """
-        if len(self.rim):
-            return None
-        a, b, c = (self.facets - self.points.mean(axis=0)).transpose(1, 0, 2)
-        return float(np.sum(a * np.cross(b, c)) / 6.0)
-
     def sharp_points(self, box: FloatArray, spacing: float) -> FloatArray:
-        """The corners in a box (2, 3), and points ``spacing`` apart of sharp edges: (c, 3)."""
         inside = np.all((self.points >= box[0]) & (self.points <= box[1]), axis=1)
         found = [self.points[inside]]
         start, end = self.points[self._sharp_edges].transpose(1, 0, 2)
@@ -95,9 +75,7 @@ class TriangulatedSurface:
     @cached_property
     def _sharp_edges(self) -> IntArray:
         """The edges (e, 2) between triangles whose normals differ by more than 10 degrees."""
-        a, b, c = self.facets.transpose(1, 0, 2)
-        normals = np.cross(b - a, c - a)
-        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        normals = self.normals
         sides = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         order = np.lexsort(sides.T)
         sides, owner = sides[order], order // 3
@@ -106,38 +84,7 @@ class TriangulatedSurface:
         return np.asarray(sides[pairs[cosine < _SHARP]])
 
     def reversed(self) -> TriangulatedSurface:
-        """The surface with the foundation on its other side."""
         return TriangulatedSurface(self.points, self.triangles[:, ::-1])
-
-    def way_out(self, x: FloatArray, towards: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Where rays from points (3, k) inside first leave the foundation.
-
-        ``towards`` (3, k) are the directions of the rays.  Returns the depth (k,) of each point
-        below the triangle that its ray leaves through, inf without one, and the outward normal
-        (3, k) of this triangle (Moeller and Trumbore, doi:10.1080/10867651.1997.10487468).
-        """
-        a, b, c = self.facets.transpose(1, 0, 2)
-        first, second = b - a, c - a
-        across = np.cross(first, second)
-        area = np.linalg.norm(across, axis=1)
-        normals = across / area[:, None]
-        depths, found = np.full(x.shape[1], np.inf), np.zeros(x.shape)
-        for number, (place, ray) in enumerate(zip(x.T, towards.T, strict=True)):
-            slope = normals @ ray
-            some = np.flatnonzero(slope > _GRAZING)
-            away = place - a[some]
-            turned = np.cross(ray, away)
-            below = -np.sum(away * normals[some], axis=1)
-            scale = slope[some] * area[some]
-            u = np.sum(turned * second[some], axis=1) / scale
-            v = -np.sum(turned * first[some], axis=1) / scale
-            way = below / slope[some]
-            met = (np.minimum(np.minimum(u, v), 1.0 - u - v) >= -_GRAZING) & (way > 0.0)
-            if met.any():
-                nearest = int(np.argmin(np.where(met, way, np.inf)))
-                depths[number] = below[nearest]
-                found[:, number] = normals[some[nearest]]
-        return depths, found
 
     @cached_property
     def rim(self) -> IntArray:
@@ -146,12 +93,16 @@ class TriangulatedSurface:
         found, counts = np.unique(edges, axis=0, return_counts=True)
         return np.asarray(found[counts == 1])
 
+    @property
+    def is_closed(self) -> bool:
+        return not len(self.rim)
+
     def at_open_end(self, x: FloatArray) -> BoolArray:
-        """(k,) whether the rim of an open surface is nearest to each point (3, k)."""
-        if not len(self.rim):
+        if self.is_closed:
             return np.zeros(x.shape[1], dtype=bool)
-        places = self._nearest(x)[1]
-        return np.asarray(_off_the_rim(places.T, self.points[self.rim]) <= 1e-9 * self._size)
+        places = self._nearest(x)[1].T
+        on_rim, _, _ = nearest_on_segments(places, self.points[self.rim])
+        return np.asarray(np.linalg.norm(places - on_rim, axis=1) <= 1e-9 * self._size)
 
     def _nearest(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The signed distance (k,), and the nearest place (3, k) of the surface."""
@@ -188,16 +139,3 @@ class TriangulatedSurface:
         distance = vtkImplicitPolyDataDistance()
         distance.SetInput(surface)
         return distance
-
-
-def _off_the_rim(places: FloatArray, edges: FloatArray) -> FloatArray:
-    """The distance (k,) of places (k, 3) on the surface from its rim, whose edges are (r, 2, 3)."""
-    start, along = edges[:, 0], edges[:, 1] - edges[:, 0]
-    square = np.sum(along**2, axis=1)
-    nearest = np.full(len(places), np.inf)
-    for number, place in enumerate(places):
-        away = place - start
-        share = np.clip(np.sum(away * along, axis=1) / square, 0.0, 1.0)
-        left = away - share[:, None] * along
-        nearest[number] = np.sqrt(np.min(np.sum(left**2, axis=1)))
-    return nearest

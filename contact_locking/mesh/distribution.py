@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import basix.ufl
 import numpy as np
@@ -16,65 +16,66 @@ from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray, IndexArray, IntArray
+from contact_locking.mesh.boundary_parts import EntityGroup
 from contact_locking.mesh.cell_kind import CellKind
-from contact_locking.mesh.file.data import MeshData, MeshElements
+from contact_locking.mesh.diagnosis import FileNumbers
+from contact_locking.mesh.file import places
+from contact_locking.mesh.file.data import MeshData
+from contact_locking.parallel import on_root
 
 _SCOTCH_THREADS = "SCOTCH_PTHREAD_NUMBER"
 
 
 class Distributed(NamedTuple):
-    """A mesh with the groups of cells and facets as tags, and the part (k,) of each local cell."""
+    """A mesh with the group (k,) of each local cell, and its groups of facets.
+
+    ``numbers`` are those of nodes and cells in the file.
+    """
 
     mesh: dmesh.Mesh
-    cell_tags: Any
-    facet_tags: Any
-    parts: IndexArray
+    regions: IndexArray
+    region_names: dict[str, int]
+    groups: list[EntityGroup]
+    numbers: FileNumbers
 
 
-def distribute(
-    comm: MPI.Intracomm,
-    kind: CellKind,
-    data: MeshData | None,
-    facets: MeshElements | None,
-    parts: IntArray,
-) -> Distributed:
+def on_first_rank(comm: MPI.Intracomm, make: Callable[[], MeshData]) -> MeshData:
+    """The mesh that ``make`` returns on rank 0, and none of its points elsewhere; collective."""
+    held: list[MeshData] = []
+
+    def prepare() -> MeshData:
+        held.append(make())
+        return held[0].empty
+
+    nothing = on_root(comm, prepare)
+    return held[0] if held else nothing
+
+
+def distribute(comm: MPI.Intracomm, data: MeshData) -> Distributed:
     """Distribute cells of a kind and named facets; collective.
 
-    Only rank 0 has ``data``, ``facets`` and ``parts`` (k,), the part of each cell; the other ranks
-    pass None and an empty array.  Nodes without a cell are left out.  The same mesh is distributed
-    in the same way each time, so that solutions can be compared node by node.
+    All points, cells and facets are on rank 0.  Nodes without a cell are left out.  The same mesh
+    is distributed in the same way each time, so that solutions can be compared node by node.
     """
-    dim = kind.dim
-    curved = comm.bcast(data is not None and data.curved is not None)
-    points: FloatArray = np.empty((0, dim))
-    corners: IntArray = np.empty((0, kind.corners), dtype=np.int64)
-    cells: IntArray = np.empty((0, len(kind.curved) if curved else kind.corners), dtype=np.int64)
-    marked: IntArray = np.empty((0, kind.facet.corners), dtype=np.int64)
-    values: IndexArray = np.empty(0, dtype=np.int32)
-    marks: IndexArray = np.empty(0, dtype=np.int32)
-    groups: IntArray = np.empty(0, dtype=np.int64)
-    if data is not None and facets is not None:
-        nodes = data.cells.nodes if data.curved is None else data.curved
-        used = np.zeros(len(data.points), dtype=bool)
-        used[nodes] = True
-        row = np.cumsum(used) - 1
-        points, cells, marked = data.points[used], row[nodes], row[facets.nodes]
-        corners = cells[:, : kind.corners]
-        groups, index = np.unique(data.cells.groups, return_inverse=True)
-        # One number encodes the part and the group of a cell.
-        values = (parts * len(groups) + index).astype(np.int32)
-        marks = facets.groups.astype(np.int32)
-    groups = comm.bcast(groups)
-    mesh = mesh_of(comm, points, cells, kind, degree=2 if curved else 1)
-    mesh.topology.create_connectivity(dim, 0)
-    both = _tags(mesh, dim, corners, values)
-    order = np.argsort(both.indices)
-    numbers, local = both.values[order], both.indices[order]
-    cell_tags = dmesh.meshtags(mesh, dim, local, groups[numbers % len(groups)].astype(np.int32))
+    kind, dim = data.kind, data.dim
+    cells = data.cells.nodes if data.curved is None else data.curved
+    used = np.zeros(len(data.points), dtype=bool)
+    used[cells] = True
+    row = np.where(used, np.cumsum(used) - 1, -1)
+    degree = 1 if data.curved is None else 2
+    mesh = mesh_of(comm, data.points[used], row[cells], kind, degree)
     mesh.topology.create_connectivity(dim - 1, dim)
     mesh.topology.create_connectivity(dim, dim - 1)
-    facet_tags = _tags(mesh, dim - 1, marked, marks)
-    return Distributed(mesh, cell_tags, facet_tags, (numbers // len(groups)).astype(np.int32))
+    numbers = FileNumbers(*comm.bcast((data.numbers[used], data.cells.numbers)))
+    regions = of_cells(mesh, data.cells.groups).astype(np.int32)
+    names = {name: tag for name, (tag,) in data.cells.names.items()}
+    return Distributed(mesh, regions, names, _facet_groups(mesh, data, row), numbers)
+
+
+def of_cells(mesh: dmesh.Mesh, values: IntArray) -> IntArray:
+    """The values (k,) of local cells, of which rank 0 has those of the given cells; collective."""
+    every: IntArray = mesh.comm.bcast(values)
+    return every[np.asarray(mesh.topology.original_cell_index, dtype=np.int64)]
 
 
 def mesh_of(
@@ -110,8 +111,24 @@ def _one_partitioning_thread() -> Iterator[None]:
         del os.environ[_SCOTCH_THREADS]
 
 
-def _tags(mesh: dmesh.Mesh, dim: int, entities: IntArray, values: IndexArray) -> Any:
-    found, local = distribute_entity_data(mesh, dim, entities, values)
-    return dmesh.meshtags_from_entities(
-        mesh, dim, graph.adjacencylist(found), local.astype(np.int32, copy=False)
+def _facet_groups(mesh: dmesh.Mesh, data: MeshData, row: IntArray) -> list[EntityGroup]:
+    """The named groups of facets; nodes without a cell have the ``row`` -1; collective."""
+    comm, facets = mesh.comm, data.facets
+    every, first, number = np.unique(
+        np.sort(row[facets.nodes], axis=1), axis=0, return_index=True, return_inverse=True
     )
+    of_cells = np.flatnonzero((every >= 0).all(axis=1)).astype(np.int32)
+    nodes, values = distribute_entity_data(mesh, data.dim - 1, every[of_cells], of_cells)
+    tags = dmesh.meshtags_from_entities(
+        mesh, data.dim - 1, graph.adjacencylist(nodes), values.astype(np.int32, copy=False)
+    )
+    there = np.unique(np.concatenate(comm.allgather(tags.values)))
+    found = []
+    for name in facets.names:
+        own: IndexArray = comm.bcast(np.unique(number.reshape(-1)[facets.named(name)]))
+        off = np.setdiff1d(own, there)
+        example = ""
+        if len(off):
+            example = comm.bcast(places.facet(data, first[off[0]]) if comm.rank == 0 else "")
+        found.append(EntityGroup(name, tags.indices[np.isin(tags.values, own)], len(off), example))
+    return found

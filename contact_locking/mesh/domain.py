@@ -6,7 +6,8 @@ Boundary parts and regions have the names of Gmsh's physical groups.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,17 +19,26 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from contact_locking import _compat
-from contact_locking.arrays import AXES, FloatArray, IndexArray
+from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
+from contact_locking.mesh.boundary_parts import EntityGroup, marked, on_boundary, tags_of
 from contact_locking.mesh.cell_kind import NAMED, CellKind
-from contact_locking.mesh.distribution import distribute
-from contact_locking.mesh.file.contiguity import Touching
+from contact_locking.mesh.diagnosis import (
+    DistributedCells,
+    Touching,
+    box,
+    check_cells,
+    connected_parts,
+    part_names,
+)
+from contact_locking.mesh.distribution import distribute, on_first_rank
+from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData
-from contact_locking.mesh.file.diagnosis import Diagnosis, check_cells, check_curved, diagnose
+from contact_locking.mesh.file.diagnosis import check_arrays, check_curved
 from contact_locking.mesh.file.gmsh_model import extract
 from contact_locking.mesh.file.reader import read
-from contact_locking.parallel import maximum, on_root
+from contact_locking.parallel import agree, maximum, on_root
 from contact_locking.plain_text import nearest
 
 # A coordinate below this share of the largest is rounding.
@@ -135,10 +145,7 @@ class Domain:
     @cached_property
     def bounding_box(self) -> FloatArray:
         """The least and greatest coordinates (2, d); the first use is collective."""
-        x = self.mesh.geometry.x[:, : self.dim]
-        low = self.comm.allgather(x.min(axis=0, initial=np.inf))
-        high = self.comm.allgather(x.max(axis=0, initial=-np.inf))
-        return np.array([np.min(low, axis=0), np.max(high, axis=0)])
+        return box(self.comm, self.mesh.geometry.x[:, : self.dim])
 
     @cached_property
     def extent(self) -> float:
@@ -215,6 +222,74 @@ def _plate(boxes: float, squares: float) -> tuple[float, float]:
     return width, boxes / width**2
 
 
+@dataclass(frozen=True)
+class Regions:
+    """The number (k,) of the region of each local cell, 0 for none, and the numbers by name."""
+
+    numbers: IndexArray
+    names: dict[str, int]
+
+
+def assembled(
+    mesh: dmesh.Mesh,
+    regions: Regions,
+    facets: Mapping[str, BoolArray],
+    origin: str = "the mesh",
+    parts: tuple[IndexArray, int] | None = None,
+    **more: Any,
+) -> Domain:
+    """The domain of a mesh with marks of facets by name; ``more`` are fields of `Domain`.
+
+    ``parts`` are the connected parts of the local cells and their number.  Collective.
+    """
+    count = len(regions.numbers)
+    numbers, bodies = parts or (np.zeros(count, dtype=np.int32), 1)
+    every = np.arange(count, dtype=np.int32)
+    tags, names = tags_of(mesh, facets)
+    return Domain(
+        mesh,
+        dmesh.meshtags(mesh, mesh.topology.dim, every, regions.numbers),
+        tags,
+        numbers,
+        regions.names,
+        names,
+        part_names(mesh, numbers, bodies, regions.numbers, regions.names),
+        origin=origin,
+        **more,
+    )
+
+
+def diagnosed(
+    mesh: dmesh.Mesh,
+    cells: DistributedCells,
+    regions: Regions,
+    groups: Sequence[EntityGroup],
+    origin: str,
+    touching: Touching = (),
+    warnings: Sequence[str] = (),
+) -> Domain:
+    """The domain of a mesh of the user; collective.
+
+    Raises InputError for a mesh that cannot be a body, and for a cell without a region.
+    """
+    owned = regions.numbers[: len(cells.facets)]
+
+    def require_regions() -> None:
+        if np.any(bare := owned == 0):
+            raise InputError(
+                "it has cells outside every group (in Gmsh every physical group), such as "
+                f"{places.cell(cells.data, int(np.argmax(bare)))}{places.more(int(bare.sum()))}; "
+                "name them all"
+            )
+
+    agree(mesh.comm, require_regions)
+    told = cells.check({group.name: group.entities for group in groups}, touching)
+    kept, unusable, more = on_boundary(groups, cells)
+    facets = {group.name: marked(mesh, group.entities) for group in kept}
+    said = (*warnings, *told, *more)
+    return assembled(mesh, regions, facets, origin, cells.parts, unusable=unusable, warnings=said)
+
+
 def from_geometry(
     geometry: Any, comm: MPI.Intracomm, contact: Collection[str] = (), curved: bool = False
 ) -> Domain:
@@ -225,7 +300,7 @@ def from_geometry(
     """
     origin = type(geometry).__name__.lower()
 
-    def make() -> tuple[MeshData, Diagnosis]:
+    def make() -> MeshData:
         from contact_locking.meshes import build
 
         with build(geometry, contact=contact, order=2 if curved else 1) as model:
@@ -233,9 +308,15 @@ def from_geometry(
         check_curved(mesh)
         if not mesh.kind.is_simplex:
             check_cells(mesh, [])
-        return mesh, Diagnosis.of_sound(mesh, geometry.bodies)
+        return mesh
 
-    return with_key("mesh.builder", lambda: distributed(make, comm, origin))
+    def made() -> Domain:
+        mesh = distribute(comm, on_first_rank(comm, make))
+        facets = {group.name: marked(mesh.mesh, group.entities) for group in mesh.groups}
+        parts = connected_parts(mesh.mesh) if geometry.bodies > 1 else None
+        return assembled(mesh.mesh, Regions(mesh.regions, mesh.region_names), facets, origin, parts)
+
+    return with_key("mesh.builder", made)
 
 
 def from_file(
@@ -247,46 +328,49 @@ def from_file(
     ``curved`` keeps the curved sides of cells of second order, which are straight otherwise; those
     of hexahedra are straight.
     Raises InputError if the file cannot be read, if the cells are not of one kind and of first or
-    second order, and if the mesh is not a body (`mesh_file.diagnosis`).
+    second order, and if the mesh is not a body.
     """
 
-    def make() -> tuple[MeshData, Diagnosis]:
+    def make() -> MeshData:
         mesh = read(path)
-        mesh = mesh if curved else mesh.straight
-        return mesh, diagnose(mesh, str(path), touching)
+        return mesh if curved else mesh.straight
 
-    return with_key("mesh.file", lambda: distributed(make, comm, str(path)))
+    def made() -> Domain:
+        return from_arrays(on_first_rank(comm, make), comm, str(path), touching)
+
+    return with_key("mesh.file", made)
 
 
-def distributed(
-    make: Callable[[], tuple[MeshData, Diagnosis]],
-    comm: MPI.Intracomm,
-    origin: str,
-    **more: Any,
+def from_arrays(
+    data: MeshData, comm: MPI.Intracomm, origin: str, touching: Touching = ()
 ) -> Domain:
-    """Distribute the mesh that ``make`` returns on rank 0; ``more`` are fields of `Domain`.
+    """Check and distribute a mesh, which rank 0 has and messages call ``origin``; collective."""
+    with about(origin):
+        check_arrays(comm, data)
+        on_root(comm, lambda: check_curved(data))
+        made = distribute(comm, data)
+        cells = DistributedCells(made.mesh, made.numbers)
+        regions = Regions(made.regions, made.region_names)
+        return diagnosed(
+            made.mesh, cells, regions, made.groups, origin, touching, _told_of_order(data)
+        )
 
-    Collective.
-    """
-    held: list[tuple[MeshData, Diagnosis]] = []
 
-    def prepare() -> tuple[str, dict[str, Any]]:
-        mesh, found = make()
-        held.append((mesh, found))
-        facts = {
-            "cell_names": {name: tag for name, (tag,) in mesh.cells.names.items()},
-            "facet_names": found.facets.names,
-            "unusable": found.unusable,
-            "warnings": tuple(found.warnings),
-            "part_names": found.part_names,
-        }
-        return mesh.kind.name, facts
+def _told_of_order(mesh: MeshData) -> list[str]:
+    if mesh.straightened is None or mesh.curved is not None:
+        return []
+    what = "area" if mesh.dim == 2 else "volume"
+    return [
+        "its cells are of second order; their corners alone are taken, so that sides are straight: "
+        f"the {what} changes by {mesh.straightened:.1%}. discretisation.degree: 2 takes the curved "
+        "sides of triangles, quadrilaterals and tetrahedra, and needs no nodes on straight edges"
+    ]
 
-    name, facts = on_root(comm, prepare)
-    if held:
-        mesh, found = held[0]
-        made = distribute(comm, NAMED[name], mesh, found.facets, found.parts)
-    else:
-        made = distribute(comm, NAMED[name], None, None, np.empty(0, dtype=np.int64))
-    facts |= {"origin": origin, **more}
-    return Domain(made.mesh, made.cell_tags, made.facet_tags, made.parts, **facts)
+
+@contextmanager
+def about(origin: str) -> Iterator[None]:
+    """Put the origin of a mesh before the message of an InputError."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{origin}: {error}", error.key) from None

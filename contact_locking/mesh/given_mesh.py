@@ -12,10 +12,10 @@ from dolfinx import mesh as dmesh
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, IndexArray
 from contact_locking.errors import InputError
+from contact_locking.mesh.boundary_parts import marked
 from contact_locking.mesh.cell_kind import NAMED
-from contact_locking.mesh.distributed_cells import connected_parts
-from contact_locking.mesh.domain import Domain, Where
-from contact_locking.mesh.named_parts import marked, tags_of
+from contact_locking.mesh.diagnosis import connected_parts
+from contact_locking.mesh.domain import Domain, Regions, Where, assembled
 from contact_locking.parallel import agree, on_any_rank
 from contact_locking.plain_text import nearest
 
@@ -99,22 +99,9 @@ class NamedFacets:
 
     def domain(self) -> Domain:
         """The domain with these boundary parts; collective."""
-        mesh, dim = self._mesh, self._mesh.topology.dim
-        tags, names = tags_of(mesh, self._places)
-        cells = mesh.topology.index_map(dim)
-        every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
-        cell_tags = dmesh.meshtags(mesh, dim, every, np.zeros_like(every))
-        numbers, count = connected_parts(mesh)
-        part_names = tuple(f"part {i + 1} of the body" for i in range(count))
-        return Domain(
-            mesh,
-            cell_tags,
-            tags,
-            numbers,
-            {},
-            names,
-            part_names if count > 1 else ("the body",),
-        )
+        parts = connected_parts(self._mesh)
+        none = Regions(np.zeros_like(parts[0]), {})
+        return assembled(self._mesh, none, self._places, parts=parts)
 
     def _named(self, name: str, key: str) -> IndexArray:
         if name not in self._names:

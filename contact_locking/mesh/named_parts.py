@@ -1,4 +1,4 @@
-"""Names for parts of the boundary, which may overlap: by marked facets, or by place."""
+"""Names for parts of the boundary by their place."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from dolfinx import mesh as dmesh
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
-from contact_locking.mesh import rank_sums
+from contact_locking.mesh.boundary_parts import marked, tags_of
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import on_any_rank
 
@@ -72,30 +72,3 @@ def with_parts(domain: Domain, places: Mapping[str, Place], key: str) -> Domain:
             )
     tags, names = tags_of(mesh, marks)
     return dataclasses.replace(domain, facet_tags=tags, facet_names=names)
-
-
-def marked(mesh: dmesh.Mesh, facets: IndexArray) -> BoolArray:
-    """Which local facets, ghosts included, any rank has in ``facets``; collective."""
-    return rank_sums.marked(mesh.topology.index_map(mesh.topology.dim - 1), facets)
-
-
-def tags_of(
-    mesh: dmesh.Mesh, marks: Mapping[str, BoolArray]
-) -> tuple[dmesh.MeshTags, dict[str, tuple[int, ...]]]:
-    """Tags of facets, and for each name of ``marks`` the values of its facets; collective.
-
-    Facets that several names share have a value of their own.
-    """
-    facets_of_rank = mesh.topology.index_map(mesh.topology.dim - 1)
-    count = facets_of_rank.size_local + facets_of_rank.num_ghosts
-    names, every = list(marks), np.array(list(marks.values())).reshape(len(marks), count)
-    facets = np.flatnonzero(every.any(axis=0)).astype(np.int32)
-    kinds = [tuple(bool(mark) for mark in column) for column in every[:, facets].T]
-    all_kinds = {kind for of_rank in mesh.comm.allgather(set(kinds)) for kind in of_rank}
-    number = {kind: value for value, kind in enumerate(sorted(all_kinds, reverse=True), start=1)}
-    values = np.array([number[kind] for kind in kinds], dtype=np.int32)
-    of_name = {
-        name: tuple(value for kind, value in number.items() if kind[place])
-        for place, name in enumerate(names)
-    }
-    return dmesh.meshtags(mesh, mesh.topology.dim - 1, facets, values), of_name

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,21 +16,25 @@ from mpi4py import MPI
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.mesh.domain import Domain, distributed
+from contact_locking.mesh.boundary_parts import marked
+from contact_locking.mesh.distribution import distribute, of_cells, on_first_rank
+from contact_locking.mesh.domain import Domain, Regions, assembled
 from contact_locking.mesh.file.data import MeshData, MeshElements
-from contact_locking.mesh.file.diagnosis import Diagnosis
 
 
 @dataclass(frozen=True)
 class WholeMesh:
     """Points, cells and named facets, with what the mesh of a body knows beside them.
 
-    ``diagnosis`` has the part of each cell and the named facets.  For ``origin`` and
-    ``smoothing_radii`` see `Domain`.
+    ``parts`` (k,) gives for each cell the index of its connected part in ``part_names``.  For the
+    others see `Domain`.
     """
 
     data: MeshData
-    diagnosis: Diagnosis
+    parts: IntArray
+    part_names: tuple[str, ...]
+    unusable: dict[str, str]
+    warnings: tuple[str, ...]
     origin: str
     smoothing_radii: dict[str, float]
 
@@ -38,32 +42,24 @@ class WholeMesh:
         """Write ``STEM.npz`` and ``STEM.json``; returns the two paths."""
         arrays, facts = folder / f"{stem}.npz", folder / f"{stem}.json"
         self.data.save(arrays)
-        found = self.diagnosis
-        words = {
-            "part_names": found.part_names,
-            "parts": found.parts.tolist(),
-            "unusable": found.unusable,
-            "warnings": found.warnings,
-            "origin": self.origin,
-            "smoothing_radii": self.smoothing_radii,
-        }
+        words = {field.name: getattr(self, field.name) for field in fields(self)[1:]}
+        words["parts"] = self.parts.tolist()
         facts.write_text(json.dumps(words) + "\n", encoding="utf-8")
         return [arrays, facts]
 
     @classmethod
     def load(cls, folder: Path, stem: str) -> WholeMesh:
         """The mesh in the files of `save`.  Raises OSError, ValueError and KeyError."""
-        data = MeshData.load(folder / f"{stem}.npz")
         words: Mapping[str, Any] = json.loads((folder / f"{stem}.json").read_text(encoding="utf-8"))
-        found = Diagnosis(
-            tuple(map(str, words["part_names"])),
+        return cls(
+            MeshData.load(folder / f"{stem}.npz"),
             np.array(words["parts"], dtype=np.int64),
-            data.facets,
+            tuple(map(str, words["part_names"])),
             dict(words["unusable"]),
-            list(words["warnings"]),
+            tuple(words["warnings"]),
+            str(words["origin"]),
+            {str(key): float(value) for key, value in words["smoothing_radii"].items()},
         )
-        radii = {str(key): float(value) for key, value in words["smoothing_radii"].items()}
-        return cls(data, found, str(words["origin"]), radii)
 
 
 def gather_mesh(domain: Domain) -> WholeMesh | None:
@@ -96,14 +92,15 @@ def gather_mesh(domain: Domain) -> WholeMesh | None:
     data = MeshData(
         dim, points, np.arange(len(points)), elements(all_cells, groups, regions), named
     )
-    found = Diagnosis(
-        domain.part_names,
+    return WholeMesh(
+        data,
         parts.astype(np.int64),
-        named,
-        dict(domain.unusable),
-        list(domain.warnings),
+        domain.part_names,
+        domain.unusable,
+        domain.warnings,
+        domain.origin,
+        domain.smoothing_radii,
     )
-    return WholeMesh(data, found, domain.origin, dict(domain.smoothing_radii))
 
 
 def gather_cells(domain: Domain, values: Any) -> FloatArray | None:
@@ -128,10 +125,19 @@ def elements(nodes: Any, groups: Any, names: Mapping[str, tuple[int, ...]]) -> M
 
 def spread(mesh: WholeMesh | None, comm: MPI.Intracomm) -> Domain:
     """A refined mesh, distributed; only rank 0 has ``mesh``; collective."""
-    origin, radii = comm.bcast(None if mesh is None else (mesh.origin, mesh.smoothing_radii))
 
-    def make() -> tuple[MeshData, Diagnosis]:
+    def data() -> MeshData:
         assert mesh is not None
-        return mesh.data, mesh.diagnosis
+        return mesh.data
 
-    return distributed(make, comm, origin, is_refined=True, smoothing_radii=radii)
+    made = distribute(comm, on_first_rank(comm, data))
+    facets = {group.name: marked(made.mesh, group.entities) for group in made.groups}
+    parts: IntArray = np.empty(0, dtype=np.int64) if mesh is None else mesh.parts
+    names = ("part_names", "unusable", "warnings", "origin", "smoothing_radii")
+    facts = comm.bcast({name: getattr(mesh, name) for name in names} if mesh else {})
+    return replace(
+        assembled(made.mesh, Regions(made.regions, made.region_names), facets),
+        parts=of_cells(made.mesh, parts).astype(np.int32),
+        is_refined=True,
+        **facts,
+    )

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
@@ -18,13 +17,17 @@ from dolfinx import io
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError, explained, with_key
 from contact_locking.files.atomic import staging
-from contact_locking.mesh.distributed_cells import DistributedCells, MeshShare, box
+from contact_locking.mesh.boundary_parts import EntityGroup, require_different
+from contact_locking.mesh.cell_kind import CellKind
+from contact_locking.mesh.diagnosis import DistributedCells
 from contact_locking.mesh.distribution import mesh_of
-from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.domain import Domain, Regions, about, diagnosed
 from contact_locking.mesh.file import places
+from contact_locking.mesh.file.data import MeshData, MeshElements
+from contact_locking.mesh.file.diagnosis import check_arrays
 from contact_locking.mesh.file.xdmf_grids import (
     Grid,
     Grids,
@@ -32,24 +35,13 @@ from contact_locking.mesh.file.xdmf_grids import (
     read_facet_grids,
     read_grids,
 )
-from contact_locking.mesh.named_parts import marked, tags_of
-from contact_locking.parallel import agree, on_every_rank, on_root
+from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank, on_root
 
 _KEY = "mesh.file"
+# The largest z of a body in the plane, as a share of the largest coordinate.
+_FLAT = 1e-12
 # More numbers in one grid are no groups.
 _MOST_GROUPS = 1000
-
-
-#: A name, local entities, and how many entities of the file are none of the mesh.
-Group = tuple[str, IndexArray, int]
-
-
-@dataclass(frozen=True)
-class Regions:
-    """The number (k,) of the region of each local cell, and the numbers by name."""
-
-    numbers: IndexArray
-    names: dict[str, int]
 
 
 def from_xdmf(path: Path, comm: MPI.Intracomm, facets: Path | None = None) -> Domain:
@@ -74,29 +66,13 @@ def _read(path: Path, grids: Grids, comm: MPI.Intracomm, other: Path | None) -> 
     with _explained(path), io.XDMFFile(comm, path, "r") as file:
         mesh = _mesh(file, grids)
         cells = DistributedCells(mesh)
-        warnings = cells.check()
-        count, parts = cells.parts
-        regions = _regions(file, grids, cells, mesh)
+        regions = _regions(file, grids, mesh)
         named = [group for grid in grids.boundary_parts for group in _groups(file, grid, mesh)]
         points = np.asarray(file.read_geometry_data(grids.cells.name))[:, : grids.dim]
     if other is not None:
         named += _facets_of(other, grids, mesh, points)
-    with _explained(path):
-        boundary, unusable, more = _boundary_parts(named, cells, mesh)
-    every = np.arange(len(regions.numbers), dtype=np.int32)
-    facet_tags, facet_names = tags_of(mesh, boundary)
-    return Domain(
-        mesh,
-        dmesh.meshtags(mesh, grids.dim, every, regions.numbers),
-        facet_tags,
-        parts.astype(np.int32),
-        regions.names,
-        facet_names,
-        _part_names(cells, count, parts, regions),
-        unusable,
-        (*warnings, *more),
-        str(path),
-    )
+    with about(str(path)):
+        return diagnosed(mesh, cells, regions, named, str(path))
 
 
 def _mesh(file: io.XDMFFile, grids: Grids) -> dmesh.Mesh:
@@ -105,9 +81,19 @@ def _mesh(file: io.XDMFFile, grids: Grids) -> dmesh.Mesh:
     dim = kind.dim
     cells = np.asarray(file.read_topology_data(name), dtype=np.int64)
     points = np.asarray(file.read_geometry_data(name), dtype=float)
-    MeshShare(comm, kind, points, cells).check()
+    if not comm.allreduce(len(cells)):
+        raise InputError("the mesh has no cells")
+    first, first_cell = (comm.exscan(len(rows)) or 0 for rows in (points, cells))
+    total = comm.allreduce(len(points))
+    agree(comm, lambda: _check_sizes(kind, points, cells, first_cell, total))
+    numbers, cell_numbers = first + np.arange(len(points)), first_cell + np.arange(len(cells))
+    elements = MeshElements.unnamed(cells, cell_numbers)
+    check_arrays(comm, MeshData(dim, points[:, :dim], numbers, elements))
+    flat = _FLAT * maximum(comm, np.abs(points))
+    if on_any_rank(comm, np.abs(points[:, dim:]) > flat):
+        raise InputError("the mesh is a surface in space; a 2D body lies in z = 0")
     mesh = mesh_of(comm, np.ascontiguousarray(points[:, :dim]), cells, kind)
-    used, total = mesh.geometry.index_map().size_global, comm.allreduce(len(points))
+    used = mesh.geometry.index_map().size_global
     if used != total:
         raise InputError(
             f"{total - used} of its {total} nodes belong to no cell; write the nodes of cells alone"
@@ -115,14 +101,28 @@ def _mesh(file: io.XDMFFile, grids: Grids) -> dmesh.Mesh:
     return mesh
 
 
-def _facets_of(path: Path, grids: Grids, mesh: dmesh.Mesh, points: FloatArray) -> list[Group]:
+def _check_sizes(
+    kind: CellKind, points: FloatArray, cells: IntArray, first: int, total: int
+) -> None:
+    """Raise InputError for arrays of other sizes, and for nodes that are not there."""
+    if cells.shape[1:] != (kind.corners,) or points.shape[1:] not in ((kind.dim,), (3,)):
+        raise InputError(f"the sizes of its arrays are not those of a mesh of {kind.plural}")
+    outside = ((cells < 0) | (cells >= total)).any(axis=1)
+    if outside.any():
+        raise InputError(
+            f"{kind.name} {first + int(np.argmax(outside))} names nodes that are none of its "
+            f"{total}{places.more(int(outside.sum()))}"
+        )
+
+
+def _facets_of(path: Path, grids: Grids, mesh: dmesh.Mesh, points: FloatArray) -> list[EntityGroup]:
     """The groups of a file of facets, each named by its number; collective.
 
     ``points`` are this rank's share of those in the file of the mesh.
     """
     kind, comm = grids.cells.kind, mesh.comm
 
-    def read() -> list[Group]:
+    def read() -> list[EntityGroup]:
         first, tags = on_root(comm, lambda: read_facet_grids(path, kind))
         with _explained(path), io.XDMFFile(comm, path, "r") as file:
             there = np.asarray(file.read_geometry_data(first.name))[:, : grids.dim]
@@ -141,7 +141,7 @@ def _facets_of(path: Path, grids: Grids, mesh: dmesh.Mesh, points: FloatArray) -
 
 def _groups(
     file: io.XDMFFile, grid: Grid, mesh: dmesh.Mesh, by_number: bool = False
-) -> list[Group]:
+) -> list[EntityGroup]:
     """Name and local entities of each group in a grid, and how many are missing; collective."""
     tags = file.read_meshtags(mesh, grid.name)
     comm, owned = mesh.comm, mesh.topology.index_map(grid.dim).size_local
@@ -153,106 +153,40 @@ def _groups(
             f"grid {grid.name!r} has {len(values)} values or more, which are no groups"
         )
     if len(values) < 2 and not by_number:
-        return [(grid.name, tags.indices, missing)]
-    return [(str(value), tags.find(value), missing) for value in values]
+        return [EntityGroup(grid.name, tags.indices, missing)]
+    return [EntityGroup(str(value), tags.find(value), missing) for value in values]
 
 
-def _regions(file: io.XDMFFile, grids: Grids, cells: DistributedCells, mesh: dmesh.Mesh) -> Regions:
+def _regions(file: io.XDMFFile, grids: Grids, mesh: dmesh.Mesh) -> Regions:
     """The regions, one for each cell; collective."""
-    count = len(cells.facets)
+    index_map = mesh.topology.index_map(grids.dim)
+    count = index_map.size_local + index_map.num_ghosts
     if not grids.regions:
         return Regions(np.ones(count, dtype=np.int32), {grids.cells.name: 1})
     found = [group for grid in grids.regions for group in _groups(file, grid, mesh)]
-    _require_different([name for name, _, _ in found], "cells")
-    names = {name: number for number, (name, _, _) in enumerate(found, start=1)}
+    require_different([group.name for group in found], "cells")
+    names = {group.name: number for number, group in enumerate(found, start=1)}
     numbers = np.zeros(count, dtype=np.int32)
 
     def fill() -> None:
-        for name, entities, _ in found:
+        for name, entities in ((group.name, group.entities) for group in found):
             if len(both := numbers[entities][numbers[entities] > 0]):
                 one, other = sorted((name, list(names)[both[0] - 1]))
                 raise InputError(
                     f"groups {one!r} and {other!r} share cells; let each region have one name"
                 )
             numbers[entities] = names[name]
-        if not numbers.all():
-            bare = numbers == 0
-            raise InputError(
-                "it has cells outside every group, such as "
-                f"{places.cell(cells.data, int(np.argmax(bare)))}; name them all"
-            )
 
     agree(mesh.comm, fill)
     return Regions(numbers, names)
-
-
-def _require_different(names: Sequence[str], kind: str) -> None:
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"it has two groups of {kind} named {name!r}")
-
-
-def _boundary_parts(
-    groups: Sequence[Group], cells: DistributedCells, mesh: dmesh.Mesh
-) -> tuple[dict[str, BoolArray], dict[str, str], list[str]]:
-    """The marked facets of parts, why other groups bound nothing, and warnings; collective."""
-    unusable: dict[str, str] = {}
-    warnings: list[str] = []
-    kept = []
-    owned = mesh.topology.index_map(cells.dim - 1).size_local
-    what = "edges" if cells.dim == 2 else "faces"
-    facet = places.of_facets(cells.data.kind)
-    for name, facets, missing in groups:
-        inner = cells.shared[facets] == 2
-        mine = facets < owned
-        total, inside = (
-            mesh.comm.allreduce(int(np.count_nonzero(mark & mine)))
-            for mark in (np.ones(len(facets), dtype=bool), inner)
-        )
-        if missing:
-            unusable[name] = (
-                f"{name!r} does not lie on the body: {missing} of its {facet}s "
-                f"are no {what} of the body's {cells.data.kind.plural}; remove what dangles"
-            )
-            warnings.append(f"group {unusable[name]}")
-        elif inside == total:
-            unusable[name] = f"{name!r} lies inside the body and is not a part of its boundary"
-        else:
-            if inside:
-                warnings.append(
-                    f"group {name!r} is boundary in part only: {inside} of its {total} "
-                    f"{facet}s have cells on both sides, and are left out"
-                )
-            kept.append((name, facets[~inner]))
-    _require_different([name for name, _ in kept], what)
-    return {name: marked(mesh, facets) for name, facets in kept}, unusable, warnings
-
-
-def _part_names(
-    cells: DistributedCells, count: int, parts: IntArray, regions: Regions
-) -> tuple[str, ...]:
-    """The name of each part, from its regions and its extreme coordinates; collective."""
-    if count == 1:
-        return ("the body",)
-    comm, listed = cells.comm, list(regions.names)
-    found = []
-    for part in range(count):
-        own = parts == part
-        here = {listed[number - 1] for number in np.unique(regions.numbers[own])}
-        names = ", ".join(sorted(set().union(*comm.allgather(here))))
-        x = cells.data.points[cells.data.cells.nodes[own]].reshape(-1, cells.dim)
-        low, high = (places.at(corner) for corner in box(comm, x))
-        found.append(f"part {part + 1} of the body ({names}, from {low} to {high})")
-    return tuple(found)
 
 
 @contextmanager
 def _explained(path: Path) -> Iterator[None]:
     """Put the name of the file before a message, and raise an InputError for an error of HDF5."""
     try:
-        yield
-    except InputError as error:
-        raise InputError(f"{path}: {error}", error.key) from None
+        with about(str(path)):
+            yield
     except RuntimeError as error:
         raise InputError(f"{path} cannot be read with {data_file(path).name}: {error}") from error
 

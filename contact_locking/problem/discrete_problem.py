@@ -22,8 +22,8 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.problem import forms
 from contact_locking.problem.elasticity import Elasticity, Material
 from contact_locking.problem.limits import Limit, LimitsOnMesh
-from contact_locking.problem.parts import Held, parts_held, require_parts_held
 from contact_locking.problem.points import Points
+from contact_locking.problem.rigidity.rigidity import Held, Rigidity
 from contact_locking.problem.springs import ElasticSupport
 from contact_locking.supports.conditions import Constraints
 
@@ -61,9 +61,9 @@ class DiscreteProblem:
     """The discrete problem: its parts stay, and the values of its data may change.
 
     ``data`` holds the forms' data, ``u`` the displacement, ``penalty`` the penalty parameters to
-    solve for, and ``held`` tells how each part of the body is held.  ``follows_n`` says that the
-    compliance of the contact was not chosen, but is 1/n.  ``warnings`` tell what is probably not
-    intended.
+    solve for, ``rigidity`` knows the rigid motions, and ``held`` tells how each part is held.
+    ``follows_n`` says that the compliance of the contact was not chosen, but is 1/n.  ``warnings``
+    tell what is probably not intended.
 
     The constructor is collective.  ``compliance`` is epsilon, None for 1/n.  Raises InputError for
     data that cannot be used, and for a foundation behind Gamma_C.
@@ -113,13 +113,8 @@ class DiscreteProblem:
             origin=origin,
         )
         self.u = fem.Function(space, name="displacement")
-        self.held: list[Held] = parts_held(
-            domain, space, self.data, self.constraints, body.displacements, body.supports
-        )
-
-    def require_held(self) -> None:
-        """Raise InputError for a part of the body that is free to move; collective."""
-        require_parts_held(self.domain, self.body.space, self.data, self.constraints)
+        self.rigidity = Rigidity(domain, space, self.data, self.constraints)
+        self.held: list[Held] = self.rigidity.held(body.displacements, body.supports)
 
     @property
     def contacts(self) -> tuple[NodalContact, ...]:

@@ -163,9 +163,10 @@ class Material:
     def _require_in_plane(self, across: FloatArray) -> None:
         if least(self._points.domain, -np.abs(across)) < 0.0:
             raise InputError(
-                "has a part across the plane, and a stiffness matrix of the plane does not tell "
-                "its stress; give the components in the plane alone, as in [0.01, 0.01]",
-                f"{self._given.key}.eigenstrain",
+                "the eigenstrain has a part across the plane, and a stiffness matrix of the plane "
+                "does not tell its stress; give the components in the plane alone, as in "
+                "[0.01, 0.01]",
+                self._given.key,
             )
 
     def across(self, stress: FloatArray) -> FloatArray | None:

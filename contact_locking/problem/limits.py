@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 import ufl
 from dolfinx import fem
+from ufl.core.expr import Expr
 
 from contact_locking.arrays import SMALLEST, FloatArray
 from contact_locking.errors import InputError
@@ -78,12 +79,9 @@ class Deviator:
     def on(self, points: Points) -> list[Limited]:
         dim = points.element.kinematics.tensor_size(points.domain.dim)
         limits = _positive(points, self.at_most, f"{self.key}.at_most", "the limit")
+        least_share = math.sqrt(1.0 - dim / 3.0)
         made = partial(
-            NormSet,
-            "deviator",
-            linear_map=deviator,
-            adjoint=deviator,
-            least=math.sqrt(1.0 - dim / 3.0),
+            NormSet, "deviator", linear_map=deviator, adjoint=deviator, least=least_share
         )
         return _where_any(points, limits, made)
 
@@ -99,21 +97,7 @@ class Volume:
     def on(self, points: Points) -> list[Limited]:
         dim = points.element.kinematics.tensor_size(points.domain.dim)
         root = math.sqrt(dim)
-        identity = ufl.Identity(dim) / root
-        upper = _positive(points, self.at_most, f"{self.key}.at_most", "the limit")
-        lower = _negative(points, self.at_least, f"{self.key}.at_least")
-        return [
-            *_where_any(
-                points,
-                lambda: np.asarray(upper() / root),
-                partial(HalfSpaceSet, "volume at_most", normal=identity),
-            ),
-            *_where_any(
-                points,
-                lambda: np.asarray(lower() / root),
-                partial(HalfSpaceSet, "volume at_least", normal=-identity),
-            ),
-        ]
+        return _on_both_sides(points, self, "volume", ufl.Identity(dim) / root, root)
 
 
 @dataclass(frozen=True)
@@ -157,9 +141,8 @@ class Direction:
         size = points.element.kinematics.tensor_size(points.domain.dim)
         values = points.sampler(self.along, f"{self.key}.along", (size,))()
         largest = np.abs(values).max(axis=1, initial=0.0)
-        upper = _positive(points, self.at_most, f"{self.key}.at_most", "the limit")
-        lower = _negative(points, self.at_least, f"{self.key}.at_least")
-        is_limited = np.isfinite(upper()) | np.isfinite(lower())
+        limits = [limit() for _, limit in _both_limits(points, self)]
+        is_limited = np.isfinite(limits).any(axis=0)
         if on_any_rank(points.domain.comm, is_limited & (largest == 0.0)):
             raise InputError("the direction is the zero vector somewhere", f"{self.key}.along")
         # Scaled first, so that the squares of tiny and huge components are numbers.
@@ -167,15 +150,7 @@ class Direction:
         values /= np.maximum(np.linalg.norm(values, axis=1), 0.5)[:, None]
         direction = points.function((size,))
         points.write(direction, values)
-        normal = ufl.outer(direction, direction)
-        return [
-            *_where_any(
-                points, upper, partial(HalfSpaceSet, f"{self.name} at_most", normal=normal)
-            ),
-            *_where_any(
-                points, lower, partial(HalfSpaceSet, f"{self.name} at_least", normal=-normal)
-            ),
-        ]
+        return _on_both_sides(points, self, self.name, ufl.outer(direction, direction))
 
 
 @dataclass(frozen=True)
@@ -246,13 +221,13 @@ class LimitsOnMesh:
             raise InputError("has more than one StrainBall; take the smaller limit", balls[1].key)
         ball = balls[0] if balls else StrainBall()
         others = [one for item in given if item not in balls for one in item.on(points)]
-        limit = points.function()
-        at_peaks, peaks = limit, []
+        (of_ball,) = ball.on(points)
+        limit = at_peaks = points.function()
+        peaks = []
         if points.element.at_peaks is not points.element:
             there = Points(points.domain, points.element.at_peaks)
             at_peaks = there.function()
             peaks.append((there, _positive(there, ball.limit, ball.key, "the locking limit")))
-        (of_ball,) = ball.on(points)
         found = cls(points, of_ball, others, limit, at_peaks, peaks)
         found.write()
         return found
@@ -277,25 +252,36 @@ def _where_any(points: Points, limits: Sampler, make: Callable[..., StrainSet]) 
     return [Limited(points, limits, make)]
 
 
-def _positive(points: Points, value: Value, key: str, told: str) -> Sampler:
-    """Limits M > 0; collective."""
+def _both_limits(points: Points, given: Volume | Direction) -> list[tuple[str, Sampler]]:
+    """The limits of a strain and of minus this strain, with their names; collective."""
+    upper = _positive(points, given.at_most, f"{given.key}.at_most", "the limit")
+    told = "minus the lower limit"
+    lower = _positive(points, given.at_least, f"{given.key}.at_least", told, sign=-1.0)
+    return [("at_most", upper), ("at_least", lower)]
+
+
+def _on_both_sides(
+    points: Points, given: Volume | Direction, name: str, normal: Expr, root: float = 1.0
+) -> list[Limited]:
+    """The half spaces of a strain ``root N : eps`` with the ``normal`` N; collective."""
+    found = []
+    for (end, limits), n in zip(_both_limits(points, given), (normal, -normal), strict=True):
+        scaled = partial(_quotient, limits, root)
+        found += _where_any(points, scaled, partial(HalfSpaceSet, f"{name} {end}", normal=n))
+    return found
+
+
+def _quotient(limits: Sampler, root: float) -> FloatArray:
+    return np.asarray(limits() / root)
+
+
+def _positive(points: Points, value: Value, key: str, told: str, sign: float = 1.0) -> Sampler:
+    """Limits ``sign M > 0``; collective."""
     values = points.sampler(value, key)
 
     def limits() -> FloatArray:
-        found = values()
+        found = np.asarray(sign * values())
         require_positive(points.domain, found, key, told)
-        return found
-
-    return limits
-
-
-def _negative(points: Points, value: Value, key: str) -> Sampler:
-    """-m of lower limits m < 0; collective."""
-    values = points.sampler(value, key)
-
-    def limits() -> FloatArray:
-        found = -values()
-        require_positive(points.domain, found, key, "minus the lower limit")
         return found
 
     return limits

@@ -12,7 +12,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.fem.joint_forms import JointForm
 from contact_locking.parallel import maximum
 from contact_locking.problem import forms
-from contact_locking.problem.loose_motion import LooseMotion
+from contact_locking.problem.rigidity.loose_motion import LooseMotion
 
 # The rounding of a sum of products is a few times this share of the summands.
 ROUNDING = 64.0 * float(np.finfo(float).eps)

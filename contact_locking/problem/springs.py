@@ -13,9 +13,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.fem.joint_forms import JointForm
-
-# Rigid motions whose spring energy is below this share of that of springs in all directions.
-_FREE = 1e-12
+from contact_locking.problem.rigidity.motions import null_motions
 
 
 class ElasticSupport(ABC):
@@ -95,10 +93,7 @@ def motions_past(
             u.x.array[:] = motion
             grams[kind, number] = motions[:, :owned] @ _assembled(forms, u)[:owned]
     stretched, everywhere = space.mesh.comm.allreduce(grams)
-    sizes = np.diag(everywhere)
-    scale = 1.0 / np.sqrt(np.where(sizes > 0.0, sizes, 1.0))
-    values, vectors = np.linalg.eigh(stretched * np.outer(scale, scale))
-    return np.asarray(scale[:, None] * vectors[:, values <= _FREE])
+    return null_motions(stretched, np.diag(everywhere))
 
 
 def _assembled(form: ufl.Form, u: fem.Function) -> FloatArray:

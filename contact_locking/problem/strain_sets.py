@@ -20,6 +20,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
+from typing import ClassVar
 
 import dolfinx
 import ufl
@@ -53,6 +54,9 @@ class StrainSet(ABC):
     and 0 where the set does not limit the strain.  ``origin`` is eps_0, None for 0.
     """
 
+    #: Whether multipliers are tensors, and not scalars.
+    has_tensors: ClassVar[bool] = True
+
     name: str
     inverse_limit: fem.Function
     _: KW_ONLY
@@ -71,22 +75,38 @@ class StrainSet(ABC):
         """``L^T y``, the locking stress (d, d) of a multiplier of this set."""
 
     @abstractmethod
+    def size(self, measured: Expr) -> Expr:
+        """``|L eps|`` or ``L eps``, which is at most M in the set."""
+
+    @staticmethod
+    @abstractmethod
+    def penalty_stress(measured: Expr, inverse_limit: Expr, n: Expr) -> Expr:
+        """The multiplier y of the penalty law for ``L eps``, 1/M and n."""
+
+    @staticmethod
+    @abstractmethod
+    def penalty_energy(measured: Expr, inverse_limit: Expr, n: Expr) -> Expr:
+        """The density of the penalty, whose derivative is :meth:`penalty_stress`."""
+
     def multiplier(self, eps: Expr, n: Expr) -> Expr:
         """The multiplier y of the penalty law."""
+        return self.penalty_stress(self.measured(self.limited(eps)), self.inverse_limit, n)
 
-    @abstractmethod
     def energy(self, eps: Expr, n: Expr) -> Expr:
         """The density of the penalty."""
+        return self.penalty_energy(self.measured(self.limited(eps)), self.inverse_limit, n)
 
-    @abstractmethod
     def utilisation(self, eps: Expr) -> Expr:
         """``|L eps|/M`` or ``[L eps]^+/M``: 1 on the boundary of the set, 0 without a limit."""
+        used = self.inverse_limit * self.size(self.measured(self.limited(eps)))
+        return used if isinstance(self, NormSet) else ufl.max_value(used, 0.0)
 
-    @abstractmethod
     def multipliers(
         self, element: Element, kept: Kept, mesh: dolfinx.mesh.Mesh
     ) -> fem.FunctionSpace:
         """The space of multipliers; collective."""
+        shape = element.strain_shape(mesh) if self.has_tensors else ()
+        return element.shared_strain_space(kept, mesh, shape)
 
     def virtual_work(self, eps: Expr, eps_v: Expr, n: Expr) -> Expr:
         """``Z : eps(v)`` of the penalty's stress Z."""
@@ -105,26 +125,17 @@ class NormSet(StrainSet):
     adjoint: StrainMap = _identity
     least: float = 1.0
 
+    penalty_stress = staticmethod(locking_stress)
+    penalty_energy = staticmethod(locking_energy)
+
     def measured(self, eps: Expr) -> Expr:
         return self.linear_map(eps)
 
     def stress(self, y: Expr) -> Expr:
         return self.adjoint(y)
 
-    def multiplier(self, eps: Expr, n: Expr) -> Expr:
-        return locking_stress(self.measured(self.limited(eps)), self.inverse_limit, n)
-
-    def energy(self, eps: Expr, n: Expr) -> Expr:
-        return locking_energy(self.measured(self.limited(eps)), self.inverse_limit, n)
-
-    def utilisation(self, eps: Expr) -> Expr:
-        measured = self.measured(self.limited(eps))
-        return self.inverse_limit * ufl.sqrt(ufl.inner(measured, measured))
-
-    def multipliers(
-        self, element: Element, kept: Kept, mesh: dolfinx.mesh.Mesh
-    ) -> fem.FunctionSpace:
-        return element.shared_strain_space(kept, mesh, element.strain_shape(mesh))
+    def size(self, measured: Expr) -> Expr:
+        return ufl.sqrt(ufl.inner(measured, measured))
 
 
 @dataclass(frozen=True)
@@ -133,30 +144,26 @@ class HalfSpaceSet(StrainSet):
 
     normal: Expr
 
+    has_tensors = False
+    penalty_stress = staticmethod(one_sided_stress)
+    penalty_energy = staticmethod(one_sided_energy)
+
     def measured(self, eps: Expr) -> Expr:
         return ufl.inner(self.normal, eps)
 
     def stress(self, y: Expr) -> Expr:
         return y * self.normal
 
-    def multiplier(self, eps: Expr, n: Expr) -> Expr:
-        return one_sided_stress(self.measured(self.limited(eps)), self.inverse_limit, n)
-
-    def energy(self, eps: Expr, n: Expr) -> Expr:
-        return one_sided_energy(self.measured(self.limited(eps)), self.inverse_limit, n)
-
-    def utilisation(self, eps: Expr) -> Expr:
-        return ufl.max_value(self.inverse_limit * self.measured(self.limited(eps)), 0.0)
-
-    def multipliers(
-        self, element: Element, kept: Kept, mesh: dolfinx.mesh.Mesh
-    ) -> fem.FunctionSpace:
-        return element.shared_strain_space(kept, mesh)
+    def size(self, measured: Expr) -> Expr:
+        return measured
 
 
 @dataclass(frozen=True)
 class PrincipalSet(StrainSet):
     """``eps_I <= M`` for the largest eigenvalue of (2, 2) strains: the cone ``M I - eps >= 0``."""
+
+    penalty_stress = staticmethod(principal_stress)
+    penalty_energy = staticmethod(principal_energy)
 
     def measured(self, eps: Expr) -> Expr:
         return eps
@@ -164,16 +171,5 @@ class PrincipalSet(StrainSet):
     def stress(self, y: Expr) -> Expr:
         return y
 
-    def multiplier(self, eps: Expr, n: Expr) -> Expr:
-        return principal_stress(self.limited(eps), self.inverse_limit, n)
-
-    def energy(self, eps: Expr, n: Expr) -> Expr:
-        return principal_energy(self.limited(eps), self.inverse_limit, n)
-
-    def utilisation(self, eps: Expr) -> Expr:
-        return ufl.max_value(self.inverse_limit * principal_strains(self.limited(eps))[0], 0.0)
-
-    def multipliers(
-        self, element: Element, kept: Kept, mesh: dolfinx.mesh.Mesh
-    ) -> fem.FunctionSpace:
-        return element.shared_strain_space(kept, mesh, element.strain_shape(mesh))
+    def size(self, measured: Expr) -> Expr:
+        return principal_strains(measured)[0]

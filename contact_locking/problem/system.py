@@ -20,7 +20,7 @@ from contact_locking.fem.joint_forms import JointForm
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem import forms
 from contact_locking.problem.body_forms import BodyForms
-from contact_locking.problem.loose_motion import LooseMotion
+from contact_locking.problem.rigidity.loose_motion import LooseMotion
 from contact_locking.problem.rounding import Rounding, largest_displacement
 from contact_locking.supports.affine_part import affine_part, near_nullspace
 from contact_locking.supports.conditions import Constraints

@@ -14,7 +14,6 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fields import plausibility
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum
-from contact_locking.problem.parts import describe_loose, describe_slide
 from contact_locking.results.between_nodes import uncovered_entry
 from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.contact_points import OPEN
@@ -109,9 +108,9 @@ def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
             fields.contact.key, maximum(state.comm, slid), length, fields.contact.pairs_anew
         )
     for contact in data.contacts:
-        entry = uncovered_entry(problem.domain, problem.u, contact)
+        depth, place = uncovered_entry(problem.domain, problem.u, contact)
         found += plausibility.about_uncovered_boundary(
-            contact.key, entry.depth, entry.place, state.largest_displacement
+            contact.key, depth, place, state.largest_displacement
         )
     return found + plausibility.about_the_penetration(
         max(entering, default=0.0),
@@ -128,9 +127,9 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
     domain, data, u = problem.domain, problem.data, problem.u
     slide = None
     if problem.free and not report.converged:
-        slide = describe_slide(domain, u.function_space, data, problem.constraints)
+        slide = problem.rigidity.describe_slide()
     if slide is None and data.tools and problem.free and not report.converged:
-        slide = describe_loose(domain, u.function_space, data, problem.constraints)
+        slide = problem.rigidity.describe_loose()
     numbers = computed("body", state.body) | _contacts(state)
     warnings = [*problem.warnings, *report.warnings]
     if report.converged:
@@ -170,11 +169,15 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
 
 def _contacts(state: SolvedState) -> dict[str, Any]:
     """The keys of summary.json about all contacts together, and about each contact; collective."""
-    domain, tools = state.problem.domain, state.problem.data.tools
+    domain, tools = state.problem.domain, state.system.tools
     entries: list[dict[str, Any]] = []
     for fields in state.contacts:
         found = computed("contact", Contacts(domain, (fields,)))
-        moved = [item.summary() for item in tools if item.contact is fields.contact]
+        moved = [
+            item.summary(size)
+            for item, size in zip(tools, tools.travels, strict=True)
+            if item.contact is fields.contact
+        ]
         against = fields.contact.against
         places = {"on": list(fields.contact.on), **({"against": list(against)} if against else {})}
         entries.append({**places, **found, **dict(moved)})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,43 +20,36 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class AdmissibilityData:
-    """Prescribed displacements, gaps, contact normals and limits at a time, on this rank.
+    """Data that decide which displacements are admissible at a time, on this rank.
 
-    ``limits`` are the inverse limits of the strain: the time does not change them, but a user who
-    changes the problem between two steps may.  ``origin`` are the values of eps_0 that the limits
-    begin at, none for limits of the whole strain.  Foundations that forces move do not count,
-    because they may retreat.  Friction decides nothing here.
+    ``moving`` are prescribed displacements and gaps.  ``fixed`` are contact normals, the inverse
+    limits of the strain, and the values of eps_0 that the limits begin at, none for limits of the
+    whole strain: a user may change the limits between two steps.  Foundations that forces move do
+    not count, because they may retreat.  Friction decides nothing here.
     """
 
     comm: MPI.Intracomm
     time: float
-    displacements: FloatArray
-    gaps: FloatArray
-    normals: FloatArray
-    limits: FloatArray
-    origin: FloatArray
+    moving: tuple[FloatArray, ...]
+    fixed: tuple[FloatArray, ...]
 
     @classmethod
     def of(cls, system: PenalisedSystem, time: float) -> AdmissibilityData:
         """The data of the system, which has been set to the time."""
         contacts = [contact for contact in system.contacts if not contact.is_free]
-        return cls(
-            comm=system.comm,
-            time=time,
-            displacements=system.constraints.held_part(system.u.x.array),
-            gaps=np.concatenate([np.empty(0), *(contact.gaps for contact in contacts)]),
-            normals=np.concatenate([np.empty(0), *(item.normals.ravel() for item in contacts)]),
-            limits=np.concatenate([law.inverse_limit.x.array for law in system.data.sets]),
-            origin=_origin(system),
-        )
+        data, nothing = system.data, np.empty(0)
+        gaps = np.concatenate([nothing, *(contact.gaps for contact in contacts)])
+        normals = np.concatenate([nothing, *(item.normals.ravel() for item in contacts)])
+        limits = np.concatenate([law.inverse_limit.x.array for law in data.sets])
+        origin = nothing
+        if data.origin is not None and data.eigenstrain is not None:
+            origin = data.eigenstrain.values.x.array.copy()
+        held = system.constraints.held_part(system.u.x.array)
+        return cls(system.comm, time, (held, gaps), (normals, limits, origin))
 
     def repeats(self, other: AdmissibilityData) -> bool:
         """Whether the same displacements are admissible as at another time; collective."""
-        return (
-            self._is_bounded_like(other)
-            and self._are_same(self.displacements, other.displacements)
-            and self._are_same(self.gaps, other.gaps)
-        )
+        return self._agree(self.fixed, other.fixed) and self._agree(self.moving, other.moving)
 
     def is_beyond(self, refused: AdmissibilityData, reached: AdmissibilityData) -> bool:
         """Whether no displacement is admissible, because none is at ``refused``; collective.
@@ -67,36 +61,21 @@ class AdmissibilityData:
         """
         if not reached.time < refused.time <= self.time:
             return False
+        if not all(self._agree(self.fixed, other.fixed) for other in (reached, refused)):
+            return False
         share = (refused.time - reached.time) / (self.time - reached.time)
+        pairs = zip(self.moving, reached.moving, strict=True)
+        mixed = [there + share * (here - there) for here, there in pairs]
+        return self._agree(mixed, refused.moving)
 
-        def is_mixed(ours: FloatArray, middle: FloatArray, theirs: FloatArray) -> bool:
-            return self._are_same(theirs + share * (ours - theirs), middle)
-
-        return (
-            self._is_bounded_like(reached)
-            and self._is_bounded_like(refused)
-            and is_mixed(self.displacements, refused.displacements, reached.displacements)
-            and is_mixed(self.gaps, refused.gaps, reached.gaps)
-        )
-
-    def _is_bounded_like(self, other: AdmissibilityData) -> bool:
-        """Whether normals and limits are the same; collective."""
-        return (
-            self._are_same(self.normals, other.normals)
-            and self._are_same(self.limits, other.limits)
-            and self._are_same(self.origin, other.origin)
-        )
+    def _agree(self, ours: Sequence[FloatArray], theirs: Sequence[FloatArray]) -> bool:
+        return all(map(self._are_same, ours, theirs))
 
     def _are_same(self, ours: FloatArray, theirs: FloatArray) -> bool:
         # Sets of strains and contacts may be added between two steps.
         apart = np.abs(ours - theirs) if ours.shape == theirs.shape else np.array([np.inf])
         size = maximum(self.comm, np.abs(np.concatenate([ours, theirs])))
         return maximum(self.comm, apart) <= _ROUNDING * size
-
-
-def _origin(system: PenalisedSystem) -> FloatArray:
-    given = system.data.eigenstrain if system.data.origin is not None else None
-    return np.empty(0) if given is None else given.values.x.array.copy()
 
 
 class OutOfReach:

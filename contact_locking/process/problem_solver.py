@@ -13,8 +13,6 @@ from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
 from contact_locking.monitor import Monitor
 from contact_locking.problem.discrete_problem import DiscreteProblem
-from contact_locking.problem.loose_motion import LooseMotion
-from contact_locking.problem.parts import describe_unheld, loose_fields
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.sensitivity.lazy import LazyDerivatives, require_derivatives
 from contact_locking.sensitivity.quantities import require_quantities
@@ -47,7 +45,7 @@ class ProblemSolver:
             problem.constraints,
             held_by_contact=problem.free > 0,
             held_by_friction=problem.sliding > 0,
-            loose=_loose_motion(problem),
+            loose=problem.rigidity.loose_motion() if problem.free else None,
         )
         domain = problem.domain
         self._length = domain.extent
@@ -93,11 +91,7 @@ class ProblemSolver:
 
     def is_unbalanced(self) -> bool:
         """Whether a proof shows that no forces balance the present loads; collective."""
-        problem = self.problem
-        if not problem.free:
-            return False
-        space, constraints = problem.u.function_space, problem.constraints
-        return describe_unheld(problem.domain, space, problem.data, constraints) is not None
+        return self.problem.free > 0 and self.problem.rigidity.is_unheld()
 
     def equilibria(self, report: SolverReport, most: int) -> Iterator[Equilibrium]:
         """The solution of a report, and up to ``most - 1`` others; collective.
@@ -163,16 +157,6 @@ class ProblemSolver:
             return []
         names = ", ".join(unused)
         return [f"PETSc has not used these options: {names} (solver.petsc, or after --)"]
-
-
-def _loose_motion(problem: DiscreteProblem) -> LooseMotion | None:
-    """The rigid motions that contact alone stops, None if there are none; collective."""
-    if not problem.free:
-        return None
-    domain, space, constraints = problem.domain, problem.u.function_space, problem.constraints
-    owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    motions = loose_fields(domain, space, problem.data, constraints)
-    return LooseMotion(domain.comm, motions, owned, constraints, problem.contacts)
 
 
 def _linear(problem: DiscreteProblem, linear: str) -> str:

@@ -74,7 +74,20 @@ class StudyNumber:
     def remember(self, contacts: Sequence[ContactFields], change: Change, frozen: Frozen) -> None:
         """End a step, in which the iterate changes by ``change`` with this number."""
         for side in self._sides:
-            side.remember(contacts, change, side.value - self.value, frozen)
+            system, problem, step = side.solver.system, side.problem, side.value - self.value
+            owned = len(system.load)
+            system.u.x.array[:] = system.constraints.free_part(frozen.iterate.displacement)
+            system.u.x.array[:owned] += step * change.displacement[:owned]
+            system.constraints.apply(system.u)
+            system.tools.travels = tuple(
+                np.add(frozen.iterate.travels, step * change.displacement[owned:])
+            )
+            problem.enter(
+                [
+                    contact.state_after(problem.u, fields.holds)
+                    for contact, fields in zip(problem.contacts, contacts, strict=True)
+                ]
+            )
 
     def close(self) -> None:
         """Destroy the PETSc objects."""
@@ -92,23 +105,6 @@ class _Side:
         self.problem.advance(base.clock.now)
         self.solver = ProblemSolver(self.problem, settings_of(parameters))
         self.problem.enter(self.problem.at_rest())
-
-    def remember(
-        self, contacts: Sequence[ContactFields], change: Change, step: float, frozen: Frozen
-    ) -> None:
-        system, problem = self.solver.system, self.problem
-        owned = len(system.load)
-        system.u.x.array[:] = system.constraints.free_part(frozen.iterate.displacement)
-        system.u.x.array[:owned] += step * change.displacement[:owned]
-        system.constraints.apply(system.u)
-        system.tools.travels = tuple(
-            np.add(frozen.iterate.travels, step * change.displacement[owned:])
-        )
-        states = [
-            contact.state_after(problem.u, fields.holds)
-            for contact, fields in zip(problem.contacts, contacts, strict=True)
-        ]
-        problem.enter(states)
 
 
 class Sensitivities:

@@ -17,7 +17,8 @@ from contact_locking.certificate.penalty_error import distance
 from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
-from contact_locking.process import checkpoint, forecast, several
+from contact_locking.process import forecast, several
+from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.checkpoint.restart import solved_already, start_in_words
 from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.judgement import solution_of

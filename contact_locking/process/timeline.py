@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from contact_locking.study_file.parameters import StepParameters
+from contact_locking.study_file.parameters.numerics import StepParameters
 
 # Steps that differ by less than this share have the same length.
 _ROUNDING = 1e-9

@@ -25,7 +25,7 @@ from contact_locking.contact.surface import ContactSurface
 from contact_locking.mesh.cell_kind import facet_normals, unit_normals
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.lagrange import nodal_functions
-from contact_locking.parallel import maximum
+from contact_locking.parallel import maximum, peak
 from contact_locking.problem.rounding import ROUNDING
 
 # Each edge of a facet is divided into so many parts, by the dimension of the body, and the steps of
@@ -321,22 +321,14 @@ def _outward(surface: ContactSurface, corners: FloatArray, parts: int) -> FloatA
 _FLAT = 1e-9
 
 
-@dataclass(frozen=True)
-class UncoveredEntry:
-    """How deep the boundary outside of one contact's part of Gamma_C enters its foundation.
+def uncovered_entry(
+    domain: Domain, u: fem.Function, contact: NodalContact
+) -> tuple[float, tuple[float, ...]]:
+    """How deep the boundary outside of a contact's part of Gamma_C enters its foundation.
 
-    ``depth`` is a length, 0 where nothing enters; ``place`` (d,) is the deepest point before the
-    body moved.
-    """
-
-    depth: float
-    place: tuple[float, ...]
-
-
-def uncovered_entry(domain: Domain, u: fem.Function, contact: NodalContact) -> UncoveredEntry:
-    """The deepest entry of the moved boundary ``x + u(x)``, judged at its nodes; collective.
-
-    The rest of a flat side, of which a part is pressed by a half space, is left out.
+    The depth, a length, is judged at the nodes of the moved boundary ``x + u(x)``, and comes with
+    the place (d,) before the body moved.  The rest of a flat side, of which a part is pressed by a
+    half space, is left out.  Collective.
     """
     dim, space = domain.dim, u.function_space
     exterior = dmesh.exterior_facet_indices(domain.mesh.topology)
@@ -353,12 +345,8 @@ def uncovered_entry(domain: Domain, u: fem.Function, contact: NodalContact) -> U
     moved = places + u.x.array.reshape(-1, dim)[nodes]
     # A foundation that a force has moved is entered like one at rest by a body that moved back.
     depths = np.maximum(-contact.foundation.distance((moved - contact.travel.at(places)).T), 0.0)
-    found: tuple[float, list[float]] = (0.0, [])
-    if len(depths):
-        deepest = int(np.argmax(depths))
-        found = float(depths[deepest]), places[deepest].tolist()
-    depth, place = max(domain.comm.allgather(found))
-    return UncoveredEntry(depth, tuple(place))
+    depth, place = peak(domain.comm, depths, places)
+    return depth, tuple(place or ())
 
 
 def _on_flat_side(domain: Domain, contact: NodalContact, places: FloatArray) -> BoolArray:

@@ -18,7 +18,6 @@ from contact_locking.results.history import History, read_history
 
 Row = dict[str, Any]
 
-_MAX_BYTES = 500_000_000
 _NAME = re.compile(r"[0-9a-f]{16}")
 
 
@@ -139,8 +138,6 @@ def _study(folder: Path) -> StudyResults:
 
 def _text(path: Path) -> str:
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise InputError(f"{path}: is too large to be a result")
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
         raise InputError(f"{path}: is damaged: it is not text in UTF-8") from None
@@ -181,12 +178,10 @@ def _restore(value: Any, path: list[str], text: Any) -> None:
 
 def number(value: Any) -> float | None:
     """The number in a cell of a table, where infinity is a text; None for other values."""
-    if isinstance(value, bool) or value is None:
+    if isinstance(value, bool) or not (isinstance(value, int | float) or value in ("inf", "-inf")):
         return None
-    if isinstance(value, int | float) or value in ("inf", "-inf"):
-        try:
-            found = float(value)
-        except OverflowError:
-            return None
-        return None if math.isnan(found) else found
-    return None
+    try:
+        found = float(value)
+    except OverflowError:
+        return None
+    return None if math.isnan(found) else found

@@ -18,9 +18,10 @@ from contact_locking.errors import InputError, NoRendering
 from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
-from contact_locking.process import checkpoint, solving
+from contact_locking.process import solving
 from contact_locking.process.adaptivity.missed import solved_with_nodes
 from contact_locking.process.checkpoint import saved_steps
+from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results.output_folder import on_root_of
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing
@@ -118,8 +119,7 @@ def run_steps(
         )
         return last
 
-    saved_at = None if restart is None else saved_steps.saved_steps(Path(restart))[-1]
-    first = None if saved_at is None else checkpoint.refined_mesh(saved_at, comm)
+    first = checkpoint.refined_mesh(restart, comm)
     last = solved_with_nodes(attempt, first)
     if last.converged:
         on_root(comm, lambda: saved_steps.remove(target))

@@ -17,8 +17,8 @@ from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom
 from contact_locking.extras import pictures, report
 from contact_locking.files import atomic, ownership
 from contact_locking.files.lock import make_folders
-from contact_locking.process import checkpoint as checkpoints
 from contact_locking.process import several
+from contact_locking.process.checkpoint import stored as checkpoints
 from contact_locking.results import adapted_meshes, contact_table, fields, names, probe_table, xdmf
 from contact_locking.results.output_folder import KEY, explained_in, on_root_of, require_own
 from contact_locking.results.solution import StudySolution, summary_text
@@ -150,7 +150,7 @@ def save(solution: StudySolution, directory: str | Path) -> None:
     adios4dolfinx is missing, and InputError for a folder that cannot be written to or holds a
     checkpoint of others.
     """
-    save_as(solution, Path(directory), checkpoints.NAME)
+    save_as(solution, Path(directory), names.CHECKPOINT)
 
 
 def save_as(solution: StudySolution, directory: Path, name: str) -> None:
@@ -168,7 +168,7 @@ def save_as(solution: StudySolution, directory: Path, name: str) -> None:
 def _checkpoint(solution: StudySolution, target: Path, staging: Path) -> str | None:
     """Write a checkpoint and return None, or return why it failed; collective."""
     try:
-        _write_checkpoint(solution, target, staging / checkpoints.NAME)
+        _write_checkpoint(solution, target, staging / names.CHECKPOINT)
         return None
     except ContactLockingError as error:
         reason = str(error).splitlines()[0]
@@ -176,7 +176,7 @@ def _checkpoint(solution: StudySolution, target: Path, staging: Path) -> str | N
     # frames of the error may refer to each other in a circle.
     gc.collect()
     comm = solution.domain.comm
-    on_root_of(comm, target, lambda: shutil.rmtree(staging / checkpoints.NAME, ignore_errors=True))
+    on_root_of(comm, target, lambda: shutil.rmtree(staging / names.CHECKPOINT, ignore_errors=True))
     return reason
 
 

@@ -20,9 +20,8 @@ from contact_locking.problem.system import PenalisedSystem
 from contact_locking.sensitivity.equations import Equations
 from contact_locking.sensitivity.linearisation import Change, Linearisation
 from contact_locking.solver.interior_point.families import families_of
-from contact_locking.solver.interior_point.family import Family
+from contact_locking.solver.interior_point.family import Family, dot
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
-from contact_locking.solver.interior_point.lorentz import dot
 from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.task import Target
 

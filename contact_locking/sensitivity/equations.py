@@ -11,7 +11,6 @@ evaluated of them.  No law is differentiated by a parameter here.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +20,7 @@ from contact_locking.errors import InputError
 from contact_locking.parallel import maximum
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.bound_step import MovingBound
-from contact_locking.solver.interior_point.centred import centred
+from contact_locking.solver.interior_point.contact_nodes import OnContact
 from contact_locking.solver.interior_point.families import Families, families_of
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
@@ -96,7 +95,7 @@ class Equations:
             family.takes_part = cones is not None
             family.look(self.displacement)
             if cones is not None:
-                family.x, family.z = centred(family, cones)
+                family.x, family.z = family.centred(*cones)
                 self.families.append(family)
         self.bounds = [bound for bound in self._all.bounds if bound.friction.takes_part]
 
@@ -110,8 +109,8 @@ class Equations:
         """The owned values, and zeros for travels, which the gaps contain."""
         return np.append(self.system.u.x.array[: self._owned], np.zeros(len(self.system.tools)))
 
-    def residual(self, values: Sequence[float] = ()) -> Residual:
-        """The residual of the equations, with the values of quantities; collective."""
+    def residual(self) -> Residual:
+        """The residual of the equations, without quantities; collective."""
         system, comm = self.system, self.system.comm
         vector = system.u.x.petsc_vec.duplicate()
         vector.array_w[:] = system.forms.elastic_forces(system.u)[: self._owned] - system.load
@@ -119,13 +118,13 @@ class Equations:
         for family in self.families:
             family.add_forces(family.reactions, vector)
             family.add_tool_forces(family.reactions, on_tools)
-        travels = comm.allreduce(on_tools) - np.array([tool.left for tool in system.tools])
+        travels = comm.allreduce(on_tools) - system.tools.left
         forces = np.append(vector.array_r, travels)
         free = np.append(system.constraints.free_part(vector.array_r), travels)
         vector.destroy()
         wanted = [self._wanted(bound) - bound.friction.bound for bound in self.bounds]
         gaps = tuple(family.primal_gap() for family in self.families)
-        return Residual(forces, free, gaps, tuple(wanted), np.array(values, dtype=float))
+        return Residual(forces, free, gaps, tuple(wanted), np.empty(0))
 
     def _wanted(self, bound: MovingBound) -> FloatArray:
         """``mu(s) |R p|`` (k,) with the slip of the points, whose gaps move them; collective."""
@@ -153,7 +152,7 @@ def require_solved(equations: Equations) -> None:
         if isinstance(family, FrictionCones):
             # Slips under a bound that is nothing beside the stress are left open by the solver.
             gap = gap * np.minimum(1.0, family.bound / stress if stress > 0.0 else 0.0)
-        size = maximum(system.comm, family.x, moved if family.stops_rigid_motions else 0.0)
+        size = maximum(system.comm, family.x, moved if isinstance(family, OnContact) else 0.0)
         holds &= maximum(system.comm, np.abs(gap)) <= _POINTS * size
     if not holds:
         raise changed()

@@ -29,7 +29,7 @@ from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem import forms
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.sensitivity.derivatives import Derivatives
-from contact_locking.sensitivity.parameters import Along
+from contact_locking.sensitivity.parameters import along
 from contact_locking.sensitivity.quantities import scale_of
 from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
 
@@ -50,7 +50,7 @@ def field(made: Derivatives, name: str, of: fem.Function) -> fem.Function:
     # All ranks draw the same direction.
     random = _with_owned(of, np.random.default_rng(0).uniform(0.5, 1.5, len(every))[first:end])
     direction = sizes * random.x.array
-    wanted = made.by(name, Along(of, direction))
+    wanted = made.by(name, along(of, direction))
     noise = _NOTHING * scale_of(name, made.domain, made.frozen.system)
     for found in _by_forms(made, name, of, _WIDTH * sizes):
         gains = (found.x.array * direction)[own]
@@ -60,7 +60,7 @@ def field(made: Derivatives, name: str, of: fem.Function) -> fem.Function:
     values = np.empty(end - first)
     for place in every:
         unit = _with_owned(of, (np.arange(first, end) == place).astype(float))
-        value = made.by(name, Along(of, sizes * unit.x.array))
+        value = made.by(name, along(of, sizes * unit.x.array))
         if first <= place < end:
             values[place - first] = value / sizes[place - first]
     return _with_owned(of, values)

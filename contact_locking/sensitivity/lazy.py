@@ -17,7 +17,7 @@ from contact_locking.sensitivity.central_path import penalised_iterate
 from contact_locking.sensitivity.derivatives import Derivatives
 from contact_locking.sensitivity.equations import require_settled
 from contact_locking.sensitivity.fields import field
-from contact_locking.sensitivity.parameters import Entry, Frozen, Number, refresh
+from contact_locking.sensitivity.parameters import Frozen, Number, entries, number, refresh
 from contact_locking.solver.task import Settings, SolverReport, Target, Task
 
 
@@ -52,14 +52,12 @@ class LazyDerivatives:
         """As :meth:`contact_locking.results.solution.Solution.derivative`."""
         match of:
             case fem.Constant():
-                value = np.array(of.value, dtype=float)
-                entries = [Entry(of, place, f"{place}") for place in range(value.size)]
-                found = np.array([self.made.by(quantity, entry) for entry in entries])
-                return float(found[0]) if value.ndim == 0 else found.reshape(value.shape)
+                found = np.array([self.made.by(quantity, entry) for entry in entries(of)])
+                return found.reshape(np.shape(of.value)) if np.ndim(of.value) else float(found[0])
             case fem.Function():
                 return field(self.made, quantity, of)
             case Number():
-                return self.made.by(quantity, of)
+                return self.made.by(quantity, number(of))
         raise InputError(
             "a derivative is by a constant or a function of DOLFINx or by a Number, not by "
             f"{type(of).__name__}",

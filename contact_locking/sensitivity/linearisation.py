@@ -17,7 +17,7 @@ are solved for the bounds, whose system is small beside K, by generalised conjug
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.sensitivity.equations import Equations, Residual
 from contact_locking.solver.interior_point.bound_step import BoundLaw
+from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.family import Family, Reaction, Step
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
@@ -90,6 +91,10 @@ class Adjoint:
     bounds: tuple[FloatArray, ...]
 
 
+def _joined(parts: Iterable[FloatArray]) -> FloatArray:
+    return np.concatenate([np.empty(0), *parts])
+
+
 class Linearisation:
     """Derivatives at the iterate of ``equations``; the tangent is factorised once.
 
@@ -112,9 +117,7 @@ class Linearisation:
             factorise(self.tangent.direct)
         self._laws = [BoundLaw(bound, 1.0) for bound in equations.bounds]
         self._pressing = [bound.pressing for bound in equations.bounds]
-        self._weights = np.concatenate(
-            [law.friction.weights for law in self._laws] or [np.empty(0)]
-        )
+        self._weights = _joined(law.friction.weights for law in self._laws)
         self._ends = np.cumsum([len(law.friction.weights) for law in self._laws])[:-1]
 
     # Forward.
@@ -147,42 +150,43 @@ class Linearisation:
     def _moved(self, forces: FloatArray, wanted: Sequence[FloatArray]) -> Change:
         """The change by forces; bounds move by ``wanted``, and with what they follow."""
         found = self._solve(forces)
-        if self._laws:
-            steps = self._steps(found)
-            moved = [
-                law.moved(steps[pressing].dual, law.friction.slip_step(steps[law.friction]))
-                for law, pressing in zip(self._laws, self._pressing, strict=True)
-            ]
-            right = np.concatenate(wanted) + np.concatenate(moved)
-
-            def left_of(bounds: FloatArray) -> tuple[FloatArray, _Answer]:
-                answer = self._solve(-self.tangent.forces(self._respond(bounds)))
-                return bounds - self._followed(answer), answer
-
-            bounds, more = self._krylov(left_of, right)
-            found = found.plus(more)
-            for law, part in zip(self._laws, np.split(bounds, self._ends), strict=True):
-                law.friction.bound_step = part
+        steps = self._steps(found)
+        moved = [
+            law.moved(steps[pressing].dual, law.friction.slip_step(steps[law.friction]))
+            for law, pressing in zip(self._laws, self._pressing, strict=True)
+        ]
+        bounds, more = self._krylov(
+            lambda bounds: -self.tangent.forces(self._respond(bounds)),
+            lambda answer: -self._followed(answer),
+            _joined(wanted) + _joined(moved),
+        )
+        found = found.plus(more)
+        for law, _, part in self._parts(bounds):
+            law.friction.bound_step = part
         return Change(found.displacement, self._steps(found))
 
     def _steps(self, answer: _Answer) -> dict[Family, Step]:
         return {family: family.step(answer.seen[family]) for family in self.equations.families}
 
+    def _parts(self, bounds: FloatArray) -> list[tuple[BoundLaw, ContactCones, FloatArray]]:
+        """Each law with the cones that press, and its part of all bounds."""
+        parts = np.split(bounds, self._ends)[: len(self._laws)]
+        return list(zip(self._laws, self._pressing, parts, strict=True))
+
     def _followed(self, answer: _Answer) -> FloatArray:
         """The change of the bounds by a response of the displacement."""
-        parts = [
-            law.moved(pressing.response(answer.seen[pressing]), answer.seen[law.friction])
+        return _joined(
+            law.moved(pressing.block(answer.seen[pressing]), answer.seen[law.friction])
             for law, pressing in zip(self._laws, self._pressing, strict=True)
-        ]
-        return np.concatenate(parts)
+        )
 
     def _still(self) -> None:
         for law in self._laws:
             law.friction.bound_step = np.zeros(len(law.friction.weights))
 
     def _respond(self, bounds: FloatArray) -> list[Reaction]:
-        parts = zip(self._laws, np.split(bounds, self._ends), strict=True)
-        return [Reaction(law.friction, law.friction.response(part)) for law, part in parts]
+        parts = self._parts(bounds)
+        return [Reaction(law.friction, law.friction.response(part)) for law, _, part in parts]
 
     # Adjoint.
 
@@ -192,42 +196,32 @@ class Linearisation:
         pulled = [Reaction(family, family.block(values)) for family, values in given.items()]
         right = gradient.displacement + self.tangent.forces(pulled)
         found = self._solve(right)
-        bounds: FloatArray = np.zeros(len(self._weights))
-        if self._laws:
-            wanted = [
-                law.friction.response_adjoint(
-                    given.get(law.friction, np.zeros_like(law.friction.seen))
-                )
-                for law in self._laws
-            ]
+        frictions = [law.friction for law in self._laws]
+        wanted = _joined(
+            one.response_adjoint(given.get(one, np.zeros_like(one.seen))) for one in frictions
+        )
 
-            def seen(answer: _Answer) -> FloatArray:
-                frictions = [law.friction for law in self._laws]
-                return np.concatenate([one.response_adjoint(answer.seen[one]) for one in frictions])
+        def seen(answer: _Answer) -> FloatArray:
+            return _joined(one.response_adjoint(answer.seen[one]) for one in frictions)
 
-            def left_of(bounds: FloatArray) -> tuple[FloatArray, _Answer]:
-                answer = self._solve(self._pulled(bounds))
-                return bounds + seen(answer), answer
-
-            bounds, more = self._krylov(left_of, np.concatenate(wanted) - seen(found))
-            found = found.plus(more)
-        by_law = np.split(bounds, self._ends) if self._laws else []
-        left: dict[Family, FloatArray] = {}
-        for family in families:
-            left[family] = given.get(family, np.zeros_like(family.seen)) - found.seen[family]
-        gaps = {family: family.move_adjoint(values) for family, values in left.items()}
-        for law, pressing, part in zip(self._laws, self._pressing, by_law, strict=True):
+        bounds, more = self._krylov(self._pulled, seen, wanted - seen(found))
+        found, parts = found.plus(more), self._parts(bounds)
+        gaps = {
+            family: family.move_adjoint(
+                given.get(family, np.zeros_like(family.seen)) - found.seen[family]
+            )
+            for family in families
+        }
+        for law, pressing, part in parts:
             pressure, slip = law.moved_adjoint(part)
             gaps[pressing] = gaps[pressing] - pressing.stiffness * pressure
             gaps[law.friction][1 : 1 + len(slip)] += slip
-        return Adjoint(found.displacement, gaps, tuple(by_law))
+        return Adjoint(found.displacement, gaps, tuple(part for _, _, part in parts))
 
     def _pulled(self, bounds: FloatArray) -> FloatArray:
         """``P^T y``: the forces of what bounds follow a displacement by."""
         reactions = []
-        for law, pressing, part in zip(
-            self._laws, self._pressing, np.split(bounds, self._ends), strict=True
-        ):
+        for law, pressing, part in self._parts(bounds):
             pressure, slip = law.moved_adjoint(part)
             reactions.append(Reaction(pressing, pressing.stiffness * pressure))
             reactions.append(Reaction(law.friction, slip))
@@ -277,11 +271,14 @@ class Linearisation:
         return math.sqrt(self._comm.allreduce(float(owned @ owned)))
 
     def _krylov(
-        self, apply: Callable[[FloatArray], tuple[FloatArray, _Answer]], right: FloatArray
+        self,
+        forces: Callable[[FloatArray], FloatArray],
+        seen: Callable[[_Answer], FloatArray],
+        right: FloatArray,
     ) -> tuple[FloatArray, _Answer]:
-        """The solution of ``A b = right`` over all bounds, and its answer.
+        """The solution over all bounds of ``b + seen(K^-1 forces(b)) = right``, and the answer.
 
-        ``apply`` returns ``A b`` and the answer to b.  Raises NotConverged.
+        Raises NotConverged.
         """
         found, left, start = np.zeros_like(right), right.copy(), self._norm(right)
         moved = self._nothing()
@@ -290,7 +287,8 @@ class Linearisation:
             if len(known) == _MOST:
                 raise NotConverged("the derivative of the friction bounds was not found")
             step = left.copy()
-            image, answer = apply(step)
+            answer = self._solve(forces(step))
+            image = step + seen(answer)
             for other, other_image, other_answer in known:
                 share = self._dot(other_image, image)
                 image -= share * other_image

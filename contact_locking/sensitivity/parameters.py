@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from dolfinx import fem
@@ -77,71 +77,53 @@ class Number:
     value: float
     name: str = "number"
 
-    def equations_at(self, value: float, frozen: Frozen) -> AbstractContextManager[Equations]:
-        """A context with the equations for another value; collective."""
-        return _between(partial(setattr, self, "value"), value, self.value, frozen)
-
 
 @dataclass(frozen=True)
-class Entry:
-    """An entry of a constant of DOLFINx; ``place`` is the index in its flat values."""
+class Put:
+    """A number that ``put`` gives to the data of a problem, at present ``value``."""
 
-    constant: fem.Constant
-    place: int
     name: str
+    value: float
+    put: Callable[[float], None]
 
-    @property
-    def value(self) -> float:
-        """The present value."""
-        return float(np.ravel(self.constant.value)[self.place])
-
-    def equations_at(self, value: float, frozen: Frozen) -> AbstractContextManager[Equations]:
+    @contextmanager
+    def equations_at(self, value: float, frozen: Frozen) -> Iterator[Equations]:
         """A context with the equations for another value; collective."""
-        before = np.array(self.constant.value)
-        other = before.copy()
-        other.reshape(-1)[self.place] = value
-        return _between(partial(setattr, self.constant, "value"), other, before, frozen)
+        self.put(value)
+        try:
+            frozen.refresh()
+            equations = frozen.equations()
+            try:
+                yield equations
+            finally:
+                equations.destroy()
+        finally:
+            self.put(self.value)
+            frozen.refresh()
 
 
-@dataclass(frozen=True)
-class Along:
-    """The share of a direction that is added to a function of DOLFINx, counted from ``value``.
+def number(given: Number) -> Put:
+    """A number of a script."""
+    return Put(given.name, given.value, partial(setattr, given, "value"))
+
+
+def entries(constant: fem.Constant) -> list[Put]:
+    """The entries of a constant of DOLFINx, in the order of its flat values."""
+    flat = np.reshape(constant.value, -1)
+    return [Put(f"{at}", float(flat[at]), partial(flat.__setitem__, at)) for at in range(len(flat))]
+
+
+def along(function: fem.Function, direction: FloatArray) -> Put:
+    """The share, at present 1, of a direction in a function of DOLFINx.
 
     ``direction`` has the local values, ghosts included, of the size of those of the function.
     """
+    values, before = function.x.array, function.x.array.copy()
 
-    function: fem.Function
-    direction: FloatArray
-    value: float = 1.0
+    def put(share: float) -> None:
+        values[:] = before + (share - 1.0) * direction
 
-    @property
-    def name(self) -> str:
-        """The name in tables."""
-        return str(self.function.name)
-
-    def equations_at(self, value: float, frozen: Frozen) -> AbstractContextManager[Equations]:
-        """A context with the equations for another value; collective."""
-        values = self.function.x.array
-        before, more = values.copy(), (value - self.value) * self.direction
-        return _between(partial(np.copyto, values), before + more, before, frozen)
-
-
-@contextmanager
-def _between(
-    put: Callable[[Any], None], value: Any, before: Any, frozen: Frozen
-) -> Iterator[Equations]:
-    """The equations of a problem while its data have another value; collective."""
-    put(value)
-    try:
-        frozen.refresh()
-        equations = frozen.equations()
-        try:
-            yield equations
-        finally:
-            equations.destroy()
-    finally:
-        put(before)
-        frozen.refresh()
+    return Put(str(function.name), 1.0, put)
 
 
 def width(parameter: Parameter, scale: float) -> float:

@@ -108,8 +108,8 @@ def _named(name: str, domain: Domain, system: PenalisedSystem) -> Quantity:
         raise InputError(
             f"{name} is a count of points, which jumps: it has no derivative", "sensitivities.of"
         )
-    if name in _ENERGIES:
-        return _ENERGIES[name](name)
+    if name in ("compliance", "elastic_energy"):
+        return _Energy(name)
     if name == "pressure_max" and system.contacts:
         return _LargestPressure(name)
     if found := re.fullmatch(r"(?:contacts\.(\d+)\.)?(contact|friction)_force\.(\d)", name):
@@ -144,42 +144,32 @@ def _sum(equations: Equations, local: float) -> float:
     return float(equations.system.comm.allreduce(local))
 
 
-class _Compliance(Quantity):
+class _Energy(Quantity):
+    """The compliance or the elastic energy, with the work of the forces of an eigenstrain."""
+
+    @property
+    def is_stored(self) -> bool:
+        return self.name == "elastic_energy"
+
     def value(self, equations: Equations, residual: Residual) -> float:
-        return equations.system.compliance()
+        system = equations.system
+        return system.elastic_energy() if self.is_stored else system.compliance()
 
     def gradient(self, equations: Equations) -> Gradient:
         found, system = _nothing(equations), equations.system
         count = len(system.load)
-        found[:count] = system.load + system.forms.eigenstrain_forces()[:count]
-        return Gradient(found, {})
-
-    def functional(self, equations: Equations) -> ufl.Form:
-        data, u = equations.system.data, equations.system.u
-        work = forms.external_work(u, data)
-        return work if data.eigenstrain is None else work + forms.initial_work(u, data)
-
-
-class _ElasticEnergy(Quantity):
-    def value(self, equations: Equations, residual: Residual) -> float:
-        return equations.system.elastic_energy()
-
-    def gradient(self, equations: Equations) -> Gradient:
-        found, system = _nothing(equations), equations.system
-        forces = system.forms.elastic_forces(system.u) + system.forms.eigenstrain_forces()
-        count = len(system.load)
-        found[:count] = forces[:count]
+        forces = system.forms.elastic_forces(system.u)[:count] if self.is_stored else system.load
+        found[:count] = forces + system.forms.eigenstrain_forces()[:count]
         return Gradient(found, {})
 
     def functional(self, equations: Equations) -> ufl.Form:
         data, u = equations.system.data, equations.system.u
         stored = 0.5 * forms.elastic_form(u, u, data)
+        found = stored if self.is_stored else forms.external_work(u, data)
         if data.eigenstrain is None:
-            return stored
-        return stored + forms.initial_work(u, data) + forms.initial_energy(data)
-
-
-_ENERGIES = {"compliance": _Compliance, "elastic_energy": _ElasticEnergy}
+            return found
+        found += forms.initial_work(u, data)
+        return found + forms.initial_energy(data) if self.is_stored else found
 
 
 @dataclass(frozen=True)
@@ -251,7 +241,7 @@ class _Travel(Quantity):
     number: int
 
     def value(self, equations: Equations, residual: Residual) -> float:
-        return float(equations.system.tools[self.number].travel)
+        return equations.system.tools.travels[self.number]
 
     def gradient(self, equations: Equations) -> Gradient:
         found = _nothing(equations)

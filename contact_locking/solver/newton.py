@@ -30,7 +30,7 @@ from contact_locking.solver.task import Task
 class ToolBorder:
     """Solves ``(K - B C^-1 B^T) y = f``, the tangent of (25) where tools are in equilibrium.
 
-    K is the tangent with tools that stand still, and tools move by ``-C^-1 B^T y`` (ToolBalance).
+    K is the tangent with tools that stand still, and tools move by ``-C^-1 B^T y`` (Tools).
     """
 
     def __init__(self, system: PenalisedSystem, ksp: PETSc.KSP, matrix: PETSc.Mat) -> None:
@@ -45,11 +45,10 @@ class ToolBorder:
         # The tangent has this stiffness beside that of the contact law.
         floor = system.CONTACT_FLOOR / float(system.data.epsilon.value)
         floor *= float(system.held_by_contact)
-        for balance in system.tools.balances:
-            tractions, corner = balance.border(system.u, floor)
+        for surface, tractions, corner in system.tools.borders(system.u, floor):
             corners.append(corner)
             for own in tractions:
-                column, forces = next(columns), balance.contact.surface.nodal_forces(own)
+                column, forces = next(columns), surface.nodal_forces(own)
                 column.array_w[:] = system.constraints.free_part(forces[: column.getLocalSize()])
         self._border.refresh(_in_blocks(corners), self._ksp.solve)
 

@@ -31,8 +31,9 @@ from contact_locking.study.loads import build_loads, springs_of
 from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.probe_points import locate
 from contact_locking.study_file.named_numbers import resolved
-from contact_locking.study_file.parameters import LoadParameters, Parameters
-from contact_locking.study_file.parameters.base import dimension_faults
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters.base import dimension_faults, dotted
+from contact_locking.study_file.parameters.boundary import LoadParameters
 from contact_locking.study_file.parameters.mesh import BoundaryPart, MeshParameters
 from contact_locking.supports.conditions import ComponentCondition, constrain
 from contact_locking.supports.supports import Support
@@ -84,7 +85,7 @@ class StudyProblem(DiscreteProblem):
         )
         penalty = parameters.penalty
         super().__init__(body, contacts, penalty.n, penalty.epsilon)
-        self.require_held()
+        self.rigidity.require_held()
         told += given.warnings() + of_springs
         for item in parameters.contacts:
             told += friction_warnings(domain, item, clock)
@@ -207,7 +208,7 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
     ):
         require_surface(domain, on, key)
     for place, condition in parameters.loads.held():
-        key = ".".join(["loads", *map(str, place), "on"])
+        key = dotted("loads", *place, "on")
         facets = domain.facets(condition.on, key)
         both = sum(len(np.intersect1d(facets, contact)) for contact in contacts)
         if domain.comm.allreduce(both):
@@ -279,7 +280,7 @@ def with_placed_parts(domain: Domain, given: MeshParameters) -> Domain:
     if not given.parts:
         return domain
     for fault in dimension_faults(given, domain.dim):
-        raise InputError(fault.message, ".".join(map(str, ("mesh", *fault.place))))
+        raise InputError(fault.message, dotted("mesh", *fault.place))
     rounding = _ROUNDING * float(np.ptp(domain.bounding_box, axis=0).max())
     places = {
         name: Place(_tests(part, domain.dim, rounding), part.on)

@@ -23,16 +23,16 @@ from contact_locking.expressions.gradient import value_and_gradient
 from contact_locking.fields.clock import Clock, is_timed
 from contact_locking.fields.sampling import Entities, features
 from contact_locking.fields.values import PresentValue
-from contact_locking.laws.foundation import Cylinder, Foundation, HalfSpace, Sphere
+from contact_locking.laws.foundation import Cylinder, Foundation, HalfSpace, LevelSet, Sphere
 from contact_locking.laws.friction import FrictionLaw
-from contact_locking.laws.level_set import LevelSet
 from contact_locking.laws.polyline import Polyline
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.laws.triangulated import TriangulatedSurface
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file.tool_surface import read_corners, read_surface
 from contact_locking.parallel import agree, maximum, on_root
-from contact_locking.study_file.parameters import ContactParameters, rigid_body
+from contact_locking.study_file.parameters import rigid_body
+from contact_locking.study_file.parameters.contact_sections import ContactParameters
 
 
 @dataclass

@@ -29,7 +29,7 @@ from contact_locking.fields.values import evaluate
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, minimum
 from contact_locking.problem.springs import Springs
-from contact_locking.study_file.parameters import LoadParameters, Spring
+from contact_locking.study_file.parameters.boundary import LoadParameters, Spring
 
 # The quadrature degree of an expression in each part of a cell or facet; test functions of degree 1
 # or 2 need no more.  The rule for comparison has a higher degree and parts half as long.
@@ -121,12 +121,7 @@ class _Load:
     """
 
     def __init__(
-        self,
-        on: Entities,
-        values: Sequence[float | str],
-        key: str,
-        element: Element,
-        clock: Clock,
+        self, on: Entities, values: Sequence[float | str], key: str, element: Element, clock: Clock
     ) -> None:
         domain = self._domain = on.domain
         self._on, self._key, self._element, self._clock = on, key, element, clock

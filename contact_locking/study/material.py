@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -29,13 +29,14 @@ from contact_locking.problem.limits import (
     require_positive,
 )
 from contact_locking.problem.points import Points
-from contact_locking.study_file.parameters import (
+from contact_locking.study_file.parameters.base import Place, dotted, leaves
+from contact_locking.study_file.parameters.material import (
     Eigenstrain,
     MaterialParameters,
     Region,
     StrainLimit,
 )
-from contact_locking.study_file.parameters import Elasticity as ElasticityParameters
+from contact_locking.study_file.parameters.material import Elasticity as ElasticityParameters
 
 _ADVICE_ON_CELLS = "refine the mesh there, or let a boundary of the region in its on go there"
 
@@ -71,15 +72,15 @@ class EigenstrainOfStudy:
     constructor is collective and raises InputError for a region that the mesh does not have.
     """
 
-    def __init__(self, domain: Domain, given: MaterialParameters, clock: Clock) -> None:
+    def __init__(
+        self, domain: Domain, given: MaterialParameters, clock: Clock, everywhere: IndexArray
+    ) -> None:
         self._domain, self._clock = domain, clock
-        index_map = domain.mesh.topology.index_map(domain.dim)
-        everywhere = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         self.regions: list[IndexArray] = []
         self._parts: list[_EigenstrainPart] = []
         for place, item in given.eigenstrains:
-            key = ".".join(map(str, ("material", *place)))
-            cells: IndexArray = everywhere
+            key = dotted("material", *place)
+            cells = everywhere
             if item.on is not None:
                 found = [domain.cells(name, f"{key}.on") for name in item.on]
                 cells = np.asarray(np.unique(np.concatenate(found)), dtype=np.int32)
@@ -87,16 +88,19 @@ class EigenstrainOfStudy:
             self._parts.append(self._part(cells, item, key))
 
     def _part(self, cells: IndexArray, item: Eigenstrain, key: str) -> _EigenstrainPart:
+        def value(given: Scalar, *place: str | int) -> PresentValue:
+            return PresentValue(self._domain.comm, given, dotted(key, *place), self._clock)
+
         name, tensor = item.tensor
-
-        def value(given: float | str, place: str) -> PresentValue:
-            return PresentValue(self._domain.comm, given, f"{key}.{place}", self._clock)
-
+        entries: dict[tuple[int, int], PresentValue] = {}
+        for place, given in leaves(tensor, ()):
+            one = value(given, name, *place)
+            match place:
+                case (int(i), int(j)):
+                    entries[i, j] = one
+                case _:  # a normal strain, or the number of all three
+                    entries |= {(int(i), int(i)): one for i in place or range(3)}
         warm = None if item.temperature is None else value(item.temperature, "temperature")
-        if not isinstance(tensor, tuple):
-            alike = value(tensor, name)
-            return _EigenstrainPart(cells, {(i, i): alike for i in range(3)}, warm)
-        entries = {place: value(one, told) for place, one, told in _entries(tensor, name)}
         return _EigenstrainPart(cells, entries, warm)
 
     def at(self, points: Points) -> FloatArray:
@@ -113,21 +117,9 @@ class EigenstrainOfStudy:
         for part in self._parts:
             inside = Entities.of(self._domain, self._domain.dim, part.cells)
             for value in part.values:
-                if not value.expression.is_constant:
-                    times = self._clock.some_times
-                    told += features(
-                        inside, value.expression, value.key, _ADVICE_ON_CELLS, times=times
-                    )
+                times = self._clock.some_times
+                told += features(inside, value.expression, value.key, _ADVICE_ON_CELLS, times=times)
         return told
-
-
-def _entries(tensor: tuple[Any, ...], name: str) -> Iterator[tuple[tuple[int, int], Any, str]]:
-    for i, row in enumerate(tensor):
-        if isinstance(row, tuple):
-            for j, one in enumerate(row):
-                yield (i, j), one, f"{name}.{i}.{j}"
-        else:
-            yield (i, i), row, f"{name}.{i}"
 
 
 _ADVICE = "refine the mesh there, or let a boundary of material.regions go there"
@@ -136,23 +128,21 @@ Scalar = float | str
 
 @dataclass(frozen=True)
 class Piece:
-    """A number or an expression of x, y[, z] in some local cells."""
+    """A number or an expression of x, y[, z] in some local cells, which may be ``infinite``."""
 
     cells: IndexArray
     value: Scalar
     key: str
+    infinite: bool = False
 
-    def at(self, points: Points, infinite: bool = False) -> FloatArray:
-        """The values at the points in the cells; collective.
-
-        Raises InputError for a value that is not finite, unless it may be ``infinite``.
-        """
+    def at(self, points: Points) -> FloatArray:
+        """The values at the points in the cells; collective.  Raises InputError for another."""
         places = points.places[:, points.of(self.cells)]
-        return evaluate(points.domain.comm, self.value, places, self.key, infinite)
+        return evaluate(points.domain.comm, self.value, places, self.key, self.infinite)
 
-    def warnings(self, domain: Domain, infinite: bool = False) -> list[str]:
+    def warnings(self, domain: Domain) -> list[str]:
         """Features of an expression between the points; collective.  Raises for a pole."""
-        expression = parse(self.value, AXES, allow_infinite=infinite)
+        expression = parse(self.value, AXES, allow_infinite=self.infinite)
         if expression.is_constant:
             return []
         inside = Entities.of(domain, domain.dim, self.cells)
@@ -161,7 +151,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Bounds:
-    """Limits of the strain in pieces, of which the last counts, and infinity elsewhere.
+    """Limits of the strain in pieces, and infinity elsewhere.
 
     Each is positive times ``sign``; ``requirement`` names the positive number in messages.
     """
@@ -174,7 +164,7 @@ class Bounds:
         """The limits (k,); collective.  Raises InputError for one that is not positive."""
         found = np.full(len(points.all), self.sign * math.inf)
         for piece in self.pieces:
-            values = piece.at(points, infinite=True)
+            values = piece.at(points)
             require_positive(points.domain, self.sign * values, piece.key, self.requirement)
             found[points.of(piece.cells)] = values
         return found
@@ -184,7 +174,7 @@ class Bounds:
 class Entries:
     """Vectors or matrices in cells, by the pieces of their entries, and zero elsewhere."""
 
-    entries: Sequence[tuple[tuple[int, ...], Piece]]
+    entries: Sequence[tuple[Place, Piece]]
     shape: tuple[int, ...]
 
     def at(self, points: Points) -> FloatArray:
@@ -212,160 +202,129 @@ class MaterialOfStudy:
             name: domain.cells(name, f"material.regions.{name}") for name in given.regions
         }
         self.regions = [self._cells[name] for name in sorted(given.regions)]
-        self._pieces: list[tuple[Piece, bool]] = []
+        self._pieces: list[Piece] = []
         self._eigenstrain: EigenstrainOfStudy | None = None
         if given.eigenstrains:
-            self._eigenstrain = EigenstrainOfStudy(domain, given, clock)
+            self._eigenstrain = EigenstrainOfStudy(domain, given, clock, self._all)
             self.regions += self._eigenstrain.regions
         self.elasticity = self._elasticity()
         self.limits = self._limits()
 
     def warnings(self) -> list[str]:
         """Features of the data between the points of the strains; collective."""
-        found = [piece.warnings(self._domain, infinite) for piece, infinite in self._pieces]
-        eigen = [] if self._eigenstrain is None else self._eigenstrain.warnings()
-        return [*(text for texts in found for text in texts), *eigen]
+        found = [text for piece in self._pieces for text in piece.warnings(self._domain)]
+        return found + ([] if self._eigenstrain is None else self._eigenstrain.warnings())
 
     def _piece(self, cells: IndexArray, value: Scalar, key: str, infinite: bool = False) -> Piece:
-        piece = Piece(cells, value, key)
-        self._pieces.append((piece, infinite))
+        piece = Piece(cells, value, key, infinite)
+        self._pieces.append(piece)
         return piece
 
-    def _elasticity(self) -> Elasticity:
-        given, place = self._given, "material.elasticity"
-        sections: list[tuple[IndexArray, ElasticityParameters, str]] = [
-            (self._all, given.elasticity, place)
+    def _pieces_of(self, cells: IndexArray, tensor: Any, key: str) -> list[tuple[Place, Piece]]:
+        """The entries of a vector or a matrix with their places."""
+        return [
+            (place, self._piece(cells, value, dotted(key, *place)))
+            for place, value in leaves(tensor, ())
         ]
+
+    def _elasticity(self) -> Elasticity:
+        given = self._given
+        parts = [self._part(self._all, given.elasticity, "material.elasticity")]
         for name, region in given.regions.items():
             if region.elasticity is not None:
                 key = f"material.regions.{name}.elasticity"
-                sections.append((self._cells[name], region.elasticity, key))
-        parts = [self._part(*section) for section in sections]
+                parts.append(self._part(self._cells[name], region.elasticity, key))
         found = partial(
             Elasticity, eigenstrain=self._eigenstrain, plane=given.plane, key=parts[-1].key
         )
-        if any(isinstance(part, _AnisotropicPart) for part in parts):
-            return found(stiffness=_Stiffness(parts))
-        moduli = [part for part in parts if isinstance(part, _IsotropicPart)]
-        first, second = (_Lame(moduli, number) for number in (0, 1))
-        return found(lame_lambda=first, lame_mu=second)
+        if any(part.is_matrix for part in parts):
+            size = len(self._domain.kinematics.mandel_pairs(self._domain.dim))
+            return found(stiffness=_InParts(parts, _Part.stiffness, (size, size)))
+        return found(
+            lame_lambda=_InParts(parts, lambda part, points: part.lame(points)[0]),
+            lame_mu=_InParts(parts, lambda part, points: part.lame(points)[1]),
+        )
 
     def _part(self, cells: IndexArray, given: ElasticityParameters, key: str) -> _Part:
-        if given.stiffness is not None:
-            rows = enumerate(given.stiffness)
-            entries = [
-                ((i, j), self._piece(cells, entry, f"{key}.stiffness"))
-                for i, row in rows
-                for j, entry in enumerate(row)
-            ]
-            return _AnisotropicPart(cells, key, entries)
-        names = ("young", "poisson") if given.young is not None else ("lambda", "mu")
-        values = (given.young, given.poisson)
-        if given.young is None:
-            values = (given.lame_lambda, given.lame_mu)
-        pieces = []
-        for name, value in zip(names, values, strict=True):
-            assert value is not None
-            pieces.append(self._piece(cells, value, f"{key}.{name}"))
-        return _IsotropicPart(cells, key, pieces, given.young is not None)
+        names = {"young": given.young, "poisson": given.poisson}
+        names |= {"lambda": given.lame_lambda, "mu": given.lame_mu}
+        pieces = [
+            self._piece(cells, value, f"{key}.{name}")
+            for name, value in names.items()
+            if value is not None
+        ]
+        entries = self._pieces_of(cells, given.stiffness or (), f"{key}.stiffness")
+        pieces += [piece for _, piece in entries]
+        return _Part(cells, key, pieces, given.young is not None)
 
     def _limits(self) -> list[Limit]:
         """All limits: those of one norm, of several regions, are one set."""
-        limits: list[Limit] = [StrainBall(self._bounds(list(self._balls()), "the locking limit"))]
-        shape, upper, lower, principal = [], [], [], []
+        upper: dict[str, list[Piece]] = {}
+        lower: list[Piece] = []
         along: list[Limit] = []
-        for limit, cells, key in self._other_limits():
+        size = self._domain.kinematics.tensor_size(self._domain.dim)
+        for limit, cells, key, most_key in self._limits_in_cells():
             name = key.partition(".")[2]
-            most = self._piece(cells, limit.upper, f"{key}.at_most", infinite=True)
+            most = self._piece(cells, limit.upper, most_key, infinite=True)
             few = []
             if limit.lower != -math.inf:
                 few.append(self._piece(cells, limit.lower, f"{key}.at_least"))
-            match limit.norm:
-                case "deviator":
-                    shape.append(most)
-                case "largest_principal":
-                    principal.append(most)
-                case "volume":
-                    upper.append(most)
-                    lower += few
-                case "direction":
-                    bounds = self._bounds([most], "the limit"), self._lower(few)
-                    vector = self._vector(limit, cells, key)
-                    along.append(Direction(vector, *bounds, name, key))
-                case "weighted":
-                    assert limit.matrix is not None
-                    size = len(limit.matrix)
-                    entries = [
-                        ((i, j), self._piece(cells, entry, f"{key}.matrix.{i}.{j}"))
-                        for i, row in enumerate(limit.matrix)
-                        for j, entry in enumerate(row)
-                    ]
-                    matrix = Entries(entries, (size, size))
-                    along.append(Weighted(matrix, self._bounds([most], "the limit"), name, key))
-        if shape:
-            limits.append(Deviator(self._bounds(shape, "the limit")))
-        if principal:
-            limits.append(LargestPrincipal(self._bounds(principal, "the limit")))
-        if upper or lower:
-            limits.append(Volume(self._bounds(upper, "the limit"), self._lower(lower)))
+            if limit.along is not None:
+                # The hoop component of an axisymmetric body may be left out.
+                vector = Entries(self._pieces_of(cells, limit.along, f"{key}.along"), (size,))
+                along.append(Direction(vector, _upper([most]), _lower(few), name, key))
+            elif limit.matrix is not None:
+                shape = (len(limit.matrix), len(limit.matrix))
+                matrix = Entries(self._pieces_of(cells, limit.matrix, f"{key}.matrix"), shape)
+                along.append(Weighted(matrix, _upper([most]), name, key))
+            else:
+                upper.setdefault(limit.norm, []).append(most)
+                lower += few
+        limits: list[Limit] = [StrainBall(Bounds(upper.get("strain", []), "the locking limit"))]
+        if "deviator" in upper:
+            limits.append(Deviator(_upper(upper["deviator"])))
+        if "largest_principal" in upper:
+            limits.append(LargestPrincipal(_upper(upper["largest_principal"])))
+        if "volume" in upper:
+            limits.append(Volume(_upper(upper["volume"]), _lower(lower)))
         return [*limits, *along]
 
-    def _bounds(self, pieces: Sequence[Piece], requirement: str) -> Bounds:
-        return Bounds(pieces, requirement)
-
-    def _lower(self, pieces: Sequence[Piece]) -> Bounds:
-        return Bounds(pieces, "minus the lower limit", -1.0)
-
-    def _vector(self, limit: StrainLimit, cells: IndexArray, key: str) -> Entries:
-        assert limit.along is not None
-        # The hoop component of an axisymmetric body may be left out.
-        size = self._domain.kinematics.tensor_size(self._domain.dim)
-        entries = [
-            ((axis,), self._piece(cells, component, f"{key}.along.{axis}"))
-            for axis, component in enumerate(limit.along)
-        ]
-        return Entries(entries, (size,))
-
-    def _balls(self) -> Iterator[Piece]:
-        """M of the ball: that of the body, and those of the regions with limits of their own."""
-        yield self._piece(self._all, *_ball(self._given, "material"), infinite=True)
-        for name, region in self._given.regions.items():
-            if region.limits is not None:
-                ball = _ball(region, f"material.regions.{name}")
-                yield self._piece(self._cells[name], *ball, infinite=True)
-
-    def _other_limits(self) -> Iterator[tuple[StrainLimit, IndexArray, str]]:
-        """Every limit but balls, the cells that it belongs to, and its key."""
-        sections = [(self._given.limits, "material.locking")]
+    def _limits_in_cells(self) -> Iterator[tuple[StrainLimit, IndexArray, str, str]]:
+        """Every limit, the cells that it belongs to, its key, and that of its upper limit."""
+        sections: list[tuple[MaterialParameters | Region, str]] = [(self._given, "material")]
         owner = np.zeros(len(self._all), dtype=np.int32)
         for name, region in self._given.regions.items():
             if region.limits is not None:
                 owner[self._cells[name]] = len(sections)
-                sections.append((region.limits, f"material.regions.{name}.locking"))
-        for number, (limits, key) in enumerate(sections):
+                sections.append((region, f"material.regions.{name}"))
+        for number, (section, place) in enumerate(sections):
             cells = np.flatnonzero(owner == number).astype(np.int32)
-            for index, limit in enumerate(limits):
-                if limit.norm != "strain":
-                    yield limit, cells, f"{key}.{index}"
+            for index, limit in enumerate(section.limits or ()):
+                key = f"{place}.locking.{index}"
+                short = f"{place}.locking_limit"
+                yield limit, cells, key, f"{key}.at_most" if section.locking else short
 
 
-def _ball(given: MaterialParameters | Region, place: str) -> tuple[Scalar, str]:
-    """M of the ball among the limits of a section, inf without a ball, and its key."""
-    for index, limit in enumerate(given.locking or ()):
-        if limit.norm == "strain":
-            return limit.upper, f"{place}.locking.{index}.at_most"
-    short = given.locking_limit
-    return math.inf if short is None else short, f"{place}.locking_limit"
+def _upper(pieces: Sequence[Piece]) -> Bounds:
+    return Bounds(pieces, "the limit")
+
+
+def _lower(pieces: Sequence[Piece]) -> Bounds:
+    return Bounds(pieces, "minus the lower limit", -1.0)
 
 
 @dataclass(frozen=True)
-class _IsotropicPart:
-    """Isotropic elasticity in some cells, by E and nu if ``are_moduli``, else by lambda and mu."""
+class _Part:
+    """Elasticity in some cells: E and nu if ``are_moduli``, lambda and mu, or a Mandel matrix."""
 
     cells: IndexArray
     key: str
     pieces: Sequence[Piece]
     are_moduli: bool
+
+    @property
+    def is_matrix(self) -> bool:
+        return len(self.pieces) > 2
 
     def lame(self, points: Points) -> FloatArray:
         """Both Lame coefficients (2, k) at the points in the cells; collective."""
@@ -375,56 +334,26 @@ class _IsotropicPart:
     def stiffness(self, points: Points) -> FloatArray:
         """Mandel matrices (k, s, s) at the points in the cells; collective."""
         domain = points.domain
-        pairs = domain.kinematics.mandel_pairs(domain.dim)
-        first, second = self.lame(points)
-        return law.isotropic_stiffness(first, second, domain.dim, pairs)
-
-
-@dataclass(frozen=True)
-class _AnisotropicPart:
-    """Mandel matrices in some cells."""
-
-    cells: IndexArray
-    key: str
-    entries: Sequence[tuple[tuple[int, int], Piece]]
-
-    def stiffness(self, points: Points) -> FloatArray:
-        """Mandel matrices (k, s, s) at the points in the cells; collective."""
-        size = math.isqrt(len(self.entries))
-        found = np.empty((len(points.of(self.cells)), size, size))
-        for (i, j), piece in self.entries:
-            found[:, i, j] = piece.at(points)
-        require_symmetric(points.domain, found, f"{self.key}.stiffness")
-        return found
-
-
-_Part = _IsotropicPart | _AnisotropicPart
-
-
-@dataclass(frozen=True)
-class _Lame:
-    """lambda or mu of parts, of which the last counts."""
-
-    parts: Sequence[_IsotropicPart]
-    number: int
-
-    def at(self, points: Points) -> FloatArray:
-        found = np.empty(len(points.all))
-        for part in self.parts:
-            found[points.of(part.cells)] = part.lame(points)[self.number]
+        if not self.is_matrix:
+            pairs = domain.kinematics.mandel_pairs(domain.dim)
+            return law.isotropic_stiffness(*self.lame(points), domain.dim, pairs)
+        size = math.isqrt(len(self.pieces))
+        entries = np.array([piece.at(points) for piece in self.pieces])
+        found = entries.T.reshape(-1, size, size)
+        require_symmetric(domain, found, f"{self.key}.stiffness")
         return found
 
 
 @dataclass(frozen=True)
-class _Stiffness:
-    """Mandel matrices of parts, of which the last counts."""
+class _InParts:
+    """Values (k, ...) that each part gives in its cells, of which the last counts."""
 
     parts: Sequence[_Part]
+    of: Callable[[_Part, Points], FloatArray]
+    shape: tuple[int, ...] = ()
 
     def at(self, points: Points) -> FloatArray:
-        domain = points.domain
-        size = len(domain.kinematics.mandel_pairs(domain.dim))
-        found = np.empty((len(points.all), size, size))
+        found = np.empty((len(points.all), *self.shape))
         for part in self.parts:
-            found[points.of(part.cells)] = part.stiffness(points)
+            found[points.of(part.cells)] = self.of(part, points)
         return found

@@ -14,6 +14,7 @@ from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
+from contact_locking.study_file.parameters.base import dotted
 from contact_locking.study_file.parameters.numerics import Probe
 
 # A point is in a cell if it is off the reference cell by this share at most.  Rounding alone
@@ -61,7 +62,7 @@ def locate(domain: Domain, probes: Sequence[Probe]) -> ProbePoints:
     for (index, number, place, point), cell in zip(listed, whole, strict=True):
         if cell == _NONE:
             shown = ", ".join(f"{value:g}" for value in point)
-            key = ".".join(map(str, ("output", "probes", index, *place)))
+            key = dotted("output", "probes", index, *place)
             which = f"point {number}, at ({shown})," if place == ("line",) else f"({shown})"
             raise InputError(f"{which} is outside of the mesh of the body", key)
     own = np.flatnonzero((first == whole) & (first != _NONE))

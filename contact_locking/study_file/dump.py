@@ -1,16 +1,16 @@
-"""Parameters as YAML, with every default written out."""
+"""Parameters as YAML, with every default written out that is not null."""
 
 from __future__ import annotations
 
 import io
 from typing import Any
 
-from pydantic import BaseModel
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
 
-from contact_locking.study_file.parameters import MeshParameters, Parameters
-from contact_locking.study_file.parameters.base import marks
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters.base import Section
+from contact_locking.study_file.parameters.mesh import MeshParameters
 
 
 def dump(parameters: Parameters) -> str:
@@ -32,14 +32,9 @@ def plain(value: Any) -> Any:
     match value:
         case MeshParameters():
             return {key: plain(item) for key, item in value.model_dump().items()}
-        case BaseModel():
-            fields = type(value).model_fields
-            given = {name: getattr(value, name) for name in fields}
-            return {
-                fields[name].alias or name: plain(item)
-                for name, item in given.items()
-                if item is not None or not marks(fields[name]).get("optional")
-            }
+        case Section():
+            given = {value.key_of(name): item for name, item in value}
+            return {key: plain(item) for key, item in given.items() if item is not None}
         case dict():
             return {key: plain(item) for key, item in value.items()}
         case list() | tuple():

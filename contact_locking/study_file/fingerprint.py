@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from contact_locking.mesh.file.xdmf_grids import data_file, is_xdmf
-from contact_locking.study_file.parameters import Foundation, Parameters
+from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.base import Section
+from contact_locking.study_file.parameters.rigid_body import Foundation
 
 # 64 bits: 10 000 cases share one with a probability of 3e-12.
 _DIGITS = 16

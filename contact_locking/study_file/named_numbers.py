@@ -11,6 +11,7 @@ from contact_locking.errors import InputError
 from contact_locking.study_file.parameters import Parameters, expressions
 
 from .dump import plain
+from .parameters.base import dotted
 from .source import assign
 
 # These sections have no number that the equations depend on smoothly.
@@ -39,7 +40,7 @@ def resolved(parameters: Parameters) -> Parameters:
     del data["parameters"]
     for place, text, _ in expressions(parameters):
         written = pattern.sub(lambda found: f"({named[found[0]]!r})", text)
-        assign(data, ".".join(map(str, place)), written)
+        assign(data, dotted(*place), written)
     return Parameters.model_validate(data)
 
 

@@ -14,14 +14,10 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel, TypeAdapter
 
 from contact_locking.meshes import BUILDERS
-from contact_locking.study_file.parameters import MeshParameters, Parameters
-from contact_locking.study_file.parameters.base import marks
-from contact_locking.study_file.parameters.keys import (
-    key_patterns,
-    section_in,
-    visible_fields,
-)
-from contact_locking.study_file.parameters.mesh import builder_types
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters.base import unit_of
+from contact_locking.study_file.parameters.keys import key_patterns, section_in, visible_fields
+from contact_locking.study_file.parameters.mesh import MeshParameters, builder_types
 from contact_locking.study_file.parameters.study import MAX_CASES
 from contact_locking.study_file.parameters.wording import show
 
@@ -87,7 +83,7 @@ def _rows(model: type[BaseModel], prefix: str, known: dict[type[BaseModel], str]
         key = f"{prefix}{name}"
         path, section = section_in(field.annotation)
         default = "required" if field.is_required() else _shown(field.default)
-        row = Row(key, default, marks(field)["unit"], field.description or "")
+        row = Row(key, default, unit_of(field), field.description or "")
         if section in known:
             yield row._replace(
                 description=f"{row.description}; its keys: those of {known[section]}"
@@ -138,9 +134,6 @@ def _shown(value: Any) -> str:
 
 # The language servers of editors know this version best; nothing in the schema takes a later one.
 _VERSION = "http://json-schema.org/draft-07/schema#"
-#: Marks of `contact_locking.study_file.parameters.base.entry` that are not part of the schema, and
-#: the titles that pydantic makes from the names of keys.
-_INTERNAL = ("scalar", "vector", "vectors", "optional", "hidden", "title")
 _PLACES = {"INDEX": r"\d+", "NAME": r"[^.]+"}
 
 
@@ -231,13 +224,13 @@ def _object(properties: dict[str, Any], required: list[str]) -> dict[str, Any]:
 
 
 def _json(value: Any, names: bool = False) -> Any:
-    """Plain JSON without the internal marks; ``names`` says that the keys are names of keys."""
+    """Plain JSON without pydantic's titles; ``names`` says that the keys are names of keys."""
     match value:
         case dict():
             return {
                 key: _json(item, names=key == "properties" and not names)
                 for key, item in value.items()
-                if names or key not in _INTERNAL
+                if names or key != "title"
             }
         case list() | tuple():
             return [_json(item) for item in value]

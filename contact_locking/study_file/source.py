@@ -31,7 +31,6 @@ _MOST_NAMES = 1000
 # Lengths of a message and of the key before it.
 _MAX_MESSAGE, _MAX_KEY = 1000, 200
 _TAG = "tag:yaml.org,2002:"
-_SPECIAL = {".inf": float("inf"), ".nan": float("nan")}
 
 
 @dataclass
@@ -189,13 +188,13 @@ class _Reader:
         self.lines = lines
         self.origins: dict[str, int | str] = {}
         self.seen: set[int] = set()
+        self.yaml = YAML(typ="safe", pure=True)
 
     def read(self, text: str) -> Any:
-        yaml = YAML(typ="safe", pure=True)
         try:
             # ruamel.yaml writes remarks about odd directives to the terminal.
             with contextlib.redirect_stderr(io.StringIO()):
-                root = yaml.compose(text)
+                root = self.yaml.compose(text)
         except MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             line = mark.line + 1 if mark else None
@@ -252,25 +251,15 @@ class _Reader:
         tag = str(node.tag).removeprefix(_TAG)
         if tag in ("str", "timestamp", "value"):
             return text
-        plain = text.replace("_", "").lower()
+        if tag not in ("null", "bool", "int", "float"):
+            self.refuse(f"tags such as {str(node.tag)[:40]} are not supported", line)
         try:
-            if tag == "null":
-                return None
-            if tag == "bool":
-                return {"true": True, "false": False}[plain]
-            if tag == "int":
-                return int(plain, 0) if plain.lstrip("+-")[:2] in ("0x", "0o") else int(plain)
-            if tag == "float":
-                special = _SPECIAL.get(plain.lstrip("+-"))
-                if special is None:
-                    number = float(plain)
-                    if math.isinf(number):
-                        self.refuse(f"'{text[:40]}' is too large; infinity is written .inf", line)
-                    return number
-                return -special if plain.startswith("-") else special
-        except (ValueError, KeyError):
+            value = self.yaml.constructor.construct_object(node)
+        except (ValueError, KeyError, IndexError):
             self.refuse(f"'{text[:40]}' cannot be read as {tag}", line)
-        self.refuse(f"tags such as {str(node.tag)[:40]} are not supported", line)
+        if isinstance(value, float) and math.isinf(value) and "inf" not in text.lower():
+            self.refuse(f"'{text[:40]}' is too large; infinity is written .inf", line)
+        return value
 
     def text(self, node: ScalarNode, line: int) -> str:
         text = str(node.value)

@@ -17,9 +17,10 @@ from pydantic import BaseModel
 from contact_locking.errors import InputError
 from contact_locking.meshes import BUILDERS
 from contact_locking.plain_text import nearest, printable
-from contact_locking.study_file.parameters import MeshParameters, Parameters
-from contact_locking.study_file.parameters.base import marks
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters.base import unit_of
 from contact_locking.study_file.parameters.keys import section_in, visible_fields
+from contact_locking.study_file.parameters.mesh import MeshParameters
 from contact_locking.study_file.parameters.wording import show
 
 from .source import read
@@ -107,7 +108,7 @@ def _section(
         if only and name not in only:
             continue
         path, section = section_in(field.annotation)
-        about = _about(marks(field)["unit"], field.description or "")
+        about = _about(unit_of(field), field.description or "")
         value = data.get(name)
         if value is None:
             optional = field.default is None or path
@@ -130,7 +131,7 @@ def _section(
             for entry in value:
                 yield _Line(depth + 1, f"- {_flow(entry)}", "", given)
             for key, inner in visible_fields(section).items():
-                told = _about(marks(inner)["unit"], inner.description or "")
+                told = _about(unit_of(inner), inner.description or "")
                 yield _Line(depth + 1, "", f"{key}: {told}")
         else:
             yield _Line(depth, f"{name}: {_flow(value)}", about, given)

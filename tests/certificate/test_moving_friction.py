@@ -16,7 +16,7 @@ from contact_locking.certificate.guaranteed.body import Body
 from contact_locking.certificate.guaranteed.contact_tractions import contact_tractions
 from contact_locking.certificate.guaranteed.data_oscillation import trace_constants
 from contact_locking.certificate.guaranteed.macro_element import macro_element
-from contact_locking.certificate.guaranteed.slip_constant import slip_constant
+from contact_locking.certificate.guaranteed.moving_bound import slip_constant
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.fem.compiled import integral
 from contact_locking.laws.elasticity import isotropic_stress, lame_from_young, strain

@@ -16,13 +16,10 @@ from mpi4py import MPI
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.guaranteed.body import Body
 from contact_locking.certificate.guaranteed.boundary_conditions import held_components
-from contact_locking.certificate.guaranteed.contact_tractions import (
-    contact_tractions,
-    with_contacts,
-)
+from contact_locking.certificate.guaranteed.contact_tractions import contact_tractions
 from contact_locking.certificate.guaranteed.data_oscillation import balanced_loads, korn_constants
 from contact_locking.certificate.guaranteed.facet_polynomials import product_integral
-from contact_locking.certificate.guaranteed.hybrid_system import Boundary
+from contact_locking.certificate.guaranteed.floating import forces_in_balance
 from contact_locking.certificate.guaranteed.macro_element import macro_element
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.parallel import maximum
@@ -104,10 +101,9 @@ def test_stress_and_bars_do_the_work_of_loads_and_contact_along_every_displaceme
     element = macro_element(problem.element.degree)
     balanced = balanced_loads(problem.data, triangles, element)
     contacts = [contact_tractions(fields, triangles) for fields in state.contacts]
-    moments = with_contacts(balanced.moments, contacts, triangles)
-    body = Body(state, triangles, element)
-    boundary = Boundary(held_components(state, triangles), moments)
-    found = body.balanced(boundary, balanced, problem.u)
+    body, held = Body(state, triangles, element), held_components(state, triangles)
+    forces, _ = forces_in_balance(problem, triangles, element, held, balanced, contacts)
+    found = body.balanced(forces, problem.u)
     bars = found.bars
     assert maximum(state.comm, np.abs(found.forces)) > 1e-3
 

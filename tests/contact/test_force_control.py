@@ -10,12 +10,10 @@ from mpi4py import MPI
 from pressed_tools import HELD, pressed, solved, told, tool
 from problems import column
 
-from contact_locking import Parameters, StudySolution, assemble, solve
+from contact_locking import StudySolution, assemble, solve
 from contact_locking.certificate.balances import equilibrium
-from contact_locking.contact.force_balance import ToolBalance
 from contact_locking.monitor import Monitor
 from contact_locking.process.of_study import solver_of
-from contact_locking.process.problem_solver import ProblemSolver
 
 # What is right by hand.
 
@@ -189,48 +187,17 @@ def test_several_ranks_find_what_one_finds(comm: MPI.Intracomm) -> None:
 # The laws of a tool.
 
 
-def balance_of(parameters: Parameters) -> tuple[ProblemSolver, ToolBalance]:
-    problem = assemble(parameters, MPI.COMM_WORLD)
+def test_a_wrong_force_or_travel_breaks_the_balance_of_the_tool() -> None:
+    problem = assemble(pressed(tool([0.0, -0.03]), h=0.5), MPI.COMM_WORLD)
     solver = solver_of(problem, Monitor())
     solver.system.set_penalty(problem.penalty)
-    return solver, solver.system.tools.balances[0]
-
-
-def test_a_tool_settles_from_anywhere_and_its_border_is_the_derivative() -> None:
-    """``q(u)`` is the root of g, and ``dq = -B . du/c``."""
-    solver, balance = balance_of(pressed(tool([0.003, -0.03]), 1e3))
-    system, contact = solver.system, balance.contact
-    random = np.random.default_rng(1)
-    x = system.u.function_space.tabulate_dof_coordinates()[:, :2]
-    waves = np.sin(x @ random.normal(size=(2, 2)) * 3.0)
-    system.u.x.array[:] = 0.01 * waves.reshape(-1)
-    system.bounds[contact] = np.full(len(contact.free), 0.02)
-    places = []
-    for start in (0.0, -3.0, 5.0):
-        balance.tools[0].travel = start
-        balance.settle(system.u)
-        places.append(balance.tools[0].travel)
-    assert places == pytest.approx([places[0]] * 3, rel=1e-12)
-    (tractions,), ((corner,),) = balance.border(system.u, 0.0)
-    assert corner > 0.0
-    forces = contact.surface.nodal_forces(tractions)
-    change = 1e-7 * np.cos(5.0 * x).reshape(-1)
-    owned = contact.surface.vector_space.dofmap.index_map.size_local * 2
-    expected = -system.comm.allreduce(float(forces[:owned] @ change[:owned])) / corner
-    system.u.x.array[:] += change
-    balance.settle(system.u)
-    moved = balance.tools[0].travel - places[0]
-    assert moved == pytest.approx(expected, rel=1e-3)
-
-
-def test_a_wrong_force_or_travel_breaks_the_balance_of_the_tool() -> None:
-    solver, balance = balance_of(pressed(tool([0.0, -0.03]), h=0.5))
     state = solver.state(solver.solve())
+    (pushed,) = solver.system.tools
     tolerance = solver.settings.tolerance
     assert equilibrium(state).criteria(tolerance)["tool_balance"].holds
-    balance.tools[0].force *= 1.0 + 1e-5
+    pushed.force *= 1.0 + 1e-5
     assert not equilibrium(state).criteria(tolerance)["tool_balance"].holds
-    balance.tools[0].force /= 1.0 + 1e-5
+    pushed.force /= 1.0 + 1e-5
     fields = state.contacts[0]
     fields.pressure = fields.pressure * (1.0 - 1e-5)
     assert not equilibrium(state).criteria(tolerance)["tool_balance"].holds

@@ -19,7 +19,8 @@ from contact_locking.errors import InputError
 from contact_locking.extras.pictures.gather import gather
 from contact_locking.extras.pictures.snapshot import Snapshot
 from contact_locking.fem.compiled import integral
-from contact_locking.process import checkpoint, solving
+from contact_locking.process import solving
+from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results import fields
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing

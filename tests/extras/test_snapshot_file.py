@@ -44,7 +44,7 @@ def test_a_snapshot_is_read_as_it_was_saved(dim: int, kind: str, tmp_path: Path)
         ({"x": lambda x: x * np.nan}, "x is not finite"),
         ({"displacement": lambda u: u[1:]}, "displacement has the wrong shape"),
         ({"points.gap": lambda gap: gap[:, None]}, "gap has the wrong shape"),
-        ({"facts": lambda facts: np.array("{}")}, "no names"),
+        ({"facts": lambda facts: np.array("{}")}, "without .contacts"),
         ({"facts": lambda facts: np.array("[" * 100_000)}, "damaged"),
         ({"facts": lambda facts: np.array([{}], dtype=object)}, "pickle"),
     ],

@@ -210,7 +210,7 @@ def test_a_tool_on_top_is_seen_from_above() -> None:
     body = replace(body, contact=replace(body.contact, points=upside))
     towards = views.side_camera([body], 1.0).towards
     assert towards == pytest.approx(from_the_side(np.zeros(3)), abs=1e-6)
-    ground = replace(body, contact=replace(body.contact, tools=()))
+    ground = replace(body, contact=replace(body.contact, tools=(np.empty((0, 3, 3)),)))
     assert views.side_camera([ground], 1.0).towards[2] < 0.0
 
 

@@ -22,7 +22,7 @@ from contact_locking.errors import InputError
 from contact_locking.fem import compiled
 from contact_locking.fem.spaces import P1, P2, Element
 from contact_locking.laws.elasticity import strain
-from contact_locking.process import checkpoint
+from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing

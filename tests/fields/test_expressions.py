@@ -196,7 +196,7 @@ def test_only_formulas_are_taken(text: str) -> None:
         ("é + q", r"unknown name 'é'"),
         ("é if q < 1 else 0", r"at character 6 \('q'\)"),
         ("cos", "needs arguments"),
-        ("cos(x, y)", r"takes 1 argument\(s\), not 2"),
+        ("cos(x, y)", r"takes 1 argument, not 2"),
         ("min(x)", "two or more arguments, not 1"),
         ("cos(x=1)", "only numbers"),
         ("x^2", r"written \*\*"),
@@ -238,8 +238,8 @@ def test_any_text_is_an_expression_or_an_input_error(text: str) -> None:
         parse(text)
 
 
-@pytest.mark.parametrize("value", [True, None, [1], math.nan, math.inf, 10**400])
-def test_only_finite_numbers_and_texts_are_values(value: Any) -> None:
+@pytest.mark.parametrize("value", [math.nan, math.inf, 10**400])
+def test_only_finite_numbers_are_values(value: float) -> None:
     with pytest.raises(InputError):
         parse(value)
 

@@ -14,7 +14,7 @@ from contact_locking.laws.foundation import HalfSpace, Round
 from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion, rotation
 from contact_locking.study_file import from_mapping
 from contact_locking.study_file.fingerprint import fingerprint
-from contact_locking.study_file.parameters import Foundation
+from contact_locking.study_file.parameters.rigid_body import Foundation
 
 pytestmark = pytest.mark.serial
 

@@ -42,14 +42,20 @@ def written(folder: Path, comm: MPI.Intracomm, *mesh: Any) -> Path:
 EXPECTED: dict[str, list[str]] = {
     "a coordinate that is no number": ["node 2 at (nan, 1)", "not finite numbers"],
     "an infinite coordinate": ["node 1 at (1, inf)"],
-    "three triangles on an edge": ["3 triangles share one edge (nodes 0 and 2)"],
-    "three tetrahedra on a face": ["3 tetrahedra share one face (nodes 0, 1 and 2)"],
-    "a triangle twice": ["a triangle is there twice", "nodes 0, 1 and 2"],
-    "a tetrahedron twice": ["a tetrahedron is there twice", "nodes 0, 1, 2 and 3"],
-    "a triangle with a node twice": ["triangle 2 has the same node twice"],
+    "three triangles on an edge": [
+        "3 triangles share one edge (nodes 0 and 2 at (0.5, 0.5)): 0, 1 and 2"
+    ],
+    "three tetrahedra on a face": [
+        "3 tetrahedra share one face (nodes 0, 1 and 2 at",
+        "0, 1 and 2",
+    ],
+    "a triangle twice": ["triangle 1 is triangle 0 once more, at (0.666667, 0.333333)"],
+    "a tetrahedron twice": ["tetrahedron 2 is tetrahedron 0 once more"],
+    "a triangle with a node twice": ["triangle 2 at (0.333333, 0) has the same node twice"],
+    "a triangle without area": ["triangle 2 at (1, 1) has collapsed", "one line"],
     "a tetrahedron without volume": ["tetrahedron 1 at", "has collapsed", "one plane"],
-    "a triangle turned over": ["triangle ", "its neighbour overlap", "nodes 0 and 2"],
-    "a tetrahedron turned over": ["tetrahedron ", "its neighbour overlap"],
+    "a triangle turned over": ["triangle ", "and its neighbour", "overlap: they", "nodes 0 and 2"],
+    "a tetrahedron turned over": ["tetrahedron ", "and its neighbour", "overlap: they"],
     "two squares that share no nodes": ["two parts", "nodes 2 and 9 are both at (1, 0)"],
     "nodes that nearly are at one place": ["two parts of the body touch", "nodes 0 and 4"],
     "a whole body twice": ["two parts of the body touch", "and 6 more"],
@@ -186,7 +192,7 @@ def test_groups_off_and_inside_the_body_are_refused_where_they_are_used(
     named: Groups = {**BODY, "across": [(2, 4)], "diagonal": [(1, 3)]}
     path = written(folder, comm, SQUARE, named)
     (warning,) = check(study(path), comm)["warnings"]
-    assert "group 'across' does not lie on the body: 1 of its lines" in warning
+    assert "group 'across' does not lie on the body: 1 of its 1 lines" in warning
     for name, words in (("across", "does not lie on"), ("diagonal", "lies inside")):
         with pytest.raises(InputError, match=f"'{name}' {words} the body") as caught:
             check(study(path, contact={"on": name}), comm)

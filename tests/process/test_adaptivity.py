@@ -18,11 +18,12 @@ from contact_locking.errors import InputError
 from contact_locking.extras import report
 from contact_locking.meshes import BUILDERS
 from contact_locking.meshes import write as write_mesh
-from contact_locking.process import checkpoint, solving
+from contact_locking.process import solving
 from contact_locking.process.adaptivity import mesh_sequence, solve, solve_adaptively
+from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results import adapted_meshes
 from contact_locking.results.solution import StudySolution
-from contact_locking.running import studies
+from contact_locking.running.studies.runner import Study
 from contact_locking.study_file.parameters import Parameters
 
 NO_CHECKPOINT = checkpoint.unavailable()
@@ -271,7 +272,7 @@ def test_an_adaptive_case_is_one_case_of_a_study(tmp_path: Path) -> None:
     text += "output: {directory: results, fields: false, picture: false}\n"
     (tmp_path / "study.yml").write_text(text + "study: {vary: {adapt.share: [0.3, 0.6]}}\n")
     file = study_file.load(tmp_path / "study.yml")
-    cases = [case.parameters.adapt for case in studies.Study.of(file).cases]
+    cases = [case.parameters.adapt for case in Study.of(file).cases]
     assert [given.share for given in cases if given is not None] == [0.3, 0.6]
 
 

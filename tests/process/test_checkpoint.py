@@ -21,7 +21,9 @@ from contact_locking import meshes, save, study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.files import atomic, ownership
-from contact_locking.process import checkpoint, solving
+from contact_locking.process import solving
+from contact_locking.process.checkpoint import stored as checkpoint
+from contact_locking.process.checkpoint.record import locate
 from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
@@ -200,8 +202,8 @@ def test_a_folder_without_a_checkpoint_is_refused_with_the_way_to_one(folder: Pa
     ("key", "value", "message"),
     [
         ("format", 99, "format 99, and contact_locking"),
-        ("degree", 2, "elements of degree 2, and the study has degree 1"),
-        ("limit_at", "gauss", "limit at gauss, and the study has the limit at vertices"),
+        ("degree", 2, "discretisation.degree: 2, and the study has 1"),
+        ("limit_at", "gauss", "discretisation.limit_at: gauss, and the study has vertices"),
         ("cells", "many", "is damaged"),
         ("files", 7, "is damaged"),
         ("mesh", None, "is damaged"),
@@ -210,7 +212,7 @@ def test_a_folder_without_a_checkpoint_is_refused_with_the_way_to_one(folder: Pa
 def test_a_record_that_does_not_fit_is_refused(
     key: str, value: Any, message: str, saved: Path, comm: MPI.Intracomm
 ) -> None:
-    path = checkpoint.locate(saved) / "record.json"
+    path = locate(saved) / "record.json"
 
     def change() -> None:
         path.write_text(json.dumps(json.loads(path.read_text()) | {key: value}))
@@ -220,14 +222,14 @@ def test_a_record_that_does_not_fit_is_refused(
 
 
 def test_a_record_that_is_no_json_is_refused(saved: Path, comm: MPI.Intracomm) -> None:
-    path = checkpoint.locate(saved) / "record.json"
+    path = locate(saved) / "record.json"
     for text in ("", "{", "[1]", "[" * 100_000):
         on_rank_0(comm, partial(path.write_text, text))
         assert "is damaged" in refusal(saved)
 
 
 def test_fields_that_are_not_complete_are_refused(saved: Path, comm: MPI.Intracomm) -> None:
-    path = checkpoint.locate(saved) / "state.bp" / "data.0"
+    path = locate(saved) / "state.bp" / "data.0"
     content = path.read_bytes()
     comm.Barrier()
     changed = bytes([content[0] ^ 1]) + content[1:]

@@ -122,9 +122,10 @@ def test_what_was_asked_before_is_as_impossible_again() -> None:
     )
     assert back.repeats(there) and not elsewhere.repeats(there)
     # Whoever uses Steps may change the problem between two of them.
-    other = dataclasses.replace(back, limits=2.0 * back.limits)
+    normals, limits, origin = back.fixed
+    other = dataclasses.replace(back, fixed=(normals, 2.0 * limits, origin))
     assert not other.repeats(there)
-    more = dataclasses.replace(back, limits=np.concatenate([back.limits, back.limits]))
+    more = dataclasses.replace(back, fixed=(normals, np.tile(limits, 2), origin))
     assert not more.repeats(there) and not more.is_beyond(there, there)
 
 

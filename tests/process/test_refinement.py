@@ -14,8 +14,7 @@ from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotRefined
-from contact_locking.mesh.domain import from_geometry
-from contact_locking.mesh.file.diagnosis import diagnose
+from contact_locking.mesh.domain import from_arrays, from_geometry
 from contact_locking.mesh.file.topology import longest_edges, signed_measures
 from contact_locking.mesh.groups import groups
 from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells, gather_mesh, spread
@@ -110,7 +109,7 @@ def test_a_finer_mesh_is_the_mesh_of_a_body_without_flat_cells(name: str) -> Non
     rounds = 6 if mesh.data.dim == 2 else 4
     for _ in range(rounds):
         mesh = refined(mesh, near(mesh, mesh.data.points[0], 0.05), geometry.curved)
-    found = diagnose(mesh.data, name)
+    found = from_arrays(mesh.data, MPI.COMM_SELF, name)
     assert not found.warnings and not found.unusable
     assert len(found.part_names) == 1 and set(measures(mesh)) == names
     # Longest edges are bisected: in 2D no angle is less than half of the smallest one.

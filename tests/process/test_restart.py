@@ -11,7 +11,8 @@ from problems import block
 from slow import slow
 
 from contact_locking import save
-from contact_locking.process import checkpoint, solving
+from contact_locking.process import solving
+from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 

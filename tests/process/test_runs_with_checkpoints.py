@@ -10,7 +10,8 @@ from saved_block import on_rank_0, parameters
 
 from contact_locking import _compat, study_file
 from contact_locking.command import cli
-from contact_locking.process import checkpoint, solving
+from contact_locking.process import solving
+from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.running import writing
 
 pytestmark = pytest.mark.skipif(

@@ -23,7 +23,8 @@ from problems import block
 import contact_locking
 from contact_locking.extras.pictures.gather import gather
 from contact_locking.mesh.whole_mesh import gather_mesh
-from contact_locking.process import checkpoint, solving
+from contact_locking.process import solving
+from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing
 from contact_locking.running.writing import return_freed_memory

@@ -163,7 +163,7 @@ def test_the_centre_of_pressure_is_not_known_before_the_body_touches(tmp_path: P
     history = results.history  # type: ignore[union-attr]
     assert np.isnan(history.column("pressure_centre_x")).tolist() == [True, False]
     assert history.column("pressure_centre_y")[1] == 0.0
-    page = report.write(tmp_path).read_text(encoding="utf-8")
+    page = report.write(tmp_path)[-1].read_text(encoding="utf-8")
     assert '<span title="pressure_centre">centre of pressure</span>' in page
     assert (tmp_path / "report" / "history-place.svg").exists()
 
@@ -221,7 +221,7 @@ def test_a_quantity_of_five_lines_is_everywhere(own: str, tmp_path: Path) -> Non
     assert dict(in_words.rows(solution.summary))["mean pressure"] == f"{mean:.4g}"
     (results,) = read_all(tmp_path)
     assert results.summary[own] == mean  # type: ignore[union-attr]
-    page = report.write(tmp_path).read_text(encoding="utf-8")
+    page = report.write(tmp_path)[-1].read_text(encoding="utf-8")
     assert f'<span title="{own}">mean pressure</span>' in page
     assert "mean pressure where the body touches" in page
     drawing = (tmp_path / "report" / "history-stress.svg").read_text()

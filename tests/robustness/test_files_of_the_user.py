@@ -17,7 +17,8 @@ from contact_locking.errors import InputError
 from contact_locking.extras import report
 from contact_locking.files import ownership
 from contact_locking.files.lock import locked
-from contact_locking.running import studies, writing
+from contact_locking.running import writing
+from contact_locking.running.studies.runner import Study
 
 pytestmark = pytest.mark.serial
 
@@ -114,7 +115,7 @@ def test_a_study_refuses_a_folder_with_a_file_of_the_user(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("contact_locking.running.studies.runner._solve", never)
     Path("study.yml").write_text(STUDY)
-    case = studies.Study.of(study_file.load(Path("study.yml"))).cases[1].name
+    case = Study.of(study_file.load(Path("study.yml"))).cases[1].name
     mine = users(tmp_path / name.format(case=case))
     assert cli.main(["study", "study.yml"]) == 2
     assert mine.name in capsys.readouterr().err
@@ -136,7 +137,7 @@ def test_a_report_refuses_to_replace_a_file_of_the_user(name: str, tmp_path: Pat
 def test_the_reports_of_a_run_and_a_study_in_one_folder_are_two_pages(tmp_path: Path) -> None:
     run_folder(tmp_path)
     study_folder(tmp_path)
-    pages = report.write_all(tmp_path)
+    pages = report.write(tmp_path)
     assert pages == [tmp_path / "report.html", tmp_path / "report-study.html"]
     run, study = (page.read_text(encoding="utf-8") for page in pages)
     assert "of 8 cases" not in run and "cases" in study and run != study

@@ -21,7 +21,7 @@ from study_folder import FAKE, Folder
 
 from contact_locking.extras.pictures.snapshot_file import load
 from contact_locking.files import ownership
-from contact_locking.process import checkpoint
+from contact_locking.process.checkpoint import stored as checkpoint
 
 pytestmark = pytest.mark.serial
 
@@ -227,8 +227,8 @@ def test_a_study_goes_on_from_wherever_the_disk_was_full(
     folder.write("{vary: {penalty.n: [10, 20]}}")
     script = f"""
     import functools
-    from contact_locking.running import studies
-    studies.Plan = functools.partial(studies.Plan, program={FAKE!r})
+    from contact_locking.running.studies import executor
+    executor.Plan = functools.partial(executor.Plan, program={FAKE!r})
     """
     words = ["study", str(folder.file), "--output", str(disk.out)]
     done = disk.run(f"{4 * pages}k", *words, script=script)

@@ -16,7 +16,7 @@ from contact_locking.command import cli, terminal
 from contact_locking.command.cli import parse
 from contact_locking.errors import InputError
 from contact_locking.files.lock import locked
-from contact_locking.running import studies
+from contact_locking.running.studies.runner import Study, summary_rows
 
 pytestmark = pytest.mark.serial
 
@@ -187,7 +187,7 @@ def test_the_warnings_of_a_case_are_told_counted_and_in_the_table(folder: Folder
     said = folder.run()
     assert said.count("warning: one\n") == said.count("warning: two\n") == 1
     assert [row["warnings"] for row in folder.table()] == ["one; two", ""]
-    rows = dict(studies.summary_rows(studies.Study.of(folder.load()), 1.0))
+    rows = dict(summary_rows(Study.of(folder.load()), 1.0))
     assert rows["with warnings"] == "1"
 
 

@@ -13,8 +13,8 @@ from study_folder import Folder
 from contact_locking.command.monitors import ProgressFile
 from contact_locking.monitor import Monitor
 from contact_locking.plain_text import duration
-from contact_locking.running.studies import Study
 from contact_locking.running.studies.cases import Case, Outcome
+from contact_locking.running.studies.runner import Study
 from contact_locking.running.studies.view import View
 
 pytestmark = pytest.mark.serial

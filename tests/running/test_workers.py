@@ -11,8 +11,10 @@ import pytest
 from study_folder import STUDY, Folder
 
 from contact_locking.command import cli
-from contact_locking.running.studies import Plan, Study, local
+from contact_locking.running.studies import local
+from contact_locking.running.studies.executor import Plan
 from contact_locking.running.studies.local import LocalExecutor
+from contact_locking.running.studies.runner import Study
 
 pytestmark = pytest.mark.serial
 
@@ -39,6 +41,7 @@ def solve_all(executor: LocalExecutor) -> dict[str, str]:
         assert time.monotonic() < end
         for ended in executor.poll():
             found[ended.case.label] = ended.why()
+        executor.start()
         time.sleep(0.01)
     executor.stop()
     return found
@@ -77,7 +80,7 @@ def test_ending_a_study_ends_its_processes(tmp_path: Path, monkeypatch: pytest.M
     folder = Folder(tmp_path, monkeypatch)
     folder.write("{vary: {penalty.n: [10, 20, 30]}}")
     executor = LocalExecutor(Study.of(folder.load()).cases, Plan(jobs=2))
-    executor.poll()
+    executor.start()
     began = time.monotonic()
     executor.stop()
     assert time.monotonic() - began < 30

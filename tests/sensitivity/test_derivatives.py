@@ -16,7 +16,7 @@ from slow import slow
 
 import contact_locking as cl
 from contact_locking.process import problem_solver
-from contact_locking.sensitivity.parameters import Entry
+from contact_locking.sensitivity.parameters import entries, number
 from contact_locking.solver.linear.options import PREFIX
 
 CASES: dict[str, dict[str, Any]] = {
@@ -83,9 +83,10 @@ def test_forward_and_adjoint_agree(make: Make) -> None:
     made = make(n=1e3, method="newton")
     solution = made.problem.solve()
     lazy: Any = solution.differentiable
-    entries = [made.given["mu"], *(Entry(made.given[name], 0, name) for name in ("E", "M", "pull"))]
-    forward = lazy.made.table(NAMES, entries)
-    adjoint = [lazy.made.table([name], entries).derivatives[0] for name in NAMES]
+    constants = [entries(made.given[name])[0] for name in ("E", "M", "pull")]
+    numbers = [number(made.given["mu"]), *constants]
+    forward = lazy.made.table(NAMES, numbers)
+    adjoint = [lazy.made.table([name], numbers).derivatives[0] for name in NAMES]
     np.testing.assert_allclose(adjoint, forward.derivatives, rtol=1e-6)
     np.testing.assert_allclose(forward.values, quantities(solution), rtol=1e-5)
 
@@ -99,7 +100,7 @@ def test_few_solves_serve_many_parameters(make: Make) -> None:
     # One quantity has one adjoint, whatever the number of parameters, and its solve is refined.
     assert lazy.made.linear.solves <= 5
     before = lazy.made.linear.solves
-    lazy.made.forward(NAMES, [Entry(made.given["E"], 0, "E")])
+    lazy.made.forward(NAMES, entries(made.given["E"]))
     # One parameter has one solve, whatever the number of quantities.
     assert lazy.made.linear.solves - before <= 5
 
@@ -110,7 +111,7 @@ def test_a_moving_friction_bound_takes_fewer_solves_than_the_solution_took(make:
     lazy: Any = solution.differentiable
     lazy.made.adjoint("compliance")
     adjoint = lazy.made.linear.solves
-    lazy.made.forward(NAMES, [Entry(made.given["E"], 0, "E")])
+    lazy.made.forward(NAMES, entries(made.given["E"]))
     assert 0 < adjoint <= 0.5 * solution.summary["iterations"]["linear"]
     assert lazy.made.linear.solves - adjoint <= 0.5 * solution.summary["iterations"]["linear"]
 

@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 import contact_locking as cl
 from contact_locking.arrays import FloatArray
-from contact_locking.sensitivity.parameters import Along, Frozen
+from contact_locking.sensitivity.parameters import Frozen, along
 
 QUANTITIES = ("compliance", "elastic_energy", "contact_force.1", "reactions.bcs.0.1")
 SHARP = cl.Settings(tolerance=1e-10, friction_tolerance=1e-11)
@@ -146,6 +146,6 @@ def test_a_field_takes_three_evaluations_of_the_equations(
             moved = fem.Function(given.function_space)
             owned(moved)[:] = np.arange(first, end) == place
             moved.x.scatter_forward()
-            wanted = lazy.made.by(quantity, Along(given, moved.x.array))
+            wanted = lazy.made.by(quantity, along(given, moved.x.array))
             assert every[place] == pytest.approx(wanted, rel=1e-6, abs=1e-7 * np.abs(every).max())
     problem.close()

@@ -78,7 +78,7 @@ def test_a_block_on_a_spring_snaps_where_friction_falls_as_fast_as_the_spring(
         part = (TOP - bound / PRESSURE) / DROP
         assert _pull(LENGTH * part / (1.0 - part)) == pytest.approx(share, rel=1e-3)
     writing.write(solution, tmp_path)
-    page = report.write(tmp_path).read_text(encoding="utf-8")
+    page = report.write(tmp_path)[-1].read_text(encoding="utf-8")
     assert "over loads.tractions.0.value, from the loads of the file on" in page
     row = dict(in_words.rows(solution.summary))["branch of solutions"]
     assert row.startswith("over loads.tractions.0.value: ")

@@ -236,7 +236,7 @@ def test_branches_locate_the_folds_of_friction_that_falls(tmp_path: Path) -> Non
     lines = (tmp_path / "branches.csv").read_text(encoding="utf-8").splitlines()
     assert lines[0] == "share,pressure,bound,index,fold"
     assert len(lines) == len(points["share"]) + 1
-    page = report.write(tmp_path).read_text(encoding="utf-8")
+    page = report.write(tmp_path)[-1].read_text(encoding="utf-8")
     assert "A branch of solutions" in page
     assert (tmp_path / "report" / "branches.svg").exists()
     assert (

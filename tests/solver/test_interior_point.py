@@ -17,7 +17,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.process import solving
 from contact_locking.results.contact_points import OPEN
-from contact_locking.solver.interior_point.measures import Measures
+from contact_locking.solver.interior_point.judge import Measures
 from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
 from contact_locking.solver.linear.tangent_solver import MultigridTangents

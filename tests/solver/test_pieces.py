@@ -15,10 +15,11 @@ from mpi4py import MPI
 from contact_locking import Parameters, load
 from contact_locking.process import solving
 from contact_locking.solver.interior_point import few_changes
+from contact_locking.solver.interior_point.family import dot
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.locking_cones import LockingCones, StrainHalfLines
-from contact_locking.solver.interior_point.lorentz import dot, norm
+from contact_locking.solver.interior_point.lorentz import norm
 from contact_locking.solver.interior_point.projections import (
     FrictionProjection,
     HalfLineProjection,

@@ -14,6 +14,7 @@ from solved_by_cg import crushed_steel
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
+from contact_locking.problem.rigidity.motions import prescribed_motion
 from contact_locking.process import solving
 from contact_locking.process.of_study import solver_of
 from contact_locking.solver.interior_point import farkas, method
@@ -22,7 +23,6 @@ from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.task import Target
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
-from contact_locking.supports.rigid_motions import prescribed_motion
 
 _ANGLE = 1e-3
 

@@ -62,7 +62,7 @@ class Cones:
     def speeds(self, step: None) -> FloatArray:
         return np.reciprocal(self.lengths)
 
-    def longest_step_between(self, *steps: Any) -> float:
+    def longest_step(self, step: None) -> float:
         return float(np.min(self.lengths, initial=math.inf))
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from contact_locking.errors import InputError
 from contact_locking.study_file import dump, from_mapping, load, problem_fingerprint
-from contact_locking.study_file.parameters import FrictionParameters, Smoothing
+from contact_locking.study_file.parameters.contact_sections import FrictionParameters, Smoothing
 
 pytestmark = pytest.mark.serial
 

@@ -9,7 +9,8 @@ import pytest
 
 from contact_locking.meshes import BUILDERS
 from contact_locking.study_file import from_mapping, schema, schema_text
-from contact_locking.study_file.parameters import MeshParameters, Parameters
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters.mesh import MeshParameters
 from contact_locking.study_file.schema import rows
 
 pytestmark = pytest.mark.serial

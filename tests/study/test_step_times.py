@@ -12,7 +12,7 @@ from sheared_block import all_of, sheared
 from contact_locking import InputError, solve_steps
 from contact_locking.process.timeline import Timeline
 from contact_locking.results.history import read_history
-from contact_locking.study_file.parameters import StepParameters
+from contact_locking.study_file.parameters.numerics import StepParameters
 
 
 @pytest.mark.serial

@@ -87,7 +87,7 @@ def study_folder(
 
 def page(folder: Path) -> str:
     """The page that is written into a folder of results."""
-    return report.write(folder).read_text(encoding="utf-8")
+    return report.write(folder)[-1].read_text(encoding="utf-8")
 
 
 LARGE = """\

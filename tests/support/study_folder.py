@@ -18,7 +18,8 @@ from rich.console import Console
 
 from contact_locking import study_file
 from contact_locking.command import cli
-from contact_locking.running import studies
+from contact_locking.running.studies.executor import Plan
+from contact_locking.running.studies.runner import Study, finish
 
 FAKE = (sys.executable, str(Path(__file__).parent / "fake_case.py"))
 STUDY = """\
@@ -52,8 +53,9 @@ class Folder:
     def run(self, jobs: int = 4, executor: Literal["local", "slurm"] = "local") -> str:
         """Run the study with the fake program, and return what is said."""
         stream = io.StringIO()
-        plan = studies.Plan(jobs, executor=executor, program=FAKE)
-        studies.run(self.load(), plan, Console(file=stream, width=200))
+        plan = Plan(jobs, executor=executor, program=FAKE)
+        file = self.load()
+        finish(Study.of(file), file.parameters, plan, Console(file=stream, width=200))
         return stream.getvalue()
 
     def started(self) -> list[str]:
@@ -75,9 +77,9 @@ class Folder:
         """The command line as a process of its own, with the fake program."""
         script = f"""
         import functools, sys
-        from contact_locking.running import studies
+        from contact_locking.running.studies import executor
         from contact_locking.command import cli
-        studies.Plan = functools.partial(studies.Plan, program={FAKE!r})
+        executor.Plan = functools.partial(executor.Plan, program={FAKE!r})
         sys.exit(cli.main(sys.argv[1:]))
         """
         program = [sys.executable, "-c", textwrap.dedent(script)]

@@ -13,7 +13,7 @@ from sweep.case import Study
 
 from contact_locking.contact.friction_bound import FrictionBound
 from contact_locking.errors import InputError
-from contact_locking.problem.motion_in_words import describe_motion, resultant_on_plane
+from contact_locking.problem.rigidity.words import describe_motion, resultant_on_plane
 from contact_locking.process.solving import solve, solve_assembled
 from contact_locking.results import in_words
 from contact_locking.results.solution import StudySolution

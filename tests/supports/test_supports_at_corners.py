@@ -19,7 +19,7 @@ from turned_supports import (
 )
 
 from contact_locking import InputError, save, solve_steps
-from contact_locking.process import checkpoint
+from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping

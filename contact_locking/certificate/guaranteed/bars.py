@@ -7,16 +7,15 @@ takes them.
 
 from __future__ import annotations
 
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import basix
 import numpy as np
 
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from contact_locking.certificate.guaranteed.macro_element import FACETS, legendre
+from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.certificate.guaranteed.macro_element import FACETS, TENSORS, legendre
 from contact_locking.certificate.guaranteed.triangles import Triangles
-from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
 from contact_locking.mesh.rank_sums import summed
 
 # Directions that differ by less do so by rounding.
@@ -35,7 +34,9 @@ class Bars:
     ``cells`` (m,) and ``sides`` (m,) say which side of which triangle each facet is.  ``tied``
     (m, 2) marks the ends where the force is that of the next bar of a straight part of the
     boundary, ``vertices`` (m, 2) are the local numbers of the ends.  At other ends the force is
-    zero, unless a support takes it.
+    zero, unless a support takes it.  ``constraints`` (m, 3 b, k + 2) are the shares of the forces
+    in the balance of the facet and of its ends, for b = 2 (k + 1): first b moments on the facet;
+    the first row of each of the next two blocks is the force at a tied end.
     """
 
     def __init__(
@@ -44,28 +45,23 @@ class Bars:
         limit = np.full(len(triangles.areas), np.inf) if limit is None else limit
         self.degree = degree
         bare = triangles.outside & ~held.all(axis=2) & np.isfinite(limit)[:, None]
-        cells, sides = np.nonzero(bare)
-        self.cells: IntArray = cells.astype(np.int64)
-        self.sides: IntArray = sides.astype(np.int64)
+        self.cells, self.sides = cells, sides = np.nonzero(bare)
         self._turned = triangles.signs[cells, sides] < 0.0
         ends = self._directed(triangles.ends[cells, sides])
         self.lengths = triangles.lengths[cells, sides]
         self._tangents = (ends[:, 1] - ends[:, 0]) / self.lengths[:, None]
-        self._limit, self._held = limit[cells], held[cells, sides]
-        topology = triangles.domain.mesh.topology
-        corners: IndexArray = topology.connectivity(2, 0).array.reshape(-1, 3)[: len(limit)]
-        self.vertices = self._directed(corners[cells[:, None], FACETS[sides]])
-        self.vertex_map = topology.index_map(0)
-        self._meet(corners, held)
+        self._limit = limit[cells]
+        self.vertices = self._directed(triangles.vertices[cells[:, None], FACETS[sides]])
+        self._meet(triangles, held)
         self._integrate()
+        self.constraints = self._constraints(held[cells, sides])
 
     def along(self, strains: FloatArray) -> FloatArray:
         """``d_s w_t`` (m, 2) at both ends, from strains (n, 3, p, 3) at the points of the parts."""
         # The first points of a part are the ends of its facet.
         at_ends = self._directed(strains[self.cells, self.sides, :2])
-        t = self._tangents
-        tensors = [t[:, i] * t[:, j] * mandel_factor(i, j) for i, j in MANDEL_PAIRS[2]]
-        return np.einsum("mea,ma->me", at_ends, np.stack(tensors, axis=1))
+        stretched = np.einsum("mi,aij,mj->ma", self._tangents, TENSORS, self._tangents)
+        return np.einsum("mea,ma->me", at_ends, stretched)
 
     def best_stiffening(self, forces: FloatArray) -> FloatArray:
         """The zeta (m, 2) that minimises ``T^2/zeta + zeta M^2`` in each half of the facets."""
@@ -74,18 +70,17 @@ class Bars:
     def solved(self, zeta: FloatArray, along: FloatArray) -> FloatArray:
         """(m, k + 2, 1 + 3 b) the forces that ``along`` (m, 2) and unit multipliers cause.
 
-        They minimise ``int T^2/2 zeta - T d_s w_t`` and what the multipliers of
-        :attr:`constraints` add.
+        They minimise ``int T^2/2 zeta - T d_s w_t`` with the share of the multipliers of
+        ``constraints``.
         """
         matrix = np.einsum("mr,rab->mab", self.lengths[:, None] / zeta, self._masses)
         right = np.concatenate(
             [self._work(along)[:, :, None], np.swapaxes(self.constraints, 1, 2)], axis=2
         )
-        size = np.arange(self.degree + 2)
-        matrix[np.broadcast_to(self._zero[:, None], matrix.shape)] = 0.0
-        matrix[np.broadcast_to(self._zero[:, :, None], matrix.shape)] = 0.0
-        matrix[:, size, size] += self._zero
-        right[:, :, 0][self._zero] = 0.0
+        bars, shapes = np.nonzero(self._zero)
+        matrix[bars, shapes] = matrix[bars, :, shapes] = 0.0
+        matrix[bars, shapes, shapes] = 1.0
+        right[bars, shapes, 0] = 0.0
         return np.linalg.solve(matrix, right)
 
     def gap(self, forces: FloatArray, along: FloatArray) -> FloatArray:
@@ -93,7 +88,8 @@ class Bars:
 
         For the share by which w exceeds M, M is enlarged, as in the cells.
         """
-        most = np.maximum(self._limit[:, None] ** 2 / _PIECES, self._squares_of_ends(along))
+        stretched = np.einsum("ma,rab,mb->mr", along, self._affine_masses, along)
+        most = np.maximum(self._limit[:, None] ** 2 / _PIECES, stretched)
         size = np.sum(np.sqrt(self._squares(forces) * most), axis=1)
         return np.asarray(self.lengths * size - self.work(forces, along))
 
@@ -101,34 +97,17 @@ class Bars:
         """``int T d_s w_t`` (m,) over the facets."""
         return np.einsum("ma,ma->m", forces, self._work(along))
 
-    @cached_property
-    def constraints(self) -> FloatArray:
-        """(m, 3 b, k + 2) the shares of the forces in the balance of the facet and of its ends.
-
-        The first b = 2 (k + 1) rows are moments on the facet.  The first row of each of the next
-        two blocks is the force at a tied end.
-        """
-        k = self.degree
-        block = 2 * (k + 1)
-        found = np.zeros((len(self.cells), 3 * block, k + 2))
-        rises = -self._tangents[:, None, :, None] * self._rises[:, None]
-        rises[np.broadcast_to(self._held[:, None, :, None], rises.shape)] = 0.0
-        found[:, :block] = rises.reshape(-1, block, k + 2)
-        for end in range(2):
-            found[:, (1 + end) * block, end] = self._signs[:, end]
-        return np.where(self._zero[:, None], 0.0, found)
-
     def _directed(self, pairs: Any) -> Any:
         """Values (m, 2, ...) at the ends in the order that all ranks share."""
         found = pairs.copy()
         found[self._turned] = pairs[self._turned][:, ::-1]
         return found
 
-    def _meet(self, corners: IndexArray, held: BoolArray) -> None:
+    def _meet(self, triangles: Triangles, held: BoolArray) -> None:
         """Find the ends that are tied, those without a force, and the signs of the tied ones."""
         marks = np.repeat(held[:, :, None], 2, axis=2).astype(float)
-        at_vertices = partial(summed, self.vertex_map)
-        holds = at_vertices(corners[:, FACETS], marks)[self.vertices] > 0.5
+        at_vertices = partial(summed, triangles.vertex_map)
+        holds = at_vertices(triangles.vertices[:, FACETS], marks)[self.vertices] > 0.5
         # The double angle belongs to a direction without a sign.
         t = self._tangents
         double = np.column_stack([t[:, 0] ** 2 - t[:, 1] ** 2, 2.0 * t[:, 0] * t[:, 1]])
@@ -144,6 +123,15 @@ class Bars:
         # A bar pulls its first end forwards and its last end backwards.
         pulls = np.sign(np.einsum("mi,mei->me", t, common)) * [-1.0, 1.0]
         self._signs = np.where(self.tied, pulls, 0.0)
+
+    def _constraints(self, held: BoolArray) -> FloatArray:
+        block = 2 * (self.degree + 1)
+        found = np.zeros((len(held), 3, block, self.degree + 2))
+        rises = -self._tangents[:, None, :, None] * self._rises[:, None]
+        found[:, 0] = np.where(held[:, None, :, None], 0.0, rises).reshape(found[:, 0].shape)
+        found[:, [1, 2], 0, [0, 1]] = self._signs
+        found = found.reshape(len(held), 3 * block, self.degree + 2)
+        return np.where(self._zero[:, None], 0.0, found)
 
     def _integrate(self) -> None:
         """Integrals over a facet of length 1."""
@@ -169,9 +157,6 @@ class Bars:
     def _squares(self, forces: FloatArray) -> FloatArray:
         """``int T^2`` over each piece (m, r) of a facet of length 1."""
         return np.einsum("ma,rab,mb->mr", forces, self._masses, forces)
-
-    def _squares_of_ends(self, along: FloatArray) -> FloatArray:
-        return np.einsum("ma,rab,mb->mr", along, self._affine_masses, along)
 
 
 def _shapes(degree: int, s: FloatArray) -> FloatArray:

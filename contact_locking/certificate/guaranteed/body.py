@@ -10,17 +10,20 @@ from dolfinx import fem
 from contact_locking.arrays import FloatArray, flattened
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed.bars import Bars
-from contact_locking.certificate.guaranteed.data_oscillation import BalancedLoads
 from contact_locking.certificate.guaranteed.hybrid_system import (
     LARGEST_JUMP,
-    Boundary,
+    Forces,
     HybridSystem,
 )
-from contact_locking.certificate.guaranteed.macro_element import MacroElement, lagrange_gradients
+from contact_locking.certificate.guaranteed.macro_element import (
+    TENSORS,
+    MacroElement,
+    lagrange_gradients,
+)
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem import compiled
-from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
+from contact_locking.laws.elasticity import MANDEL_PAIRS
 from contact_locking.mesh.rank_sums import summed
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.elasticity import matrix_of
@@ -53,11 +56,6 @@ class Elasticity:
     eigenvalues: FloatArray
     vectors: FloatArray
 
-    @classmethod
-    def of(cls, stiffness: FloatArray) -> Elasticity:
-        """From Mandel matrices (n, 3, 3)."""
-        return cls(*np.linalg.eigh(stiffness))
-
     def compliance(self, zeta: FloatArray) -> FloatArray:
         """``(A + zeta)^-1`` as matrices (n, 3, 4, 3, 3) for zeta (n, 3, 4)."""
         vectors = self.vectors[:, None, None]
@@ -76,12 +74,11 @@ def averaged(values: FloatArray, triangles: Triangles) -> FloatArray:
     An average is better than the values of single cells, because Z alternates between the cells of
     a locked zone.
     """
-    mesh = triangles.domain.mesh
-    corners = mesh.topology.connectivity(2, 0).array.reshape(-1, 3)[: len(values)]
     weighted = np.column_stack([values, np.ones(len(values))]) * triangles.areas[:, None]
-    sums = summed(mesh.topology.index_map(0), corners, np.repeat(weighted[:, None], 3, axis=1))
+    every = np.repeat(weighted[:, None], 3, axis=1)
+    sums = summed(triangles.vertex_map, triangles.vertices, every)
     means = sums[:, 0] / sums[:, 1]
-    return np.asarray(means[corners].mean(axis=1))
+    return np.asarray(means[triangles.vertices].mean(axis=1))
 
 
 def best_stiffening(squares: FloatArray, eigenvalues: FloatArray, limit: FloatArray) -> FloatArray:
@@ -148,16 +145,15 @@ class Body:
 
     def __init__(self, state: SolvedState, triangles: Triangles, element: MacroElement) -> None:
         self._state, self.triangles, self.element = state, triangles, element
-        size = len(triangles.areas)
-        points = state.points
+        self._degree, points = state.problem.element.degree, state.points
         self.limit = self._constant(points.by_cell(points.limit))
-        self.elasticity = Elasticity.of(self._constant(self._stiffness(size)))
+        self.elasticity = Elasticity(*np.linalg.eigh(self._constant(self._stiffness())))
         ratio = np.linalg.norm(points.locking_stress, axis=(1, 2)) / points.limit
         self._zeta = averaged(points.by_cell(ratio).mean(axis=1), triangles)
         self._zeta[~np.isfinite(self.limit)] = 0.0
         self._locks = on_any_rank(state.comm, np.isfinite(self.limit))
 
-    def balanced(self, boundary: Boundary, loads: BalancedLoads, w: fem.Function) -> Balanced:
+    def balanced(self, forces: Forces, w: fem.Function) -> Balanced:
         """An equilibrated stress whose distance from the displacement w is small; collective.
 
         The stress has the least energy for given zeta, and zeta is then the best for this stress,
@@ -165,50 +161,38 @@ class Body:
         the first stress discontinuous.
         """
         element, triangles, state = self.element, self.triangles, self._state
-        size = len(triangles.areas)
-        # s = F r F^T has the divergence F div r.
-        wanted = np.einsum("nij,ntlj->ntli", np.linalg.inv(triangles.maps), -loads.body)
-        wanted = flattened(wanted)
-        reference = wanted @ element.lifts.reshape(wanted.shape[1], -1)
-        lifted = triangles.moved(reference.reshape(size, *element.basis.shape[1:]))
-        reference = wanted @ element.lift_moments.reshape(wanted.shape[1], -1)
-        bars = Bars(triangles, element.degree, boundary.held, self.limit)
-        system = HybridSystem(triangles, element, boundary, bars, state.settings.linear)
-        moments = system.moments(reference.reshape(size, *element.moments.shape[1:]))
+        bars = Bars(triangles, element.degree, forces.held, self.limit)
+        system = HybridSystem(triangles, element, forces, bars, state.settings.linear)
         strains = self.strains(w, element)
         along = bars.along(strains)
-        least = _LEAST * self.elasticity.eigenvalues[:, 0]
-        zeta = np.broadcast_to(self._zeta[:, None, None], (size, 3, len(element.quarters)))
-        least_bar = (least[bars.cells] * bars.lengths)[:, None]
-        first_bar = np.maximum(_THICKNESS * bars.lengths * self._zeta[bars.cells], least_bar[:, 0])
+        least = self.elasticity.eigenvalues[:, 0] * _LEAST
+        least_bar = least[bars.cells] * bars.lengths
+        first_bar = np.maximum(_THICKNESS * bars.lengths * self._zeta[bars.cells], least_bar)
         # The first round has no bars but by rounding: a body without locked zones needs none.
         of_bars = np.repeat(_NOTHING * first_bar[:, None], 2, axis=1)
+        least, least_bar = least[:, None, None], least_bar[:, None]
+        zeta = np.broadcast_to(self._zeta[:, None, None], (len(least), 3, len(element.quarters)))
         best, least_value, before = None, np.inf, np.inf
         for step in range(_ROUNDS):
-            compliance = self.elasticity.compliance(zeta)
-            found = system.solve(compliance, strains, lifted, moments, of_bars)
-            if found.jump > LARGEST_JUMP:
-                if best is None:
-                    raise NotApplicable(
-                        f"rounding leaves jumps of {found.jump:.1e} in the tractions"
-                    )
+            stress, tension, jump = system.solve(self.elasticity.compliance(zeta), strains, of_bars)
+            if jump > LARGEST_JUMP and best is None:
+                raise NotApplicable(f"rounding leaves jumps of {jump:.1e} in the tractions")
+            if jump > LARGEST_JUMP:
                 break
-            stress = np.asarray(lifted + found.stress)
             gap = self.gap(stress, w, element)
-            value = state.sum(gap.values) + state.sum(bars.gap(found.forces, along))
-            is_last = not self._locks or (step > 1 and value > _ENOUGH * before)
+            value = state.sum(gap.values) + state.sum(bars.gap(tension, along))
             if value < least_value:
-                best, least_value = Balanced(stress, bars, found.forces), value
-            if is_last:
+                best, least_value = Balanced(stress, bars, tension), value
+            if not self._locks or (step > 1 and value > _ENOUGH * before):
                 break
             before = value
             # Steps beyond the best zeta need fewer rounds.
             power = 1.0 if step < 3 else _BEYOND
-            zeta = np.maximum(zeta, least[:, None, None])
-            zeta = zeta * (np.maximum(gap.zeta, least[:, None, None]) / zeta) ** power
+            zeta = np.maximum(zeta, least)
+            zeta = zeta * (np.maximum(gap.zeta, least) / zeta) ** power
             zeta[~np.isfinite(self.limit)] = 0.0
-            wanted_bars = np.maximum(bars.best_stiffening(found.forces), least_bar)
-            of_bars *= (wanted_bars / of_bars) ** power
+            wanted = np.maximum(bars.best_stiffening(tension), least_bar)
+            of_bars *= (wanted / of_bars) ** power
             if step == 0:
                 of_bars = np.repeat(first_bar[:, None], 2, axis=1)
         assert best is not None
@@ -216,23 +200,12 @@ class Body:
 
     def strains(self, u: fem.Function, element: MacroElement) -> FloatArray:
         """The strain (n, 3, m, 3) of a displacement at the points of the parts."""
-        triangles = self.triangles
-        degree = self._state.problem.element.degree
-        shape = element.points.shape
-        nodal = u.x.array.reshape(-1, 2)[u.function_space.dofmap.list[: len(triangles.areas)]]
-        # The gradients of affine displacements are constant.
-        points = element.points.reshape(-1, 2)[: 1 if degree == 1 else None]
-        slopes = lagrange_gradients(degree, points)
-        inverse = np.linalg.inv(triangles.maps)
-        gradient = np.swapaxes(nodal, 1, 2)[:, None] @ (slopes @ inverse[:, None])
-        parts = [
-            0.5 * (gradient[:, :, i, j] + gradient[:, :, j, i]) * mandel_factor(i, j)
-            for i, j in MANDEL_PAIRS[2]
-        ]
-        found = np.stack(parts, axis=-1)
-        if degree == 1:
-            found = np.broadcast_to(found, (len(nodal), shape[0] * shape[1], 3))
-        return found.reshape(len(nodal), *shape[:2], 3)
+        triangles, shape = self.triangles, element.points.shape
+        slopes = lagrange_gradients(self._degree, element.points.reshape(-1, 2))
+        slopes = slopes @ np.linalg.inv(triangles.maps)[:, None]
+        gradient = np.swapaxes(triangles.at_nodes(u), 1, 2)[:, None] @ slopes
+        found = gradient.reshape(*gradient.shape[:2], 4) @ TENSORS.reshape(3, 4).T
+        return np.asarray(found.reshape(len(found), *shape[:2], 3))
 
     def excess(self, w: fem.Function) -> float:
         """``max |eps(w)|/M - 1`` over the body, at least 0; collective."""
@@ -268,14 +241,15 @@ class Body:
         values = 0.5 * (np.sum(apart * shifted, axis=(1, 2, 3)) + np.sum(zeta * slack, axis=(1, 2)))
         return Gap(values, zeta, apart, eigenvalues, shifted)
 
-    def _stiffness(self, size: int) -> FloatArray:
+    def _stiffness(self) -> FloatArray:
         """A as Mandel matrices (n, points, 3, 3)."""
         problem = self._state.problem
         matrix = matrix_of(problem.material.linear, MANDEL_PAIRS[2], 2)
         space = problem.element.strain_space(problem.domain.mesh, (3, 3))
         function = fem.Function(space)
         function.interpolate(compiled.interpolation(matrix, space))
-        return np.asarray(function.x.array.reshape(-1, 3, 3)[space.dofmap.list[:size]])
+        dofs = space.dofmap.list[: len(self.triangles.areas)]
+        return np.asarray(function.x.array.reshape(-1, 3, 3)[dofs])
 
     def _constant(self, values: FloatArray) -> FloatArray:
         """The value (n, ...) in each cell of values (n, points, ...); collective."""

@@ -8,7 +8,7 @@ from contact_locking.arrays import BoolArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed.contact_tractions import ContactTractions
 from contact_locking.certificate.guaranteed.facet_polynomials import bernstein
-from contact_locking.certificate.guaranteed.macro_element import CORNERS, FACETS, lagrange
+from contact_locking.certificate.guaranteed.macro_element import FACET_ENDS, between, lagrange
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.parallel import maximum
@@ -42,20 +42,17 @@ def held_components(state: SolvedState, triangles: Triangles) -> BoolArray:
     then does not have these values between the nodes.
     """
     held = np.zeros((*triangles.facets.shape, 2), dtype=bool)
-    problem, worst = state.problem, 0.0
+    problem, worst, s = state.problem, 0.0, np.linspace(0.0, 1.0, _SAMPLES)
     if problem.constraints.supports.placed:
         raise NotApplicable("a support holds a direction that is no axis")
     if problem.constraints.given:
         raise NotApplicable("conditions of DOLFINx prescribe values at nodes")
-    degree, u = problem.element.degree, problem.u
-    s = np.linspace(0.0, 1.0, _SAMPLES)[:, None]
-    samples = np.stack([CORNERS[a] * (1.0 - s) + CORNERS[b] * s for a, b in FACETS])
-    shapes = np.stack([lagrange(degree, points) for points in samples])
-    nodal = u.x.array.reshape(-1, 2)[u.function_space.dofmap.list[: len(triangles.areas)]]
+    samples, nodal = between(FACET_ENDS, s), triangles.at_nodes(problem.u)
+    shapes = np.stack([lagrange(problem.element.degree, points) for points in samples])
     for item in problem.constraints.wanted:
         cells, sides = triangles.sides_on(problem.domain.facets(item.on, item.key))
         held[cells, sides, item.component] = True
-        places = triangles.at(samples, cells)[np.arange(len(cells)), sides]
+        places = between(triangles.ends[cells, sides], s)
         wanted = item.value(places.reshape(-1, 2).T).reshape(len(cells), _SAMPLES)
         values = np.einsum("msi,mi->ms", shapes[sides], nodal[cells, :, item.component])
         worst = max(worst, float(np.abs(wanted - values).max(initial=0.0)))
@@ -71,14 +68,12 @@ def require_exact_gaps(
 
     The values are compared at 8 points of each facet.
     """
-    s = np.arange(_SAMPLES) / (_SAMPLES - 1.0)
-    worst = 0.0
+    s, worst = np.linspace(0.0, 1.0, _SAMPLES), 0.0
     for contact in contacts:
-        ends = triangles.ends[contact.cells, contact.sides]
-        places = ends[:, :1] * (1.0 - s)[:, None] + ends[:, 1:] * s[:, None]
+        places = between(triangles.ends[contact.cells, contact.sides], s)
         at_places = contact.fields.contact.foundation.gap(places.reshape(-1, 2).T)
         exact = at_places.reshape(len(places), _SAMPLES)
-        own = np.einsum("mr,sr->ms", contact.gap, bernstein(contact.gap.shape[1] - 1, s))
+        own = contact.gap @ bernstein(contact.gap.shape[1] - 1, s).T
         worst = max(worst, float(np.abs(exact - own).max(initial=0.0)))
     if maximum(state.comm, worst) > _ROUNDING_OF_DISTANCES * state.target.length:
         raise NotApplicable("the gap is not met between the nodes of the mesh")

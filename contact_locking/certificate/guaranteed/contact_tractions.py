@@ -13,7 +13,6 @@ from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed.facet_polynomials import (
     absolute_integral,
-    control_points,
     control_values,
     legendre_moments,
     product_integral,
@@ -26,7 +25,7 @@ from contact_locking.results.derived import ContactFields
 _ROUNDING = 1e-10
 
 
-@dataclass
+@dataclass(frozen=True)
 class ContactTractions:
     """The traction of one contact on the m facets of this rank, by control values.
 
@@ -39,7 +38,6 @@ class ContactTractions:
     cells: IntArray
     sides: IntArray
     nodes: IndexArray
-    places: FloatArray
     lengths: FloatArray
     normal: FloatArray
     gap: FloatArray
@@ -59,9 +57,9 @@ class ContactTractions:
     def split(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """``u_nu`` and ``u_tau`` as control values (m, r + 1), from values at all nodes (k, 2)."""
         values = u[self.nodes]
-        normal = np.einsum("mri,mi->mr", values, self.normal)
-        tangent = np.einsum("mri,mi->mr", values, self.tangent)
-        return control_values(normal), control_values(tangent)
+        along = (np.einsum("mri,mi->mr", values, unit) for unit in (self.normal, self.tangent))
+        normal, tangent = map(control_values, along)
+        return normal, tangent
 
     def moments(self, degree: int) -> FloatArray:
         """The moments (m, k + 1, 2) of the traction along the facets of the cells."""
@@ -108,13 +106,11 @@ def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTra
     friction = surface.vector_function(fields.traction).x.array.reshape(-1, 2)
     along = controls(np.einsum("mri,mi->mr", friction[nodes], tangent))
     bound = np.maximum(of(fields.bound), 0.0)
-    ends = triangles.ends[cells, sides]
     return ContactTractions(
         fields,
         cells,
         sides,
         nodes,
-        control_points(ends, nodes.shape[1] - 1),
         triangles.lengths[cells, sides],
         normal,
         controls(contact.gap.x.array[nodes]),
@@ -122,20 +118,6 @@ def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTra
         np.clip(_continued(along, fixed), -bound, bound),
         bound,
     )
-
-
-def with_contacts(
-    moments: FloatArray, contacts: list[ContactTractions], triangles: Triangles
-) -> FloatArray:
-    """Moments (n, 3, k + 1, 2) of loads and contacts along the directions that all ranks share.
-
-    ``moments`` are those of the loads, along the facets of the cells.
-    """
-    degree = moments.shape[2] - 1
-    found = moments.copy()
-    for contact in contacts:
-        np.add.at(found, (contact.cells, contact.sides), contact.moments(degree))
-    return np.asarray(found * triangles.signs[:, :, None, None] ** np.arange(degree + 1)[:, None])
 
 
 def _continued(values: FloatArray, fixed: BoolArray) -> FloatArray:

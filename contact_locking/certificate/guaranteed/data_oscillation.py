@@ -19,9 +19,10 @@ from ufl.differentiation import Derivative
 from contact_locking.arrays import FloatArray, IndexArray, IntArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed.macro_element import (
-    CORNERS,
-    FACETS,
+    FACET_ENDS,
     MacroElement,
+    between,
+    in_parts,
     lagrange,
     legendre,
 )
@@ -49,17 +50,28 @@ class BalancedLoads:
     body_rest: FloatArray
     rest: FloatArray
 
+    @classmethod
+    def none(cls, triangles: Triangles, element: MacroElement) -> BalancedLoads:
+        """No loads."""
+        n, k = len(triangles.areas), element.degree
+        body = np.zeros((n, 3, element.load_points.shape[1], 2))
+        return cls(body, np.zeros((n, 3, k + 1, 2)), np.zeros(n), np.zeros((n, 3)))
+
     def oscillation(self, triangles: Triangles) -> FloatArray:
         """(n,) o_K with ``|(f, v) - (balanced part, v)| <= sum_K o_K |eps(v)|_K``."""
-        inside = triangles.diameters / np.pi * korn_constants(triangles.lengths) * self.body_rest
+        inside = _korn_sizes(triangles) / np.pi * self.body_rest
         return np.asarray(inside + np.sum(trace_constants(triangles) * self.rest, axis=1))
 
 
 def trace_constants(triangles: Triangles) -> FloatArray:
     """(n, 3) C with ``|v - r|_F <= C |eps(v)|_K`` on each facet F, for a rigid motion r of K."""
     share = triangles.lengths / triangles.areas[:, None] * (1.0 / np.pi**2 + 1.0 / np.pi)
-    size = triangles.diameters * korn_constants(triangles.lengths)
-    return np.asarray(size[:, None] * np.sqrt(share))
+    return np.asarray(_korn_sizes(triangles)[:, None] * np.sqrt(share))
+
+
+def _korn_sizes(triangles: Triangles) -> FloatArray:
+    """(n,) the diameters times Korn's constants."""
+    return np.asarray(triangles.lengths.max(axis=1) * korn_constants(triangles.lengths))
 
 
 def korn_constants(lengths: FloatArray) -> FloatArray:
@@ -79,13 +91,7 @@ def balanced_loads(data: ProblemData, triangles: Triangles, element: MacroElemen
 
     Raises NotApplicable for a load that cannot be evaluated at points.
     """
-    count, k = len(triangles.areas), element.degree
-    found = BalancedLoads(
-        np.zeros((count, 3, element.load_points.shape[1], 2)),
-        np.zeros((count, 3, k + 1, 2)),
-        np.zeros(count),
-        np.zeros((count, 3)),
-    )
+    found = BalancedLoads.none(triangles, element)
     for integral in () if data.loads is None else data.loads.integrals():
         kind, load = integral.integral_type(), _density(integral.integrand())
         if integral.metadata().get("quadrature_rule") == "custom":
@@ -95,8 +101,7 @@ def balanced_loads(data: ProblemData, triangles: Triangles, element: MacroElemen
                 raise NotApplicable("a body force acts on a part of the body only")
             _add_body_force(found, load, triangles, element)
         elif kind == "exterior_facet":
-            facets = _facets_of(integral)
-            _add_traction(found, load, triangles, facets, k)
+            _add_traction(found, load, triangles, _facets_of(integral), element.degree)
         else:
             raise NotApplicable(f"a load acts on the measure {kind!r}")
     return found
@@ -116,20 +121,17 @@ def _add_body_force(
     found: BalancedLoads, load: Any, triangles: Triangles, element: MacroElement
 ) -> None:
     points, weights = basix.make_quadrature(basix.CellType.triangle, _DEGREE)
-    shares = np.column_stack([1.0 - points.sum(axis=1), points])
-    corners = np.stack([np.vstack([CORNERS[e], CORNERS.mean(axis=0)]) for e in FACETS])
-    places = np.einsum("qc,tcd->tqd", shares, corners)
-    cells = np.arange(len(triangles.areas), dtype=np.int32)
-    values = _values(load, triangles, places.reshape(-1, 2), cells)
-    values = values.reshape(len(cells), 3, len(points), 2)
+    # The weights of the reference triangle add up to 1/2.
+    weights, places = 2.0 * weights, in_parts(points)
+    cells = np.arange(len(triangles.areas))
+    values = _values(load, triangles, places, cells)
     shapes = lagrange(element.degree - 1, points)
     inverse = np.linalg.inv(element.load_mass)
-    # The weights of the reference triangle add up to 1/2.
-    body = np.einsum("ij,qj,q,ntqd->ntid", inverse, shapes, 2.0 * weights, values)
+    body = np.einsum("ij,qj,q,ntqd->ntid", inverse, shapes, weights, values)
     if element.degree == 1:
-        body += _turning(values - body, 2.0 * weights, triangles, places)
+        body += _turning(values - body, weights, triangles, places)
     rest = values - np.einsum("qi,ntid->ntqd", shapes, body)
-    squares = [np.einsum("q,ntqd->n", 2.0 * weights, part**2) for part in (rest, values)]
+    squares = [np.einsum("q,ntqd->n", weights, part**2) for part in (rest, values)]
     # Several body forces add up; so do the norms of the parts left out.
     found.body += body
     found.body_rest += np.sqrt(triangles.areas / 3.0 * _beyond_rounding(*squares))
@@ -161,8 +163,15 @@ def _add_traction(
     points, weights = basix.make_quadrature(basix.CellType.interval, _DEGREE + degree)
     s = points[:, 0]
     cells, sides = triangles.sides_on(facets)
-    edges = np.stack([CORNERS[a] * (1.0 - s[:, None]) + CORNERS[b] * s[:, None] for a, b in FACETS])
-    values = _on_sides(load, triangles, edges, cells, sides)
+    places, values = between(FACET_ENDS, s), np.empty((len(cells), len(s), 2))
+    # Only integrals over facets know the outward normal.  Here it is a field for each side.
+    space = fem.functionspace(triangles.domain.mesh, ("DG", 0, (2,)))
+    normal, dofs = fem.Function(space), space.dofmap.list[: len(triangles.areas), 0]
+    in_cells = ufl.replace(load, dict.fromkeys(extract_type(load, ufl.FacetNormal), normal))
+    for side in range(3):
+        normal.x.array.reshape(-1, 2)[dofs] = triangles.normals[:, side]
+        here = sides == side
+        values[here] = _values(in_cells, triangles, places, cells[here])[:, side]
     table = legendre(degree, s)
     moments = np.einsum("q,qj,mqd->mjd", weights, table, values)
     rest = values - np.einsum("qj,mjd->mqd", table, moments)
@@ -173,46 +182,18 @@ def _add_traction(
     found.rest[cells, sides] += np.sqrt(lengths * _beyond_rounding(*squares))
 
 
-def _on_sides(
-    load: Any, triangles: Triangles, edges: FloatArray, cells: IntArray, sides: IntArray
-) -> FloatArray:
-    """The load (m, q, 2) on sides (m,) of cells (m,), at points (3, q, 2) of all sides; collective.
-
-    Only integrals over facets know the outward normal.  Here the load is evaluated in cells, and
-    the normal of one side after the other is a field.
-    """
-
-    def evaluate(load: Any, chosen: IntArray, side: IntArray | int) -> FloatArray:
-        points = edges.reshape(-1, 2)
-        found = _values(load, triangles, points, chosen.astype(np.int32))
-        return found.reshape(len(chosen), *edges.shape)[np.arange(len(chosen)), side]
-
-    normals = extract_type(load, ufl.FacetNormal)
-    if not normals:
-        return evaluate(load, cells, sides)
-    space = fem.functionspace(triangles.domain.mesh, ("DG", 0, (2,)))
-    field = fem.Function(space)
-    dofs = space.dofmap.list[: len(triangles.areas), 0]
-    sided = ufl.replace(load, dict.fromkeys(normals, field))
-    values = np.empty((len(cells), *edges.shape[1:]))
-    for side in range(3):
-        field.x.array.reshape(-1, 2)[dofs] = triangles.normals[:, side]
-        here = sides == side
-        values[here] = evaluate(sided, cells[here], side)
-    return values
-
-
 def _beyond_rounding(rest: FloatArray, whole: FloatArray) -> FloatArray:
     """The squares (m,) of the parts left out, or 0 where they are rounding of the whole."""
     return np.where(rest > _ROUNDING**2 * whole, rest, 0.0)
 
 
-def _values(load: Any, triangles: Triangles, points: FloatArray, cells: IndexArray) -> FloatArray:
-    """The load (m, q, 2) at points (q, 2) of the reference triangle in cells (m,); collective."""
+def _values(load: Any, triangles: Triangles, points: FloatArray, cells: IntArray) -> FloatArray:
+    """The load (m, 3, q, 2) in m cells at points (3, q, 2) of the reference; collective."""
     try:
-        expression = compiled.expression(load, points)
+        expression = compiled.expression(load, points.reshape(-1, 2))
     except (ValueError, RuntimeError, TypeError) as error:
         raise NotApplicable("a load cannot be evaluated at points") from error
     if not len(cells):
-        return np.empty((0, len(points), 2))
-    return np.asarray(expression.eval(triangles.domain.mesh, cells)).reshape(-1, len(points), 2)
+        return np.empty((0, *points.shape))
+    found = expression.eval(triangles.domain.mesh, cells.astype(np.int32))
+    return np.asarray(found).reshape(len(cells), *points.shape)

@@ -23,16 +23,14 @@ from contact_locking.certificate.guaranteed.boundary_conditions import (
 from contact_locking.certificate.guaranteed.contact_tractions import (
     ContactTractions,
     contact_tractions,
-    with_contacts,
 )
 from contact_locking.certificate.guaranteed.data_oscillation import BalancedLoads, balanced_loads
-from contact_locking.certificate.guaranteed.floating import balance, floating_parts, springs
-from contact_locking.certificate.guaranteed.hybrid_system import Boundary
+from contact_locking.certificate.guaranteed.floating import forces_in_balance
 from contact_locking.certificate.guaranteed.macro_element import (
     MacroElement,
     lagrange,
+    lattice,
     macro_element,
-    out_of_part,
 )
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.certificate.penalty_error import admissible_neighbour, energy_distance
@@ -60,16 +58,14 @@ def finer_stress(
     """
     low = macro_element(coarse.moments.shape[2] - 1)
     high = macro_element(low.degree + 1)
-    same = lagrange(low.degree, out_of_part(0, high.points[0]))
-    raised = np.einsum("pq,ntqa->ntpa", same, stress)
-    at = lagrange(low.degree - 1, out_of_part(0, high.load_points[0]))
+    raised = np.einsum("pq,ntqa->ntpa", lagrange(low.degree, lattice(high.degree)), stress)
+    at = lagrange(low.degree - 1, lattice(low.degree))
     body = fine.body - np.einsum("lk,ntkd->ntld", at, coarse.body)
     moments = np.where(held[:, :, None], 0.0, fine.moments)
     moments[:, :, : low.degree + 1] = 0.0
-    back = np.linalg.inv(cells.maps)
-    wanted = flattened(-flattened(body, kept=1) @ np.swapaxes(back, 1, 2))
-    tractions = flattened(moments, kept=1) @ np.swapaxes(back, 1, 2)
-    tractions /= cells.determinants[:, None, None]
+    back = np.swapaxes(np.linalg.inv(cells.maps), 1, 2)
+    wanted = flattened(-flattened(body, kept=1) @ back)
+    tractions = flattened(moments, kept=1) @ back / (2.0 * cells.areas[:, None, None])
     rest = flattened(tractions) - wanted @ high.lift_moments.reshape(len(high.lifts), -1)
     table = high.moments.reshape(len(high.basis), -1)
     chosen = rest @ np.linalg.pinv(table, rcond=_RANK)
@@ -132,29 +128,23 @@ def guaranteed_error(
 def _bound(state: SolvedState, lifting: Lifting) -> FrozenBound:
     """The bound, with the gaps of cells and of their facets on Gamma_C as squares; collective."""
     _require_applicable(state)
-    problem = state.problem
-    triangles = Triangles(problem.domain)
+    problem, triangles = state.problem, Triangles(state.problem.domain)
     element = macro_element(problem.element.degree)
     held = held_components(state, triangles)
     loads = balanced_loads(problem.data, triangles, element)
     contacts = [contact_tractions(fields, triangles) for fields in state.contacts]
     require_exact_gaps(state, triangles, contacts)
-    parts = floating_parts(problem, triangles)
-    balance(parts, triangles, element, loads.body, loads.moments, contacts)
-    moments = with_contacts(loads.moments, contacts, triangles)
-    stiffness = problem.material.stiffness
-    boundary = Boundary(held, moments, springs(parts, triangles, element, contacts, stiffness))
+    forces, contacts = forces_in_balance(problem, triangles, element, held, loads, contacts)
     body = Body(state, triangles, element)
     w, apart = _admissible(state, lifting, body, contacts)
-    balanced = body.balanced(boundary, loads, w)
-    stress = balanced.stress
+    balanced = body.balanced(forces, w)
+    stress, bars = balanced.stress, balanced.bars
     if maximum(state.comm, loads.body_rest) > 0.0 or maximum(state.comm, loads.rest) > 0.0:
         finer = balanced_loads(problem.data, triangles, macro_element(element.degree + 1))
         stress, element = finer_stress(stress, loads, finer, held, triangles)
         loads = finer
     gap = body.gap(stress, w, element)
     squares = gap.values.copy()
-    bars = balanced.bars
     along = bars.along(body.strains(w, body.element))
     np.add.at(squares, bars.cells, bars.gap(balanced.forces, along))
     nodal = w.x.array.reshape(-1, 2)

@@ -16,33 +16,21 @@ from contact_locking.certificate.guaranteed.macro_element import legendre
 
 
 def bernstein(degree: int, s: FloatArray) -> FloatArray:
-    """Bernstein's polynomials (q, r + 1) of degree r on [0, 1] at points s (q,)."""
-    i = np.arange(degree + 1)
-    x = s[:, None]
+    """Bernstein's polynomials (..., r + 1) of degree r on [0, 1] at points s (...,)."""
+    i, x = np.arange(degree + 1), s[..., None]
     return np.asarray(comb(degree, i) * x**i * (1.0 - x) ** (degree - i))
 
 
 def control_values(nodal: FloatArray) -> FloatArray:
-    """The control values (m, r + 1, ...) of values at the r + 1 equidistant points of facets."""
+    """The control values (m, r + 1) of values at the r + 1 equidistant points of facets."""
     degree = nodal.shape[1] - 1
-    if degree <= 1:
-        return nodal
-    table = bernstein(degree, np.arange(degree + 1) / degree)
-    inverse = np.asarray(np.linalg.inv(table), dtype=np.float64)
-    return np.asarray(np.einsum("ij,mj...->mi...", inverse, nodal))
-
-
-def control_points(ends: FloatArray, degree: int) -> FloatArray:
-    """The places (m, r + 1, 2) of the control values on facets with ends (m, 2, 2)."""
-    s = np.linspace(0.0, 1.0, degree + 1)[:, None]
-    return np.asarray(ends[:, :1] * (1.0 - s) + ends[:, 1:] * s)
+    return nodal @ np.linalg.inv(bernstein(degree, np.arange(degree + 1) / degree)).T
 
 
 def legendre_moments(control: FloatArray, degree: int) -> FloatArray:
     """The moments (m, k + 1, ...) on [0, 1] with Legendre's polynomials up to degree k."""
     own = control.shape[1] - 1
-    points, weights = basix.make_quadrature(basix.CellType.interval, own + degree)
-    s = points[:, 0]
+    s, weights = _rule(own + degree)
     table = np.einsum("q,qj,qi->ji", weights, legendre(degree, s), bernstein(own, s))
     return np.einsum("ji,mi...->mj...", table, control)
 
@@ -50,8 +38,7 @@ def legendre_moments(control: FloatArray, degree: int) -> FloatArray:
 def product_integral(a: FloatArray, b: FloatArray) -> FloatArray:
     """``int_0^1 a b`` (m,) for control values a (m, r + 1) and b (m, q + 1)."""
     da, db = a.shape[1] - 1, b.shape[1] - 1
-    points, weights = basix.make_quadrature(basix.CellType.interval, da + db)
-    s = points[:, 0]
+    s, weights = _rule(da + db)
     table = np.einsum("q,qi,qj->ij", weights, bernstein(da, s), bernstein(db, s))
     return np.einsum("mi,ij,mj->m", a, table, b)
 
@@ -62,25 +49,24 @@ def absolute_integral(a: FloatArray, b: FloatArray) -> FloatArray:
     The interval is divided at the zeros of b, so that the integral is exact.
     """
     da, db = a.shape[1] - 1, b.shape[1] - 1
-    cuts = np.concatenate([np.zeros((len(b), 1)), _zeros(b), np.ones((len(b), 1))], axis=1)
-    points, weights = basix.make_quadrature(basix.CellType.interval, da + db)
-    total = np.zeros(len(b))
-    for low, high in zip(cuts.T[:-1], cuts.T[1:], strict=True):
-        for point, weight in zip(points[:, 0], weights, strict=True):
-            s = low + point * (high - low)
-            values = np.sum(bernstein(da, s) * a, axis=1) * np.abs(
-                np.sum(bernstein(db, s) * b, axis=1)
-            )
-            total += weight * (high - low) * values
-    return total
+    cuts = np.column_stack([np.zeros(len(b)), _zeros(b), np.ones(len(b))])
+    points, weights = _rule(da + db)
+    sizes = np.diff(cuts)
+    s = cuts[:, :-1, None] + points * sizes[:, :, None]
+    first = np.einsum("mcqi,mi->mcq", bernstein(da, s), a)
+    second = np.einsum("mcqi,mi->mcq", bernstein(db, s), b)
+    return np.asarray(np.sum((first * np.abs(second)) @ weights * sizes, axis=1))
+
+
+def _rule(degree: int) -> tuple[FloatArray, FloatArray]:
+    points, weights = basix.make_quadrature(basix.CellType.interval, degree)
+    return points[:, 0], weights
 
 
 def _zeros(b: FloatArray) -> FloatArray:
     """The zeros of polynomials in (0, 1), in ascending order; 0 or 1 in place of the others."""
     if b.shape[1] == 2:
-        fall = b[:, :1] - b[:, 1:]
-        root = np.divide(b[:, :1], fall, out=np.zeros_like(fall), where=fall != 0.0)
-        return np.asarray(np.clip(root, 0.0, 1.0))
+        b = np.column_stack([b[:, 0], b.mean(axis=1), b[:, 1]])
     # b0 (1 - s)^2 + 2 b1 s (1 - s) + b2 s^2 = p s^2 - 2 q s + b0.
     p, q, c = b[:, 0] - 2.0 * b[:, 1] + b[:, 2], b[:, 0] - b[:, 1], b[:, 0]
     root = np.sqrt(np.maximum(q * q - p * c, 0.0))

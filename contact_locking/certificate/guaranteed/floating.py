@@ -1,11 +1,11 @@
-"""Rigid motions that no displacement condition holds: balance of the data, and springs.
+"""The tractions that loads and contacts prescribe, balanced along motions that no condition holds.
 
 The data must do no work along these motions; otherwise no stress balances the data.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from mpi4py import MPI
@@ -13,14 +13,14 @@ from mpi4py import MPI
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed.contact_tractions import ContactTractions
-from contact_locking.certificate.guaranteed.facet_polynomials import (
-    control_points,
-    legendre_moments,
-)
-from contact_locking.certificate.guaranteed.macro_element import MacroElement
+from contact_locking.certificate.guaranteed.data_oscillation import BalancedLoads
+from contact_locking.certificate.guaranteed.facet_polynomials import legendre_moments
+from contact_locking.certificate.guaranteed.hybrid_system import Forces
+from contact_locking.certificate.guaranteed.macro_element import MacroElement, between
 from contact_locking.certificate.guaranteed.triangles import Triangles
+from contact_locking.parallel import maximum
 from contact_locking.problem.discrete_problem import DiscreteProblem
-from contact_locking.supports.rigid_motions import free_motions
+from contact_locking.problem.rigidity.motions import free_motions
 
 # Pressures that balance the data differ from those of the solution by less than this share.
 _LARGEST_CHANGE = 0.5
@@ -28,8 +28,42 @@ _LARGEST_CHANGE = 0.5
 _SINGULAR = 1e-10
 
 
+def forces_in_balance(
+    problem: DiscreteProblem,
+    triangles: Triangles,
+    element: MacroElement,
+    held: BoolArray,
+    loads: BalancedLoads,
+    contacts: list[ContactTractions],
+) -> tuple[Forces, list[ContactTractions]]:
+    """The tractions of loads and contacts, and the contacts with pressures in balance; collective.
+
+    ``held`` (n, 3, 2) marks the prescribed components.  Each control value of a pressure is
+    multiplied by ``1 + c . nu`` with one free motion c of the part, so that the data do no work
+    along free motions.  One facet of Gamma_C of each part has springs, as many as there are free
+    motions.  Raises NotApplicable if a factor would be far from 1, and where friction alone resists
+    a motion.
+    """
+    comm, size = triangles.domain.comm, 2 * (element.degree + 1)
+    turned = triangles.signs[:, :, None, None] ** np.arange(element.degree + 1)[:, None]
+    springs = np.zeros((len(triangles.areas), 3, size, size))
+    for part in _floating_parts(problem, triangles):
+        modes = part.on_facets(triangles, element.degree)
+        contacts = _balanced(part, modes, triangles, element, loads, contacts)
+        # As the data are balanced, no spring has a force.
+        facet = _facet_of(part, contacts, comm)
+        if facet is not None:
+            shapes = (modes * turned)[:, *facet].reshape(len(modes), -1)
+            shapes /= np.linalg.norm(shapes, axis=1)[:, None]
+            springs[facet] += problem.material.stiffness * shapes.T @ shapes
+    moments = loads.moments.copy()
+    for contact in contacts:
+        np.add.at(moments, (contact.cells, contact.sides), contact.moments(element.degree))
+    return Forces(held, loads.body, moments * turned, springs), contacts
+
+
 @dataclass(frozen=True)
-class FloatingPart:
+class _FloatingPart:
     """A connected part of the body with f free motions; ``motions`` (3, f) are coefficients.
 
     ``cells`` (n,) marks the triangles of the part.
@@ -50,12 +84,12 @@ class FloatingPart:
 
         They are zero in cells of other parts.
         """
-        values = self.at(control_points(triangles.ends.reshape(-1, 2, 2), 1))
-        found = np.stack([legendre_moments(motion, degree) for motion in values])
-        return found.reshape(len(values), -1, 3, degree + 1, 2) * self.cells[:, None, None, None]
+        values = self.at(triangles.ends)
+        found = legendre_moments(values.reshape(-1, 2, 2), degree)
+        return found.reshape(*values.shape[:3], -1, 2) * self.cells[:, None, None, None]
 
 
-def floating_parts(problem: DiscreteProblem, triangles: Triangles) -> list[FloatingPart]:
+def _floating_parts(problem: DiscreteProblem, triangles: Triangles) -> list[_FloatingPart]:
     """The parts of the body that have free motions; collective."""
     space, domain = problem.u.function_space, problem.domain
     found = []
@@ -65,50 +99,41 @@ def floating_parts(problem: DiscreteProblem, triangles: Triangles) -> list[Float
         mark[space.dofmap.list[inside[: len(space.dofmap.list)]].reshape(-1)] = True
         motions = free_motions(domain, space, problem.constraints, mark.reshape(-1))
         if motions.shape[1]:
-            found.append(FloatingPart(motions, inside[: len(triangles.areas)]))
+            found.append(_FloatingPart(motions, inside[: len(triangles.areas)]))
     return found
 
 
-def balance(
-    parts: list[FloatingPart],
+def _balanced(
+    part: _FloatingPart,
+    modes: FloatArray,
     triangles: Triangles,
     element: MacroElement,
-    body: FloatArray,
-    moments: FloatArray,
+    loads: BalancedLoads,
     contacts: list[ContactTractions],
-) -> None:
-    """Change the pressures so that the data do no work along free motions; collective.
-
-    ``body`` (n, 3, l, 2) is the body force and ``moments`` (n, 3, k + 1, 2) the moments of all
-    other tractions along the facets of the cells.  Each control value of the pressure is multiplied
-    by ``1 + c . nu`` with one free motion c of the part.  Raises NotApplicable if this factor would
-    be far from 1, and where friction alone resists a motion.
-    """
-    comm = triangles.domain.comm
-    for part in parts:
-        count, modes = part.motions.shape[1], part.on_facets(triangles, element.degree)
-        places = triangles.at(element.load_points)[part.cells]
-        weight = np.einsum("ij,n->nij", element.load_mass, triangles.areas[part.cells] / 3.0)
-        work = np.einsum("fntid,nij,ntjd->f", part.at(places), weight, body[part.cells])
-        work += np.einsum("fnsjd,nsjd->f", modes, moments)
-        gram, every = np.zeros((count, count)), []
-        for contact in contacts:
-            here = modes[:, contact.cells, contact.sides]
-            work += np.einsum("fmjd,mjd->f", here, contact.moments(element.degree))
-            pushed = np.einsum("fmrd,md->fmr", part.at(contact.places), contact.normal)
-            pushed *= part.cells[contact.cells][:, None]
-            every.append(pushed)
-            for column, pressure in zip(gram.T, contact.pressure * pushed, strict=True):
-                vectors = pressure[:, :, None] * contact.normal[:, None]
-                moved = contact.lengths[:, None, None] * legendre_moments(vectors, element.degree)
-                column += np.einsum("fmjd,mjd->f", here, moved)
-        factors, largest = _factors(comm.allreduce(work), comm.allreduce(gram)), 0.0
-        for contact, pushed in zip(contacts, every, strict=True):
-            change = np.einsum("f,fmr->mr", factors, pushed)
-            largest = max(largest, float(np.abs(change).max(initial=0.0)))
-            contact.pressure = contact.pressure * (1.0 + change)
-        if comm.allreduce(largest, op=MPI.MAX) > _LARGEST_CHANGE:
-            raise NotApplicable("the contact pressures do not balance the loads")
+) -> list[ContactTractions]:
+    """The contacts with pressures that balance the data along the motions of a part; collective."""
+    comm, places = triangles.domain.comm, triangles.at(element.load_points)[part.cells]
+    weight = np.einsum("ij,n->nij", element.load_mass, triangles.areas[part.cells] / 3.0)
+    work = np.einsum("fntid,nij,ntjd->f", part.at(places), weight, loads.body[part.cells])
+    work += np.einsum("fnsjd,nsjd->f", modes, loads.moments)
+    gram, every = np.zeros((len(work), len(work))), []
+    for contact in contacts:
+        here, count = modes[:, contact.cells, contact.sides], contact.pressure.shape[1]
+        work += np.einsum("fmjd,mjd->f", here, contact.moments(element.degree))
+        ends = triangles.ends[contact.cells, contact.sides]
+        points = between(ends, np.linspace(0.0, 1.0, count))
+        pushed = np.einsum("fmrd,md->fmr", part.at(points), contact.normal)
+        pushed *= part.cells[contact.cells][:, None]
+        every.append(pushed)
+        vectors = (contact.pressure * pushed)[..., None] * contact.normal[:, None]
+        moved = legendre_moments(vectors.reshape(-1, count, 2), element.degree).reshape(here.shape)
+        gram += np.einsum("m,fmjd,gmjd->fg", contact.lengths, here, moved)
+    factors = _factors(comm.allreduce(work), comm.allreduce(gram))
+    changes = [np.einsum("f,fmr->mr", factors, pushed) for pushed in every]
+    if maximum(comm, max(np.abs(item).max(initial=0.0) for item in changes)) > _LARGEST_CHANGE:
+        raise NotApplicable("the contact pressures do not balance the loads")
+    pairs = zip(contacts, changes, strict=True)
+    return [replace(item, pressure=item.pressure * (1.0 + change)) for item, change in pairs]
 
 
 def _factors(work: FloatArray, gram: FloatArray) -> FloatArray:
@@ -119,36 +144,15 @@ def _factors(work: FloatArray, gram: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.solve(gram, work))
 
 
-def springs(
-    parts: list[FloatingPart],
-    triangles: Triangles,
-    element: MacroElement,
-    contacts: list[ContactTractions],
-    stiffness: float,
-) -> FloatArray | None:
-    """The blocks (n, 3, b, b) of springs that fix the free motions; None if there are none.
-
-    One facet of Gamma_C of each part has springs, as many as there are free motions.  As the data
-    are balanced, no spring has a force.  Collective.
-    """
-    if not parts:
-        return None
-    comm, size = triangles.domain.comm, 2 * (element.degree + 1)
-    found = np.zeros((len(triangles.areas), 3, size, size))
-    for part in parts:
-        mine = [
-            (cell, side)
-            for contact in contacts
-            for cell, side in zip(contact.cells, contact.sides, strict=True)
-            if part.cells[cell]
-        ]
-        first = comm.allreduce(comm.rank if mine else comm.size, op=MPI.MIN)
-        if comm.rank != first:
-            continue
-        cell, side = mine[0]
-        modes = part.on_facets(triangles, element.degree)[:, cell, side]
-        modes = modes * triangles.signs[cell, side] ** np.arange(element.degree + 1)[:, None]
-        flat = modes.reshape(len(modes), -1)
-        flat /= np.linalg.norm(flat, axis=1)[:, None]
-        found[cell, side] += stiffness * flat.T @ flat
-    return found
+def _facet_of(
+    part: _FloatingPart, contacts: list[ContactTractions], comm: MPI.Intracomm
+) -> tuple[int, int] | None:
+    """The cell and the side of one facet of Gamma_C of a part, None on other ranks; collective."""
+    mine = [
+        (int(cell), int(side))
+        for contact in contacts
+        for cell, side in zip(contact.cells, contact.sides, strict=True)
+        if part.cells[cell]
+    ]
+    first = comm.allreduce(comm.rank if mine else comm.size, op=MPI.MIN)
+    return mine[0] if comm.rank == first else None

@@ -6,6 +6,7 @@ stress s in balance that has the traction ``-p nu``, ``p >= 0``, on Gamma_C (doc
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,15 +23,11 @@ from contact_locking.certificate.guaranteed.boundary_conditions import (
 from contact_locking.certificate.guaranteed.contact_tractions import (
     ContactTractions,
     contact_tractions,
-    with_contacts,
 )
+from contact_locking.certificate.guaranteed.data_oscillation import BalancedLoads
 from contact_locking.certificate.guaranteed.facet_polynomials import product_integral
-from contact_locking.certificate.guaranteed.floating import balance, floating_parts, springs
-from contact_locking.certificate.guaranteed.hybrid_system import (
-    LARGEST_JUMP,
-    Boundary,
-    HybridSystem,
-)
+from contact_locking.certificate.guaranteed.floating import forces_in_balance
+from contact_locking.certificate.guaranteed.hybrid_system import LARGEST_JUMP, HybridSystem
 from contact_locking.certificate.guaranteed.macro_element import macro_element
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.certificate.solved_state import SolvedState
@@ -82,31 +79,24 @@ def _excluded(state: SolvedState) -> float:
         raise NotApplicable("for linear elements")
     triangles, element = Triangles(problem.domain), macro_element(1)
     held = held_components(state, triangles)
-    contacts = _pushing(state, triangles)
-    parts = floating_parts(problem, triangles)
-    nothing = np.zeros((*triangles.facets.shape, 2, 2))
-    body = np.zeros((*triangles.facets.shape, 1, 2))
-    balance(parts, triangles, element, body, nothing, contacts)
-    moments = with_contacts(nothing, contacts, triangles)
-    blocks = springs(parts, triangles, element, contacts, problem.material.stiffness)
+    loads, contacts = BalancedLoads.none(triangles, element), _pushing(state, triangles)
+    forces, contacts = forces_in_balance(problem, triangles, element, held, loads, contacts)
     material = Body(state, triangles, element)
-    strains = material.strains(problem.u, element)
-    limit = material.limit
-    bars, unstretched = Bars(triangles, 1, held), np.empty((0, 2))
-    still = np.zeros_like(strains)
-    boundary = Boundary(held, moments, blocks)
-    system = HybridSystem(triangles, element, boundary, bars, state.settings.linear)
+    strains, limit = material.strains(problem.u, element), material.limit
     if on_any_rank(state.comm, ~np.isfinite(limit)):
         raise NotApplicable("nothing limits the strain in a part of the body")
+    bars, unstretched = Bars(triangles, 1, held), np.empty((0, 2))
+    system = HybridSystem(triangles, element, forces, bars, state.settings.linear)
     size = _first_sizes(state, triangles)
     best = np.inf
     for _ in range(_STEPS):
         weights = limit / np.maximum(size, _LEAST * maximum(state.comm, size))
         soft = np.multiply.outer(weights, np.eye(3))[:, None, None]
         soft = np.broadcast_to(soft, (len(weights), 3, 4, 3, 3))
-        found = system.solve(soft, strains, still, nothing, unstretched)
-        stress, jump = found.stress, found.jump
-        if _is_rounding(state, stress, strains / weights[:, None, None, None]):
+        stress, _, jump = system.solve(soft, strains, unstretched)
+        whole = strains / weights[:, None, None, None]
+        largest, most = (maximum(state.comm, np.abs(values)) for values in (stress, whole))
+        if largest <= _ROUNDING * most:
             # Nothing resists the prescribed displacements.
             break
         if jump > LARGEST_JUMP:
@@ -114,12 +104,6 @@ def _excluded(state: SolvedState) -> float:
         best = min(best, _factor(state, triangles, stress, strains, limit, contacts))
         size = np.sqrt(np.mean(np.sum(stress**2, axis=3), axis=(1, 2)))
     return best
-
-
-def _is_rounding(state: SolvedState, stress: FloatArray, whole: FloatArray) -> bool:
-    """Whether a balanced stress is no more than rounding in the whole stress; collective."""
-    largest, most = (maximum(state.comm, np.abs(values)) for values in (stress, whole))
-    return largest <= _ROUNDING * most
 
 
 def _pushing(state: SolvedState, triangles: Triangles) -> list[ContactTractions]:
@@ -132,9 +116,7 @@ def _pushing(state: SolvedState, triangles: Triangles) -> list[ContactTractions]
         require_exact_gaps(state, triangles, found)
     except NotApplicable:
         return []
-    for contact in found:
-        contact.along = np.zeros_like(contact.along)
-    return found
+    return [replace(item, along=np.zeros_like(item.along)) for item in found]
 
 
 def _first_sizes(state: SolvedState, triangles: Triangles) -> FloatArray:

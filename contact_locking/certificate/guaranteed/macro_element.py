@@ -17,17 +17,18 @@ import numpy as np
 import scipy.linalg
 
 from contact_locking.arrays import FloatArray
-from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
-from contact_locking.mesh.lagrange import lagrange as lagrange_element
-from contact_locking.mesh.lagrange import nodal_functions
+from contact_locking.laws.elasticity import MANDEL_PAIRS, tensor_values
 
-_CELL = "triangle"
-#: The corners of the reference triangle.
-CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+#: The tensors (3, 2, 2) of the unit Mandel vectors, with which ``S : TENSORS`` is that of S.
+TENSORS = tensor_values(np.eye(3), MANDEL_PAIRS[2], 2)
+_CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 #: The corners of each facet of a triangle; the facet is opposite to the corner of its number.
 FACETS = np.array([[1, 2], [0, 2], [0, 1]])
+#: The ends (3, 2, 2) of the facets of the reference triangle.
+FACET_ENDS = _CORNERS[FACETS]
 # Each part has the corners of one facet and the barycentre.
-_PARTS = np.stack([np.vstack([CORNERS[ends], CORNERS.mean(axis=0)]) for ends in FACETS])
+_PARTS = np.stack([np.vstack([ends, _CORNERS.mean(axis=0)]) for ends in FACET_ENDS])
+_EDGES = np.swapaxes(_PARTS[:, 1:] - _PARTS[:, :1], 1, 2)
 # The points of the parts, and of the tests of continuity and divergence, are compared exactly.
 _RANK = 1e-10
 
@@ -64,26 +65,23 @@ class MacroElement:
 @cache
 def macro_element(degree: int) -> MacroElement:
     """The tables for stresses of degree k >= 1 in the parts."""
-    lattice, low = _lattice(degree), _lattice(degree - 1)
-    points, load_points = _in_parts(lattice), _in_parts(low)
-    jumps = _normal_jumps(degree)
-    continuous = scipy.linalg.null_space(jumps, rcond=_RANK)
-    divergence = _divergences(degree, low) @ continuous
+    quarters, shape = _quarters(degree), (-1, 3, len(lattice(degree)), 3)
+    continuous = scipy.linalg.null_space(_normal_jumps(degree), rcond=_RANK)
+    divergence = _divergences(degree) @ continuous
     free = continuous @ scipy.linalg.null_space(divergence, rcond=_RANK)
-    lifts = continuous @ np.linalg.pinv(divergence, rcond=_RANK)
-    shape = (-1, 3, len(lattice), 3)
-    basis, lifted = free.T.reshape(shape), lifts.T.reshape(shape)
+    basis = free.T.reshape(shape)
+    lifts = (continuous @ np.linalg.pinv(divergence, rcond=_RANK)).T.reshape(shape)
     return MacroElement(
         degree,
-        points,
-        _mass(degree),
-        _quarters(degree),
+        in_parts(lattice(degree)),
+        quarters.sum(axis=0),
+        quarters,
         basis,
-        lifted,
+        lifts,
         _moments(degree, basis),
-        _moments(degree, lifted),
-        load_points,
-        _mass(degree - 1),
+        _moments(degree, lifts),
+        in_parts(lattice(degree - 1)),
+        _quarters(degree - 1).sum(axis=0),
     )
 
 
@@ -95,31 +93,33 @@ def legendre(degree: int, s: FloatArray) -> FloatArray:
 
 def lagrange(degree: int, points: FloatArray) -> FloatArray:
     """The Lagrange polynomials (q, m) of the reference triangle at points (q, 2)."""
-    return np.ones((len(points), 1)) if degree == 0 else nodal_functions(_CELL, degree, points)
+    return np.asarray(_lagrange(degree).tabulate(0, points)[0, :, :, 0])
 
 
 def lagrange_gradients(degree: int, points: FloatArray) -> FloatArray:
     """The gradients (q, m, 2) of the Lagrange polynomials of degree >= 1 at points (q, 2)."""
-    return np.moveaxis(lagrange_element(_CELL, degree).tabulate(1, points)[1:, :, :, 0], 0, 2)
+    return np.moveaxis(_lagrange(degree).tabulate(1, points)[1:, :, :, 0], 0, 2)
 
 
-def _lattice(degree: int) -> FloatArray:
+def lattice(degree: int) -> FloatArray:
     """The points (m, 2) of the Lagrange polynomials on the reference triangle."""
-    if degree == 0:
-        return CORNERS.mean(axis=0, keepdims=True)
-    return np.asarray(lagrange_element(_CELL, degree).points)
+    return np.asarray(_lagrange(degree).points)
 
 
-def _in_parts(points: FloatArray) -> FloatArray:
+def in_parts(points: FloatArray) -> FloatArray:
     """Points (q, 2) of the reference triangle in each part, (3, q, 2)."""
-    shares = np.column_stack([1.0 - points.sum(axis=1), points])
-    return np.einsum("qc,tcd->tqd", shares, _PARTS)
+    return np.asarray(_PARTS[:, :1] + points @ np.swapaxes(_EDGES, 1, 2))
 
 
-def _mass(degree: int) -> FloatArray:
-    points, weights = basix.make_quadrature(basix.CellType.triangle, max(2 * degree, 1))
-    values = lagrange(degree, points)
-    return 2.0 * np.einsum("q,qi,qj->ij", weights, values, values)
+def between(ends: FloatArray, s: FloatArray) -> FloatArray:
+    """The points (m, q, 2) at the shares s (q,) of facets with ends (m, 2, 2)."""
+    return np.asarray(ends[:, :1] * (1.0 - s)[:, None] + ends[:, 1:] * s[:, None])
+
+
+@cache
+def _lagrange(degree: int) -> basix.finite_element.FiniteElement:
+    cell, variant = basix.CellType.triangle, basix.LagrangeVariant.gll_warped
+    return basix.create_element(basix.ElementFamily.P, cell, degree, variant, discontinuous=True)
 
 
 def _quarters(degree: int) -> FloatArray:
@@ -131,40 +131,29 @@ def _quarters(degree: int) -> FloatArray:
     return 0.5 * np.einsum("q,sqi,sqj->sij", weights, values, values)
 
 
-def _tensors() -> FloatArray:
-    """The tensors (3, 2, 2) of the Mandel vectors (1, 0, 0), (0, 1, 0), (0, 0, 1)."""
-    units = np.zeros((3, 2, 2))
-    for unit, (i, j) in zip(units, MANDEL_PAIRS[2], strict=True):
-        unit[i, j] = unit[j, i] = 1.0 / mandel_factor(i, j)
-    return units
-
-
 def _normal_jumps(degree: int) -> FloatArray:
     """The jumps of ``r n`` at k + 1 points of each cut, as rows for all values (9 m)."""
-    m, rows = len(_lattice(degree)), []
+    m, rows = len(lattice(degree)), []
     s = np.linspace(0.0, 1.0, degree + 1)
-    centre = CORNERS.mean(axis=0)
     for corner in range(3):
-        along = centre - CORNERS[corner]
+        along = _CORNERS.mean(axis=0) - _CORNERS[corner]
         normal = np.array([-along[1], along[0]])
         block = np.zeros((len(s), 2, 3, m, 3))
         # The cut from a corner is between the parts of the facets that meet at the corner.
         for sign, part in zip((1.0, -1.0), [i for i in range(3) if i != corner], strict=True):
-            places = CORNERS[corner] + np.outer(s, along)
-            values = lagrange(degree, out_of_part(part, places))
-            block[:, :, part] = sign * np.einsum("qp,mij,j->qipm", values, _tensors(), normal)
+            values = _values_in_part(degree, part, _CORNERS[corner] + np.outer(s, along))
+            block[:, :, part] = sign * np.einsum("qp,mij,j->qipm", values, TENSORS, normal)
         rows.append(block.reshape(-1, 9 * m))
     return np.concatenate(rows)
 
 
-def _divergences(degree: int, low: FloatArray) -> FloatArray:
+def _divergences(degree: int) -> FloatArray:
     """The divergence at the points of degree k - 1 of each part, as rows for all values (9 m)."""
-    m = len(_lattice(degree))
+    low, m = lattice(degree - 1), len(lattice(degree))
     block = np.zeros((3, len(low), 2, 3, m, 3))
-    for part in range(3):
-        edges = (_PARTS[part, 1:] - _PARTS[part, 0]).T
+    for part, edges in enumerate(_EDGES):
         gradients = lagrange_gradients(degree, low) @ np.linalg.inv(edges)
-        block[part, :, :, part] = np.einsum("qpj,mij->qipm", gradients, _tensors())
+        block[part, :, :, part] = np.einsum("qpj,mij->qipm", gradients, TENSORS)
     return block.reshape(-1, 9 * m)
 
 
@@ -173,18 +162,16 @@ def _moments(degree: int, stresses: FloatArray) -> FloatArray:
     points, weights = basix.make_quadrature(basix.CellType.interval, 2 * degree)
     s = points[:, 0]
     found = np.empty((len(stresses), 3, degree + 1, 2))
-    for facet, (first, last) in enumerate(FACETS):
-        along = CORNERS[last] - CORNERS[first]
+    for facet, (first, last) in enumerate(FACET_ENDS):
+        along = last - first
         normal = np.array([along[1], -along[0]])
-        normal *= np.sign(normal @ (CORNERS[first] - CORNERS[facet]))
-        places = CORNERS[first] + np.outer(s, along)
-        values = lagrange(degree, out_of_part(facet, places))
-        tractions = np.einsum("npm,qp,mij,j->nqi", stresses[:, facet], values, _tensors(), normal)
+        normal *= np.sign(normal @ (first - _CORNERS[facet]))
+        values = _values_in_part(degree, facet, first + np.outer(s, along))
+        tractions = np.einsum("npm,qp,mij,j->nqi", stresses[:, facet], values, TENSORS, normal)
         found[:, facet] = np.einsum("q,qj,nqi->nji", weights, legendre(degree, s), tractions)
     return found
 
 
-def out_of_part(part: int, places: FloatArray) -> FloatArray:
-    """The coordinates in the reference triangle of places (q, 2) in a part."""
-    edges = (_PARTS[part, 1:] - _PARTS[part, 0]).T
-    return np.asarray(np.linalg.solve(edges, (places - _PARTS[part, 0]).T).T)
+def _values_in_part(degree: int, part: int, places: FloatArray) -> FloatArray:
+    """The Lagrange polynomials (q, m) of a part at places (q, 2) of the reference triangle."""
+    return lagrange(degree, np.linalg.solve(_EDGES[part], (places - _PARTS[part, 0]).T).T)

@@ -9,21 +9,29 @@ the result is an estimate then.  The proof is in docs/certificate.md.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.elliptic import NotApplicable, largest_eigenvalue
+from contact_locking.certificate.guaranteed.bars import Bars
+from contact_locking.certificate.guaranteed.body import Elasticity
+from contact_locking.certificate.guaranteed.boundary_conditions import held_components
 from contact_locking.certificate.guaranteed.contact_tractions import ContactTractions
+from contact_locking.certificate.guaranteed.data_oscillation import BalancedLoads, trace_constants
 from contact_locking.certificate.guaranteed.energy_bound import FrozenBound
 from contact_locking.certificate.guaranteed.facet_polynomials import product_integral
-from contact_locking.certificate.guaranteed.slip_constant import slip_constant
+from contact_locking.certificate.guaranteed.floating import forces_in_balance
+from contact_locking.certificate.guaranteed.hybrid_system import HybridSystem
+from contact_locking.certificate.guaranteed.macro_element import macro_element
+from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.certificate.kappa import Kappa
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.nodal_contact import joint_norm
 from contact_locking.mesh.rank_sums import summed
-from contact_locking.parallel import on_every_rank
+from contact_locking.parallel import maximum, on_every_rank
 
 _PROVED = (
     "proved with the friction bound that moves and R by its values at the nodes, on the polygon of "
@@ -36,6 +44,8 @@ _ESTIMATED = (
 )
 # The room for what two eigenvalues to a relative 1e-6 may lack.
 _ROOM = 1e-5
+# The tractions of the constant of the slip are affine on each facet.
+_DEGREE = 1
 
 
 def moving_error(
@@ -98,3 +108,42 @@ def _residual(tractions: ContactTractions) -> FloatArray:
     pressure = contact.acting(work[surface.nodes] / surface.weights)
     moved = bound.evaluate(pressure, np.zeros(len(pressure)))
     return contact.acting(moved - tractions.fields.bound)
+
+
+def slip_constant(
+    state: SolvedState, elasticity: Elasticity, contacts: list[ContactTractions]
+) -> float:
+    """An upper bound of the c of the contacts together; collective.
+
+        c^2 <= c_0^2 + max_K sum_F C_F^2/alpha_K,   c_0 = max |s_g|/|g| with |s_g| in that of A^-1,
+
+    up to the accuracy of one eigenvalue, for stresses s_g with ``div s_g = 0`` and the traction
+    ``g t`` along the tangent t of Gamma_C that is affine on each facet, and the constants C_F of
+    the trace.  The proof is in docs/certificate.md.  Raises NotApplicable if a linear solve or the
+    eigenvalue solver fails.
+    """
+    triangles, element = Triangles(state.problem.domain), macro_element(_DEGREE)
+    held, size = held_components(state, triangles), len(triangles.areas)
+    cells = np.concatenate([item.cells for item in contacts])
+    sides = np.concatenate([item.sides for item in contacts])
+    tangents = np.concatenate([item.tangent for item in contacts])
+    # Of orthonormal polynomials on each facet, in the direction that all ranks share.
+    scale = np.sqrt(triangles.lengths[cells, sides])
+    signs = triangles.signs[cells, sides, None] ** np.arange(_DEGREE + 1)
+    shapes = (scale[:, None] * signs)[:, :, None] * tangents[:, None]
+    loads = BalancedLoads.none(triangles, element)
+    forces, _ = forces_in_balance(state.problem, triangles, element, held, loads, [])
+    bars = Bars(triangles, _DEGREE, held)
+    system = HybridSystem(triangles, element, forces, bars, state.settings.linear)
+    quarters = len(element.quarters)
+    with system.traces(elasticity.compliance(np.zeros((size, 3, quarters)))) as traces:
+
+        def apply(values: FloatArray) -> FloatArray:
+            moments = np.zeros_like(forces.moments)
+            moments[cells, sides] = values.reshape(-1, _DEGREE + 1, 1) * shapes
+            return np.sum(traces(moments)[cells, sides] * shapes, axis=2).reshape(-1)
+
+        resolved = largest_eigenvalue(state.comm, len(cells) * (_DEGREE + 1), apply)
+    rest = np.zeros(size)
+    np.add.at(rest, cells, trace_constants(triangles)[cells, sides] ** 2)
+    return math.sqrt(resolved + maximum(state.comm, rest / elasticity.eigenvalues[:, 0]))

@@ -37,9 +37,8 @@ MOST_FRAMES = 40
 MOST_PIECES = {2: 100_000, 3: 1_000_000}
 
 _DPI, _MILLISECONDS, _LAST = 90, 150, 1200
-# The colours of the palette: those of the scale, greys, and others, which are those of a number of
-# pictures.
-_LEVELS, _GREYS, _OTHERS, _SAMPLES = 80, 17, 158, 8
+# The palette has so many colours of the scale, and others, which are those of so many pictures.
+_LEVELS, _OTHERS, _SAMPLES = 80, 175, 8
 _OF_THE_MESH = ("x", "cells", "boundary", "boundary_cell")
 
 
@@ -53,39 +52,27 @@ class Frame:
 
 
 class Film:
-    """The frames of a process, at most `MOST_FRAMES` of them, equally far apart, and its end."""
+    """At most `MOST_FRAMES` frames of a process on one mesh, equally far apart, and the last."""
 
     def __init__(self) -> None:
-        self._kept: list[Frame] = []
-        self._last: Frame | None = None
-        self._stride = self._count = 0
+        #: The frames in the order of the steps.
+        self.frames: list[Frame] = []
+        self._stride, self._count = 1, 0
 
     def add(self, frame: Frame) -> None:
-        """Add the next step; a step of another mesh begins a new film."""
-        frame = replace(frame, body=seen_from_outside(frame.body))
-        if self._last is not None:
-            first = self._last.body
-            if len(first.x) != len(frame.body.x):
-                self._kept, self._last, self._stride, self._count = [], None, 0, 0
-            else:
-                # The mesh is in memory once.
-                same = {name: getattr(first, name) for name in _OF_THE_MESH}
-                frame = replace(frame, body=replace(frame.body, **same))
-        self._stride = self._stride or 1
-        self._last = frame
-        if self._count % self._stride == 0:
-            self._kept.append(frame)
-        self._count += 1
-        if len(self._kept) >= MOST_FRAMES:
-            self._kept = self._kept[::2]
+        """Add the next step."""
+        body = seen_from_outside(frame.body)
+        if self.frames:
+            # The mesh is in memory once.
+            same = {name: getattr(self.frames[0].body, name) for name in _OF_THE_MESH}
+            body = replace(body, **same)
+        if (self._count - 1) % self._stride:
+            self.frames.pop()
+        self.frames.append(replace(frame, body=body))
+        if self._count % self._stride == 0 and len(self.frames) >= MOST_FRAMES:
+            self.frames = [*self.frames[::2], self.frames[-1]]
             self._stride *= 2
-
-    @property
-    def frames(self) -> list[Frame]:
-        """The frames in the order of the steps."""
-        if self._last is None or self._last is self._kept[-1]:
-            return list(self._kept)
-        return [*self._kept, self._last]
+        self._count += 1
 
 
 def animation(frames: Sequence[Frame]) -> bytes:
@@ -142,14 +129,10 @@ def _picture(figure: Figure) -> Image.Image:
 
 def _in_few_colours(pictures: Sequence[Image.Image], scale: Colormap) -> list[Image.Image]:
     """The pictures with one palette for all, which has the colours of the scale."""
-    width, height = pictures[0].size
     some = [*pictures[:: -(-len(pictures) // _SAMPLES)], pictures[-1]]
-    sheet = Image.new("RGB", (width, height * len(some)))
-    for number, picture in enumerate(some):
-        sheet.paste(picture, (0, number * height))
+    sheet = Image.fromarray(np.vstack([np.asarray(picture) for picture in some]))
     others = sheet.quantize(_OTHERS, Image.Quantize.MAXCOVERAGE).getpalette() or []
     levels = scale(np.linspace(0.0, 1.0, _LEVELS), bytes=True)[:, :3]
-    greys = np.repeat(np.linspace(0, 255, _GREYS).astype(int), 3)
     palette = Image.new("P", (1, 1))
-    palette.putpalette([*levels.ravel().tolist(), *greys.tolist(), *others[: 3 * _OTHERS]])
+    palette.putpalette([*levels.ravel().tolist(), *others])
     return [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import basix
 import numpy as np
+import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
@@ -71,14 +71,11 @@ class Pieces:
         is_affine = self.of_simplex and not solution.domain.axisymmetric and total
         if len(self.nodes) == 1 or not is_affine:
             return self.at_points(solution.strain_norm)
-        mesh, dim = solution.domain.mesh, solution.domain.dim
-        space = fem.functionspace(mesh, ("DG", 1, (dim, dim)))
-        eps = fem.Function(space)
-        expression = strain(solution.displacement)
-        eps.interpolate(compiled.interpolation(expression, space))
-        at_corners = _in_cells(eps).reshape(-1, dim + 1, dim * dim)
-        at_midpoints = np.einsum("pc,kcm->kpm", self._midpoints(space), at_corners)
-        return np.asarray(np.linalg.norm(at_midpoints, axis=2).reshape(-1))
+        domain, eps = solution.domain, strain(solution.displacement)
+        midpoints = lagrange(domain.kind.name, 2).points[self.nodes].mean(axis=1)
+        norm = compiled.expression(ufl.sqrt(ufl.inner(eps, eps)), midpoints)
+        owned = np.arange(domain.mesh.topology.index_map(domain.dim).size_local, dtype=np.int32)
+        return np.asarray(norm.eval(domain.mesh, owned)).reshape(-1)
 
     def at_points(self, function: fem.Function) -> FloatArray:
         """The values (k,) of a scalar in the space of strains for the pieces of owned cells.
@@ -87,7 +84,9 @@ class Pieces:
         middle the mean of all points.  A piece of a box has the mean of the points beside its
         corners.
         """
-        values = _in_cells(function)[:, :, 0]
+        topology = function.function_space.mesh.topology
+        owned = topology.index_map(topology.dim).size_local
+        values = function.x.array[function.function_space.dofmap.list[:owned]]
         if not self.of_simplex:
             return np.asarray(values[:, self.nodes].mean(axis=2).reshape(-1))
         corners = self.nodes.shape[1]
@@ -97,13 +96,6 @@ class Pieces:
         beside = np.broadcast_to(values, (len(values), corners))
         return np.hstack([beside, middle]).reshape(-1)
 
-    def _midpoints(self, space: fem.FunctionSpace) -> FloatArray:
-        """The barycentric coordinates (p, d + 1) of the midpoints of the pieces."""
-        corners = np.eye(self.nodes.shape[1])
-        edges = basix.topology(space.element.basix_element.cell_type)[1]
-        nodes = np.vstack([corners, *(corners[edge].mean(axis=0)[None] for edge in edges)])
-        return np.asarray(nodes[self.nodes].mean(axis=1))
-
 
 def _small_boxes(kind: CellKind) -> IntArray:
     """The 2^d boxes (2^d, c) between the nodes of a box of degree 2, by the numbers of nodes."""
@@ -111,13 +103,6 @@ def _small_boxes(kind: CellKind) -> IntArray:
     number = {tuple(step): place for place, step in enumerate(steps)}
     corners = np.rint(kind.places).astype(int)
     return np.array([[number[tuple(low + step)] for step in corners] for low in corners])
-
-
-def _in_cells(function: fem.Function) -> FloatArray:
-    """The values (k, points, components) of a function in owned cells."""
-    dofmap, mesh = function.function_space.dofmap, function.function_space.mesh
-    owned = mesh.topology.index_map(mesh.topology.dim).size_local
-    return np.asarray(function.x.array.reshape(-1, dofmap.bs)[dofmap.list[:owned]])
 
 
 def gather(solution: StudySolution) -> Snapshot | None:

@@ -137,21 +137,31 @@ _MARGIN, _BESIDE = 0.06, 0.25
 
 def figure(body: Snapshot) -> Figure:
     """The deformed body, and below it a panel with the tractions along each contact."""
-    contacts = body.contact.parts()
+    contacts, factor = body.contact.parts(), style.magnification(body)
     width, top = _SHEET - _LEFT - _RIGHT, style.HEAD + _TITLE
-    height = _height(*_window([body], style.magnification(body)), width, _HIGHEST)
+    height = _height(*_window([body], factor), width, _HIGHEST)
     first = top + height + _BELOW + _LEGEND
     each = _LEGEND + _TITLE + _TRACTIONS + _BETWEEN + _STATES + _BELOW
     fig = Figure(figsize=(_SHEET, first + each * len(contacts)))
     style.head(fig, body)
-    _body(fig, style.panel(fig, _LEFT, top, width, height), body)
+    axes = style.panel(fig, _LEFT, top, width, height)
+    handles = _deformed(fig, axes, body, factor, style.shade(body))
+    axes.autoscale_view()
+    axes.set_title(f"Deformed body, {style.scale_words(factor)}", loc="left")
+    # A distance in font sizes leaves room for the labels at any height of the axes.
+    where: dict[str, Any] = {"bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.0}
+    axes.legend(handles=handles, loc="upper center", ncols=len(handles), **where)
     largest = float(body.contact.points.pressure.max(initial=0.0))
     for number, contact in enumerate(contacts):
         top = first + number * each + _LEGEND + _TITLE
         width = _SHEET - _LEFT - _RIGHT / 4
         axes = style.panel(fig, _LEFT, top, width, _TRACTIONS)
         strip = style.panel(fig, _LEFT, top + _TRACTIONS + _BETWEEN, width, _STATES)
-        _tractions(axes, strip, contact, largest)
+        draw_tractions(axes, strip, contact.points, contact.facets, largest, contact.smoothed)
+        # A name leaves the title less room beside the legend.
+        words = r"On $\Gamma_C$" if contact.names[0] else r"On the contact boundary $\Gamma_C$"
+        axes.set_title(contact.titled(words), loc="left")
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     return fig
 
 
@@ -185,21 +195,6 @@ def _window(bodies: Sequence[Snapshot], factor: float) -> tuple[FloatArray, Floa
     low, high = np.vstack([low, near]).min(axis=0), np.vstack([high, near]).max(axis=0)
     margin = _MARGIN * float((high - low).max())
     return low - margin, high + margin
-
-
-def _body(fig: Figure, axes: Axes, body: Snapshot) -> None:
-    factor = style.magnification(body)
-    handles = _deformed(fig, axes, body, factor, style.shade(body))
-    axes.autoscale_view()
-    axes.set_title(f"Deformed body, {style.scale_words(factor)}", loc="left")
-    # A distance in font sizes leaves room for the labels at any height of the axes.
-    axes.legend(
-        handles=handles,
-        loc="upper center",
-        bbox_to_anchor=(0.5, 0.0),
-        borderaxespad=4.0,
-        ncols=len(handles),
-    )
 
 
 def _deformed(
@@ -255,47 +250,38 @@ def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> list[Patch | Line
 
 
 def _foundation(axes: Axes, contact: ContactMap, factor: float, size: float) -> Patch:
+    look: dict[str, Any] = {"facecolor": style.PALE, "edgecolor": style.GREY, "hatch": "xxxx"}
     for part in contact.on_foundations():
-        if len(segments := tool(part, factor)):
-            _draw_tool(axes, segments, size)
-        else:
-            _draw_touched(axes, part, factor, size)
-    return Patch(facecolor=style.PALE, edgecolor=style.GREY, hatch="xxxx", label="foundation")
+        segments = tool(part, factor)
+        drawn = _tools(segments, size) if len(segments) else _ground(part, factor, size)
+        for line, outline in drawn:
+            axes.add_patch(Polygon(outline, linewidth=0.0, zorder=0.5, **look))
+            axes.plot(*line.T, color=style.BLACK, lw=1.4, solid_capstyle="butt", zorder=1.5)
+    return Patch(label="foundation", **look)
 
 
-def _draw_tool(axes: Axes, segments: FloatArray, size: float) -> None:
-    """The polygons on the left of the segments (m, 2, 2), and layers at lines that are open."""
+def _tools(segments: FloatArray, size: float) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """The lines of the segments (m, 2, 2), and polygons, or layers on the left of open lines."""
     breaks = 1 + np.flatnonzero(np.any(segments[1:, 0] != segments[:-1, 1], axis=1))
     for part in np.split(segments, breaks):
         line = np.vstack([part[:, 0], part[-1:, 1]])
-        if np.array_equal(line[0], line[-1]):
-            axes.add_patch(_layer(line))
-        else:
+        outline = line
+        if not np.array_equal(line[0], line[-1]):
             along = np.gradient(line, axis=0)
             along /= np.linalg.norm(along, axis=1)[:, None]
             left = np.stack([-along[:, 1], along[:, 0]], axis=1)
-            axes.add_patch(_layer(np.vstack([line, (line + _THICKNESS * size * left)[::-1]])))
-        axes.plot(*line.T, color=style.BLACK, lw=1.4, solid_capstyle="butt", zorder=1.5)
+            outline = np.vstack([line, (line + _THICKNESS * size * left)[::-1]])
+        yield line, outline
 
 
-def _draw_touched(axes: Axes, contact: ContactMap, factor: float, size: float) -> None:
+def _ground(
+    contact: ContactMap, factor: float, size: float
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """The lines of the foundation below Gamma_C, and the layers below them."""
     surface = touched(contact, factor)
     for curve in curves(contact.facets):
         line, normal = _extended(surface[curve], contact.points.normal[curve], _REACH * size)
-        far = line + _THICKNESS * size * normal
-        axes.add_patch(_layer(np.vstack([line, far[::-1]])))
-        axes.plot(*line.T, color=style.BLACK, lw=1.4, solid_capstyle="butt", zorder=1.5)
-
-
-def _layer(outline: FloatArray) -> Patch:
-    return Polygon(
-        outline,
-        facecolor=style.PALE,
-        edgecolor=style.GREY,
-        hatch="xxxx",
-        linewidth=0.0,
-        zorder=0.5,
-    )
+        yield line, np.vstack([line, (line + _THICKNESS * size * normal)[::-1]])
 
 
 def _extended(line: FloatArray, normal: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
@@ -306,11 +292,3 @@ def _extended(line: FloatArray, normal: FloatArray, reach: float) -> tuple[Float
     start = line[0] + reach * first / np.linalg.norm(first)
     end = line[-1] + reach * last / np.linalg.norm(last)
     return np.vstack([start, line, end]), np.vstack([normal[0], normal, normal[-1]])
-
-
-def _tractions(axes: Axes, strip: Axes, contact: ContactMap, largest: float) -> None:
-    draw_tractions(axes, strip, contact.points, contact.facets, largest, contact.smoothed)
-    # A name leaves the title less room beside the legend.
-    words = r"On $\Gamma_C$" if contact.names[0] else r"On the contact boundary $\Gamma_C$"
-    axes.set_title(contact.titled(words), loc="left")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)

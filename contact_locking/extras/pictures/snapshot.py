@@ -21,7 +21,7 @@ class ContactMap:
     body, ``smoothed`` (k,) is R sigma_nu, and ``names`` are those of the contacts.  ``tools`` has
     for each contact the facets (t, d, d) of the surface of the tool at its place, by their corners,
     and none for a foundation that is drawn as far as Gamma_C sees it.  ``bodies`` tells which
-    contacts are with another body, which is no foundation; without entries none is.
+    contacts are with another body, which is no foundation.
     """
 
     points: ContactPoints
@@ -29,34 +29,28 @@ class ContactMap:
     vertices: IntArray
     smoothed: FloatArray
     names: tuple[str, ...]
-    tools: tuple[FloatArray, ...] = ()
-    bodies: tuple[bool, ...] = ()
+    tools: tuple[FloatArray, ...]
+    bodies: tuple[bool, ...]
 
     @classmethod
     def none(cls, dim: int) -> ContactMap:
         """The map of a body without contact."""
         vertices, facets = np.empty(0, dtype=np.int64), np.empty((0, dim), dtype=np.int64)
-        return cls(ContactPoints.none(dim), facets, vertices, np.empty(0), ())
+        return cls(ContactPoints.none(dim), facets, vertices, np.empty(0), (), (), ())
 
     def parts(self) -> list[ContactMap]:
         """The map of each contact, which has a name if there are several."""
         rows = self.points.rows()
         names = self.names if len(rows) > 1 else ("",) * len(rows)
-        dim = self.points.x.shape[1]
-        tools = self.tools or (np.empty((0, dim, dim)),) * len(rows)
         return [
             ContactMap(
                 self.points[own],
                 facets_within(self.facets, own),
                 self.vertices[own],
                 self.smoothed[own],
-                (name,),
-                (tool,),
-                (is_body,),
+                *((name,), (tool,), (is_body,)),
             )
-            for own, name, tool, is_body in zip(
-                rows, names, tools, self.bodies or (False,) * len(rows), strict=True
-            )
+            for own, name, tool, is_body in zip(rows, names, self.tools, self.bodies, strict=True)
         ]
 
     def on_foundations(self) -> list[ContactMap]:
@@ -152,7 +146,7 @@ def drawn_tool(outline: FloatArray, x: FloatArray) -> FloatArray:
 
 def tool(contact: ContactMap, factor: float) -> FloatArray:
     """The facets (t, d, d) of the tool of one contact, if the picture has a true scale."""
-    (facets,) = contact.tools or (np.empty((0, 0, 0)),)
+    (facets,) = contact.tools
     return facets if factor == 1.0 else facets[:0]
 
 

@@ -9,26 +9,17 @@ from contact_locking.plain_text import defect
 
 from .files import BESIDE_RUN, CHARTS, PAGE, discard, print_page, replace
 
-__all__ = ["CHARTS", "PAGE", "discard", "print_page", "write", "write_all"]
+__all__ = ["CHARTS", "PAGE", "discard", "print_page", "write"]
 
 
-def write(directory: str | Path) -> Path:
+def write(directory: str | Path) -> list[Path]:
     """Write ``report.html``, which needs no other file, and the charts in ``report/``.
 
-    Returns the path of the page, that of the study in a folder with a run and a study.  A new
-    report replaces an earlier one when it is complete.  Raises InputError for a folder without
-    results, with damaged results or results of another version, with files of others in place of a
-    report, and for a folder that cannot be written to;
-    ContactLockingError where the disk is full.
-    """
-    return write_all(directory)[-1]
-
-
-def write_all(directory: str | Path) -> list[Path]:
-    """Write the pages of all results in a folder, as :func:`write`, and return their paths.
-
     A folder with a run and a study gets ``report.html`` for the run, and ``report-study.html`` with
-    ``report-study/`` for the study.
+    ``report-study/`` for the study.  Returns the paths of the pages.  A new report replaces an
+    earlier one when it is complete.  Raises InputError for a folder without results, with damaged
+    results or results of another version, with files of others in place of a report, and for a
+    folder that cannot be written to; ContactLockingError where the disk is full.
     """
     from jinja2 import TemplateError
 

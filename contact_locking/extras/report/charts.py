@@ -74,12 +74,14 @@ class Chart:
         return Markup(head) + label + Markup(inside)
 
 
-def chart(name: str, description: str, height: float, draw: Callable[[Figure], None]) -> Chart:
-    """Let ``draw`` fill a figure of the common width, and render the figure."""
+def chart(
+    name: str, description: str, height: float, draw: Callable[..., None], *arguments: Any
+) -> Chart:
+    """The rendered figure of the common width, which ``draw(figure, *arguments)`` fills."""
     # The salt makes the identifiers of a chart differ from those of other charts on the page.
     with matplotlib.rc_context(_RC | {"svg.hashsalt": name}):
         drawing = Figure(figsize=(WIDTH, height))
-        draw(drawing)
+        draw(drawing, *arguments)
         svg, png = _rendered(drawing)
     return Chart(name, description, svg, png)
 

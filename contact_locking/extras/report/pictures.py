@@ -15,8 +15,11 @@ from PIL import Image
 from contact_locking.extras.pictures.animation import MOST_FRAMES
 
 _WIDTH, _THUMBNAIL_WIDTH = 1400, 480
-# Far above any picture of this program; a small file may unpack to more than the memory.
-_MOST_PIXELS = 50_000_000
+# The errors of Pillow and json for a damaged file, or one that unpacks to more than the memory.
+_DAMAGE = (
+    *(OSError, ValueError, SyntaxError, KeyError, TypeError, EOFError, RecursionError),
+    Image.DecompressionBombError,
+)
 
 
 def picture(path: Path) -> str | None:
@@ -30,72 +33,51 @@ def thumbnail(path: Path) -> str | None:
 
 
 def _embedded(path: Path, width: int, colours: int | None = None) -> str | None:
-    stream = io.BytesIO()
     try:
         with Image.open(path, formats=["PNG"]) as opened:
-            if opened.width * opened.height > _MOST_PIXELS:
-                return None
             image: Image.Image = opened.convert("RGB")
         if image.width > width:
             size = (width, max(1, round(image.height * width / image.width)))
             image = image.resize(size, Image.Resampling.LANCZOS)
-        if colours is not None:
-            image = image.quantize(colours)
-        image.save(stream, format="PNG", optimize=True)
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        return _as_text(image if colours is None else image.quantize(colours))
+    except _DAMAGE:
         return None
+
+
+def _as_text(image: Image.Image) -> str:
+    stream = io.BytesIO()
+    image.save(stream, format="PNG", optimize=True)
     return f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode('ascii')}"
-
-
-# A small file may unpack to more than the memory.
-_MOST_PIXELS_OF_FRAMES, _MOST_BYTES, _LONGEST_COMMENT = 4_000_000, 20_000_000, 20_000
 
 
 @dataclass(frozen=True)
 class PageFrame:
-    """A frame as a data URI, with its step and its time."""
+    """A frame as a data URI, with its time and its step in words."""
 
-    step: int
-    time: float
+    caption: str
     image: str
-
-    @property
-    def caption(self) -> str:
-        """The time and the step in words."""
-        return f"t = {self.time:.4g}, step {self.step}"
 
 
 def frames(path: Path | None) -> list[PageFrame]:
     """The frames of an animation of this program; none without a file, or if it is damaged."""
-    if path is None:
-        return []
     try:
-        return _read(path)
-    except (OSError, ValueError, SyntaxError, KeyError, TypeError, EOFError, RecursionError):
-        return []
-    except Image.DecompressionBombError:
+        return [] if path is None else _read(path)
+    except _DAMAGE:
         return []
 
 
 def _read(path: Path) -> list[PageFrame]:
-    if path.stat().st_size > _MOST_BYTES:
-        return []
     found = []
     with Image.open(path, formats=["GIF"]) as opened:
-        comment = opened.info["comment"]
-        if opened.width * opened.height > _MOST_PIXELS_OF_FRAMES or len(comment) > _LONGEST_COMMENT:
-            return []
-        facts: Any = json.loads(comment)
-        steps, times = facts["steps"], facts["times"]
+        facts: Any = json.loads(opened.info["comment"])
+        steps, times = facts["steps"], [float(time) for time in facts["times"]]
         count: int = getattr(opened, "n_frames", 1)
         if not 1 < count == len(steps) == len(times) <= MOST_FRAMES + 1:
             return []
+        if not all(map(math.isfinite, times)):
+            return []
         for number, (step, time) in enumerate(zip(steps, times, strict=True)):
-            if not math.isfinite(float(time)):
-                return []
             opened.seek(number)
-            stream = io.BytesIO()
-            opened.convert("RGB").quantize(256).save(stream, format="PNG", optimize=True)
-            data = base64.b64encode(stream.getvalue()).decode("ascii")
-            found.append(PageFrame(int(step), float(time), f"data:image/png;base64,{data}"))
+            image = _as_text(opened.convert("RGB").quantize(256))
+            found.append(PageFrame(f"t = {time:.4g}, step {int(step)}", image))
     return found

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from matplotlib.figure import Figure
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.extras.pictures import contact_map, plane, style
+from contact_locking.extras.pictures.views import camera
 from contact_locking.results.adapted_meshes import AdaptedMesh, load
 from contact_locking.results.contact_points import ContactPoints, contact_name, facets_within
 from contact_locking.results.history import History
@@ -24,9 +24,6 @@ from contact_locking.results.read import number as finite
 
 from .charts import WIDTH, Chart, chart
 
-# The stem of a name, a description, the height, and the function that draws the chart.
-_Drawing = tuple[str, str, float, Callable[[Figure], None]]
-
 
 def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
     """The charts of each contact, with the name of the contact if there are several."""
@@ -35,40 +32,35 @@ def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
     largest = float(run.contact.pressure.max(initial=0.0))
     for number, own in enumerate(rows, start=1):
         points, facets = run.contact[own], facets_within(run.facets, own)
-        drawings = _profiles(points, facets, largest) if points.dim == 2 else _maps(points, facets)
         name = contact_name(run.summary, int(points.contact[0])) if len(rows) > 1 else ""
         ending, told = (f"-{number}", f": {name}") if len(rows) > 1 else ("", "")
         charts = [
-            chart(f"{stem}{ending}", f"{about}{told}", height, draw)
-            for stem, about, height, draw in drawings
+            chart(f"{stem}{ending}", f"{about}{told}", height, draw, points, facets, *more)
+            for stem, about, height, draw, *more in _drawings(points, largest)
         ]
         found.append((name, charts))
     return found
 
 
-def _profiles(contact: ContactPoints, facets: IntArray, largest: float) -> list[_Drawing]:
-    """In two dimensions; ``largest`` is the largest pressure of all contacts."""
-    along = "along the contact boundary"
-    tractions = f"Contact pressure, friction traction and its bound {along}"
-    slip = f"Tangential displacement and distance to the foundation {along}"
+def _drawings(contact: ContactPoints, largest: float) -> list[tuple[Any, ...]]:
+    """The stems of names, descriptions, heights, functions that draw, and their last arguments.
+
+    ``largest`` is the largest pressure of all contacts.
+    """
+    along, seen = "along the contact boundary", "seen from the foundation"
+    if contact.dim == 2:
+        tractions = f"Contact pressure, friction traction and its bound {along}"
+        slip = f"Tangential displacement and distance to the foundation {along}"
+        return [("tractions", tractions, 3.6, _profile, largest), ("slip", slip, 2.6, _opening)]
+    pressure = f"Map of the contact pressure, {seen}", _map_height(contact), _map, contact.pressure
+    size = np.linalg.norm(contact.traction, axis=1)
+    friction = f"Map of the friction traction, {seen}", _map_height(contact), _map, size
+    states = f"Map of open, sticking and slipping points, {seen}", _map_height(contact), _state_map
     return [
-        ("tractions", tractions, 3.6, lambda figure: _profile(figure, contact, facets, largest)),
-        ("slip", slip, 2.6, lambda figure: _opening(figure, contact, facets)),
+        ("pressure", *pressure, r"contact pressure $-\sigma_\nu$"),
+        ("friction", *friction, r"friction traction $|\sigma_\tau|$"),
+        ("states", *states),
     ]
-
-
-def _maps(contact: ContactPoints, facets: IntArray) -> list[_Drawing]:
-    height, seen = _map_height(contact), "seen from the foundation"
-    pressure = (contact.pressure, r"contact pressure $-\sigma_\nu$")
-    friction = (np.linalg.norm(contact.traction, axis=1), r"friction traction $|\sigma_\tau|$")
-    states = f"Map of open, sticking and slipping points, {seen}"
-    return [
-        (stem, f"Map of the {about}, {seen}", height, partial(_map, contact, facets, *values))
-        for stem, about, values in (
-            ("pressure", "contact pressure", pressure),
-            ("friction", "friction traction", friction),
-        )
-    ] + [("states", states, height, lambda figure: _state_map(figure, contact, facets))]
 
 
 def _profile(figure: Figure, contact: ContactPoints, facets: IntArray, largest: float) -> None:
@@ -84,9 +76,9 @@ def _opening(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
     for number, (s, part) in enumerate(zip(positions, parts, strict=True)):
         slip = plane.along(contact.u_tangent[part], contact.x[part], s)
         distance = contact.gap[part] - contact.u_normal[part]
-        name = (lambda text: text) if number == 0 else (lambda text: "_" + text)
-        axes.plot(s, slip, color=style.VERMILION, lw=1.6, label=name(r"tangential $u_\tau$"))
-        axes.plot(s, distance, color=style.BLUE, lw=1.8, label=name(r"distance $g - u_\nu$"))
+        hidden = "_" if number else ""
+        axes.plot(s, slip, color=style.VERMILION, lw=1.6, label=hidden + r"tangential $u_\tau$")
+        axes.plot(s, distance, color=style.BLUE, lw=1.8, label=hidden + r"distance $g - u_\nu$")
     axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
     axes.margins(x=0.0)
     axes.set_xlabel(label, loc="left")
@@ -101,7 +93,7 @@ def _map_height(contact: ContactPoints) -> float:
 
 
 def _map(
-    contact: ContactPoints, facets: IntArray, values: FloatArray, label: str, figure: Figure
+    figure: Figure, contact: ContactPoints, facets: IntArray, values: FloatArray, label: str
 ) -> None:
     axes = figure.add_subplot(aspect="equal")
     colours = contact_map.colour_values(
@@ -147,7 +139,10 @@ def history_charts(history: History) -> list[Chart]:
             f"history-{_FILES.get(label, label)}",
             f"{', '.join(lines.values())} over the time",
             2.4 + 0.1 * len(lines),
-            partial(_curves, history=history, label="" if label == "1" else label, lines=lines),
+            _curves,
+            history,
+            label,
+            lines,
         )
         for label, lines in drawn.items()
     ]
@@ -162,7 +157,7 @@ def _curves(figure: Figure, history: History, label: str, lines: Mapping[str, st
         axes.plot(time, history.column(column), dashes, color=colour, label=name)
     # From zero on, so that rounding in a constant is not seen.
     axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
-    axes.set(xlabel="t", ylabel=label)
+    axes.set(xlabel="t", ylabel="" if label == "1" else label)
     figure.legend(loc="outside upper center", ncols=2, fontsize="small")
 
 
@@ -173,22 +168,14 @@ _LOOKS = {"estimate": (style.BLUE, "o"), "bound": (style.VERMILION, "s")}
 
 def adapt_charts(run: RunResults) -> list[Chart]:
     """The charts of a run with adapted meshes; none for other runs."""
-    rows = adapted(run.summary)
-    if not rows:
-        return []
-    found = []
+    rows, found = adapted(run.summary), []
     if any(_values(rows, name) for name in _LABELS):
-        found.append(
-            chart(
-                "adapt-error",
-                "Relative error over the number of unknowns, for each of the adapted meshes",
-                3.0,
-                lambda figure: _errors(figure, rows, run.summary["adapt"].get("tolerance")),
-            )
-        )
-    meshes = _meshes(run, len(rows))
-    if meshes:
-        found.append(_multiples(meshes, rows))
+        about = "Relative error over the number of unknowns, for each of the adapted meshes"
+        tolerance = finite(run.summary["adapt"].get("tolerance"))
+        found.append(chart("adapt-error", about, 3.0, _errors, rows, tolerance))
+    if meshes := _meshes(run, rows):
+        about, height = "The adapted meshes; coloured cells were marked", _height(meshes)
+        found.append(chart("adapt-meshes", about, height, _multiples, meshes))
     return found
 
 
@@ -204,15 +191,15 @@ def _values(rows: list[dict[str, Any]], name: str) -> list[tuple[float, float]]:
     return [(x, y) for x, y in pairs if x is not None and y is not None and x > 0.0 and y > 0.0]
 
 
-def _errors(figure: Figure, rows: list[dict[str, Any]], tolerance: Any) -> None:
+def _errors(figure: Figure, rows: list[dict[str, Any]], tolerance: float | None) -> None:
     axes = figure.add_subplot()
     for name, label in _LABELS.items():
         if found := _values(rows, name):
             colour, marker = _LOOKS[name]
             axes.loglog(*zip(*found, strict=True), color=colour, marker=marker, ms=4, label=label)
-    limit = finite(tolerance)
-    if limit is not None and limit > 0.0:
-        axes.axhline(limit, color=style.GREY, lw=1.0, ls=(0, (5, 3)), label="tolerance", zorder=0.5)
+    if tolerance is not None and tolerance > 0.0:
+        dashes = (0, (5, 3))
+        axes.axhline(tolerance, color=style.GREY, lw=1.0, ls=dashes, label="tolerance", zorder=0.5)
     axes.grid(visible=True, which="major", color=style.PALE, lw=0.6)
     axes.set_axisbelow(True)
     axes.set_xlabel("unknowns")
@@ -220,40 +207,35 @@ def _errors(figure: Figure, rows: list[dict[str, Any]], tolerance: Any) -> None:
     axes.legend()
 
 
-def _meshes(run: RunResults, count: int) -> list[tuple[int, AdaptedMesh]]:
-    """At most so many meshes as fit, with their places in the sequence."""
-    if run.meshes is None:
-        return []
+def _meshes(run: RunResults, rows: list[dict[str, Any]]) -> list[tuple[str, AdaptedMesh]]:
+    """At most so many meshes as fit, with their titles."""
     try:
-        meshes = load(run.meshes)
+        meshes = [] if run.meshes is None else load(run.meshes)
     except InputError:
         return []
-    last = min(len(meshes), count) - 1
-    shown = np.unique(np.linspace(0, last, _MOST).round().astype(int)) if last >= 0 else []
-    return [(int(place), meshes[place]) for place in shown]
+    pairs = list(zip(rows, meshes, strict=False))
+    places = np.linspace(0, len(pairs) - 1, min(len(pairs), _MOST)).round().astype(int)
+    return [(f"{pairs[at][0].get('dofs')} unknowns", pairs[at][1]) for at in places]
 
 
-def _multiples(meshes: list[tuple[int, AdaptedMesh]], rows: list[dict[str, Any]]) -> Chart:
-    lines = -(-len(meshes) // _COLUMNS)
-    low, high = (f(meshes[0][1].x, axis=0) for f in (np.min, np.max))
-    extent = np.maximum(high - low, 1e-300)
+def _height(meshes: list[tuple[str, AdaptedMesh]]) -> float:
+    extent = np.maximum(np.ptp(meshes[0][1].x, axis=0), 1e-300)
     shape = float(extent[1] / extent[0]) if len(extent) == 2 else 1.0
-    height = lines * (WIDTH / _COLUMNS * min(max(shape, 0.2), 2.0) + 0.25)
+    lines = -(-len(meshes) // _COLUMNS)
+    return lines * (WIDTH / _COLUMNS * min(max(shape, 0.2), 2.0) + 0.25)
 
-    def draw(figure: Figure) -> None:
-        places = figure.subplots(lines, _COLUMNS, squeeze=False).ravel()
-        for axes in places[len(meshes) :]:
-            axes.set_axis_off()
-        for axes, (place, mesh) in zip(places, meshes, strict=False):
-            draw_mesh(axes, mesh)
-            axes.set_title(f"{rows[place].get('dofs')} unknowns", fontsize=8)
 
-    return chart("adapt-meshes", "The adapted meshes; coloured cells were marked", height, draw)
+def _multiples(figure: Figure, meshes: list[tuple[str, AdaptedMesh]]) -> None:
+    places = figure.subplots(-(-len(meshes) // _COLUMNS), _COLUMNS, squeeze=False).ravel()
+    for axes, (title, mesh) in zip(places, meshes, strict=False):
+        draw_mesh(axes, mesh)
+        axes.set_title(title, fontsize=8)
+    for axes in places[len(meshes) :]:
+        axes.set_axis_off()
 
 
 # Towards the eye, for the surface of a body in 3D: from the front and from below, where contact is.
 _TO_EYE = np.array([0.45, -0.8, -0.4])
-_UP = np.array([0.0, 0.0, 1.0])
 # Edges of the finest meshes would cover their cells.
 _WIDEST, _CELLS = 0.5, 600.0
 
@@ -265,8 +247,9 @@ def draw_mesh(axes: Axes, mesh: AdaptedMesh) -> None:
     """
     x, triangles, marked = mesh.x, mesh.triangles, mesh.marked
     if mesh.dim == 3:
-        x, order = _seen(x, triangles)
-        triangles, marked = triangles[order], marked[order]
+        eye = camera(x, _TO_EYE)
+        order = np.argsort((x @ eye.towards)[triangles].mean(axis=1))
+        x, triangles, marked = x @ np.array([eye.right, eye.up]).T, triangles[order], marked[order]
     width = min(_WIDEST, _WIDEST * (_CELLS / max(len(triangles), 1)) ** 0.5)
     axes.add_collection(
         PolyCollection(
@@ -280,16 +263,6 @@ def draw_mesh(axes: Axes, mesh: AdaptedMesh) -> None:
     axes.set_aspect("equal")
     axes.autoscale_view()
     axes.set_axis_off()
-
-
-def _seen(x: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
-    """The points (v, 2) in the plane of the picture, and the triangles from back to front."""
-    eye = _TO_EYE / np.linalg.norm(_TO_EYE)
-    right = np.cross(_UP, eye)
-    right /= np.linalg.norm(right)
-    plane: FloatArray = np.column_stack([x @ right, x @ np.cross(eye, right)])
-    depth = (x @ eye)[triangles].mean(axis=1)
-    return plane, np.asarray(np.argsort(depth), dtype=np.int64)
 
 
 # More bars, charts or curves would be no picture.
@@ -323,7 +296,8 @@ def derivative_charts(rows: Sequence[tuple[str, str, Any, Any]]) -> list[Chart]:
             f"elasticities-{position}",
             f"What 1 % more of each number does to {result}, in per cent",
             1.0 + 0.3 * min(len(own), _MOST_BARS),
-            partial(_bars, bars=own[:_MOST_BARS]),
+            _bars,
+            own[:_MOST_BARS],
         )
         for position, (result, own) in enumerate(list(bars.items())[:_MOST_CHARTS], start=1)
     ]
@@ -353,7 +327,7 @@ def branch_charts(found: Mapping[str, Any] | None) -> list[Chart]:
     points = {name: np.array(values) for name, values in found["points"].items()}
     over = f"share of {found['over']}"
     about = f"Total pressure and total friction bound of the solutions over the {over}"
-    return [chart("branches", about, 4.2, partial(_branch, points=points, over=over))]
+    return [chart("branches", about, 4.2, _branch, points, over)]
 
 
 def _branch(figure: Figure, points: Mapping[str, Any], over: str) -> None:
@@ -377,20 +351,15 @@ def fit_chart(fit: Mapping[str, Any]) -> Chart:
     """Data, the model at the numbers that were found, and residuals, for curves of fit.json."""
     curves = fit["curves"][:_MOST_CURVES]
     names = ", ".join(dict.fromkeys(curve["column"] for curve in curves))
-    return chart(
-        "fit",
-        f"Measured {names}, the model at the fitted numbers, and the residuals",
-        0.5 + 2.9 * len(curves),
-        partial(_fit, curves=curves),
-    )
+    about = f"Measured {names}, the model at the fitted numbers, and the residuals"
+    return chart("fit", about, 0.5 + 2.9 * len(curves), _fit, curves)
 
 
 def _fit(figure: Figure, curves: Sequence[Mapping[str, Any]]) -> None:
     axes = figure.subplots(2 * len(curves), 1, height_ratios=[1.0, 0.35] * len(curves))
     several = len({curve["file"] for curve in curves}) > 1
     for number, curve in enumerate(curves):
-        title = curve["file"] if several else ""
-        _curve(axes[2 * number], axes[2 * number + 1], curve, title)
+        _curve(*axes[2 * number : 2 * number + 2], curve, curve["file"] if several else "")
     axes[0].legend(loc="best")
 
 

@@ -164,7 +164,6 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
         "study.html.j2",
         title=shown(data.get("title") or "Study"),
         varied=[(texts.titles[key], key, _values(texts.all_of(key))) for key in keys],
-        example=_example(keys, study.rows),
         rough=sum(_is_rough(row) for row in study.rows),
         side_by_side=len(what.zip) > 1,
         table=cases(study.rows, keys, pictures, texts),
@@ -193,15 +192,6 @@ def _states(rows: Sequence[Row]) -> dict[str, Any]:
 def _is_rough(row: Row) -> bool:
     weak = weakest(row)
     return row.get("converged") is True and weak is not None and weak.is_rough
-
-
-def _example(keys: Sequence[str], rows: Sequence[Row]) -> str:
-    """Numbers of a converged case, which the filter then finds."""
-    for row in rows[len(rows) // 4 :]:
-        if row.get("converged") is True:
-            values = [number(row.get(key)) for key in keys]
-            return " ".join(f"{value:g}" for value in values[:2] if value is not None)
-    return ""
 
 
 def _values(texts: list[str]) -> list[str]:

@@ -261,23 +261,18 @@ _PLOT, _ROW = 2.5, 0.19
 
 def trend_charts(trend: Trend) -> list[Chart]:
     """The chart of the values, and if there are differences, a chart of their rates."""
-    stem = _file_name(f"{trend.quantity.key}-over-{trend.axis.key}")
-    if trend.differences and trend.compared == "zero":
-        return [_rate_chart(trend, stem)]
-    rows = 0 if _has_bar(trend) else 1 + sum(bool(curve.label) for curve in trend.curves)
-    description = f"{trend.quantity.name} over the {trend.axis.title}"
-    found = [chart(stem, description, _PLOT + rows * _ROW, lambda figure: _values(figure, trend))]
+    quantity, over, compared = trend.quantity, trend.axis.title, trend.compared
+    stem = re.sub(r"[^A-Za-z0-9._-]", "_", f"{quantity.key}-over-{trend.axis.key}")
+    about = f"{quantity.name} over the"
+    found = []
+    if not trend.differences or compared != "zero":
+        rows = 0 if _has_bar(trend) else 1 + sum(bool(curve.label) for curve in trend.curves)
+        found.append(chart(stem, f"{about} {over}", _PLOT + _ROW * rows, _values, trend))
     if trend.differences:
-        found.append(_rate_chart(trend, stem))
+        rows = 1 if _has_bar(trend) else 1 + len(trend.differences)
+        about = f"{about} {over}: distance from {compared}"
+        found.append(chart(f"{stem}-rate", about, _PLOT + _ROW * rows, _rates, trend))
     return found
-
-
-def _rate_chart(trend: Trend, stem: str) -> Chart:
-    over = trend.axis.title
-    description = f"{trend.quantity.name} over the {over}: distance from {trend.compared}"
-    rows = 1 if _has_bar(trend) else 1 + len(trend.differences)
-    height = _PLOT + _ROW * rows
-    return chart(f"{stem}-rate", description, height, lambda figure: _rates(figure, trend))
 
 
 def _values(figure: Figure, trend: Trend) -> None:
@@ -311,17 +306,11 @@ def _rates(figure: Figure, trend: Trend) -> None:
             continue
         rate, factor = law
         rates.append(rate)
-        label = f"{label}: rate {_signed(rate)}"
-        reliable = differences.reliable
-        axes.plot(
-            differences.x[reliable], differences.y[reliable], label=label, **drawing | {"ls": ""}
-        )
-        axes.plot(
-            differences.x[~reliable],
-            differences.y[~reliable],
-            **drawing | {"ls": "", "markerfacecolor": "none"},
-        )
-        ends = differences.x[reliable][[0, -1]]
+        label, drawing = f"{label}: rate {_signed(rate)}", drawing | {"ls": ""}
+        x, y, reliable = differences.x, differences.y, differences.reliable
+        axes.plot(x[reliable], y[reliable], label=label, **drawing)
+        axes.plot(x[~reliable], y[~reliable], markerfacecolor="none", **drawing)
+        ends = x[reliable][[0, -1]]
         axes.plot(ends, factor * ends**rate, color=drawing["color"], lw=1.2)
     if rates and _has_bar(trend):
         spread = f"rates {_signed(min(rates))} to {_signed(max(rates))}"
@@ -396,7 +385,3 @@ def _plain(text: str) -> str:
 
 def _signed(rate: float) -> str:
     return f"{rate:.2f}".replace("-", "\N{MINUS SIGN}")
-
-
-def _file_name(text: str) -> str:
-    return re.sub(r"[^A-Za-z0-9._-]", "_", text)

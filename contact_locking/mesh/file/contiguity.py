@@ -5,7 +5,7 @@ Only nodes of the boundary, which consists of the facets of a single cell, need 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +14,7 @@ from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData
-from contact_locking.mesh.file.topology import Facets, longest_edges
+from contact_locking.mesh.file.topology import longest_edges
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -27,35 +27,18 @@ _FRAGMENT = (
 )
 
 
-#: Pairs of boundary parts, each by its names, that touch each other without shared nodes.
-Touching = Sequence[tuple[Collection[str], Collection[str]]]
-
-
-def check_contiguity(
-    mesh: MeshData,
-    facets: Facets,
-    parts: IntArray,
-    warnings: list[str],
-    touching: Touching = (),
-) -> None:
-    """Raise InputError where parts touch without shared nodes, or a node hangs on a facet."""
-    exterior = np.flatnonzero(facets.shared == 1)
-    owner = facets.owner(exterior)
-    check_boundary(mesh, facets.ordered(exterior), owner, parts[owner], warnings, touching)
+#: Marks of nodes (m,) on both sides of boundary parts that may touch each other.
+Facing = Sequence[tuple[BoolArray, BoolArray]]
 
 
 def check_boundary(
-    mesh: MeshData,
-    boundary: IntArray,
-    owner: IntArray,
-    parts: IntArray,
-    warnings: list[str],
-    touching: Touching = (),
-) -> None:
-    """`check_contiguity` for the boundary (f, n) of a body, as nodes of ``mesh``.
+    mesh: MeshData, boundary: IntArray, owner: IntArray, parts: IntArray, facing: Facing
+) -> list[str]:
+    """Raise InputError where parts touch without shared nodes, or a node hangs on a facet.
 
-    ``owner`` (f,) are the cells of the facets and ``parts`` (f,) the parts of these cells.  Other
-    cells and nodes of the mesh may be missing.
+    ``boundary`` (f, n) are the facets of a single cell, as nodes of ``mesh``, ``owner`` (f,) these
+    cells and ``parts`` (f,) the parts of the cells.  Other cells and nodes of the mesh may be
+    missing.  Returns warnings of cracks and hinges.
     """
     from scipy.spatial import cKDTree
 
@@ -67,45 +50,32 @@ def check_boundary(
     part = np.empty(len(mesh.points), dtype=np.int64)
     part[boundary] = parts[:, None]
     tree = cKDTree(mesh.points[nodes])
-    sides = _Sides(mesh, touching)
-    _check_duplicates(mesh, nodes, part, tree, float(size.min()), warnings, sides)
-    _check_hanging(mesh, nodes, tree, boundary, owner, size, sides)
-    _warn_of_hinges(mesh, boundary, parts, warnings)
+    warnings = _cracks(mesh, nodes, part, tree, float(size.min()), facing)
+    _check_hanging(mesh, nodes, tree, boundary, owner, size, facing)
+    return warnings + _hinges(mesh, boundary, parts)
 
 
-class _Sides:
-    """The nodes on both sides of boundary parts that may touch each other."""
+def _may_meet(facing: Facing, one: IntArray, other: IntArray, beside: BoolArray) -> BoolArray:
+    """(k,) whether nodes ``one`` (k,) and those ``beside`` (k, n) are on facing sides.
 
-    def __init__(self, mesh: MeshData, touching: Touching) -> None:
-        def nodes(names: Collection[str]) -> BoolArray:
-            marks = np.zeros(len(mesh.points), dtype=bool)
-            for name in set(names) & mesh.facets.names.keys():
-                marks[mesh.facets.nodes[mesh.facets.named(name)]] = True
-            return marks
-
-        self._pairs = [(nodes(one), nodes(other)) for one, other in touching]
-
-    def may_meet(self, one: IntArray, other: IntArray, beside: BoolArray) -> BoolArray:
-        """(k,) whether nodes ``one`` (k,) and those ``beside`` (k, n) are on facing sides.
-
-        They are the marked ones of ``other`` (k, n).
-        """
-        found = np.zeros(len(one), dtype=bool)
-        for pair in self._pairs:
-            for a, b in (pair, pair[::-1]):
-                found |= a[one] & (b[other] | ~beside).all(axis=1)
-        return found
+    They are the marked ones of ``other`` (k, n).
+    """
+    found = np.zeros(len(one), dtype=bool)
+    for pair in facing:
+        for a, b in (pair, pair[::-1]):
+            found |= a[one] & (b[other] | ~beside).all(axis=1)
+    return found
 
 
-def _check_duplicates(
+def _cracks(
     mesh: MeshData,
     nodes: IntArray,
     part: IntArray,
     tree: cKDTree,
     size: float,
-    warnings: list[str],
-    sides: _Sides,
-) -> None:
+    facing: Facing,
+) -> list[str]:
+    """A warning of double nodes in one part; raises InputError for those of two parts."""
     # The nearest neighbour suffices, and the number of nodes at one place has no bound.
     distance, near = tree.query(tree.data, k=2, distance_upper_bound=_SAME_PLACE * size)
     # Of several nodes at one place, a node need not be the first in the list of its own neighbours.
@@ -113,9 +83,9 @@ def _check_duplicates(
     other = np.where(near[:, 0] == own, near[:, 1], near[:, 0])
     double = np.isfinite(distance[:, 1])
     there = nodes[np.minimum(other, len(nodes) - 1)][:, None]
-    double &= ~sides.may_meet(nodes, there, np.ones(there.shape, dtype=bool))
+    double &= ~_may_meet(facing, nodes, there, np.ones(there.shape, dtype=bool))
     if not double.any():
-        return
+        return []
     pairs = np.column_stack([nodes[double], nodes[other[double]]])
     apart = part[pairs[:, 0]] != part[pairs[:, 1]]
     chosen = pairs[apart] if apart.any() else pairs
@@ -130,9 +100,9 @@ def _check_duplicates(
         raise InputError(
             f"two parts of the body touch and share no nodes: {said}; {_FRAGMENT}, or leave a gap"
         )
-    warnings.append(
+    return [
         f"the body is cut where nodes are double: {said}; unless it is meant to be, {_FRAGMENT}"
-    )
+    ]
 
 
 def _check_hanging(
@@ -142,7 +112,7 @@ def _check_hanging(
     boundary: IntArray,
     owner: IntArray,
     size: FloatArray,
-    sides: _Sides,
+    facing: Facing,
 ) -> None:
     corners = mesh.points[boundary]
     middle = corners.mean(axis=1)
@@ -159,7 +129,7 @@ def _check_hanging(
     facet, node = facet[keep], node[keep]
     inside, share = _inside(mesh.points[node], corners[facet], size[facet])
     # At the rim of a side nodes are on an edge of a facet beside the other one.
-    meets = sides.may_meet(node, boundary[facet], share > _SAME_PLACE)
+    meets = _may_meet(facing, node, boundary[facet], share > _SAME_PLACE)
     hanging = np.flatnonzero(inside & ~meets)
     if not len(hanging):
         return
@@ -193,21 +163,17 @@ def _inside(
     return on & (share <= 1.0 - 10 * _SAME_PLACE).all(axis=1), share
 
 
-def _warn_of_hinges(
-    mesh: MeshData, boundary: IntArray, parts: IntArray, warnings: list[str]
-) -> None:
-    """Warn of parts that share nodes but no facet; such a node is on the boundary of both."""
-    if not parts.any():
-        return
+def _hinges(mesh: MeshData, boundary: IntArray, parts: IntArray) -> list[str]:
+    """A warning of parts that share nodes but no facet, on the boundary of both."""
     pairs = np.unique(
         np.column_stack([boundary.ravel(), np.repeat(parts, boundary.shape[1])]), axis=0
     )
-    twice = np.flatnonzero(pairs[1:, 0] == pairs[:-1, 0])
-    if len(twice):
-        joined = np.unique(pairs[twice, 0])
-        joint = "a node holds nothing" if mesh.dim == 2 else "nodes and edges hold nothing"
-        warnings.append(
-            f"parts of the body meet in {places.node(mesh, int(joined[0]))}"
-            f"{places.more(len(joined))}, and share no {'edge' if mesh.dim == 2 else 'face'}: "
-            f"{joint} as the mesh is refined"
-        )
+    joined = np.unique(pairs[1:, 0][pairs[1:, 0] == pairs[:-1, 0]])
+    if not len(joined):
+        return []
+    joint = "a node holds nothing" if mesh.dim == 2 else "nodes and edges hold nothing"
+    return [
+        f"parts of the body meet in {places.node(mesh, int(joined[0]))}"
+        f"{places.more(len(joined))}, and share no {'edge' if mesh.dim == 2 else 'face'}: "
+        f"{joint} as the mesh is refined"
+    ]

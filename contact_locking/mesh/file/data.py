@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.mesh.cell_kind import KINDS, CellKind
+
+_NOTHING = np.empty((0, 0), dtype=np.int64), np.empty(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -27,11 +29,12 @@ class MeshElements:
     groups: IntArray
     names: dict[str, tuple[int, ...]]
 
+    @staticmethod
+    def unnamed(nodes: IntArray, numbers: IntArray) -> MeshElements:
+        return MeshElements(nodes, numbers, np.zeros(len(nodes), dtype=np.int64), {})
+
     def __len__(self) -> int:
         return len(self.nodes)
-
-    def name(self, group: int) -> str:
-        return next(name for name, values in self.names.items() if group in values)
 
     def named(self, name: str) -> BoolArray:
         """Which elements (k,) have a name; none if no group has the name."""
@@ -56,7 +59,7 @@ class MeshData:
     points: FloatArray
     numbers: IntArray
     cells: MeshElements
-    facets: MeshElements
+    facets: MeshElements = field(default_factory=lambda: MeshElements.unnamed(*_NOTHING))
     straightened: float | None = None
     curved: IntArray | None = None
 
@@ -76,6 +79,23 @@ class MeshData:
         )
         return MeshData(
             self.dim, self.points[kept], self.numbers[kept], cells, facets, self.straightened
+        )
+
+    @property
+    def empty(self) -> MeshData:
+        """The mesh without points, cells and facets, with the same names and kind of cells."""
+        cells, facets = (
+            elements.take(np.zeros(len(elements), dtype=bool))
+            for elements in (self.cells, self.facets)
+        )
+        curved = None if self.curved is None else self.curved[:0]
+        return replace(
+            self,
+            points=self.points[:0],
+            numbers=self.numbers[:0],
+            cells=cells,
+            facets=facets,
+            curved=curved,
         )
 
     def save(self, path: Path) -> None:

@@ -32,25 +32,29 @@ def node(mesh: MeshData, index: int) -> str:
     return f"node {mesh.numbers[index]} at {at(mesh.points[index])}"
 
 
+def listed(numbers: IntArray) -> str:
+    """Two numbers or more, with an "and" before the last."""
+    *most, last = map(str, numbers)
+    return f"{', '.join(most)} and {last}"
+
+
 def nodes(mesh: MeshData, indices: IntArray) -> str:
     """Several nodes by their numbers."""
-    *most, last = [str(mesh.numbers[i]) for i in indices]
-    return f"nodes {', '.join(most)} and {last}"
+    return f"nodes {listed(mesh.numbers[indices])}"
 
 
 def cell(mesh: MeshData, index: int) -> str:
     """A cell by its number, with its centre."""
-    return f"{mesh.kind.name} {mesh.cells.numbers[index]} at {centre(mesh, mesh.cells, index)}"
+    return f"{mesh.kind.name} {mesh.cells.numbers[index]} at {_centre(mesh, mesh.cells, index)}"
 
 
 def facet(mesh: MeshData, index: int) -> str:
     """A facet of a group by its number, with its centre."""
-    where = centre(mesh, mesh.facets, index)
+    where = _centre(mesh, mesh.facets, index)
     return f"{of_facets(mesh.kind)} {mesh.facets.numbers[index]} at {where}"
 
 
-def centre(mesh: MeshData, elements: MeshElements, index: int) -> str:
-    """The centre of an element."""
+def _centre(mesh: MeshData, elements: MeshElements, index: int) -> str:
     return at(np.mean(mesh.points[elements.nodes[index]], axis=0))
 
 

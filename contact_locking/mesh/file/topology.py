@@ -1,4 +1,4 @@
-"""The facets of cells, and the connected parts of a body."""
+"""Numbers for rows of nodes, sizes of cells, and the components of graphs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.mesh.cell_kind import CellKind
 
 
 def keys(rows: IntArray, count: int) -> npt.NDArray[Any]:
@@ -17,53 +16,6 @@ def keys(rows: IntArray, count: int) -> npt.NDArray[Any]:
     if count**width < 2**63:
         return rows @ count ** np.arange(width - 1, -1, -1, dtype=np.int64)
     return np.ascontiguousarray(rows.astype(">u8")).view(f"V{8 * width}").ravel()
-
-
-class Facets:
-    """Every facet of cells (k, c) of a kind, once, with the cells that share it.
-
-    ``nodes`` (f, n) are the nodes of each facet, sorted, and ``shared`` (f,) is the number of its
-    cells.
-    """
-
-    def __init__(self, cells: IntArray, num_nodes: int, kind: CellKind) -> None:
-        of_cells = kind.facets_of(cells)
-        rows = np.sort(of_cells, axis=1)
-        self._num_nodes = num_nodes
-        values = keys(rows, num_nodes)
-        order = np.argsort(values, kind="stable")
-        values = values[order]
-        first = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
-        self._first, self._keys = first, values[first]
-        self._cell = np.tile(np.arange(len(cells)), len(kind.facets))[order]
-        self._opposite = cells[:, kind.opposite].T.ravel()[order]
-        self._ordered = of_cells[order[first]]
-        self.nodes: IntArray = rows[order[first]]
-        self.shared: IntArray = np.diff(np.append(first, len(values)))
-
-    def cells(self, facet: int) -> IntArray:
-        """All cells of one facet."""
-        start = self._first[facet]
-        return self._cell[start : start + self.shared[facet]]
-
-    def pairs(self, facets: IntArray) -> tuple[IntArray, IntArray]:
-        """The first two cells (k, 2) of k facets, and a node (k, 2) of each off the facet."""
-        both = self._first[facets][:, None] + [0, 1]
-        return self._cell[both], self._opposite[both]
-
-    def ordered(self, facets: IntArray) -> IntArray:
-        """The nodes (k, n) of k facets in the order of `CellKind`."""
-        return self._ordered[facets]
-
-    def owner(self, facets: IntArray) -> IntArray:
-        """The first cell (k,) of k facets."""
-        return self._cell[self._first[facets]]
-
-    def find(self, rows: IntArray) -> IntArray:
-        """The facets (k,) with these nodes (k, n), in any order; -1 without such a facet."""
-        wanted = keys(np.sort(rows, axis=1), self._num_nodes)
-        places = np.minimum(np.searchsorted(self._keys, wanted), len(self._keys) - 1)
-        return np.where(self._keys[places] == wanted, places, -1)
 
 
 def components(pairs: IntArray, size: int) -> tuple[int, IntArray]:

@@ -24,18 +24,19 @@ from contact_locking.errors import InputError, NotRefined
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells, gather_mesh
 from contact_locking.monitor import Attentive, Monitor
-from contact_locking.process import checkpoint, solving
+from contact_locking.process import solving
 from contact_locking.process.adaptivity.finer import finer_mesh, smoothing_radii
 from contact_locking.process.adaptivity.marking import cells_at, entered_places, marked_cells
 from contact_locking.process.adaptivity.mesh_sequence import MEASURES, ErrorMeasure, MeshSequence
 from contact_locking.process.adaptivity.missed import solved_with_nodes
 from contact_locking.process.adaptivity.refinement import singular_place
 from contact_locking.process.adaptivity.sharper_bound import sharper_errors
-from contact_locking.process.checkpoint.saved_steps import saved_steps
+from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import mesh_of
-from contact_locking.study_file.parameters import AdaptParameters, Parameters
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters.numerics import AdaptParameters
 
 
 def solve(
@@ -59,8 +60,7 @@ def solve(
             return solving.solve(parameters, comm, monitor, petsc_options, saved, domain)
 
         began = time.perf_counter()
-        saved_at = None if restart is None else saved_steps(Path(restart))[-1]
-        first = None if saved_at is None else checkpoint.refined_mesh(saved_at, comm)
+        first = checkpoint.refined_mesh(restart, comm)
         solution = solved_with_nodes(attempt, first)
         if parameters.certificate.bound_meshes is not None and solution.converged:
             errors = sharper_errors(solution, monitor or Monitor(), petsc_options)
@@ -94,7 +94,7 @@ def solve_adaptively(
     measure = MEASURES[given.by]
     sequence = MeshSequence(given)
     began = time.perf_counter()
-    domain = None if restart is None else checkpoint.refined_mesh(restart, comm)
+    domain = checkpoint.refined_mesh(restart, comm)
     domain = domain or mesh_of(parameters, comm)
     if not domain.kind.is_simplex:
         raise InputError(

@@ -42,7 +42,7 @@ def finer_mesh(
 
     def work() -> None:
         assert mesh is not None
-        told = mesh.diagnosis.warnings
+        told = mesh.warnings
         curved = () if geometry is None or is_nested else geometry.curved
         marked, news = marks(mesh), list[str]()
         try:
@@ -53,8 +53,7 @@ def finer_mesh(
             finer, news = refinement.refined(mesh, marked), [_STRAIGHT]
         news += refinement.warnings(mesh.data) if geometry is None else []
         news = [text for text in news if text not in told]
-        diagnosis = replace(finer.diagnosis, warnings=[*told, *news])
-        held.append(replace(finer, diagnosis=diagnosis, smoothing_radii=radii))
+        held.append(replace(finer, warnings=(*told, *news), smoothing_radii=radii))
 
     on_root(domain.comm, work)
     finer = spread(held[0] if held else None, domain.comm)

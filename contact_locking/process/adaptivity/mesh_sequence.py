@@ -14,7 +14,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.process.adaptivity.marking import entered_places, only_misses
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import StudySolution
-from contact_locking.study_file.parameters import AdaptParameters
+from contact_locking.study_file.parameters.numerics import AdaptParameters
 
 
 @dataclass(frozen=True)

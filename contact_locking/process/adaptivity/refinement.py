@@ -21,12 +21,10 @@ from contact_locking import _compat
 from contact_locking.arrays import BoolArray, IntArray
 from contact_locking.errors import NotRefined
 from contact_locking.mesh.cell_kind import unit_normals
-from contact_locking.mesh.distribution import distribute
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData, MeshElements
-from contact_locking.mesh.file.diagnosis import Diagnosis
-from contact_locking.mesh.file.topology import Facets, longest_edges, signed_measures
-from contact_locking.mesh.whole_mesh import WholeMesh, elements
+from contact_locking.mesh.file.topology import keys, longest_edges, signed_measures
+from contact_locking.mesh.whole_mesh import WholeMesh, elements, spread
 from contact_locking.meshes.curved import Curved, rounded
 
 # A node that moves onto a curved side may take at most this share of the volume of a cell.
@@ -66,16 +64,14 @@ def refined(mesh: WholeMesh, marked: BoolArray, curved: tuple[Curved, ...] = ())
     smallest = float(longest_edges(data.points, data.cells.nodes).min())
     if smallest < _SMALLEST_SHARE * float(np.ptp(data.points, axis=0).max()):
         raise NotRefined(f"the smallest cells, of {smallest:.1e}, are near the rounding")
-    old = mesh.diagnosis
-    found = Diagnosis(old.part_names, old.parts[parent], data.facets, old.unusable, old.warnings)
-    return WholeMesh(data, found, mesh.origin, mesh.smoothing_radii)
+    return replace(mesh, data=data, parts=mesh.parts[parent])
 
 
 def _bisected(mesh: WholeMesh, marked: BoolArray) -> tuple[MeshData, IntArray]:
     """The mesh with straight new edges, and the parent (k,) of each cell."""
     old, dim = mesh.data, mesh.data.dim
-    made = distribute(MPI.COMM_SELF, old.kind, old, mesh.diagnosis.facets, mesh.diagnosis.parts)
-    coarse = made.mesh
+    domain = spread(mesh, MPI.COMM_SELF)
+    coarse = domain.mesh
     original = np.asarray(coarse.topology.original_cell_index, dtype=np.int64)
     coarse.topology.create_entities(1)
     coarse.topology.create_connectivity(dim, 1)
@@ -86,7 +82,7 @@ def _bisected(mesh: WholeMesh, marked: BoolArray) -> tuple[MeshData, IntArray]:
     topology = fine.topology
     topology.create_connectivity(dim - 1, dim)
     topology.create_connectivity(dim, dim - 1)
-    tags = dmesh.transfer_meshtag(made.facet_tags, fine, parent, facet)
+    tags = dmesh.transfer_meshtag(domain.facet_tags, fine, parent, facet)
     # DOLFINx numbers the cells anew after the refinement, and ``parent`` has the numbers before.
     order = np.argsort(topology.original_cell_index)
     of = original[parent]
@@ -95,14 +91,13 @@ def _bisected(mesh: WholeMesh, marked: BoolArray) -> tuple[MeshData, IntArray]:
         np.array(fine.geometry.x[:, :dim]),
         np.arange(len(fine.geometry.x)),
         elements(_compat.cell_nodes(fine)[order], old.cells.groups[of], old.cells.names),
-        _facets(fine, dim, tags, old.facets),
+        elements(
+            _compat.entities_to_geometry(fine, dim - 1, tags.indices),
+            tags.values,
+            domain.facet_names,
+        ),
     )
     return data, of
-
-
-def _facets(fine: dmesh.Mesh, dim: int, tags: dmesh.MeshTags, old: MeshElements) -> MeshElements:
-    nodes = _compat.entities_to_geometry(fine, dim - 1, tags.indices)
-    return elements(nodes, tags.values, old.names)
 
 
 def _nodes_of(data: MeshData, name: str) -> BoolArray:
@@ -163,9 +158,10 @@ def warnings(data: MeshData) -> list[str]:
 def _bends(data: MeshData, part: MeshElements) -> bool:
     if len(part) < 2:
         return False
-    ridges = Facets(part.nodes, len(data.points), data.kind.facet)
-    pairs, _ = ridges.pairs(np.flatnonzero(ridges.shared == 2))
-    normals = unit_normals(data.points[part.nodes])
-    cosines = np.abs(np.einsum("kd,kd->k", *(normals[pairs[:, i]] for i in (0, 1))))
+    ridges = keys(np.sort(data.kind.facet.facets_of(part.nodes), axis=1), len(data.points))
+    order = np.argsort(ridges, kind="stable")
+    shared = np.flatnonzero(ridges[order[1:]] == ridges[order[:-1]])
+    normals = unit_normals(data.points[part.nodes])[order % len(part)]
+    cosines = np.abs(np.einsum("kd,kd->k", normals[shared], normals[shared + 1]))
     angles = np.arccos(np.minimum(cosines, 1.0))
     return bool(np.any((angles > _PARALLEL) & (angles < _EDGE)))

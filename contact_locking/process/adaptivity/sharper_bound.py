@@ -34,7 +34,8 @@ from contact_locking.process.adaptivity.mesh_sequence import MEASURES
 from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
-from contact_locking.study_file.parameters import CertificateParameters, Parameters
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters.numerics import CertificateParameters
 
 # The share of the squared bound that the marked cells have.  Fewer meshes reach the same bound
 # than with a smaller share.

@@ -8,8 +8,7 @@ from contact_locking.certificate.energy import EnergyBalance
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.certificate.verdict import is_solved
 from contact_locking.errors import InputError
-from contact_locking.process import checkpoint
-from contact_locking.process.checkpoint.stored import Checkpoint, SavedStep
+from contact_locking.process.checkpoint.stored import Checkpoint, SavedStep, read
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.solver.task import Counts, Outcome, SolverReport
 from contact_locking.study.assembly import StudyProblem
@@ -46,9 +45,9 @@ def restored_step(
     """The step that was saved in ``path``, to which the problem is put; collective.
 
     Raises InputError for a checkpoint that is not of a converged step with these contacts, and the
-    errors of `checkpoint.read`.
+    errors of `stored.read`.
     """
-    saved = checkpoint.read(path, problem)
+    saved = read(path, problem)
     if saved.step is None or not saved.converged:
         raise InputError(
             f"{path} is no checkpoint of a step that has converged, with the same contacts; a "

@@ -8,7 +8,7 @@ same coordinates.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,6 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking import _compat, study_file
-from contact_locking._version import __version__
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import ContactLockingError, InputError
@@ -30,6 +29,7 @@ from contact_locking.parallel import maximum, on_every_rank, on_root
 from contact_locking.plain_text import defect
 from contact_locking.process.checkpoint import record as records
 from contact_locking.process.checkpoint.record import Record
+from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.history import History, read_history
 from contact_locking.results.names import HISTORY
@@ -38,7 +38,9 @@ from contact_locking.solver.multipliers import ContactForces, Multipliers, multi
 from contact_locking.solver.task import SavedState
 from contact_locking.study.assembly import StudyProblem
 
-_PLACE, _SLIP, _DISPLACEMENT = "old_place", "old_slip", "old_displacement"
+_DISPLACEMENT, _PLACES = "old_displacement", "places"
+# The bytes of the record and of the metadata of ADIOS2.
+_NOTES = 65_536
 
 
 @dataclass(frozen=True)
@@ -63,59 +65,46 @@ class SavedStep:
             contact.recall(place, slip, self.displacement)
 
 
-def _about_step(solution: StudySolution) -> dict[str, Any] | None:
-    """The entry of the record about the step; None for a problem without steps."""
-    if not solution.history.rows:
-        return None
-    is_paired = any(contact.paired_at is not None for contact in solution.contacts)
-    paired = {"paired_at": _DISPLACEMENT} if is_paired else {}
-    return {"time": solution.time, "halved": list(solution.halved), **paired}
+@dataclass(frozen=True)
+class Checkpoint:
+    """A saved state on the present mesh.
 
-
-def _step_fields(solution: StudySolution) -> dict[str, fem.Function]:
-    """The fields with the memories by name; none for a problem without steps; collective."""
-    found: dict[str, fem.Function] = {}
-    for number, contact in enumerate(solution.contacts if solution.history.rows else ()):
-        found[f"{_PLACE}_{number}"] = contact.surface.vector_function(contact.old_place)
-        found[f"{_SLIP}_{number}"] = contact.surface.scalar_function(contact.old_slip)
-        if contact.paired_at is not None:
-            found[_DISPLACEMENT] = fem.Function(contact.surface.vector_space)
-            found[_DISPLACEMENT].x.array[:] = contact.paired_at
-    return found
-
-
-def _load_step(
-    entry: Mapping[str, Any],
-    folder: Path,
-    problem: StudyProblem,
-    read: Callable[[str, fem.FunctionSpace], fem.Function],
-) -> SavedStep:
-    """The step of a checkpoint in ``folder``, with the entry of its record; collective.
-
-    Raises InputError for a damaged history.
+    ``bounds`` are the friction bounds (k,) of the contacts.  If the contacts or the sets of strains
+    of the checkpoint are not those of the problem, ``multipliers`` is None and ``bounds`` is empty.
+    ``is_solution`` says that the state was saved as the solution for the same mesh, material,
+    loads, contact, friction and penalty, and ``converged`` that it is the solution of some problem.
+    ``step`` is None for a state that is no step of a process.
     """
-    dim = problem.domain.dim
-    memories = []
-    for number, contact in enumerate(problem.contacts):
-        surface = contact.surface
-        place = read(f"{_PLACE}_{number}", surface.vector_space).x.array
-        slip = read(f"{_SLIP}_{number}", surface.scalar_space).x.array
-        memories.append((place.reshape(-1, dim)[surface.blocks], slip[surface.nodes]))
 
-    def history() -> History:
-        path = folder / HISTORY
-        return read_history(path.read_text(encoding="utf-8"), str(path))
+    state: SavedState
+    multipliers: Multipliers | None
+    bounds: tuple[FloatArray, ...]
+    is_solution: bool
+    converged: bool
+    step: SavedStep | None
 
-    displacement = None
-    if "paired_at" in entry:
-        displacement = read(_DISPLACEMENT, problem.u.function_space).x.array
-    return SavedStep(
-        time=float(entry["time"]),
-        memories=tuple(memories),
-        displacement=displacement,
-        history=on_root(problem.domain.comm, history),
-        halved=tuple(map(str, entry["halved"])),
-    )
+
+class _Reader:
+    """The stored fields in a folder, on the mesh of a problem; all methods are collective."""
+
+    def __init__(self, folder: Path, problem: StudyProblem) -> None:
+        self._folder, self._contacts, self._dim = folder, problem.contacts, problem.domain.dim
+
+    def field(self, name: str, space: fem.FunctionSpace) -> fem.Function:
+        function = fem.Function(space, name=name)
+        _compat.load_function(self._folder, function, name)
+        return function
+
+    def scalars(self, name: str, number: int) -> FloatArray:
+        """The values (k,) on a contact."""
+        surface = self._contacts[number].surface
+        return self.field(f"{name}_{number}", surface.scalar_space).x.array[surface.nodes]
+
+    def vectors(self, name: str, number: int) -> FloatArray:
+        """The values (k, d) on a contact."""
+        surface = self._contacts[number].surface
+        values = self.field(f"{name}_{number}", surface.vector_space).x.array
+        return values.reshape(-1, self._dim)[surface.blocks]
 
 
 # The coordinates of the same mesh may differ by this share of the extent, because another machine
@@ -136,31 +125,27 @@ def difference_in_size(record: Record, problem: StudyProblem) -> str:
 
     Raises InputError if the elements differ, or if only one of the bodies is axisymmetric.
     """
-    element = problem.element
-    if record.degree != element.degree:
-        raise InputError(
-            f"the checkpoint is of elements of degree {record.degree}, and the study has degree "
-            f"{element.degree}; restart with discretisation.degree: {record.degree}",
-            "discretisation.degree",
-        )
-    if record.limit_at != element.limit_at:
-        raise InputError(
-            f"the checkpoint has the locking limit at {record.limit_at}, and the study has the "
-            f"limit at {element.limit_at}; restart with discretisation.limit_at: {record.limit_at}",
-            "discretisation.limit_at",
-        )
+    element, domain = problem.element, problem.domain
     revolution = bool(record.mesh.get("axisymmetric", False))
-    if revolution != problem.domain.axisymmetric:
-        raise InputError(
-            f"the checkpoint is of a body that is {'' if revolution else 'not '}axisymmetric; "
-            f"restart with mesh.axisymmetric: {str(revolution).lower()}",
-            "mesh.axisymmetric",
-        )
+    for key, there, here in (
+        ("discretisation.degree", record.degree, element.degree),
+        ("discretisation.limit_at", record.limit_at, element.limit_at),
+        ("mesh.axisymmetric", revolution, domain.axisymmetric),
+    ):
+        if there != here:
+            was, now = str(there).lower(), str(here).lower()
+            raise InputError(
+                f"the checkpoint has {key}: {was}, and the study has {now}; restart with {was}", key
+            )
     nodes = int(problem.u.function_space.dofmap.index_map.size_global)
-    here = (problem.domain.dim, problem.domain.num_cells, nodes)
-    there = (record.dimension, record.cells, record.nodes)
-    text = "{}D with {} cells and {} nodes"
-    return "" if here == there else f"it is {text.format(*there)}, this one is {text.format(*here)}"
+    found, saved = (
+        f"{dim}D with {cells} cells and {nodes} nodes"
+        for dim, cells, nodes in (
+            (domain.dim, domain.num_cells, nodes),
+            (record.dimension, record.cells, record.nodes),
+        )
+    )
+    return "" if found == saved else f"it is {saved}, this one is {found}"
 
 
 def difference_in_places(saved: fem.Function) -> str:
@@ -194,55 +179,29 @@ def another_mesh(
     )
 
 
-def refined_mesh(directory: str | Path, comm: MPI.Intracomm) -> Domain | None:
-    """The refined mesh that a checkpoint belongs to; None for the mesh of a study; collective.
+def refined_mesh(directory: str | Path | None, comm: MPI.Intracomm) -> Domain | None:
+    """The refined mesh that the last checkpoint of a run belongs to; collective.
 
-    Raises InputError if the checkpoint is missing, damaged or of another format, and
-    ContactLockingError if the library is missing.
+    None for the mesh of a study, and without a run.  Raises InputError if the checkpoint is
+    missing, damaged or of another format, and ContactLockingError if the library is missing.
     """
-    expect(directory, comm)
+    if directory is None:
+        return None
+    place = saved_steps(Path(directory))[-1]
+    expect(place, comm)
     held: list[WholeMesh] = []
 
     def load() -> bool:
-        record, _ = records.load_fields(directory)
+        record, _ = records.load_fields(place)
+        folder = records.locate(place)
         if record.mesh.get("refined"):
-            held.append(_read(records.locate(directory)))
+            try:
+                held.append(WholeMesh.load(folder, records.MESH))
+            except (ValueError, KeyError, TypeError, IndexError, OSError) as error:
+                raise InputError(f"the mesh in {folder} is damaged ({defect(error)})") from error
         return bool(held)
 
-    if not on_root(comm, load):
-        return None
-    return spread(held[0] if held else None, comm)
-
-
-def _read(folder: Path) -> WholeMesh:
-    try:
-        return WholeMesh.load(folder, records.MESH)
-    except (ValueError, KeyError, TypeError, IndexError, OSError) as error:
-        raise InputError(f"the mesh in {folder} is damaged ({defect(error)})") from error
-
-
-_PLACES = "places"
-# The bytes of the record and of the metadata of ADIOS2.
-_NOTES = 65_536
-
-
-@dataclass(frozen=True)
-class Checkpoint:
-    """A saved state on the present mesh.
-
-    ``bounds`` are the friction bounds (k,) of the contacts.  If the contacts or the sets of strains
-    of the checkpoint are not those of the problem, ``multipliers`` is None and ``bounds`` is empty.
-    ``is_solution`` says that the state was saved as the solution for the same mesh, material,
-    loads, contact, friction and penalty, and ``converged`` that it is the solution of some problem.
-    ``step`` is None for a state that is no step of a process.
-    """
-
-    state: SavedState
-    multipliers: Multipliers | None
-    bounds: tuple[FloatArray, ...]
-    is_solution: bool
-    converged: bool
-    step: SavedStep | None
+    return spread(next(iter(held), None), comm) if on_root(comm, load) else None
 
 
 def unavailable() -> str | None:
@@ -294,7 +253,9 @@ def write(solution: StudySolution, folder: Path) -> None:
         if domain.comm.size > 1:
             # The other ranks may wait inside ADIOS2, where no error reaches them.
             raise
-        raise ContactLockingError(f"ADIOS2 cannot write it: {_plain(error)}") from error
+        # In one line, without the escape sequences that ADIOS2 adds for terminals.
+        told = " ".join(re.sub(r"\x1b\[[\d;]*m", "", str(error)).split())
+        raise ContactLockingError(f"ADIOS2 cannot write it: {told}") from error
     penalties = solution.summary["penalty"]
     mesh = gather_mesh(domain) if domain.is_refined else None
     nodes = solution.displacement.function_space.dofmap.index_map.size_global
@@ -303,7 +264,6 @@ def write(solution: StudySolution, folder: Path) -> None:
         if mesh is not None:
             mesh.save(folder, records.MESH)
         record = Record(
-            version=__version__,
             converged=solution.converged,
             n=penalties["n"],
             epsilon=penalties["epsilon"],
@@ -347,14 +307,9 @@ def read(directory: str | Path, problem: StudyProblem) -> Checkpoint:
     difference = difference_in_size(record, problem)
     _compat.prepare_communicator(comm)
 
-    def load(name: str, into: fem.FunctionSpace) -> fem.Function:
-        function = fem.Function(into, name=name)
-        _compat.load_function(path, function, name)
-        return function
-
+    fields, space = _Reader(path, problem), problem.u.function_space
     # A mesh of another size cannot be compared node by node.
-    space = problem.u.function_space
-    difference = difference or difference_in_places(load(_PLACES, space))
+    difference = difference or difference_in_places(fields.field(_PLACES, space))
     if difference:
         here = identity | ({"refined": True} if problem.domain.is_refined else {})
         raise InputError(another_mesh(directory, difference, record, here))
@@ -362,41 +317,63 @@ def read(directory: str | Path, problem: StudyProblem) -> Checkpoint:
     bounds: tuple[FloatArray, ...] = ()
     same_contacts = record.contacts == len(problem.contacts) or not problem.contacts
     if same_contacts and record.strain_sets == len(problem.data.sets):
-        multipliers, bounds = _load_multipliers(load, problem)
+        multipliers, bounds = _load_multipliers(fields, problem)
     pressures = () if multipliers is None else tuple(c.pressure for c in multipliers.contacts)
-    displacement = load("displacement", space).x.array
+    displacement = fields.field("displacement", space).x.array
     penalty = Penalty(record.n, record.epsilon, record.regularisations)
     state = SavedState(displacement, pressures, penalty, travels=record.travels)
     same = on_root(comm, lambda: study_file.problem_fingerprint(parameters)) == record.problem
     step = None
     if record.step is not None and multipliers is not None:
-        step = _load_step(record.step, records.locate(directory), problem, load)
+        step = _load_step(record.step, records.locate(directory), problem, fields)
     is_solution = record.converged and same
     return Checkpoint(state, multipliers, bounds, is_solution, record.converged, step)
 
 
 def _load_multipliers(
-    load: Callable[[str, fem.FunctionSpace], fem.Function], problem: StudyProblem
+    fields: _Reader, problem: StudyProblem
 ) -> tuple[Multipliers, tuple[FloatArray, ...]]:
     """The multipliers and the friction bound (k,) of each contact; collective."""
-    dim, data = problem.domain.dim, problem.data
     forces, bounds = [], []
-    for number, contact in enumerate(problem.contacts):
-        surface = contact.surface
+    for number in range(len(problem.contacts)):
         pressure, state, bound = (
-            load(_of(name, number), surface.scalar_space).x.array[surface.nodes]
+            fields.scalars(name, number)
             for name in ("contact_pressure", "contact_state", "friction_bound")
         )
-        traction = load(_of("tangential_traction", number), surface.vector_space).x.array
-        friction = 0.0 - traction.reshape(-1, dim)[surface.blocks]
+        friction = 0.0 - fields.vectors("tangential_traction", number)
         forces.append(ContactForces(pressure, friction, state != OPEN))
         bounds.append(bound)
-    spaces = multiplier_spaces(data, Kept(), problem.domain.mesh)
-    found = Multipliers.none(data, spaces, tuple(forces))
+    spaces = multiplier_spaces(problem.data, Kept(), problem.domain.mesh)
+    found = Multipliers.none(problem.data, spaces, tuple(forces))
     for name, part in zip(_names_of_parts(len(found.parts)), found.parts, strict=True):
-        part.x.array[:] = load(name, part.function_space).x.array
-    found.add_up(data)
+        part.x.array[:] = fields.field(name, part.function_space).x.array
+    found.add_up(problem.data)
     return found, tuple(bounds)
+
+
+def _load_step(
+    entry: Mapping[str, Any], folder: Path, problem: StudyProblem, fields: _Reader
+) -> SavedStep:
+    """The step with this entry in a record; collective.  Raises InputError for its history."""
+    memories = [
+        (fields.vectors("old_place", number), fields.scalars("old_slip", number))
+        for number in range(len(problem.contacts))
+    ]
+    displacement = None
+    if "paired_at" in entry:
+        displacement = fields.field(_DISPLACEMENT, problem.u.function_space).x.array
+
+    def history() -> History:
+        path = folder / HISTORY
+        return read_history(path.read_text(encoding="utf-8"), str(path))
+
+    return SavedStep(
+        time=float(entry["time"]),
+        memories=tuple(memories),
+        displacement=displacement,
+        history=on_root(problem.domain.comm, history),
+        halved=tuple(map(str, entry["halved"])),
+    )
 
 
 def _names_of_parts(sets: int) -> list[str]:
@@ -404,13 +381,17 @@ def _names_of_parts(sets: int) -> list[str]:
     return ["locking_stress"] + [f"locking_stress_{number}" for number in range(1, sets)]
 
 
-def _of(name: str, number: int) -> str:
-    """The name of the stored field of contact ``number``."""
-    return f"{name}_{number}"
+def _about_step(solution: StudySolution) -> dict[str, Any] | None:
+    """The entry of the record about the step; None for a problem without steps."""
+    if not solution.history.rows:
+        return None
+    is_paired = any(contact.paired_at is not None for contact in solution.contacts)
+    paired = {"paired_at": _DISPLACEMENT} if is_paired else {}
+    return {"time": solution.time, "halved": list(solution.halved), **paired}
 
 
 def _fields(solution: StudySolution) -> dict[str, fem.Function]:
-    """The stored fields by name; collective."""
+    """The stored fields by name; in a step, with what friction remembered in it; collective."""
     found = {"displacement": solution.displacement}
     found |= zip(_names_of_parts(len(solution.locking_parts)), solution.locking_parts, strict=True)
     found[_PLACES] = places(solution.displacement.function_space)
@@ -421,16 +402,15 @@ def _fields(solution: StudySolution) -> dict[str, fem.Function]:
             "contact_state": contact.state.astype(float),
             "friction_bound": contact.bound,
         }
-        for name, values in scalars.items():
-            found[_of(name, number)] = surface.scalar_function(values)
-        traction = surface.vector_function(contact.traction)
-        found[_of("tangential_traction", number)] = traction
-    return found | _step_fields(solution)
-
-
-def _plain(error: RuntimeError) -> str:
-    """The message in one line, without the escape sequences that ADIOS2 adds for terminals."""
-    return " ".join(re.sub(r"\x1b\[[\d;]*m", "", str(error)).split())
+        vectors = {"tangential_traction": contact.traction}
+        if solution.history.rows:
+            scalars["old_slip"], vectors["old_place"] = contact.old_slip, contact.old_place
+            if contact.paired_at is not None:
+                found[_DISPLACEMENT] = fem.Function(surface.vector_space)
+                found[_DISPLACEMENT].x.array[:] = contact.paired_at
+        found |= {f"{name}_{number}": surface.scalar_function(v) for name, v in scalars.items()}
+        found |= {f"{name}_{number}": surface.vector_function(v) for name, v in vectors.items()}
+    return found
 
 
 def _require_cells(domain: Domain) -> None:

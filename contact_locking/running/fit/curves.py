@@ -19,7 +19,8 @@ from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.files.csv_file import number_at, place_of, rows_of
 from contact_locking.plain_text import count
-from contact_locking.study_file.parameters import Curve, FitParameters, Parameters
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters.fit import Curve, FitParameters
 
 TIME, SIGMA = "t", "sigma"
 _MOST_ROWS = 100_000
@@ -50,20 +51,34 @@ class Experiment:
         """The measured numbers."""
         return sum(len(values) for values in self.data.values())
 
-    def cases(self) -> list[tuple[dict[str, Any], IntArray]]:
-        """The solves of this experiment: what each changes in the file, and the rows it is for."""
+    def cases(self) -> list[Case]:
+        """The solves of this experiment."""
         keys = list(self.varied)
         if not keys:
-            return [(dict(self.changes), np.arange(len(self)))]
+            return [Case(self, self.changes, np.arange(len(self)))]
         rows = np.array([self.varied[key] for key in keys])
         values, places = np.unique(rows, axis=1, return_inverse=True)
         return [
-            (
+            Case(
+                self,
                 {**self.changes, **dict(zip(keys, map(float, column), strict=True))},
                 np.flatnonzero(np.ravel(places) == number),
             )
             for number, column in enumerate(values.T)
         ]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A solve of an experiment: what it changes in the file, and the rows that it is for."""
+
+    experiment: Experiment
+    changes: Mapping[str, Any]
+    rows: IntArray
+
+    @property
+    def times(self) -> FloatArray | None:
+        return None if self.experiment.times is None else self.experiment.times[self.rows]
 
 
 def read_experiments(parameters: Parameters) -> list[Experiment]:

@@ -339,28 +339,28 @@ def _influence(found: Residuals, numbers: FloatArray) -> FloatArray:
     return np.asarray(size / largest) if largest > 0.0 else np.zeros(len(numbers))
 
 
+def _singular(matrix: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Singular values (n,) of (m, n), the rows (n, n) of V^T, and which are more than rounding."""
+    _, singular, rows = np.linalg.svd(matrix, full_matrices=True)
+    size = np.zeros(matrix.shape[1])
+    size[: len(singular)] = singular
+    return size, rows, size > _ROUNDING * size.max(initial=0.0)
+
+
 def _covariance(slopes: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
     """Standard errors (n,) and correlations (n, n), by singular values."""
-    _, singular, rows = np.linalg.svd(slopes, full_matrices=True)
-    size = np.zeros(slopes.shape[1])
-    size[: len(singular)] = singular
-    is_known = size > _ROUNDING * size.max(initial=0.0)
-    inverse = np.where(is_known, 1.0 / np.where(is_known, size, 1.0), 0.0)
-    root = rows.T * inverse
+    size, rows, is_known = _singular(slopes)
+    root = rows.T * np.divide(1.0, size, out=np.zeros_like(size), where=is_known)
     covariance = root @ root.T
-    errors = scale * np.sqrt(np.diag(covariance))
-    spread = np.where(errors > 0.0, np.sqrt(np.diag(covariance)), 1.0)
+    spread = np.sqrt(np.diag(covariance))
+    errors, spread = scale * spread, np.where(spread > 0.0, spread, 1.0)
     lost = np.abs(rows[~is_known]).max(axis=0, initial=0.0) > np.sqrt(_ROUNDING)
     return np.where(lost, np.inf, errors), covariance / np.outer(spread, spread)
 
 
 def combinations(by_logarithms: FloatArray, scale: float) -> tuple[Combination, ...]:
     """The principal combinations of derivatives (m, n) by the logarithms of the numbers."""
-    _, singular, rows = np.linalg.svd(by_logarithms, full_matrices=True)
-    size = np.zeros(by_logarithms.shape[1])
-    size[: len(singular)] = singular
-    least = _ROUNDING * size.max(initial=0.0)
     return tuple(
-        Combination(row, float(value), scale / float(value) if value > least else np.inf)
-        for row, value in zip(rows, size, strict=True)
+        Combination(row, float(value), scale / float(value) if is_known else np.inf)
+        for value, row, is_known in zip(*_singular(by_logarithms), strict=True)
     )

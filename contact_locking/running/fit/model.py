@@ -17,7 +17,7 @@ import numpy as np
 from mpi4py import MPI
 
 from contact_locking import study_file
-from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.arrays import FloatArray
 from contact_locking.errors import ContactLockingError, InputError, NoDerivatives
 from contact_locking.files import ownership
 from contact_locking.mesh.domain import Domain
@@ -27,9 +27,10 @@ from contact_locking.process.solving import solve_steps
 from contact_locking.results.output_folder import on_root_of
 from contact_locking.results.read import read_mapping
 from contact_locking.study_file.named_numbers import with_values
-from contact_locking.study_file.parameters import Parameters, SensitivityParameters
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters.numerics import SensitivityParameters
 
-from .curves import Experiment
+from .curves import Case, Experiment
 
 EVALUATIONS = "evaluations"
 # The keys of a fit that ask for what the keys of derivatives ask for.
@@ -50,22 +51,17 @@ class Evaluation:
 
     def as_mapping(self) -> dict[str, Any]:
         """For a JSON file."""
-        lists = {
-            name: None if getattr(self, name) is None else getattr(self, name).tolist()
-            for name in ("times", "values", "derivatives")
-        }
-        return {**lists, "used": self.used}
+        found = vars(self).items()
+        return {name: None if one is None else np.asarray(one).tolist() for name, one in found}
 
     @classmethod
     def of_mapping(cls, data: Mapping[str, Any]) -> Evaluation:
         """From a JSON file.  Raises KeyError, TypeError and ValueError for another one."""
-        times, derivatives = data["times"], data["derivatives"]
-        return cls(
-            None if times is None else np.array(times, dtype=float),
-            np.array(data["values"], dtype=float),
-            None if derivatives is None else np.array(derivatives, dtype=float),
-            data["used"],
+        times, values, derivatives = (
+            None if data[name] is None else np.array(data[name], dtype=float)
+            for name in ("times", "values", "derivatives")
         )
+        return cls(times, np.asarray(values, dtype=float), derivatives, data["used"])
 
     def at(self, times: FloatArray | None, start: float) -> tuple[FloatArray, FloatArray | None]:
         """Values (r, q) and derivatives (r, q, n) at r times, linear between the steps.
@@ -75,44 +71,22 @@ class Evaluation:
         if times is None or self.times is None:
             return self.values, self.derivatives
         known = self.times if self.times[0] <= start else np.append(start, self.times)
-        place = np.clip(np.searchsorted(known, times) - 1, 0, max(len(known) - 2, 0))
-        after = np.minimum(place + 1, len(known) - 1)
-        width = known[after] - known[place]
-        share = np.where(
-            width > 0.0, (times - known[place]) / np.where(width > 0.0, width, 1.0), 0.0
-        )
 
         def between(values: FloatArray) -> FloatArray:
             rest = np.zeros((len(known) - len(values), *values.shape[1:]))
             every = np.concatenate([rest, values])
-            weight = share.reshape(-1, *[1] * (values.ndim - 1))
-            return np.asarray(every[place] + weight * (every[after] - every[place]))
+            return np.apply_along_axis(partial(np.interp, times, known), 0, every)
 
         slopes = self.derivatives
         return between(self.values), None if slopes is None else between(slopes)
 
 
-@dataclass(frozen=True)
-class Case:
-    """A solve of an experiment: what it changes in the file, and the rows that it is for."""
-
-    experiment: Experiment
-    changes: Mapping[str, Any]
-    rows: IntArray
-
-    @property
-    def times(self) -> FloatArray | None:
-        return None if self.experiment.times is None else self.experiment.times[self.rows]
-
-
 class Model:
     """The solves of all experiments at numbers of the file; collective.
 
-    Evaluations are kept in the first of ``folders``, and found in all of them.
-
-    ``derives`` turns False where derivatives are not known, as with iterative linear solvers, and
-    ``refusal`` says why.
-    ``solves`` counts the solves of this session, ``found`` those that were on disk.
+    Evaluations are kept in the first of ``folders``, and found in all of them.  ``derives`` turns
+    False where derivatives are not known, as with iterative linear solvers, and ``refusal`` says
+    why.
     """
 
     def __init__(
@@ -127,11 +101,8 @@ class Model:
         self.experiments = experiments
         self.quantities = tuple(parameters.fit.quantities.items())
         self.keys = tuple(parameters.fit.parameters)
-        self.cases = [
-            Case(one, changes, rows) for one in experiments for changes, rows in one.cases()
-        ]
-        self.derives, self.solves, self.found = True, 0, 0
-        self.failure = self.refusal = ""
+        self.cases = [case for one in experiments for case in one.cases()]
+        self.derives, self.failure, self.refusal = True, "", ""
         self._domains: dict[str, Domain] = {}
 
     def case_parameters(self, case: Case, numbers: Sequence[float]) -> Parameters:
@@ -175,7 +146,6 @@ class Model:
             name = f"{fingerprint}{'' if self.derives else '-values'}.json"
             kept = self._comm.bcast(self._kept(name) if self._comm.rank == 0 else None, root=0)
             if kept is not None:
-                self.found += 1
                 return kept
             try:
                 found = self._solved(derived if self.derives else plain, names)
@@ -195,7 +165,6 @@ class Model:
         values: list[list[float]] = []
         slopes: list[list[list[float]]] = []
         used: list[float] = []
-        self.solves += 1
         for solution in solve_steps(parameters, self._comm, domain=self._domains.get(mesh)):
             self._domains[mesh] = solution.domain
             if not solution.converged:

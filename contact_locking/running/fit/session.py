@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -74,35 +75,22 @@ def fit(
 def _final_runs(
     model: Model, found: Estimate, target: Path, comm: MPI.Intracomm, monitor: Monitor
 ) -> StudySolution:
-    """Run each experiment at the numbers that were found; collective."""
-    first: StudySolution | None = None
-    last_cases = {id(case.experiment): case for case in model.cases}
-    several = len(last_cases)
-    if several > 1:
-        monitor.message(f"the runs of {count(several, 'experiment')}")
-    for number, case in enumerate(last_cases.values()):
-        folder = target if number == 0 else target / f"{number}-{case.experiment.path.stem}"
-        given = model.parameters
-        wanted = model.case_parameters(case, list(map(float, found.numbers))).model_copy(
-            update={"sensitivities": given.sensitivities}
-        )
-        if number == 0:
-            first = _run(wanted, folder, comm, monitor)
-            continue
-        with reserved(folder, comm):
-            _run(wanted, folder, comm, monitor)
-    assert first is not None
-    return first
-
-
-def _run(
-    parameters: Parameters, folder: Path, comm: MPI.Intracomm, monitor: Monitor
-) -> StudySolution:
-    if parameters.steps is not None:
-        return run_steps(parameters, folder, comm, monitor)[0]
-    solution = solve(parameters, comm, monitor)
-    writing.write(solution, folder)
-    return solution
+    """Run each experiment at the numbers that were found, and return the first; collective."""
+    cases = [[case for case in model.cases if case.experiment is one] for one in model.experiments]
+    if len(cases) > 1:
+        monitor.message(f"the runs of {count(len(cases), 'experiment')}")
+    solutions = []
+    for number, (*_, case) in enumerate(cases):
+        plain = model.case_parameters(case, found.numbers.tolist())
+        wanted = plain.model_copy(update={"sensitivities": model.parameters.sensitivities})
+        folder = target / f"{number}-{case.experiment.path.stem}" if number else target
+        with reserved(folder, comm) if number else nullcontext():
+            if wanted.steps is not None:
+                solutions.append(run_steps(wanted, folder, comm, monitor)[0])
+            else:
+                solutions.append(solve(wanted, comm, monitor))
+                writing.write(solutions[-1], folder)
+    return solutions[0]
 
 
 def _write(target: Path, content: dict[str, Any]) -> str | None:

@@ -17,7 +17,9 @@ import numpy as np
 from contact_locking import study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError, NotConverged
-from contact_locking.running import studies
+from contact_locking.running.studies.cases import Case, case_folder
+from contact_locking.running.studies.executor import Plan
+from contact_locking.running.studies.runner import Study, finish
 from contact_locking.study_file.named_numbers import number_at, with_values
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.wording import labels
@@ -28,7 +30,6 @@ from .estimate import Variable
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from contact_locking.running.studies.cases import Case
 
 FOLDER = "starts"
 # Misfits that differ by this share are the same: the first of their searches is the best.
@@ -94,11 +95,11 @@ def _range_of(variable: Variable) -> tuple[float, float]:
     return low, largest if np.isfinite(largest) else start + reach
 
 
-def search(parameters: Parameters, plan: studies.Plan, console: Console) -> Begun:
+def search(parameters: Parameters, plan: Plan, console: Console) -> Begun:
     """Search from all starts, of which those that are done are found again.
 
     Raises InputError for data or keys that cannot be used, and NotConverged if no search comes to
-    an end; others as :func:`contact_locking.running.studies.finish`.
+    an end; others as :func:`contact_locking.running.studies.runner.finish`.
     """
     assert parameters.fit is not None
     read_experiments(parameters)
@@ -113,9 +114,8 @@ def search(parameters: Parameters, plan: studies.Plan, console: Console) -> Begu
         _case(parameters, start, label, folder)
         for start, label in zip(starts, labels(starts), strict=True)
     ]
-    study = studies.Study(folder, cases, {})
-    study.look()
-    studies.finish(study, parameters, plan, console)
+    study = Study(folder, cases)
+    finish(study, parameters, plan, console)
     found = [study.outcomes[case.name] for case in cases]
     ends = [
         (not one.summary["converged"], one.summary["misfit"]) if one.summary else None
@@ -146,8 +146,6 @@ def _end(content: dict[str, Any] | None) -> dict[str, Any]:
 
 def _case(parameters: Parameters, start: dict[str, float], label: str, folder: Path) -> Case:
     """A search of its own, with one start."""
-    from contact_locking.running.studies.cases import Case, case_folder
-
     assert parameters.fit is not None
     numbers = {
         key: given.model_copy(update={"start": start[key]})

@@ -6,7 +6,6 @@ import os
 import time
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -49,24 +48,23 @@ _TABLE_SECONDS = 2.0
 _GO_ON = "Finished cases are kept; make room, and repeat the command for the others."
 
 
-@dataclass
 class Study:
-    """The cases of a file, and the outcome of each under its name."""
+    """The cases of a file, and the outcome of each under its name, as their folder has them."""
 
-    directory: Path
-    cases: list[Case]
-    outcomes: dict[str, Outcome]
+    def __init__(self, directory: Path, cases: list[Case]) -> None:
+        self.directory, self.cases = directory, cases
+        self.look()
 
     @classmethod
     def of(cls, file: StudyFile) -> Study:
-        """A study with the outcomes in its folder. Raises InputError."""
-        study = cls(Path(file.parameters.output.directory), cases_of(file), {})
-        study.look()
-        return study
+        """The study of a file. Raises InputError."""
+        return cls(Path(file.parameters.output.directory), cases_of(file))
 
     def look(self) -> None:
         """Read the outcome of each case from its folder."""
-        self.outcomes = {case.name: outcome(case) for case in each_once(self.cases)}
+        self.outcomes: dict[str, Outcome] = {
+            case.name: outcome(case) for case in each_once(self.cases)
+        }
 
     @property
     def unfinished(self) -> list[Case]:
@@ -83,16 +81,6 @@ class Study:
     def write_table(self) -> None:
         """Write the table of all cases. Raises OSError."""
         write_table(self.directory, self.cases, [self.outcomes[case.name] for case in self.cases])
-
-
-def run(file: StudyFile, plan: Plan, console: Console) -> Study:
-    """Solve the unfinished cases of a study file, as :func:`finish`.
-
-    Raises InputError for a file without a study.
-    """
-    study = Study.of(file)
-    finish(study, file.parameters, plan, console)
-    return study
 
 
 def finish(study: Study, parameters: Parameters, plan: Plan, console: Console) -> None:
@@ -179,6 +167,7 @@ def _solve(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
                 if time.monotonic() > written + _TABLE_SECONDS:
                     study.write_table()
                     written = time.monotonic()
+                executor.start()
                 view.show(executor.running)
                 time.sleep(executor.pause)
     finally:

@@ -66,12 +66,15 @@ class SlurmExecutor:
     def running(self) -> list[_Task]:
         return [task for task in self._array if task.has_begun()]
 
+    def start(self) -> None:
+        """Submit the next array if the one before has ended."""
+        if self._waiting and not self._array and not self._earlier_runs():
+            self._submit()
+
     def poll(self) -> list[_Task]:
-        if not self._array:
-            if self._waiting and not self._earlier_runs():
-                self._submit()
+        """The cases that have ended.  Raises ContactLockingError for what sbatch refuses."""
+        if self._submission is None or not self._array:
             return []
-        assert self._submission is not None
         self._note_job()
         over = self._submission.poll() is not None
         if over and self._job() is None:

@@ -28,9 +28,9 @@ from contact_locking.solver.interior_point.few_changes import FewChanges
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.iterate import Iterate
-from contact_locking.solver.interior_point.judge import Judge
+from contact_locking.solver.interior_point.judge import Judge, Measures
+from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
 from contact_locking.solver.interior_point.locking_cones import LockingCones
-from contact_locking.solver.interior_point.measures import Measures
 from contact_locking.solver.interior_point.principal_cones import PrincipalCones
 from contact_locking.solver.interior_point.projections import (
     FrictionProjection,
@@ -155,7 +155,8 @@ class ActiveSet:
                 # The springs that have held the body.
                 law.start(self._springs * np.maximum(family.seen - family.limit, 0.0))
                 family.z = law.y
-            beyond += family.beyond()
+            if isinstance(family, LimitsOfStrain):
+                beyond += np.count_nonzero(family.reach > family.limit), len(family.limit)
         few, points = self._tangent.comm.allreduce(beyond)
         if few > self._pieces.beyond * points:
             return None
@@ -167,7 +168,7 @@ class ActiveSet:
         In 3D so many cells reach their limit or leave it in a step that it takes more tangents.
         """
         families = list(self._laws)
-        if self._task.system.dim == 3 and any(not f.stops_rigid_motions for f in families):
+        if self._task.system.dim == 3 and any(isinstance(f, LimitsOfStrain) for f in families):
             return False
         fits = len(families) == len(last.cones) and all(
             pair is None or pair[1].shape == family.z.shape

@@ -353,7 +353,7 @@ class BoundLaw:
 
     def moved_by(self, displacement: FloatArray) -> FloatArray:
         """The change of the law by a response of the displacement (owned values); collective."""
-        pressure_step = self._contact.response(self._contact.see(displacement))
+        pressure_step = self._contact.block(self._contact.see(displacement))
         return self.moved(pressure_step, self.friction.see(displacement))
 
     def moved(self, pressure_step: FloatArray, slip_step: FloatArray) -> FloatArray:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.arrays import FloatArray
 from contact_locking.parallel import minimum
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes, OnContact
+from contact_locking.solver.interior_point.family import Springs
 from contact_locking.solver.interior_point.half_lines import HalfLines
-from contact_locking.solver.interior_point.measures import relative_rms
 from contact_locking.solver.multipliers import Multipliers
 
 
@@ -46,9 +47,7 @@ class ContactCones(OnContact, HalfLines):
         self.z = np.asarray(level * self.scale / self.x)
 
     def primal_residual(self, deformation: float) -> float:
-        residual = self.primal_gap()
-        size = np.full_like(residual, deformation)
-        return relative_rms(self.comm, self.weights, residual, size)
+        return self.relative_gap(np.full_like(self.z, deformation))
 
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
         forces = multipliers.contacts[self.nodes.number]
@@ -56,12 +55,6 @@ class ContactCones(OnContact, HalfLines):
         # On the central path opening times pressure is constant; the larger one, in comparable
         # units, is the one that does not vanish.
         self.nodes.enter(self.z > self.x * stiffness / self.scale, forces.touches)
-
-    # The Newton step.
-
-    def response(self, seen: FloatArray) -> FloatArray:
-        """The change of the pressure (k,) with the normal displacement."""
-        return self.block(seen)
 
     # The tangent.
 
@@ -72,21 +65,18 @@ class ContactCones(OnContact, HalfLines):
         return self._k * normal * v_normal * self.nodes.ds
 
     def write_block(self) -> None:
-        self.nodes.set_values(self._k, self.stiffness)
+        self.write_springs([self.stiffness])
 
-    def stiff_nodes(self, factor: float, material: float) -> IndexArray:
-        return self.nodes.stiffer_than(factor * material, self.stiffness)
+    @property
+    def stiffest(self) -> FloatArray:
+        return self.stiffness
 
-    def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
-        kept = self.nodes.material_springs(material)
-        stiff = np.flatnonzero(self.stiffness > factor * kept).astype(np.int32)
-        rows = self.nodes.along(stiff, self.nodes.normal[:, stiff])
-        return rows, (self.weights * (self.stiffness - kept))[stiff]
+    @property
+    def springs(self) -> Springs:
+        return [(self.nodes.normal, self.stiffness)]
 
-    def soften_along(self, factor: float, material: float) -> None:
-        kept = self.nodes.material_springs(material)
-        is_stiff = self.stiffness > factor * kept
-        self.nodes.set_values(self._k, np.where(is_stiff, kept, self.stiffness))
+    def write_springs(self, stiffness: Sequence[FloatArray]) -> None:
+        self.nodes.set_values(self._k, stiffness[0])
 
     # The start, and whether anything is admissible.
 
@@ -101,9 +91,5 @@ class ContactCones(OnContact, HalfLines):
 
     def is_kept(self, margin: float, displacement: float) -> bool:
         gap = self.nodes.gap
-        size = margin * np.abs(self.seen) + ROUNDING * displacement
-        size += ROUNDING * np.abs(gap)
+        size = margin * np.abs(self.seen) + ROUNDING * displacement + ROUNDING * np.abs(gap)
         return bool(np.all(self.seen - gap <= size))
-
-    def penetration(self) -> float:
-        return float(np.max(self.seen - self.nodes.gap, initial=0.0))

@@ -15,7 +15,7 @@ from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.fem.trace import displacement_map
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.interior_point.family import Family
+from contact_locking.solver.interior_point.family import Family, dot
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
@@ -52,7 +52,7 @@ class ContactNodes:
 
     def normal_displacements(self, displacement: FloatArray) -> FloatArray:
         """``u_nu`` (k,) of a displacement, relative to tools; collective."""
-        return np.einsum("ik,ik->k", self._at_points(displacement), self.normal)
+        return dot(self._at_points(displacement), self.normal)
 
     def slips(self, displacement: FloatArray) -> FloatArray:
         """``u_tau`` (d, k) of a displacement, relative to tools; collective."""
@@ -70,7 +70,7 @@ class ContactNodes:
         """The parts of vectors (d, k) along the foundation."""
         # Once more, as rounding leaves a normal part that the stiffness of sticking enlarges.
         for _ in range(2):
-            values = values - np.einsum("ik,ik->k", values, self.normal) * self.normal
+            values = values - dot(values, self.normal) * self.normal
         return values
 
     def unit_tangents(self, vectors: FloatArray) -> FloatArray:
@@ -95,7 +95,7 @@ class ContactNodes:
         With ``magnitudes`` ``forces += int |traction . m|``.
         """
         for number, way in self._ways:
-            along = np.einsum("ik,ik->k", traction, way)
+            along = dot(traction, way)
             forces[number] += np.abs(along) @ self.weights if magnitudes else -along @ self.weights
 
     def stiffer_than(self, stiffness: float, springs: FloatArray) -> IndexArray:
@@ -190,6 +190,25 @@ class OnContact(Family):
     @abstractmethod
     def tractions(self, reactions: FloatArray) -> FloatArray:
         """The tractions (d, k) that reactions are."""
+
+    @abstractmethod
+    def pull(self, stiffness: float) -> FloatArray:
+        """The reactions of springs that rest where the body would come to rest; collective."""
+
+    @property
+    @abstractmethod
+    def stiffest(self) -> FloatArray:
+        """The springs (k,) by which a node is told to be stiff."""
+
+    def soft_springs(self, material: float) -> tuple[FloatArray, FloatArray]:
+        soft = self.nodes.material_springs(material)
+        return soft, soft
+
+    def along(self, points: IndexArray, directions: FloatArray) -> PETSc.Mat:
+        return self.nodes.along(points, directions)
+
+    def stiff_nodes(self, factor: float, material: float) -> IndexArray:
+        return self.nodes.stiffer_than(factor * material, self.stiffest)
 
     def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
         self.nodes.add_traction(self.tractions(reactions), forces)

@@ -10,9 +10,9 @@ side.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TypeAlias
 
 import numpy as np
 from mpi4py import MPI
@@ -22,6 +22,14 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.solver.multipliers import Multipliers
 
+# Directions with a stiffness along each of them.
+Springs: TypeAlias = list[tuple[FloatArray, FloatArray]]
+
+
+def dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """``a . b`` of each column, (k,)."""
+    return np.einsum("ik,ik->k", a, b)
+
 
 @dataclass(frozen=True)
 class Step:
@@ -30,22 +38,9 @@ class Step:
     primal: FloatArray
     dual: FloatArray
 
-    @property
-    def pair(self) -> tuple[FloatArray, FloatArray]:
-        return self.primal, self.dual
-
     def plus(self, other: Step, share: float) -> Step:
         """The step plus ``share`` times the other."""
         return Step(self.primal + share * other.primal, self.dual + share * other.dual)
-
-    def between(self, other: Step, share: float) -> Step:
-        """The step plus ``share`` times what leads from it to the other."""
-        if share == 0.0:
-            return self
-        return Step(
-            self.primal + share * (other.primal - self.primal),
-            self.dual + share * (other.dual - self.dual),
-        )
 
 
 class Family(ABC):
@@ -56,11 +51,6 @@ class Family(ABC):
     volume, and the length of the body where they are per area: means and targets are per volume.
     Arrays of vectors have one column for each point, so (m, k).
     """
-
-    #: Whether the cones limit the displacement by themselves, and not through a friction bound.
-    limits_displacement: ClassVar[bool] = True
-    #: Whether the cones can stop a rigid motion.
-    stops_rigid_motions: ClassVar[bool] = True
 
     comm: MPI.Intracomm
     weights: FloatArray
@@ -124,24 +114,22 @@ class Family(ABC):
         ``level`` is the complementarity product per volume, ``least`` the least opening of contact.
         """
 
-    @abstractmethod
     def total(self, t: float = 0.0, step: Step | None = None) -> float:
         """The complementarity products after a step of length t, weighted, of this rank."""
-
-    def least_product(self) -> float:
-        """The product per volume that is rounding in a cone of this rank; 0 if none may be."""
-        return 0.0
-
-    @abstractmethod
-    def longest_step_between(self, step: Step, other: Step, share: float) -> float:
-        """The largest t that leads out of no cone of this rank, inf without a limit.
-
-        The step that is taken is ``step + share (other - step)``.
-        """
+        x, z = self.x, self.z
+        if step is not None:
+            x, z = x + t * step.primal, z + t * step.dual
+        return self.power(x, z)
 
     @abstractmethod
     def speeds(self, step: Step) -> FloatArray:
         """The reciprocal (k,) of the longest step in each cone, 0 without a limit."""
+
+    def longest_step(self, step: Step) -> float:
+        """The largest t that leads out of no cone of this rank, inf without a limit."""
+        speed = np.max(self.speeds(step), initial=0.0)
+        # NaN is no direction to go in.
+        return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
 
     def advance(self, t: float, step: Step) -> None:
         """Take a step of length t."""
@@ -154,6 +142,13 @@ class Family(ABC):
         Zero where nothing depends on it; collective.
         """
         return 0.0
+
+    def relative_gap(self, size: FloatArray) -> float:
+        """``|primal_gap|/|size|`` in the weighted L2 norm, 0 without a size; collective."""
+        gap = self.primal_gap()
+        local = np.array([self.power(gap, gap), self.power(size, size)])
+        left, most = self.comm.allreduce(local)
+        return float(np.sqrt(left / most)) if most > 0.0 else 0.0
 
     @abstractmethod
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
@@ -194,6 +189,15 @@ class Family(ABC):
         """The correction that brings the products after a step t back into a band, roughly."""
 
     # The derivative by the data.
+
+    def centred(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points and multipliers on the central path, near the given ones; collective.
+
+        Off the path the scaling of Lorentz cones is no derivative of the iterate: transverse to a
+        strain at its limit it would be wrong by the root of the ratio of the two products of its
+        cone.
+        """
+        return x, z
 
     @abstractmethod
     def primal_gap(self) -> FloatArray:
@@ -239,23 +243,53 @@ class Family(ABC):
     def stiff_nodes(self, factor: float, material: float) -> IndexArray:
         """The owned nodes of what is stiffer than the material by a factor; collective."""
 
+    @property
     @abstractmethod
+    def springs(self) -> Springs:
+        """Directions d, (m, k), with the stiffness c (k,) of ``c d d^T`` in the block D."""
+
+    def soft_springs(self, material: float) -> tuple[FloatArray | float, FloatArray | float]:
+        """The stiffness of the material at the points, and what is left of a stiffer one."""
+        return material, 0.0
+
+    @abstractmethod
+    def write_springs(self, stiffness: Sequence[FloatArray]) -> None:
+        """Write the block with other stiffnesses of :meth:`springs`; collective."""
+
+    @abstractmethod
+    def along(self, points: IndexArray, directions: FloatArray) -> PETSc.Mat:
+        """The matrix of ``v -> directions . lin(v)`` at points (p,) of this rank; collective.
+
+        ``directions`` is (m, p).
+        """
+
     def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
         """``C`` (k, n) and ``B`` (k,): this family adds ``C^T B C`` where it is stiff; collective.
 
-        ``C`` has a row for each point and each direction of what the family sees, along which it
-        is stiffer than the material by the factor.
+        ``C`` has a row for each point and each of the :meth:`springs` along which it is stiffer
+        than the material by the factor.
         """
+        soft, kept = self.soft_springs(material)
+        points, directions, stiffness = [], [], []
+        for direction, values in self.springs:
+            stiff = np.flatnonzero(values * dot(direction, direction) > factor * soft)
+            points.append(stiff.astype(np.int32))
+            directions.append(direction[:, stiff])
+            stiffness.append((self.weights * (values - kept))[stiff])
+        rows = self.along(np.concatenate(points), np.hstack(directions))
+        return rows, np.concatenate(stiffness)
 
-    @abstractmethod
     def soften_along(self, factor: float, material: float) -> None:
         """Write the block without the stiffness of :meth:`stiff_rows`; collective."""
+        soft, kept = self.soft_springs(material)
+        self.write_springs(
+            [
+                np.where(values * dot(direction, direction) > factor * soft, kept, values)
+                for direction, values in self.springs
+            ]
+        )
 
     # The start, and whether anything is admissible.
-
-    def pull(self, stiffness: float) -> FloatArray:
-        """The reactions of springs that rest where the body would come to rest; collective."""
-        return np.zeros_like(self.seen)
 
     def is_kept(self, margin: float, displacement: float) -> bool:
         """Whether what was seen keeps its limits, but for a share ``margin``, on this rank.
@@ -264,29 +298,13 @@ class Family(ABC):
         """
         return True
 
-    def penetration(self) -> float:
-        """How far what was seen enters a foundation, a length, on this rank."""
-        return 0.0
-
-    def strain_limit(self) -> FloatArray:
-        """``int M`` and the volume where there is a limit M of the strain (2,), on this rank."""
-        return np.zeros(2)
-
-    def beyond(self) -> FloatArray:
-        """How many points exceed a limit of the strain, and how many have one, on this rank."""
-        return np.zeros(2)
-
-    def body_work(self) -> float:
-        """The work of reactions inside the body, on this rank."""
-        return 0.0
-
     def largest_multiplier(self) -> float:
         """The largest multiplier of a limit on the displacement, on this rank."""
         return 0.0
 
     def power(self, reactions: FloatArray, seen: FloatArray) -> float:
         """``int reactions . lin(u)`` of given reactions and ``lin(u)``, on this rank."""
-        return float(self.weights @ np.sum(np.atleast_2d(reactions * seen), axis=0))
+        return float(self.weights @ dot(np.atleast_2d(reactions), np.atleast_2d(seen)))
 
     def resistance(self, reactions: FloatArray) -> float:
         """The most that :meth:`power` can be where the displacement is admissible, on this rank.
@@ -295,20 +313,12 @@ class Family(ABC):
         """
         return 0.0
 
-    def origin_work(self, reactions: FloatArray) -> float:
-        """``int reactions . o`` of the origin o that what :meth:`look` sees begins at."""
-        return 0.0
-
-    def springs(self, stiffness: float, largest: float) -> float | FloatArray:
+    def holding(self, stiffness: float, largest: float) -> float | FloatArray:
         """Springs of this stiffness at most, whose forces may change the present reactions.
 
         ``largest`` is the largest multiplier of all families.
         """
         return stiffness
-
-    def describe_excess(self) -> str:
-        """Where what was seen exceeds its limit the most, "" for no limit to name; collective."""
-        return ""
 
 
 @dataclass(frozen=True)
@@ -351,12 +361,4 @@ class Direction:
 
     def between(self, other: Direction, share: float) -> Direction:
         """The direction plus ``share`` times what leads from it to the other."""
-        if share == 1.0:
-            return other
-        return Direction(
-            self.displacement + share * (other.displacement - self.displacement),
-            {
-                family: step.between(other.steps[family], share)
-                for family, step in self.steps.items()
-            },
-        )
+        return other if share == 1.0 else self.plus(other.plus(self, -1.0), share)

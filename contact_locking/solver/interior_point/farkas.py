@@ -14,8 +14,11 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged, raise_callback_error
 from contact_locking.fem import compiled
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.solver.interior_point.contact_nodes import OnContact
 from contact_locking.solver.interior_point.family import Family, Reaction
+from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.iterate import Iterate
+from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
 from contact_locking.solver.task import Target
 
 # Multipliers are balanced by a stress this many times stiffer than the material.
@@ -58,7 +61,9 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     tangent = iterate.tangent
     system = tangent.system
     limits = [
-        family for family in iterate.families if family.limits_displacement and not family.tools
+        family
+        for family in iterate.families
+        if not (isinstance(family, FrictionCones) or family.tools)
     ]
     reactions = Reaction.of(limits)
     is_open = system.held_by_friction or (system.held_by_contact and system.tools)
@@ -69,9 +74,9 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     for family in limits:
         # Springs alone would let rho become large.
         is_held = not (system.held_by_contact or system.data.springs)
-        if not (is_held and family.stops_rigid_motions):
+        if not (is_held and isinstance(family, OnContact)):
             most = _STIFFER * target.stiffness / family.scale
-            springs[family] = family.springs(most, largest)
+            springs[family] = family.holding(most, largest)
     for family, stiffness in springs.items():
         family.hold(stiffness)
     tangent.refresh()
@@ -87,7 +92,12 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
         for item in reactions
     ]
     power, resistance = _power(iterate, reactions), _resistance(iterate, reactions)
-    origin = _origin_work(iterate, reactions)
+    origin = sum(
+        item.family.origin_work(item.values)
+        for item in reactions
+        if isinstance(item.family, LimitsOfStrain)
+    )
+    origin = float(iterate.comm.allreduce(origin))
     resistance += _work_beyond(system, rho, _SMALL_STRAIN)
     # The residual of the linear solve and springs may work along any admissible displacement.
     farthest = system.largest_displacement() + _SMALL_STRAIN * target.length
@@ -108,12 +118,6 @@ def _power(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
 def _resistance(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
     """R, infinite for a pressure that is negative somewhere; collective."""
     local = sum(item.family.resistance(item.values) for item in reactions)
-    return float(iterate.comm.allreduce(local))
-
-
-def _origin_work(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
-    """E; collective."""
-    local = sum(item.family.origin_work(item.values) for item in reactions)
     return float(iterate.comm.allreduce(local))
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import ufl
-from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.arrays import FloatArray
+from contact_locking.parallel import maximum
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes, OnContact
-from contact_locking.solver.interior_point.family import Step
-from contact_locking.solver.interior_point.lorentz import LorentzCones, Scaling, dot, inverse
+from contact_locking.solver.interior_point.family import Springs, Step, dot
+from contact_locking.solver.interior_point.lorentz import LorentzCones, Scaling, aligned, inverse
 from contact_locking.solver.multipliers import Multipliers
 
 # The products at the start are at most this multiple of those of contact: a coefficient of a
@@ -29,8 +31,6 @@ class FrictionCones(OnContact, LorentzCones):
     cones; a step du of the slip moves it by ``bound_step + growth (w . du)/w_0``, both (k,), where
     ``w/w_0`` is near the direction of a slip.  ``length`` is the extent of the body.
     """
-
-    limits_displacement = False
 
     def __init__(self, nodes: ContactNodes, regularisation: float, length: float) -> None:
         self.nodes = nodes
@@ -90,6 +90,7 @@ class FrictionCones(OnContact, LorentzCones):
         return found
 
     def least_product(self) -> float:
+        """The product per volume that is rounding in a cone of this rank."""
         # In a slip that is long beside the strain of the body, G t is large beside its energy.
         return _ROUNDING * float(np.max(self.x[0] * self.z[0], initial=0.0)) / self.scale
 
@@ -164,6 +165,12 @@ class FrictionCones(OnContact, LorentzCones):
         """The adjoint (d, k) of :meth:`grown` at a bound (k,)."""
         return np.asarray(self._grows * bound)
 
+    def centred(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        # Data that turn the normal of a foundation turn slips and tractions with it.
+        x, z = self.tangential(x), self.tangential(z)
+        slips, bounds = (values[0] / (maximum(self.comm, values[0]) or 1.0) for values in (x, z))
+        return aligned(x, z, slips >= bounds)
+
     def primal_gap(self) -> FloatArray:
         return np.vstack([np.zeros(len(self.weights)), self._rows_gap()])
 
@@ -230,31 +237,17 @@ class FrictionCones(OnContact, LorentzCones):
         for function, values in ((self._a, a), (self._b, b), (self._w, w)):
             self.nodes.set_values(function, values)
 
-    def stiff_nodes(self, factor: float, material: float) -> IndexArray:
-        return self.nodes.stiffer_than(factor * material, self.a)
+    @property
+    def stiffest(self) -> FloatArray:
+        return self.a
 
-    def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
-        kept = self.nodes.material_springs(material)
-        places, directions, stiffness = [], [], []
-        for direction, springs in self._principal_springs():
-            stiff = np.flatnonzero(springs > factor * kept).astype(np.int32)
-            places.append(stiff)
-            directions.append(direction[:, stiff])
-            stiffness.append((self.weights * (springs - kept))[stiff])
-        rows = self.nodes.along(np.concatenate(places), np.hstack(directions))
-        return rows, np.concatenate(stiffness)
+    def write_springs(self, stiffness: Sequence[FloatArray]) -> None:
+        first, rest = stiffness[0], stiffness[-1]
+        self._write(rest, first - rest, self.springs[0][0])
 
-    def soften_along(self, factor: float, material: float) -> None:
-        kept = self.nodes.material_springs(material)
-        (along, first), *others = (
-            (direction, np.where(springs > factor * kept, kept, springs))
-            for direction, springs in self._principal_springs()
-        )
-        rest = others[0][1] if others else first
-        self._write(rest, first - rest, along)
-
-    def _principal_springs(self) -> list[tuple[FloatArray, FloatArray]]:
-        """Unit tangents (d, k) and the eigenvalues (k,) of D along them, that of w first."""
+    @property
+    def springs(self) -> Springs:
+        """Unit tangents and the eigenvalues of D along them, that of w first."""
         along = self.nodes.unit_tangents(self.w)
         found = [(along, self.a + self.b * dot(self.w, self.w))]
         if self.nodes.dim == 3:

@@ -32,17 +32,6 @@ class HalfLines(Family):
 
     # The iterate.
 
-    def total(self, t: float = 0.0, step: Step | None = None) -> float:
-        x, z = self.x, self.z
-        if step is not None:
-            x, z = x + t * step.primal, z + t * step.dual
-        return float(self.weights @ (x * z))
-
-    def longest_step_between(self, step: Step, other: Step, share: float) -> float:
-        speed = np.max(self.speeds(step.between(other, share)), initial=0.0)
-        # NaN is no direction to go in.
-        return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
-
     def speeds(self, step: Step) -> FloatArray:
         most = np.maximum(-step.primal / self.x, -step.dual / self.z)
         return np.maximum(most, 0.0)
@@ -104,7 +93,7 @@ class HalfLines(Family):
     def largest_multiplier(self) -> float:
         return float(self.z.max(initial=0.0))
 
-    def springs(self, stiffness: float, largest: float) -> FloatArray:
+    def holding(self, stiffness: float, largest: float) -> FloatArray:
         """Springs in proportion to the multipliers, so that small forces leave these positive."""
         return np.asarray(self.z * (stiffness / largest if largest > 0.0 else 0.0))
 

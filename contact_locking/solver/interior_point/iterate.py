@@ -10,6 +10,8 @@ from contact_locking.arrays import FloatArray
 from contact_locking.parallel import exceeded_by_few, maximum, minimum
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.solver.interior_point.family import Direction, Family, Reaction
+from contact_locking.solver.interior_point.friction_cones import FrictionCones
+from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
 from contact_locking.solver.interior_point.tangent import Tangent
 
 # Mehrotra's second-order terms, with those of recentrings, of each family.
@@ -106,7 +108,8 @@ class Iterate:
 
     def longest_step(self, direction: Direction) -> float:
         """How far a direction leads before a cone ends; collective."""
-        return self.longest_step_between(direction, direction, 0.0)
+        local = min(family.longest_step(direction.steps[family]) for family in self.families)
+        return minimum(self.comm, local)
 
     def longest_step_of_most(self, direction: Direction, share: float) -> float:
         """How far a direction leads, 1 at most, before more than this share of all cones has ended.
@@ -117,17 +120,6 @@ class Iterate:
         few = int(share * self.comm.allreduce(len(speeds)))
         return 1.0 / exceeded_by_few(self.comm, speeds, few, 1.0)
 
-    def longest_step_between(self, direction: Direction, other: Direction, share: float) -> float:
-        """How far :meth:`Direction.between` leads before a cone ends, without making it.
-
-        Collective.
-        """
-        local = min(
-            family.longest_step_between(direction.steps[family], other.steps[family], share)
-            for family in self.families
-        )
-        return minimum(self.comm, local)
-
     def advance(self, t: float, direction: Direction) -> None:
         """Take a step of length t; collective."""
         self.tangent.move(t, direction.displacement)
@@ -136,25 +128,28 @@ class Iterate:
 
     def total_product(self) -> float:
         """The duality gap: all complementarity products, integrated; collective."""
-        return float(self.comm.allreduce(sum(family.total() for family in self.families)))
+        return self._measure * self.mean_product()
 
     def least_product(self) -> float:
         """The duality gap of products that are told from rounding in all cones; collective."""
-        least = max(family.least_product() for family in self.families)
+        rubbing = [family for family in self.families if isinstance(family, FrictionCones)]
+        least = max((family.least_product() for family in rubbing), default=0.0)
         return self._measure * maximum(self.comm, least)
 
-    def mean_product(self) -> float:
-        """The mean over all cones; collective."""
-        return self.total_product() / self._measure
-
-    def mean_product_after(self, t: float, direction: Direction) -> float:
-        """The mean after a step of length t; collective."""
-        local = sum(family.total(t, direction.steps[family]) for family in self.families)
+    def mean_product(self, t: float = 0.0, direction: Direction | None = None) -> float:
+        """The mean over all cones after a step of length t; collective."""
+        steps = {} if direction is None else direction.steps
+        local = sum(family.total(t, steps.get(family)) for family in self.families)
         return float(self.comm.allreduce(local)) / self._measure
+
+    @property
+    def limits_of_strain(self) -> list[LimitsOfStrain]:
+        return [family for family in self.families if isinstance(family, LimitsOfStrain)]
 
     def body_work(self) -> float:
         """``|int Z : eps(u)|`` at the displacement visited last; collective."""
-        return abs(float(self.comm.allreduce(sum(f.body_work() for f in self.families))))
+        local = sum(item.power(item.reactions, item.seen) for item in self.limits_of_strain)
+        return abs(float(self.comm.allreduce(local)))
 
     def primal_residual(self, deformation: float) -> float:
         """How far strains and openings are from the points of their cones, relative; collective.
@@ -183,5 +178,5 @@ class Iterate:
 
     def describe_excess(self) -> str:
         """Which limit the displacement visited last exceeds, and where; collective."""
-        reasons = [family.describe_excess() for family in self.families]
+        reasons = [family.describe_excess() for family in self.limits_of_strain]
         return next(filter(None, reasons), "the foundation is in the way")

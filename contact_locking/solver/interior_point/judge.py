@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,11 +13,37 @@ from contact_locking.contact.nodal_contact import joint_norm
 from contact_locking.parallel import maximum
 from contact_locking.solver.interior_point.bound_step import MovingBound
 from contact_locking.solver.interior_point.iterate import Iterate
-from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
-from contact_locking.solver.interior_point.measures import Measures
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.task import Task
+from contact_locking.solver.task import Settings, Task
+
+
+@dataclass
+class Measures:
+    """The measures of convergence, all relative."""
+
+    equilibrium: float
+    primal: float
+    gap: float
+    friction: float
+
+    def __str__(self) -> str:
+        return (
+            f"equilibrium {self.equilibrium:.1e}, laws {self.primal:.1e}, "
+            f"duality gap {self.gap:.1e}, friction bound {self.friction:.1e}"
+        )
+
+    def worst(self) -> float:
+        return max(self.equilibrium, self.primal, self.gap, self.friction)
+
+    def reached(self, settings: Settings, gap: float, loosened: float = 1.0) -> bool:
+        """Whether all are within ``loosened`` times the tolerances, the duality gap of ``gap``."""
+        return (
+            self.equilibrium <= loosened * settings.tolerance
+            and self.primal <= loosened * settings.tolerance
+            and self.gap <= loosened * gap
+            and self.friction <= loosened * settings.friction_tolerance
+        )
 
 
 class Judge:
@@ -86,8 +113,7 @@ class Judge:
 
         The duality gap is a mean, and leaves a few of them farther away, the more the larger n is.
         """
-        limited = [f for f in iterate.families if isinstance(f, LimitsOfStrain)]
-        comm, target = iterate.comm, self._task.target
+        limited, comm, target = iterate.limits_of_strain, iterate.comm, self._task.target
         size = target.ellipticity * self.mean_strain(self._task.settings.tolerance)
         size = max([size, *(maximum(comm, np.abs(f.reactions)) for f in limited)])
         return all(

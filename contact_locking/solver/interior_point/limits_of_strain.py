@@ -1,7 +1,8 @@
-"""The common part of families of limits of the strain."""
+"""The common parts of families of limits of the strain."""
 
 from __future__ import annotations
 
+import functools
 from abc import abstractmethod
 
 import numpy as np
@@ -11,8 +12,10 @@ from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.parallel import minimum
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.strain_sets import StrainSet
-from contact_locking.solver.interior_point.family import Family
+from contact_locking.solver.interior_point.family import Family, dot
+from contact_locking.solver.interior_point.lorentz import LorentzCones, aligned
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
+from contact_locking.solver.multipliers import Multipliers
 
 
 class LimitsOfStrain(Family):
@@ -21,8 +24,9 @@ class LimitsOfStrain(Family):
     ``compliance = 1/(2n)`` is 0 for n = inf.
     """
 
-    stops_rigid_motions = False
     scale = 1.0
+    #: Whether M bounds a norm, so that no strain is larger.
+    bounds_norm = True
 
     def __init__(self, strains: StrainOperator, compliance: float, number: int) -> None:
         self._strains, self._number, self.compliance = strains, number, compliance
@@ -71,6 +75,7 @@ class LimitsOfStrain(Family):
         return self._strains.origin
 
     def origin_work(self, reactions: FloatArray) -> float:
+        """``int reactions . o`` of the origin o that the seen strain begins at, on this rank."""
         return self.power(reactions, self._origin + np.zeros_like(self.seen))
 
     def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
@@ -80,26 +85,45 @@ class LimitsOfStrain(Family):
         return bool(np.all(self.reach <= self.limit * (1.0 + margin + ROUNDING)))
 
     @property
-    @abstractmethod
-    def _stiffest(self) -> FloatArray:
+    def stiffest(self) -> FloatArray:
         """The largest eigenvalue (k,) of the block D."""
+        sizes = [values * dot(direction, direction) for direction, values in self.springs]
+        return functools.reduce(np.maximum, sizes)
 
-    def _is_stiff(self, factor: float, material: float) -> BoolArray:
+    def is_stiff(self, factor: float, material: float) -> BoolArray:
         """Where D is stiffer than the material, and than its softest point; collective."""
-        stiffness = self._stiffest
+        stiffness = self.stiffest
         return np.asarray(stiffness > factor * max(material, minimum(self.comm, stiffness)))
 
     def stiff_nodes(self, factor: float, material: float) -> IndexArray:
-        return self._strains.nodes_at(self._is_stiff(factor, material))
+        return self._strains.nodes_at(self.is_stiff(factor, material))
 
-    def beyond(self) -> FloatArray:
-        return np.array([np.count_nonzero(self.reach > self.limit), len(self.limit)])
+    def write_block(self) -> None:
+        self.write_springs([values for _, values in self.springs])
 
-    def body_work(self) -> float:
-        return self.power(self.reactions, self.seen)
+    def soften(self, factor: float, material: float) -> None:
+        is_stiff = self.is_stiff(factor, material)
+        self.write_springs([np.where(is_stiff, 0.0, values) for _, values in self.springs])
+
+    def along(self, points: IndexArray, directions: FloatArray) -> PETSc.Mat:
+        return self._strains.along(points, directions)
 
     def describe_excess(self) -> str:
+        """Where what was seen exceeds its limit the most, "" below; collective."""
         law = self._strains.law
         what = "the strain" if law.origin is None else "the elastic strain"
         what += "" if self._number == 0 else f" of {law.name}"
         return self._strains.describe_excess(np.maximum(self.reach, 0.0) / self.limit, what)
+
+
+class StrainCones(LimitsOfStrain, LorentzCones):
+    """Lorentz cones of limits of the strain, whose multipliers are Mandel vectors."""
+
+    def write(self, multipliers: Multipliers, stiffness: float) -> None:
+        self._strains.set_tensors(multipliers.parts[self._number], self.reactions)
+
+    def centred(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return aligned(x, z, np.ones(len(self.weights), dtype=bool))
+
+    def largest_multiplier(self) -> float:
+        return float(self.z[0].max(initial=0.0))

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import ufl
 from dolfinx import fem
-from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.solver.interior_point.family import Step
+from contact_locking.arrays import FloatArray
+from contact_locking.solver.interior_point.family import Springs, Step, dot
 from contact_locking.solver.interior_point.half_lines import HalfLines
-from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
-from contact_locking.solver.interior_point.lorentz import LorentzCones, Scaling, dot, inverse, norm
-from contact_locking.solver.interior_point.measures import relative_rms
+from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain, StrainCones
+from contact_locking.solver.interior_point.lorentz import Scaling, inverse, norm
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
 from contact_locking.solver.multipliers import Multipliers
 
@@ -21,7 +21,7 @@ from contact_locking.solver.multipliers import Multipliers
 _MOST_STEPS = 40
 
 
-class LockingCones(LimitsOfStrain, LorentzCones):
+class LockingCones(StrainCones):
     """``x = (M + q, L eps)`` in the cone with cost ``n q^2`` at every point; ``z = (z_0, -y)``.
 
     ``L`` is the linear map of the ``law`` of ``strains``, ``limit`` is M (k,).
@@ -55,14 +55,11 @@ class LockingCones(LimitsOfStrain, LorentzCones):
         self.z = level * inverse(self.x)
 
     def primal_residual(self, deformation: float) -> float:
-        return relative_rms(self.comm, self.weights, self.primal_gap(), self.x)
+        return self.relative_gap(self.x)
 
     def primal_gap(self) -> FloatArray:
         """``(M + q, L eps) - x``."""
         return np.vstack([self.limit + self.compliance * self.z[0], self.seen]) - self.x
-
-    def write(self, multipliers: Multipliers, stiffness: float) -> None:
-        self._strains.set_tensors(multipliers.parts[self._number], self.reactions)
 
     # The Newton step.
 
@@ -134,41 +131,25 @@ class LockingCones(LimitsOfStrain, LorentzCones):
         along = self._b * ufl.inner(self._w, eps) * ufl.inner(self._w, eps_v)
         return isotropic + along * places.dx
 
-    def write_block(self) -> None:
-        self._strains.set_tensors(self._w, self.w)
-        self._write_stiffness(self.a, self.b)
-
-    def soften(self, factor: float, material: float) -> None:
-        is_stiff = self._is_stiff(factor, material)
-        self._write_stiffness(*(np.where(is_stiff, 0.0, values) for values in (self.a, self.b)))
-
-    def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
-        is_stiff = self._is_stiff_along(factor, material)
-        rows = self._strains.along(np.flatnonzero(is_stiff), self.w[:, is_stiff])
-        return rows, self.b[is_stiff] / self.weights[is_stiff]
-
-    def soften_along(self, factor: float, material: float) -> None:
-        is_stiff = self._is_stiff_along(factor, material)
-        self._write_stiffness(self.a, np.where(is_stiff, 0.0, self.b))
-
-    def _is_stiff_along(self, factor: float, material: float) -> BoolArray:
-        return np.asarray(self.b * np.sum(self.w**2, axis=0) > factor * material)
-
-    def _write_stiffness(self, a: FloatArray, b: FloatArray) -> None:
-        self._strains.set_scalars(self._a, a)
-        self._strains.set_scalars(self._b, b)
+    @property
+    def springs(self) -> Springs:
+        """Along w; the rest of the block is isotropic."""
+        return [(self.w, self.b)]
 
     @property
-    def _stiffest(self) -> FloatArray:
-        return np.asarray(self.a + np.maximum(self.b, 0.0) * np.sum(self.w**2, axis=0))
+    def stiffest(self) -> FloatArray:
+        return np.asarray(self.a + np.maximum(self.b, 0.0) * dot(self.w, self.w))
 
-    # The start, and whether anything is admissible.
+    def write_springs(self, stiffness: Sequence[FloatArray]) -> None:
+        self._strains.set_scalars(self._a, self.a)
+        self._strains.set_scalars(self._b, stiffness[0])
+        self._strains.set_tensors(self._w, self.w)
 
-    def strain_limit(self) -> FloatArray:
-        return np.array([self.weights @ self.limit, self.weights.sum()])
+    def soften(self, factor: float, material: float) -> None:
+        super().soften(factor, material)
+        self._strains.set_scalars(self._a, np.where(self.is_stiff(factor, material), 0.0, self.a))
 
-    def largest_multiplier(self) -> float:
-        return float(self.z[0].max(initial=0.0))
+    # Whether anything is admissible.
 
     def resistance(self, reactions: FloatArray) -> float:
         """``int M |y|``."""
@@ -180,6 +161,8 @@ class StrainHalfLines(LimitsOfStrain, HalfLines):
 
     ``q = z/(2n)``, so that the compliance is ``1/(2n)``, 0 for n = inf.
     """
+
+    bounds_norm = False
 
     def __init__(self, strains: StrainOperator, compliance: float, number: int) -> None:
         super().__init__(strains, compliance, number)
@@ -209,8 +192,7 @@ class StrainHalfLines(LimitsOfStrain, HalfLines):
         self.z = np.asarray(level / self.x)
 
     def primal_residual(self, deformation: float) -> float:
-        size = self.limit + np.abs(self.seen)
-        return relative_rms(self.comm, self.weights, self.primal_gap(), size)
+        return self.relative_gap(self.limit + np.abs(self.seen))
 
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
         self._strains.set_scalars(multipliers.parts[self._number], self.reactions)
@@ -224,24 +206,9 @@ class StrainHalfLines(LimitsOfStrain, HalfLines):
         eps, eps_v = (law.measured(places.strain(w)) for w in (du, v))
         return self._k * eps * eps_v * places.dx
 
-    def write_block(self) -> None:
-        self._strains.set_scalars(self._k, self.stiffness)
-
-    def soften(self, factor: float, material: float) -> None:
-        is_stiff = self._is_stiff(factor, material)
-        self._strains.set_scalars(self._k, np.where(is_stiff, 0.0, self.stiffness))
-
-    def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
-        is_stiff = self.stiffness > factor * material
-        rows = self._strains.along(
-            np.flatnonzero(is_stiff), np.ones((1, np.count_nonzero(is_stiff)))
-        )
-        return rows, self.stiffness[is_stiff] / self.weights[is_stiff]
-
-    def soften_along(self, factor: float, material: float) -> None:
-        is_stiff = self.stiffness > factor * material
-        self._strains.set_scalars(self._k, np.where(is_stiff, 0.0, self.stiffness))
-
     @property
-    def _stiffest(self) -> FloatArray:
-        return self.stiffness
+    def springs(self) -> Springs:
+        return [(np.ones((1, len(self.stiffness))), self.stiffness)]
+
+    def write_springs(self, stiffness: Sequence[FloatArray]) -> None:
+        self._strains.set_scalars(self._k, stiffness[0])

@@ -9,20 +9,11 @@ the scaling: Nesterov and Todd (1997), doi:10.1287/moor.22.1.1.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.solver.interior_point.family import Family, Step
-
-# A point and its multiplier, or a step of both.
-Pair: TypeAlias = tuple[FloatArray, FloatArray]
-
-
-def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """``a . b`` of each column, (k,)."""
-    return np.einsum("ik,ik->k", a, b)
+from contact_locking.solver.interior_point.family import Family, Step, dot
 
 
 def norm(a: FloatArray) -> FloatArray:
@@ -44,13 +35,12 @@ def inverse(x: FloatArray) -> FloatArray:
     return result
 
 
-def aligned(pair: Pair, stays: BoolArray) -> Pair:
+def aligned(x: FloatArray, z: FloatArray, stays: BoolArray) -> tuple[FloatArray, FloatArray]:
     """A pair near by with ``x o z = theta e`` in each cone, with its own theta.
 
     Points x stay where ``stays`` (k,), and multipliers elsewhere; the other of the two becomes a
     multiple of the inverse of the one that stays, with the same first entry as before.
     """
-    x, z = pair
 
     def beside(y: FloatArray, first: FloatArray) -> FloatArray:
         turned = -(first / y[0]) * y
@@ -58,12 +48,6 @@ def aligned(pair: Pair, stays: BoolArray) -> Pair:
         return turned
 
     return np.where(stays, x, beside(z, x[0])), np.where(stays, beside(x, z[0]), z)
-
-
-def total(weights: FloatArray, pair: Pair, t: float, step: Pair) -> float:
-    """``sum weights (x + t dx) . (z + t dz)``."""
-    (x, z), (dx, dz) = pair, step
-    return float(weights @ dot(x + t * dx, z + t * dz))
 
 
 @dataclass(frozen=True)
@@ -111,12 +95,12 @@ class Scaling:
             y = correction - first * point
             y *= 1.0 / point[0]
             y[0] = first
-            b -= self._scaled_back(y)
+            b -= self._scaled(y, -1)
         return b
 
     def correction(self, dx: FloatArray, dz: FloatArray) -> FloatArray:
         """The second-order term of a step, ``W^-1 dx o W dz``."""
-        a, b = self._scaled_back(dx), self._scaled(dz)
+        a, b = self._scaled(dx, -1), self._scaled(dz, 1)
         product = a[0] * b
         product[1:] += b[0] * a[1:]
         product[0] = dot(a, b)
@@ -144,48 +128,24 @@ class Scaling:
         product *= 0.5
         return product
 
-    def longest_step(self, step: Pair, other: Pair, share: float = 0.0) -> float:
-        """The largest t with ``(x, z) + t (step + share (other - step))`` in every cone.
-
-        Infinite without a limit.
-        """
-        if share != 0.0:
-            (dx, dz), (other_dx, other_dz) = step, other
-            step = dx + share * (other_dx - dx), dz + share * (other_dz - dz)
-        speed = np.max(self._speeds(step), initial=-np.inf)
-        # NaN is no direction to go in.
-        return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
-
-    def speeds(self, step: Pair) -> FloatArray:
-        """The reciprocal (k,) of the longest step in each cone; none is negative."""
-        return np.maximum(0.0, np.fmax(*self._speeds(step)))
-
-    def _speeds(self, step: Pair) -> FloatArray:
-        """``1/t`` (2, k) with ``x + t dx`` or ``z + t dz`` on the boundary; none: not positive."""
-        found = []
-        for y, size_y, d in zip((self.x, self.z), (self.size_x, self.size_z), step, strict=True):
+    def speeds(self, dx: FloatArray, dz: FloatArray) -> FloatArray:
+        """The reciprocal (k,) of the longest step in each cone, 0 without a limit."""
+        most: FloatArray = np.zeros_like(self.eta)
+        for y, size_y, d in ((self.x, self.size_x, dx), (self.z, self.size_z, dz)):
             along = (y[0] * d[0] - dot(y[1:], d[1:])) / size_y
             across = ((along + d[0]) / (y[0] + size_y)) * y[1:]
             across -= d[1:]
-            found.append((norm(across) - along) / size_y)
-        return np.array(found)
+            most = np.maximum(most, (norm(across) - along) / size_y)
+        return most
 
-    def _scaled(self, y: FloatArray) -> FloatArray:
-        """``W y``: its first row over eta is ``w . y``."""
-        w, rest = self.w, dot(self.w[1:], y[1:])
-        result = (y[0] + rest / (w[0] + 1.0)) * w
+    def _scaled(self, y: FloatArray, sign: int) -> FloatArray:
+        """``W y`` for the sign +1, ``W^-1 y`` for -1: ``J w`` in the place of w, and 1/eta."""
+        w, rest = self.w, sign * dot(self.w[1:], y[1:])
+        result = sign * (y[0] + rest / (w[0] + 1.0)) * w
         result += y
+        # The first row over eta is ``w . y``.
         result[0] = w[0] * y[0] + rest
-        result *= self.eta
-        return result
-
-    def _scaled_back(self, y: FloatArray) -> FloatArray:
-        """``W^-1 y``: as ``W y`` with ``J w`` in the place of w, and 1/eta."""
-        w, rest = self.w, dot(self.w[1:], y[1:])
-        result = (rest / (w[0] + 1.0) - y[0]) * w
-        result += y
-        result[0] = w[0] * y[0] - rest
-        result *= 1.0 / self.eta
+        result *= self.eta if sign > 0 else 1.0 / self.eta
         return result
 
 
@@ -202,22 +162,14 @@ class LorentzCones(Family):
     _aim: FloatArray
     _gap: FloatArray
 
-    def total(self, t: float = 0.0, step: Step | None = None) -> float:
-        pair = self.x, self.z
-        taken = pair if step is None else (step.primal, step.dual)
-        return total(self.weights, pair, t, taken)
-
     def correction(self, step: Step) -> FloatArray:
         return self._scaling.correction(step.primal, step.dual)
 
     def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
         return self._scaling.recentring(t, step.primal, step.dual, band)
 
-    def longest_step_between(self, step: Step, other: Step, share: float) -> float:
-        return self._scaling.longest_step(step.pair, other.pair, share)
-
     def speeds(self, step: Step) -> FloatArray:
-        return self._scaling.speeds(step.pair)
+        return self._scaling.speeds(step.primal, step.dual)
 
     def move(self, gap: FloatArray) -> None:
         self._gap, self._aim = gap, np.zeros_like(self.z)

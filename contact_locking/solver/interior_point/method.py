@@ -8,7 +8,7 @@ back-substitutions more than one with known bounds.
 
 1. Start: the elastic displacement (:mod:`start`).  If it is admissible and rubs nowhere, it is the
    solution.  Else each family of cones puts its points near the central path around it.
-2. Measure equilibrium, the laws, the duality gap and the friction bound (:mod:`measures`); stop at
+2. Measure equilibrium, the laws, the duality gap and the friction bound (:mod:`judge`); stop at
    the tolerances, or with a proof that nothing is admissible (:mod:`farkas`).  Where nobody
    polishes a penalised solution, go on until each locking stress keeps its law.  Where rounding
    has unbalanced the forces, or makes the tangent of 3 singular, bound the stiffness of the steps
@@ -38,13 +38,11 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import Infeasible, NotConverged, raise_callback_error
 from contact_locking.solver.interior_point.active_set import ActiveSet
 from contact_locking.solver.interior_point.bound_step import BoundLaw
-from contact_locking.solver.interior_point.centred import centred
 from contact_locking.solver.interior_point.families import families_of
 from contact_locking.solver.interior_point.family import Direction, Reaction
 from contact_locking.solver.interior_point.farkas import excluded_factor
 from contact_locking.solver.interior_point.iterate import Iterate
-from contact_locking.solver.interior_point.judge import Judge
-from contact_locking.solver.interior_point.measures import Measures
+from contact_locking.solver.interior_point.judge import Judge, Measures
 from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.interior_point.start import ElasticStart, rests
 from contact_locking.solver.interior_point.tangent import Tangent
@@ -177,7 +175,7 @@ class InteriorPoint:
             return []
         for family, pair in zip(self._families.every, self._last().cones, strict=True):
             if pair is not None:
-                family.x, family.z = centred(family, pair)
+                family.x, family.z = family.centred(*pair)
         for bound in bounds:
             bound.friction.growth = np.zeros(len(bound.friction.weights))
         self._iterate.linearise()

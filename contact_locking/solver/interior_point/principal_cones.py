@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import ufl
 from dolfinx import fem
-from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import mandel_vector
-from contact_locking.solver.interior_point.family import Step
-from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
-from contact_locking.solver.interior_point.lorentz import LorentzCones, Scaling, inverse, norm
-from contact_locking.solver.interior_point.measures import relative_rms
+from contact_locking.solver.interior_point.family import Springs, Step
+from contact_locking.solver.interior_point.limits_of_strain import StrainCones
+from contact_locking.solver.interior_point.lorentz import Scaling, inverse, norm
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
-from contact_locking.solver.multipliers import Multipliers
 
 # From Mandel vectors (xx, yy, xy) to (tr/sqrt(2), (xx - yy)/sqrt(2), sqrt(2) xy), a rotation: a
 # tensor has no negative eigenvalue if these three are in the Lorentz cone.
@@ -57,7 +55,7 @@ class Frame:
         return np.einsum("ijk,ik->jk", vectors, factors * np.einsum("ijk,jk->ik", vectors, y))
 
 
-class PrincipalCones(LimitsOfStrain, LorentzCones):
+class PrincipalCones(StrainCones):
     """``x = sqrt(2) M e + q - T eps`` in the cone with cost ``n |q|^2``, and z in the cone.
 
     T eps are the three numbers of ``TURN`` and ``e = (1, 0, 0)``, so that x are those of the tensor
@@ -108,15 +106,11 @@ class PrincipalCones(LimitsOfStrain, LorentzCones):
 
     def primal_residual(self, deformation: float) -> float:
         # Beside the limit and the strain: x itself is zero where both principal strains are M.
-        size = self.limit + norm(self.seen)
-        return relative_rms(self.comm, self.weights, self.primal_gap(), size)
+        return self.relative_gap(self.limit + norm(self.seen))
 
     def primal_gap(self) -> FloatArray:
         """``sqrt(2) M e + q - T eps - x``."""
         return np.asarray(self.room + self.compliance * self.z - self.x)
-
-    def write(self, multipliers: Multipliers, stiffness: float) -> None:
-        self._strains.set_tensors(multipliers.parts[self._number], self.reactions)
 
     # The Newton step.
 
@@ -181,39 +175,19 @@ class PrincipalCones(LimitsOfStrain, LorentzCones):
         eps, eps_v = (mandel_vector(places.strain(w)) for w in (du, v))
         return ufl.inner(ufl.dot(self._matrix, eps), eps_v) * places.dx
 
-    def write_block(self) -> None:
-        self._write(self.factors)
-
-    def soften(self, factor: float, material: float) -> None:
-        self._write(np.where(self._is_stiff(factor, material), 0.0, self.factors))
-
-    def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
-        number, point = np.nonzero(self.factors > factor * material)
-        directions = TURN.T @ self.frame.vectors[number, :, point].T
-        rows = self._strains.along(point, directions)
-        return rows, self.factors[number, point] / self.weights[point]
-
-    def soften_along(self, factor: float, material: float) -> None:
-        self._write(np.where(self.factors > factor * material, 0.0, self.factors))
-
-    def _write(self, factors: FloatArray) -> None:
+    @property
+    def springs(self) -> Springs:
         vectors = np.einsum("ab,ibk->iak", TURN.T, self.frame.vectors)
-        matrices = np.einsum("ik,iak,ibk->kab", factors, vectors, vectors)
+        return list(zip(vectors, self.factors, strict=True))
+
+    def write_springs(self, stiffness: Sequence[FloatArray]) -> None:
+        vectors = np.array([vector for vector, _ in self.springs])
+        matrices = np.einsum("ik,iak,ibk->kab", np.array(stiffness), vectors, vectors)
         self._strains.set_matrices(self._matrix, matrices)
 
-    @property
-    def _stiffest(self) -> FloatArray:
-        return np.asarray(self.factors.max(axis=0))
+    # Whether anything is admissible.
 
-    # The start, and whether anything is admissible.
-
-    def strain_limit(self) -> FloatArray:
-        return np.array([self.weights @ self.limit, self.weights.sum()])
-
-    def largest_multiplier(self) -> float:
-        return float(self.z[0].max(initial=0.0))
-
-    def springs(self, stiffness: float, largest: float) -> FloatArray:
+    def holding(self, stiffness: float, largest: float) -> FloatArray:
         """Springs in proportion to the least eigenvalue of y, so that small forces leave it."""
         least = np.maximum(self.z[0] - norm(self.z[1:]), 0.0)
         return np.asarray(least * (stiffness / largest if largest > 0.0 else 0.0))

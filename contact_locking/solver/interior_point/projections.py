@@ -18,11 +18,11 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.solver.interior_point.family import Family, Reaction, Step
+from contact_locking.solver.interior_point.family import Family, Reaction, Step, dot
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.locking_cones import LockingCones
-from contact_locking.solver.interior_point.lorentz import dot, norm
+from contact_locking.solver.interior_point.lorentz import norm
 from contact_locking.solver.interior_point.principal_cones import TURN, Frame, PrincipalCones
 from contact_locking.solver.last_iterate import Pair
 

@@ -9,7 +9,7 @@ from contact_locking.errors import NotConverged
 from contact_locking.solver.interior_point.bound_step import BoundStep, MovingBound
 from contact_locking.solver.interior_point.family import Direction
 from contact_locking.solver.interior_point.iterate import Corrections, Iterate, added
-from contact_locking.solver.interior_point.measures import Measures
+from contact_locking.solver.interior_point.judge import Measures
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.task import Settings
 
@@ -56,7 +56,7 @@ class Search:
         factorises = iterate.tangent.direct is not None
         left_behind = tuning.left_behind
         reach = t if factorises else iterate.longest_step_of_most(affine, left_behind)
-        after = iterate.mean_product_after(reach, affine)
+        after = iterate.mean_product(reach, affine)
         centring = min(1.0, max(after / before, 0.0)) ** 3
         if self._last_length >= tuning.bolder_after:
             centring *= tuning.bolder
@@ -159,15 +159,14 @@ class Search:
         Its share of the way, and the length of the step.  Directions are linear in corrections, so
         that a share of the way needs no solve.
         """
-        share, length = 1.0, self._length(recentred)
+        best, share, length = recentred, 1.0, self._length(recentred)
         for smaller in self._tuning.recentring_shares:
-            longer = self._limited_length(
-                self._iterate.longest_step_between(direction, recentred, smaller)
-            )
+            candidate = direction.between(recentred, smaller)
+            longer = self._length(candidate)
             if not longer > length:
                 break
-            share, length = smaller, longer
-        return direction.between(recentred, share), share, length
+            best, share, length = candidate, smaller, longer
+        return best, share, length
 
     def _adapted(
         self, bound_step: BoundStep, direction: Direction, target: float, corrections: Corrections
@@ -183,11 +182,8 @@ class Search:
         return self._iterate.direction(target, self._accuracy, corrections)
 
     def _length(self, direction: Direction) -> float:
-        return self._limited_length(self._iterate.longest_step(direction))
-
-    def _limited_length(self, longest: float) -> float:
         # 8. Towards the boundary.
-        return min(1.0, self._tuning.to_boundary * longest)
+        return min(1.0, self._tuning.to_boundary * self._iterate.longest_step(direction))
 
     def _sharpen(self, measures: Measures) -> None:
         """Ask for sharper linear solves where only these keep the friction bounds from converging.

@@ -7,11 +7,14 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.parallel import maximum, on_every_rank
+from contact_locking.problem.rigidity.motions import prescribed_motion
+from contact_locking.solver.interior_point.contact_cones import ContactCones
+from contact_locking.solver.interior_point.contact_nodes import OnContact
 from contact_locking.solver.interior_point.family import Reaction
+from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.task import Task
-from contact_locking.supports.rigid_motions import prescribed_motion
 
 # A second solve is enough, unless rounding keeps a solve from being as sharp as it should be.
 _SHARP_SOLVES = 3
@@ -95,7 +98,10 @@ class ElasticStart:
 
     def overstrain(self) -> float:
         """The elastic strain over the mean of the limits, 0 where there are none; collective."""
-        local = sum(family.strain_limit() for family in self._tangent.families)
+        local = np.zeros(2)
+        for family in self._tangent.families:
+            if isinstance(family, LimitsOfStrain) and family.bounds_norm:
+                local += family.weights @ family.limit, family.weights.sum()
         total, volume = self._tangent.comm.allreduce(local)
         return float(self.strain * volume / total) if volume > 0.0 else 0.0
 
@@ -114,8 +120,9 @@ class ElasticStart:
     def _size(self) -> float:
         """The mean strain, or that which takes back how far the body enters the foundation."""
         strain = self._target.mean_strain(self._tangent.energy, 0.0, self._tolerance)
-        local = max((family.penetration() for family in self._tangent.families), default=0.0)
-        deepest = maximum(self._tangent.comm, local)
+        pressing = [f for f in self._tangent.families if isinstance(f, ContactCones)]
+        depths = [np.zeros(1), *(family.seen - family.limit for family in pressing)]
+        deepest = maximum(self._tangent.comm, np.concatenate(depths))
         return max(strain, deepest / self._target.length)
 
     def _set_springs(self) -> list[Reaction]:
@@ -123,9 +130,9 @@ class ElasticStart:
         springs, reactions = self._target.ellipticity / self._target.length, []
         for family in self._tangent.families:
             is_needed = self._system.held_by_contact or family.tools
-            holds = family.stops_rigid_motions and bool(is_needed)
-            family.hold(springs if holds else 0.0)
-            if holds:
+            family.hold(0.0)
+            if isinstance(family, OnContact) and is_needed:
+                family.hold(springs)
                 reactions.append(Reaction(family, family.pull(springs)))
         self._tangent.refresh()
         return reactions

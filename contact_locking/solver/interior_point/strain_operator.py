@@ -12,7 +12,7 @@ from dolfinx.fem import petsc
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import Kept
 from contact_locking.laws.elasticity import mandel_factor, mandel_vector
@@ -98,8 +98,8 @@ class StrainOperator:
         self._integrals.array_w[:] = multipliers.reshape(-1)
         self._matrix.multTransposeAdd(self._integrals, forces, forces)
 
-    def along(self, points: IntArray, directions: FloatArray) -> PETSc.Mat:
-        """The matrix of ``v -> weights directions . L eps(v)`` at points (p,); collective.
+    def along(self, points: IndexArray, directions: FloatArray) -> PETSc.Mat:
+        """The matrix of ``v -> directions . L eps(v)`` at points (p,); collective.
 
         ``directions`` (m, p) are Mandel vectors at the points, which have numbers of this rank.
         """
@@ -111,7 +111,7 @@ class StrainOperator:
             csr=(
                 starts.astype(PETSc.IntType),
                 columns.reshape(-1).astype(PETSc.IntType),
-                directions.T.reshape(-1).astype(float),
+                (directions / self.weights[points]).T.reshape(-1),
             ),
             comm=self.comm,
         )

@@ -22,21 +22,16 @@ from .base import (
     Section,
     below,
     dimension_faults,
+    dotted,
     entry,
     leaves,
-    marks,
+    marked,
     sections,
 )
-from .boundary import LoadParameters, Spring, TableParameters, name_faults
-from .contact_sections import (
-    ContactParameters,
-    ContactSection,
-    FrictionParameters,
-    OneOrSeveral,
-    Smoothing,
-)
-from .fit import Curve, FitParameters, FittedNumber
-from .material import Eigenstrain, Elasticity, MaterialParameters, Region, StrainLimit
+from .boundary import LoadParameters, TableParameters, name_faults
+from .contact_sections import ContactParameters, ContactSection, FrictionParameters, OneOrSeveral
+from .fit import FitParameters
+from .material import MaterialParameters
 from .mesh import MeshParameters
 from .numerics import (
     AdaptParameters,
@@ -50,47 +45,14 @@ from .numerics import (
     SolverParameters,
     StepParameters,
 )
-from .rigid_body import Foundation
 from .study import StudyParameters
-from .values import NAMED, Number, Text
+from .values import NAMED, Number, ScalarRule, Text
 
-# The keys of limits, whose expressions may be infinite.
-_MAY_BE_INFINITE = ("locking_limit", "at_most")
 # Values of friction that have no smooth law: the key, the value, its words, and another value.
 _NOT_BY_NEWTON = (
     ("coefficient", math.inf, ".inf, no slip,", "a finite coefficient"),
     ("regularisation", 0.0, "0, without a smooth law,", "a positive length"),
 )
-
-__all__ = [
-    "AdaptParameters",
-    "CertificateParameters",
-    "ContactParameters",
-    "ContactSection",
-    "Curve",
-    "DiscretisationParameters",
-    "Eigenstrain",
-    "Elasticity",
-    "FitParameters",
-    "FittedNumber",
-    "Foundation",
-    "FrictionParameters",
-    "LoadParameters",
-    "MaterialParameters",
-    "MeshParameters",
-    "OutputParameters",
-    "Parameters",
-    "PenaltyParameters",
-    "Region",
-    "SensitivityParameters",
-    "Smoothing",
-    "SolverParameters",
-    "Spring",
-    "StepParameters",
-    "StrainLimit",
-    "StudyParameters",
-    "TableParameters",
-]
 
 
 def _no_characters(value: Any, place: Place = ()) -> Iterator[Place]:
@@ -109,7 +71,6 @@ class Parameters(Section):
     parameters: dict[str, Number] | None = entry(
         None,
         "numbers by names that the expressions of the file may use, as mu0 in 'mu0*exp(-s/s0)'",
-        optional=True,
     )
     mesh: MeshParameters = entry(MeshParameters(), "the body and its mesh")
     discretisation: DiscretisationParameters = entry(
@@ -124,37 +85,33 @@ class Parameters(Section):
     )
     friction: FrictionParameters = entry(FrictionParameters(), "Coulomb's friction (6)")
     steps: StepParameters | None = entry(
-        None,
-        "the times of a process, whose loads and gaps depend on t; null: one static problem",
-        optional=True,
+        None, "the times of a process, whose loads and gaps depend on t; null: one static problem"
     )
     tables: dict[str, TableParameters] | None = entry(
         None,
         "tables of numbers, used by name as functions of one argument, as ramp(t), in loads, gaps, "
         "motions and friction",
-        optional=True,
     )
     penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
     solver: SolverParameters = entry(SolverParameters(), "the nonlinear and linear solvers")
     adapt: AdaptParameters | None = entry(
-        None, "meshes that are refined until the solution is accurate enough", optional=True
+        None, "meshes that are refined until the solution is accurate enough"
     )
     equilibria: EquilibriaParameters | None = entry(
-        None, "other solutions of the same problem, which friction may have", optional=True
+        None, "other solutions of the same problem, which friction may have"
     )
     branches: BranchesParameters | None = entry(
         None,
         "a bifurcation diagram over the friction coefficient or loads, with its folds, in "
         "branches.csv and the report",
-        optional=True,
     )
     sensitivities: SensitivityParameters | None = entry(
-        None, "derivatives of the results by numbers of the file", optional=True
+        None, "derivatives of the results by numbers of the file"
     )
     fit: FitParameters | None = entry(
-        None, "measured curves that numbers of the file are fitted to", optional=True
+        None, "measured curves that numbers of the file are fitted to"
     )
-    study: StudyParameters | None = entry(None, "many cases with other values", optional=True)
+    study: StudyParameters | None = entry(None, "many cases with other values")
     certificate: CertificateParameters = entry(
         CertificateParameters(), "checks of the results that are made on demand"
     )
@@ -181,7 +138,7 @@ class Parameters(Section):
     def contacts(self) -> tuple[ContactParameters, ...]:
         """The parts of Gamma_C, each with its complete law of friction; empty without contact."""
         return tuple(
-            section.resolved(".".join(map(str, place)), self.friction)
+            section.resolved(dotted(*place), self.friction)
             for place, section in self._contact_sections()
             if section.on
         )
@@ -217,20 +174,20 @@ class Parameters(Section):
         """The key and the number or expression of each load that ``branches`` multiplies."""
         over = "" if self.branches is None else self.branches.over
         for place, value in self.loads.numbers():
-            key = ".".join(map(str, ("loads", *place)))
+            key = dotted("loads", *place)
             if key == over or key.startswith(f"{over}."):
                 yield key, value
 
     def timed(self) -> Iterator[tuple[str, str]]:
         """The key and the text of every expression that may depend on the time t."""
-        for place, text, variables in expressions(self):
-            if variables == TIME:
-                yield ".".join(map(str, place)), text
+        for place, text, rule in expressions(self):
+            if TIME in rule.variables:
+                yield dotted(*place), text
 
     def idle_friction(self) -> Iterator[str]:
         """A warning about each friction coefficient that has no contact to act on."""
         for place, section in self._contact_sections():
-            key = ".".join(map(str, place))
+            key = dotted(*place)
             given = section.resolved(key, self.friction)
             where = given.friction_key("coefficient")
             is_only_here = not self.contacts or where.startswith(key)
@@ -260,8 +217,7 @@ class Parameters(Section):
     def check_dimension(self, dim: int) -> None:
         """Raise InputError for the first value that does not fit a body of ``dim`` dimensions."""
         for fault in self._dimension_faults(dim):
-            key = ".".join(map(str, fault.place))
-            raise InputError(fault.message, key)
+            raise InputError(fault.message, dotted(*fault.place))
 
     def _faults(self) -> Iterator[Fault]:
         if self.solver.method == "newton":
@@ -397,11 +353,11 @@ class Parameters(Section):
         for name in set(names) & set(numbers):
             yield Fault(("parameters", name), "is the name of a table as well")
         tables = {name: ANY_TABLE[name] for name in names}
-        for place, text, variables in expressions(self):
-            if not variables:
+        for place, text, rule in expressions(self):
+            if not rule.has_tables:
                 continue
             try:
-                found = parse(text, (*POSITION, *variables, *numbers), tables=tables)
+                found = parse(text, (*rule.variables, *numbers), tables=tables)
             except InputError as error:
                 yield Fault(place, str(error))
                 continue
@@ -419,11 +375,12 @@ class Parameters(Section):
             if contact.foundation is not None:
                 where = (*place, "foundation")
                 yield from below(where, contact.foundation.revolution_faults())
-        for place, text, variables in expressions(self):
+        outside = POSITION[dim:]
+        for place, text, rule in expressions(self):
             try:
-                known = (*POSITION[:dim], *variables, *(self.parameters or ()))
-                infinite = place[-1] in _MAY_BE_INFINITE
-                parse(text, known, allow_infinite=infinite, tables=ANY_TABLE)
+                known = [name for name in rule.variables if name not in outside]
+                names = (*known, *(self.parameters or ()))
+                parse(text, names, allow_infinite=rule.infinite, tables=ANY_TABLE)
             except InputError as error:
                 yield Fault(place, f"{error} in {dim}D")
 
@@ -434,11 +391,10 @@ def _unknown_name(place: Place, name: str, known: Sequence[str], what: str) -> I
         yield Fault(place, f"{message}; there are {', '.join(known)}")
 
 
-def expressions(whole: Section) -> Iterator[tuple[Place, str, str]]:
-    """Place, text and variables beside x, y, z of every expression below a section."""
+def expressions(whole: Section) -> Iterator[tuple[Place, str, ScalarRule]]:
+    """Place, text and rule of every expression below a section."""
     for here, section in sections(whole):
-        for name, field in type(section).model_fields.items():
-            scalar = marks(field).get("scalar")
-            for inner, value in leaves(getattr(section, name), (*here, field.alias or name)):
-                if scalar and isinstance(value, str):
-                    yield inner, value, scalar if isinstance(scalar, str) else ""
+        for name, (_, rule) in marked(type(section), ScalarRule).items():
+            for inner, value in leaves(getattr(section, name), (*here, section.key_of(name))):
+                if isinstance(value, str):
+                    yield inner, value, rule

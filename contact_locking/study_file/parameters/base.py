@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator
-from typing import Any, NamedTuple, Self
+from functools import cache
+from typing import Any, NamedTuple, Self, TypeVar, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic.config import JsonDict
 from pydantic.fields import FieldInfo
 
 from .wording import show
@@ -43,10 +45,20 @@ def below(place: Place, faults: Iterable[Fault]) -> Iterator[Fault]:
     return (Fault((*place, *fault.place), fault.message) for fault in faults)
 
 
+def dotted(*place: str | int) -> str:
+    """The key of a place in the file."""
+    return ".".join(map(str, place))
+
+
 class Section(BaseModel):
     """A mapping of the study file. Unknown keys are refused; an empty section has its defaults."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @classmethod
+    def key_of(cls, name: str) -> str:
+        """The key of a field in the file."""
+        return cls.model_fields[name].alias or name
 
     @model_validator(mode="before")
     @classmethod
@@ -70,19 +82,45 @@ class Section(BaseModel):
 def entry(default: Any, description: str, unit: str = "", **more: Any) -> Any:
     """A key with its default (``...`` for a required key), description and unit.
 
-    Of ``more``, ``alias`` goes to pydantic. The rest is kept with the unit: ``scalar`` marks
-    expressions, and ``optional`` the keys that a dump leaves out if they are null. ``vector`` and
-    ``vectors`` mark one or several vectors with as many components as the body has dimensions, or
-    as the mark says.
+    ``more`` goes to pydantic.
     """
-    alias = more.pop("alias", None)
-    extra = {"unit": unit, **more}
-    return Field(default, description=description, alias=alias, json_schema_extra=extra)
+    extra: JsonDict = {"unit": unit}
+    return Field(default, description=description, json_schema_extra=extra, **more)
 
 
-def marks(field: FieldInfo) -> dict[str, Any]:
-    """The unit and the marks that `entry` keeps with a key."""
-    return dict(field.json_schema_extra) if isinstance(field.json_schema_extra, dict) else {}
+def unit_of(field: FieldInfo) -> str:
+    """The unit that `entry` keeps with a key."""
+    extra = field.json_schema_extra
+    return str(extra["unit"]) if isinstance(extra, dict) else ""
+
+
+class Components(NamedTuple):
+    """Marks the type of vectors with so many components; 0: as many as the body has dimensions."""
+
+    number: int = 0
+
+
+PER_AXIS = Components()
+_Mark = TypeVar("_Mark")
+
+
+@cache
+def marked(model: type[BaseModel], kind: type[_Mark]) -> dict[str, tuple[int, _Mark]]:
+    """The fields whose type has a mark of a kind, with the number of lists around it."""
+    hints = get_type_hints(model, include_extras=True)
+    found = {name: next(_marks(hints[name], kind), None) for name in model.model_fields}
+    return {name: mark for name, mark in found.items() if mark is not None}
+
+
+def _marks(annotation: Any, kind: type[_Mark], depth: int = 0) -> Iterator[tuple[int, _Mark]]:
+    for given in reversed(getattr(annotation, "__metadata__", ())):
+        # A mark may be the function of a validator.
+        mark = getattr(given, "func", given)
+        if isinstance(mark, kind):
+            yield depth, mark
+    inside = depth + (get_origin(annotation) is tuple)
+    for argument in get_args(annotation):
+        yield from _marks(argument, kind, inside)
 
 
 def leaves(value: Any, place: Place) -> Iterator[tuple[Place, Any]]:
@@ -98,8 +136,8 @@ def leaves(value: Any, place: Place) -> Iterator[tuple[Place, Any]]:
 def sections(section: Section, place: Place = ()) -> Iterator[tuple[Place, Section]]:
     """A section and all sections below it, with their places."""
     yield place, section
-    for name, field in type(section).model_fields.items():
-        for inner, value in leaves(getattr(section, name), (*place, field.alias or name)):
+    for name in type(section).model_fields:
+        for inner, value in leaves(getattr(section, name), (*place, section.key_of(name))):
             if isinstance(value, Section):
                 yield from sections(value, inner)
 
@@ -107,16 +145,13 @@ def sections(section: Section, place: Place = ()) -> Iterator[tuple[Place, Secti
 def dimension_faults(whole: Section, dim: int) -> Iterator[Fault]:
     """The values below a section that do not fit a body of ``dim`` dimensions."""
     for place, section in sections(whole):
-        for name, field in type(section).model_fields.items():
-            given, value = marks(field), getattr(section, name)
-            mark = given.get("vector") or given.get("vectors")
-            if mark is None or not isinstance(value, tuple):
+        for name, (depth, components) in marked(type(section), Components).items():
+            value, here = getattr(section, name), (*place, section.key_of(name))
+            if not isinstance(value, tuple):
                 continue
-            here, size = (*place, field.alias or name), dim if mark is True else mark
+            size = components.number or dim
             vectors = [((*here, index), one) for index, one in enumerate(value)]
-            if "vector" in given:
-                vectors = [(here, value)]
-            for at, vector in vectors:
+            for at, vector in vectors if depth else [(here, value)]:
                 if len(vector) != size:
                     told = f"must have {size} components in {size}D, not {len(vector)}"
                     yield Fault(at, f"{told}: {show(vector)}")

@@ -10,8 +10,8 @@ from pydantic import Field
 
 from contact_locking.expressions import CONSTANTS, FUNCTIONS, POSITION, TIME
 
-from .base import Fault, Place, Section, entry
-from .values import Along, File, Names, PositiveScalar, Text, TimedScalar, TimeScalar
+from .base import PER_AXIS, Fault, Place, Section, entry
+from .values import Along, File, Names, PositiveScalar, Text, TimedScalar, TimedVector, TimeVector
 
 # All tractions and pressures are compiled into one form, which takes seconds for 200 of them and
 # fails for some 2000.
@@ -22,9 +22,7 @@ class Traction(Section):
     """sigma nu = g on a part of the boundary."""
 
     on: Names = entry(..., "name(s) of parts of the boundary")
-    value: tuple[TimedScalar, ...] = entry(
-        ..., "components of g", "stress", scalar="t", vector=True
-    )
+    value: TimedVector = entry(..., "components of g", "stress")
 
 
 class Pressure(Section):
@@ -35,7 +33,6 @@ class Pressure(Section):
         ...,
         "pressure p along the normal: a positive p pushes on the body, a negative p pulls",
         "stress",
-        scalar="t",
     )
 
 
@@ -43,17 +40,15 @@ class TotalForce(Section):
     """int sigma nu = F on a part of the boundary, spread evenly: sigma nu = F / |part|."""
 
     on: Names = entry(..., "name(s) of parts of the boundary, which share the force by their sizes")
-    value: tuple[TimeScalar, ...] = entry(
-        ..., "components of F; in 2D for a unit of thickness", "force", scalar="t", vector=True
-    )
+    value: TimeVector = entry(..., "components of F; in 2D for a unit of thickness", "force")
 
 
 class Displacement(Section):
     """u = value on a part of the boundary; a null component stays free."""
 
     on: Names = entry(..., "name(s) of parts of the boundary")
-    value: tuple[TimedScalar | None, ...] = entry(
-        ..., "components of u; null leaves one free", "length", scalar="t", vector=True
+    value: Annotated[tuple[TimedScalar | None, ...], PER_AXIS] = entry(
+        ..., "components of u; null leaves one free", "length"
     )
 
     def _faults(self) -> Iterator[Fault]:
@@ -66,32 +61,25 @@ class Support(Section):
 
     on: Names = entry(..., "name(s) of parts of the boundary")
     along: Along = entry(
-        ...,
-        "the direction m: normal (the outward normal of the mesh), or a vector of any length",
-        vector=True,
+        ..., "the direction m: normal (the outward normal of the mesh), or a vector of any length"
     )
-    value: TimedScalar = entry(0.0, "the displacement along m", "length", scalar="t")
+    value: TimedScalar = entry(0.0, "the displacement along m", "length")
 
 
 class Spring(Section):
     """sigma nu = -k (u . m) m on a part of the boundary: an elastic foundation, or a spring bed."""
 
     on: Names = entry(..., "name(s) of parts of the boundary")
-    stiffness: PositiveScalar = entry(..., "k > 0", "stress/length", scalar=True)
+    stiffness: PositiveScalar = entry(..., "k > 0", "stress/length")
     along: Along | None = entry(
-        None,
-        "the direction m: normal, or a vector of any length; null: springs in all directions",
-        optional=True,
-        vector=True,
+        None, "the direction m: normal, or a vector of any length; null: springs in all directions"
     )
 
 
 class LoadParameters(Section):
     """Body force f0, tractions g, pressures, prescribed displacements and supports, (2)-(4)."""
 
-    body_force: tuple[TimedScalar, ...] | None = entry(
-        None, "components of f0; null: none", "force/volume", scalar="t", vector=True
-    )
+    body_force: TimedVector | None = entry(None, "components of f0; null: none", "force/volume")
     tractions: Annotated[tuple[Traction, ...], Field(max_length=_MOST_TRACTIONS)] = entry(
         (), "parts of Gamma_N with their g"
     )

@@ -53,7 +53,6 @@ class FrictionParameters(Section):
         "mu >= 0, a number or an expression of x, y, z and s = |u_tau|; .inf: no slip where the "
         "body is pressed",
         "1",
-        scalar="s",
     )
     smoothing: Smoothing = entry(Smoothing(), "the mollifier R")
     regularisation: NonNegative | None = entry(
@@ -67,25 +66,17 @@ class FrictionParameters(Section):
 class OwnSmoothing(Section):
     """The mollifier R of one part of Gamma_C, as far as it differs from ``friction.smoothing``."""
 
-    kernel: Kernel | None = entry(None, "null: friction.smoothing.kernel", optional=True)
-    radius: Positive | None = entry(
-        None, "null: friction.smoothing.radius", "length", optional=True
-    )
-    at_supports: AtSupports | None = entry(
-        None, "null: friction.smoothing.at_supports", optional=True
-    )
+    kernel: Kernel | None = entry(None, "null: friction.smoothing.kernel")
+    radius: Positive | None = entry(None, "null: friction.smoothing.radius", "length")
+    at_supports: AtSupports | None = entry(None, "null: friction.smoothing.at_supports")
 
 
 class OwnFriction(Section):
     """The friction of one part of Gamma_C, as far as it differs from ``friction``."""
 
-    coefficient: NonNegativeSlipScalar | None = entry(
-        None, "null: friction.coefficient", "1", scalar="s", optional=True
-    )
-    smoothing: OwnSmoothing | None = entry(None, "the mollifier R of this part", optional=True)
-    regularisation: NonNegative | None = entry(
-        None, "null: friction.regularisation", "length", optional=True
-    )
+    coefficient: NonNegativeSlipScalar | None = entry(None, "null: friction.coefficient", "1")
+    smoothing: OwnSmoothing | None = entry(None, "the mollifier R of this part")
+    regularisation: NonNegative | None = entry(None, "null: friction.regularisation", "length")
 
     def over(self, common: FrictionParameters) -> FrictionParameters:
         """``common``, with the keys that this part gives itself in place of the common ones."""
@@ -106,23 +97,20 @@ class ContactSection(Section):
         None,
         "name(s) of the parts of another body, or of the other side of a cut, that on touches; "
         "those of on: bodies touch each other; null: a foundation",
-        optional=True,
     )
     pair: Pair | None = entry(
         None,
         "with against: find the points that face each other once, on the undeformed mesh, or at "
         "the beginning of each_step, where they are; null: once",
-        optional=True,
     )
     gap: TimedScalar = entry(
         0.0,
         "distance to the foundation along nu; with against: beyond the distance in the mesh",
         "length",
-        scalar="t",
     )
-    foundation: Foundation | None = entry(None, "a rigid body, in place of gap", optional=True)
+    foundation: Foundation | None = entry(None, "a rigid body, in place of gap")
     friction: OwnFriction | None = entry(
-        None, "friction on this part; what it leaves out is as under friction", optional=True
+        None, "friction on this part; what it leaves out is as under friction"
     )
 
     def _faults(self) -> Iterator[Fault]:

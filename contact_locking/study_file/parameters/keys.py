@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import Annotated, Any, Union, get_args, get_origin
 
@@ -12,8 +12,9 @@ from pydantic.fields import FieldInfo
 
 from contact_locking.meshes import BUILDERS
 
-from .base import marks
 from .mesh import MeshParameters, builder_types
+
+Path = tuple[str, ...]
 
 
 def visible_fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
@@ -21,72 +22,45 @@ def visible_fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
     return {
         field.alias or name: field
         for name, field in model.model_fields.items()
-        if not marks(field).get("hidden")
+        if not field.exclude
     }
 
 
-def section_in(annotation: Any) -> tuple[tuple[str, ...], type[BaseModel] | None]:
+def section_in(annotation: Any) -> tuple[Path, type[BaseModel] | None]:
     """The section that a type contains, if any, and the steps to it: INDEX of a list, NAME."""
+    found = (choice for choice in _choices(annotation) if choice[1] is not None)
+    return next(found, ((), None))
+
+
+def _choices(annotation: Any) -> Iterator[tuple[Path, type[BaseModel] | None]]:
+    """The sections and values that a type contains, with the steps to each."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return (), annotation
+        yield (), annotation
+        return
     origin, arguments = get_origin(annotation), get_args(annotation)
-    steps: dict[Any, tuple[tuple[str, ...], tuple[Any, ...]]] = {
-        tuple: (("INDEX",), arguments[:1]),
-        dict: (("NAME",), arguments[1:]),
-        Annotated: ((), arguments[:1]),
-        Union: ((), arguments),
-        types.UnionType: ((), arguments),
-    }
-    step, inner = steps.get(origin, ((), ()))
-    for argument in inner:
-        path, model = section_in(argument)
-        if path or model is not None:
-            return (*step, *path), model
-    return step, None
-
-
-def may_be_list(annotation: Any) -> bool:
-    """Whether a section of this type may stand in the file once, or in a list."""
-    choices = [section_in(choice) for choice in get_args(annotation)]
-    steps = [path for path, model in choices if model is not None]
-    return () in steps and ("INDEX",) in steps
-
-
-def may_be_vector(annotation: Any) -> bool:
-    """Whether a section of this type has a list of values as its short form."""
-    choices = [section_in(choice) for choice in _choices(annotation)]
-    return (("INDEX",), None) in choices and any(model is not None for _, model in choices)
-
-
-def _choices(annotation: Any) -> list[Any]:
-    origin, arguments = get_origin(annotation), get_args(annotation)
-    if origin is Annotated:
-        return _choices(arguments[0])
-    if origin in (Union, types.UnionType):
-        return [choice for argument in arguments for choice in _choices(argument)]
-    return [annotation]
+    if origin in (tuple, dict):
+        step, inside = ("INDEX", arguments[0]) if origin is tuple else ("NAME", arguments[1])
+        yield from (((step, *path), model) for path, model in _choices(inside))
+    elif origin in (Annotated, Union, types.UnionType):
+        for choice in arguments[:1] if origin is Annotated else arguments:
+            yield from _choices(choice)
+    else:
+        yield (), None
 
 
 @cache
-def key_patterns(
-    model: type[BaseModel], above: tuple[str, ...] = ()
-) -> tuple[tuple[str, ...], ...]:
+def key_patterns(model: type[BaseModel], above: Path = ()) -> tuple[Path, ...]:
     """All keys below a section by their parts, and their entries as INDEX of a list or NAME."""
-    found = []
+    found: dict[Path, None] = {}
     for name, field in visible_fields(model).items():
         key = (*above, name)
-        path, section = section_in(field.annotation)
-        paths = [path, ("INDEX", *path)] if may_be_list(field.annotation) else [path]
-        found.append(key)
-        if may_be_vector(field.annotation):
-            found.append((*key, "INDEX"))
-        for steps in paths:
-            found += [(*key, *steps[: end + 1]) for end in range(len(steps))]
+        for path, section in _choices(field.annotation):
+            found |= {(*key, *path[:end]): None for end in range(len(path) + 1)}
             if section is not None:
-                found += key_patterns(section, (*key, *steps))
+                found |= dict.fromkeys(key_patterns(section, (*key, *path)))
     if model is MeshParameters:
         names = {name for builder in BUILDERS.values() for name in builder_types(builder)}
-        found += [(*above, name) for name in sorted(names)]
+        found |= {(*above, name): None for name in sorted(names)}
     return tuple(found)
 
 

@@ -59,8 +59,7 @@ _Row = Annotated[
 ]
 #: A number for the strain ``value I``, a list of normal strains, or the rows of a tensor.
 Tensor = Annotated[
-    Annotated[tuple[_Row, ...], Tag(LIST)] | Annotated[TimedScalar, Tag(SECTION)],
-    list_or(SECTION),
+    Annotated[tuple[_Row, ...], Tag(LIST)] | Annotated[TimedScalar, Tag(SECTION)], list_or(SECTION)
 ]
 
 
@@ -71,19 +70,14 @@ class Eigenstrain(Section):
     dimensions. A list has the normal strains, and rows those of a symmetric tensor.
     """
 
-    value: Tensor | None = entry(
-        None, "eps_0: a number, normal strains, or rows of a tensor", "1", scalar="t", optional=True
-    )
+    value: Tensor | None = entry(None, "eps_0: a number, normal strains, or rows of a tensor", "1")
     expansion: Tensor | None = entry(
-        None, "strain for a unit of temperature, as value", "1/temperature", scalar="t",
-        optional=True,
-    )  # fmt: skip
+        None, "strain for a unit of temperature, as value", "1/temperature"
+    )
     temperature: TimedScalar | None = entry(
-        None, "how much warmer than without stress", "temperature", scalar="t", optional=True
+        None, "how much warmer than without stress", "temperature"
     )
-    on: Names | None = entry(
-        None, "name(s) of groups of cells; null: the whole body", optional=True
-    )
+    on: Names | None = entry(None, "name(s) of groups of cells; null: the whole body")
 
     @property
     def tensor(self) -> tuple[str, Any]:
@@ -91,15 +85,6 @@ class Eigenstrain(Section):
         if self.value is not None:
             return "value", self.value
         return "expansion", self.expansion
-
-    @property
-    def is_across(self) -> bool:
-        """Whether the strain across the plane of a body in two dimensions differs from zero."""
-        _, tensor = self.tensor
-        if not isinstance(tensor, tuple):
-            return tensor != 0.0
-        last = tensor[2] if len(tensor) == 3 else 0.0
-        return (last[2] if isinstance(last, tuple) else last) != 0.0
 
     def _faults(self) -> Iterator[Fault]:
         if (self.value is None) == (self.expansion is None):
@@ -180,19 +165,16 @@ class StrainLimit(Section):
             "or the largest principal strain eps_I in the plane",
         )
     )
-    at_most: PositiveScalarOrInfinite | None = entry(
-        None, "upper limit M > 0", "1", scalar=True, optional=True
-    )
+    at_most: PositiveScalarOrInfinite | None = entry(None, "upper limit M > 0", "1")
     at_least: NegativeScalarOrInfinite | None = entry(
-        None, "lower limit m < 0 of volume or direction", "1", scalar=True, optional=True
+        None, "lower limit m < 0 of volume or direction", "1"
     )
-    along: ScalarDirection | None = entry(
-        None, "direction a, of any length", "1", scalar=True, optional=True
-    )
+    along: ScalarDirection | None = entry(None, "direction a, of any length", "1")
     matrix: tuple[tuple[Scalar, ...], ...] | None = entry(
-        None, "C of weighted as 3x3 (2D), 6x6 or 4x4 matrix (axisymmetric), in Mandel's notation",
-        "1", scalar=True, optional=True,
-    )  # fmt: skip
+        None,
+        "C of weighted as 3x3 (2D), 6x6 or 4x4 matrix (axisymmetric), in Mandel's notation",
+        "1",
+    )
 
     @property
     def upper(self) -> float | str:
@@ -273,9 +255,10 @@ def limit_faults(limits: tuple[StrainLimit, ...], ball: float | str | None) -> I
     for norm, number in Counter(limit.norm for limit in limits).items():
         if norm in _ONCE and number > 1:
             yield Fault(
-                ("locking",), f"has {number} entries with norm: {norm}; give one, with the smaller "
+                ("locking",),
+                f"has {number} entries with norm: {norm}; give one, with the smaller "
                 "limit (min(a, b) of two expressions)",
-            )  # fmt: skip
+            )
 
 
 def _matrix_faults(rows: tuple[tuple[float | str, ...], ...]) -> Iterator[Fault]:
@@ -302,18 +285,13 @@ class Elasticity(Section):
     be elliptic; expressions are checked when they are evaluated on the mesh.
     """
 
-    young: PositiveScalar | None = entry(1.0, _YOUNG, "stress", scalar=True, optional=True)
-    poisson: PoissonScalar | None = entry(0.3, "Poisson's ratio", "1", scalar=True, optional=True)
+    young: PositiveScalar | None = entry(1.0, _YOUNG, "stress")
+    poisson: PoissonScalar | None = entry(0.3, "Poisson's ratio", "1")
     lame_lambda: Scalar | None = entry(
-        None, "Lame's first parameter, in place of E and nu",
-        "stress", alias="lambda", scalar=True, optional=True,
-    )  # fmt: skip
-    lame_mu: PositiveScalar | None = entry(
-        None, "shear modulus, with lambda", "stress", alias="mu", scalar=True, optional=True
+        None, "Lame's first parameter, in place of E and nu", "stress", alias="lambda"
     )
-    stiffness: tuple[tuple[Scalar, ...], ...] | None = entry(
-        None, _STIFFNESS, "stress", scalar=True, optional=True
-    )
+    lame_mu: PositiveScalar | None = entry(None, "shear modulus, with lambda", "stress", alias="mu")
+    stiffness: tuple[tuple[Scalar, ...], ...] | None = entry(None, _STIFFNESS, "stress")
 
     @model_validator(mode="before")
     @classmethod
@@ -389,16 +367,13 @@ def _stiffness_faults(rows: tuple[tuple[float | str, ...], ...]) -> Iterator[Fau
 class Region(Section):
     """The material of a physical group of cells, as far as it differs from ``material``."""
 
-    elasticity: Elasticity | None = entry(
-        None, "elasticity tensor A; null: material.elasticity", optional=True
-    )
+    elasticity: Elasticity | None = entry(None, "elasticity tensor A; null: material.elasticity")
     locking_limit: PositiveScalarOrInfinite | None = entry(
-        None, "M of this region; null: as in material", "1", scalar=True, optional=True
+        None, "M of this region; null: as in material", "1"
     )
     locking: StrainLimits | None = entry(
-        None, "limits of the strain in this region, in place of all of material; null: as there",
-        optional=True,
-    )  # fmt: skip
+        None, "limits of the strain in this region, in place of all of material; null: as there"
+    )
 
     def _faults(self) -> Iterator[Fault]:
         return limit_faults(self.locking or (), self.locking_limit)
@@ -419,7 +394,7 @@ class MaterialParameters(Section):
 
     elasticity: Elasticity = entry(Elasticity(), "elasticity tensor A")
     locking_limit: PositiveScalarOrInfinite = entry(
-        np.inf, "M, largest |eps(u)|; .inf: plain elasticity", "1", scalar=True
+        np.inf, "M, largest |eps(u)|; .inf: plain elasticity", "1"
     )
     locking: StrainLimits = entry(
         (), "limits of the strain, in place of locking_limit; all of them hold"
@@ -430,8 +405,7 @@ class MaterialParameters(Section):
         "the strain in the plane",
     )
     eigenstrain: Eigenstrains = entry(
-        (),
-        "strains that are not elastic: one section, or a list of sections, which add up",
+        (), "strains that are not elastic: one section, or a list of sections, which add up"
     )
     limits_of: Literal["total", "elastic"] = entry(
         "total",
@@ -476,15 +450,6 @@ class MaterialParameters(Section):
                 sections["regions", name, "locking", i] = limit
         for place, section in sections.items():
             yield from below(place, section.dimension_faults(body))
-        given = [self.elasticity, *(region.elasticity for region in self.regions.values())]
-        anisotropic = any(item is not None and item.stiffness is not None for item in given)
-        for place, eigenstrain in self.eigenstrains:
-            if anisotropic and body.strains == 2 and eigenstrain.is_across:
-                yield Fault(
-                    (*place, eigenstrain.tensor[0]),
-                    "has a part across the plane, and a stiffness matrix of the plane does not "
-                    "tell its stress; give the normal strains in the plane, as in [0.01, 0.01]",
-                )
 
 
 def _limits(limits: tuple[StrainLimit, ...], ball: float | str | None) -> tuple[StrainLimit, ...]:

@@ -6,7 +6,7 @@ import types
 from collections.abc import Iterator
 from dataclasses import asdict, fields
 from functools import cache
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError, model_serializer, model_validator
 
@@ -16,7 +16,7 @@ from contact_locking.mesh.file.xdmf_grids import is_xdmf
 from contact_locking.meshes import BUILDERS
 from contact_locking.plain_text import nearest
 
-from .base import Fault, FaultsError, Section, entry, refuse_if
+from .base import PER_AXIS, Fault, FaultsError, Section, entry, refuse_if
 from .values import (
     Condition,
     Direction,
@@ -25,6 +25,7 @@ from .values import (
     Names,
     Number,
     NumberOrInfinite,
+    Point,
     Switch,
     Text,
 )
@@ -37,23 +38,24 @@ _SHARED = ("builder", "file", "facets", "axisymmetric", "curved", "parts")
 class Plane(Section):
     """(x - point) . normal = 0."""
 
-    point: tuple[Number, ...] = entry(..., "a point of the plane", "length", vector=True)
-    normal: Direction = entry(..., "normal of the plane, of any length", "1", vector=True)
+    point: Point = entry(..., "a point of the plane", "length")
+    normal: Direction = entry(..., "normal of the plane, of any length", "1")
+
+
+_Corner = Annotated[tuple[NumberOrInfinite, ...], PER_AXIS]
 
 
 class BoundaryPart(Section):
     """The facets of the boundary that lie in all the places that are given."""
 
     on: Names = entry((), "boundary parts that contain the part; empty: the whole boundary")
-    plane: Plane | None = entry(None, "a plane that contains the facets", optional=True)
-    box: tuple[tuple[NumberOrInfinite, ...], tuple[NumberOrInfinite, ...]] | None = entry(
-        None, "a box that contains the facets, by its least and greatest coordinates", "length",
-        optional=True, vectors=True,
-    )  # fmt: skip
+    plane: Plane | None = entry(None, "a plane that contains the facets")
+    box: tuple[_Corner, _Corner] | None = entry(
+        None, "a box that contains the facets, by its least and greatest coordinates", "length"
+    )
     expression: Condition | None = entry(
-        None, "a condition on x, y, z that holds on the facets, such as x < 0.5 and y > 0",
-        optional=True,
-    )  # fmt: skip
+        None, "a condition on x, y, z that holds on the facets, such as x < 0.5 and y > 0"
+    )
 
     def _faults(self) -> Iterator[Fault]:
         if not (self.on or self.plane or self.box or self.expression):
@@ -74,16 +76,12 @@ class BoundaryPart(Section):
 class MeshParameters(Section):
     """A builder with its own parameters, or a file with named physical groups."""
 
-    builder: Text | None = entry("block", "a geometry by name", optional=True)
+    builder: Text | None = entry("block", "a geometry by name")
     file: File | None = entry(
-        None,
-        "a Gmsh or XDMF file, relative to the study file, in place of a builder",
-        optional=True,
+        None, "a Gmsh or XDMF file, relative to the study file, in place of a builder"
     )
     facets: File | None = entry(
-        None,
-        "an XDMF file with tags of facets, beside an XDMF file; their numbers are the names",
-        optional=True,
+        None, "an XDMF file with tags of facets, beside an XDMF file; their numbers are the names"
     )
     axisymmetric: Switch = entry(
         False,
@@ -94,12 +92,11 @@ class MeshParameters(Section):
         None,
         "the cells have curved sides, of degree 2 as the displacements (discretisation.degree: 2); "
         "null: those of a Gmsh file of second order have, and those of a builder have not",
-        optional=True,
     )
     parts: dict[Text, BoundaryPart] = entry(
-        {}, "more parts of the boundary, by name; they may overlap", optional=True
+        {}, "more parts of the boundary, by name; they may overlap"
     )
-    geometry: Any = entry(None, "the builder's parameters", hidden=True)
+    geometry: Any = entry(None, "the builder's parameters", exclude=True)
 
     @property
     def dim(self) -> int | None:

@@ -15,6 +15,7 @@ from .values import (
     Degree,
     Names,
     Number,
+    Point,
     Positive,
     PositiveOrInfinite,
     Share,
@@ -34,8 +35,8 @@ _PointCount = Annotated[int, Field(strict=True, ge=2, le=MOST_POINTS)]
 class Line(Section):
     """Equally spaced points on the segment between two points, both ends included."""
 
-    start: tuple[Number, ...] = entry(..., "the first point", "length", alias="from", vector=True)
-    to: tuple[Number, ...] = entry(..., "the last point", "length", vector=True)
+    start: Point = entry(..., "the first point", "length", alias="from")
+    to: Point = entry(..., "the last point", "length")
     count: _PointCount = entry(..., "number of points, both ends included", "1")
 
     @property
@@ -49,14 +50,10 @@ class Line(Section):
 class Probe(Section):
     """Points of the body at rest; exactly one of the keys."""
 
-    points: Annotated[tuple[tuple[Number, ...], ...], Field(max_length=MOST_POINTS)] | None = entry(
-        None,
-        "points of the body, each a list of coordinates",
-        "length",
-        optional=True,
-        vectors=True,
+    points: Annotated[tuple[Point, ...], Field(max_length=MOST_POINTS)] | None = entry(
+        None, "points of the body, each a list of coordinates", "length"
     )
-    line: Line | None = entry(None, "points on a line", optional=True)
+    line: Line | None = entry(None, "points on a line")
 
     def _faults(self) -> Iterator[Fault]:
         if (self.points is None) == (self.line is None):
@@ -94,7 +91,6 @@ class DiscretisationParameters(Section):
         "where the strain of degree 2 keeps the limit: vertices of each cell, hence everywhere, or "
         "gauss, which is closer to the solution and exceeds M between the points; null: vertices, "
         "and gauss for an axisymmetric body and curved cells; for degree 1 both are the same",
-        optional=True,
     )
 
 
@@ -171,7 +167,6 @@ class CertificateParameters(Section):
         "solve for n = .inf on so many finer meshes, refined where the proved bound comes from, "
         "for a sharper one",
         "1",
-        optional=True,
     )
     critical_friction: Switch = entry(
         False,
@@ -268,19 +263,16 @@ _HALVINGS = 6
 class StepParameters(Section):
     """Times t_1 < t_2 < ..., with steps of equal length or listed."""
 
-    to: Positive | None = entry(
-        None, "the last time, for steps of equal length from t = 0", "time", optional=True
-    )
-    count: StepCount | None = entry(None, "number of steps up to `to`", "1", optional=True)
+    to: Positive | None = entry(None, "the last time, for steps of equal length from t = 0", "time")
+    count: StepCount | None = entry(None, "number of steps up to `to`", "1")
     times: Annotated[tuple[Number, ...], Field(max_length=_MOST_STEPS)] | None = entry(
-        None, "the times in place of `to` and `count`, ascending", "time", optional=True
+        None, "the times in place of `to` and `count`, ascending", "time"
     )
     least: Positive | None = entry(
         None,
         "the shortest step: a step that does not converge is halved down to this length; "
         "null: 1/64 of the step",
         "time",
-        optional=True,
     )
 
     @property

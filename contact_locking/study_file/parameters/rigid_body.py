@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
 
-from .base import Fault, Place, Section, entry
+from .base import Components, Fault, Place, Section, entry
 from .values import (
     LIST,
     SECTION,
@@ -15,20 +15,20 @@ from .values import (
     Direction,
     NonNegative,
     Number,
+    Point,
     Positive,
     Switch,
     TimedScalar,
     TimeScalar,
+    TimeVector,
     ToolFile,
     list_or,
 )
 from .wording import show
 
-Translation = tuple[TimeScalar, ...]
-
-
 Rotation = Annotated[
-    Annotated[tuple[TimeScalar, ...], Tag(LIST)] | Annotated[TimeScalar, Tag(SECTION)],
+    Annotated[tuple[TimeScalar, ...], Components(3), Tag(LIST)]
+    | Annotated[TimeScalar, Tag(SECTION)],
     list_or(SECTION),
 ]
 
@@ -36,18 +36,15 @@ Rotation = Annotated[
 class Motion(Section):
     """x = about + R (X - about) + translation, from rest: without motion x = X."""
 
-    translation: Translation | None = entry(
-        None, "components of the displacement; null: none", "length",
-        scalar="t", optional=True, vector=True,
-    )  # fmt: skip
+    translation: TimeVector | None = entry(
+        None, "components of the displacement; null: none", "length"
+    )
     rotation: Rotation | None = entry(
-        None, "angle, in 3D the components of a rotation vector; null: none", "rad",
-        scalar="t", optional=True, vector=3,
-    )  # fmt: skip
-    about: tuple[Number, ...] | None = entry(
-        None, "the point of the tool at rest about which the tool turns", "length",
-        optional=True, vector=True,
-    )  # fmt: skip
+        None, "angle, in 3D the components of a rotation vector; null: none", "rad"
+    )
+    about: Point | None = entry(
+        None, "the point of the tool at rest about which the tool turns", "length"
+    )
 
     def _faults(self) -> Iterator[Fault]:
         if self.translation is None and self.rotation is None:
@@ -72,8 +69,7 @@ class Motion(Section):
 
 
 MotionOrTranslation = Annotated[
-    Annotated[Motion, Tag(SECTION)] | Annotated[Translation, Tag(LIST)],
-    list_or(SECTION),
+    Annotated[Motion, Tag(SECTION)] | Annotated[TimeVector, Tag(LIST)], list_or(SECTION)
 ]
 
 
@@ -84,26 +80,24 @@ MOST_CORNERS = 10_000
 class HalfSpace(Section):
     """(x - point) . normal <= 0."""
 
-    point: tuple[Number, ...] = entry(..., "a point of its surface", "length", vector=True)
-    normal: Direction = entry(
-        ..., "normal of its surface, towards the body; of any length", "1", vector=True
-    )
+    point: Point = entry(..., "a point of its surface", "length")
+    normal: Direction = entry(..., "normal of its surface, towards the body; of any length", "1")
 
 
 class Sphere(Section):
     """|x - centre| <= radius; a disc in 2D."""
 
-    centre: tuple[Number, ...] = entry(..., "its centre", "length", vector=True)
+    centre: Point = entry(..., "its centre", "length")
     radius: Positive = entry(..., "its radius", "length")
 
 
 class Cylinder(Section):
     """Distance of x from the line through ``centre`` along ``axis`` <= radius; a disc in 2D."""
 
-    centre: tuple[Number, ...] = entry(..., "a point of its axis", "length", vector=True)
+    centre: Point = entry(..., "a point of its axis", "length")
     radius: Positive = entry(..., "its radius", "length")
-    axis: Direction | None = entry(
-        None, "its direction, in 3D only; null: [0, 1, 0]", "1", optional=True, vector=3
+    axis: Annotated[Direction, Components(3)] | None = entry(
+        None, "its direction, in 3D only; null: [0, 1, 0]", "1"
     )
 
     def _faults_in(self, dim: int) -> Iterator[Fault]:
@@ -124,18 +118,18 @@ class Surface(Section):
         "of a height map whose rows are heights: the distances dx of its columns and dy of its "
         "rows; null: its rows are x, y, z",
         "length",
-        optional=True,
     )
     scale: Positive = entry(1.0, "factor of its coordinates, such as 0.001 from mm to m", "1")
-    shift: tuple[Number, ...] | None = entry(
-        None, "added to its coordinates after scale; null: nothing", "length",
-        optional=True, vector=3,
-    )  # fmt: skip
+    shift: Annotated[tuple[Number, ...], Components(3)] | None = entry(
+        None, "added to its coordinates after scale; null: nothing", "length"
+    )
     turned: Switch = entry(False, "whether the other side of the triangles is outside")
 
 
 _Corners = Annotated[
-    tuple[tuple[Number, ...], ...], Field(min_length=2, max_length=MOST_CORNERS), Tag(LIST)
+    tuple[Annotated[tuple[Number, ...], Components(2)], ...],
+    Field(min_length=2, max_length=MOST_CORNERS),
+    Tag(LIST),
 ]
 CornersOrFile = Annotated[_Corners | Annotated[ToolFile, Tag(TEXT)], list_or(TEXT)]
 SurfaceOrFile = Annotated[
@@ -150,17 +144,13 @@ class FoundationSpring(Section):
     stiffness: Positive = entry(
         ..., "k, the force per travel; in 2D for a unit of thickness", "force/length"
     )
-    along: Direction | None = entry(
-        None, "its line, of any length; null: the line of force", "1", optional=True, vector=True
-    )
+    along: Direction | None = entry(None, "its line, of any length; null: the line of force", "1")
 
 
 class Tilt(Section):
     """The rigid body turns by a small angle about a point until the moments balance."""
 
-    about: tuple[Number, ...] = entry(
-        ..., "the point of the rigid body at rest", "length", vector=True
-    )
+    about: Point = entry(..., "the point of the rigid body at rest", "length")
     stiffness: NonNegative = entry(
         0.0,
         "moment per angle of a spring about the point, in 2D for a unit of thickness; 0: the "
@@ -172,55 +162,39 @@ class Tilt(Section):
 class Foundation(Section):
     """A rigid body that the deformed body does not enter: shape, motion, and forces on it."""
 
-    half_space: HalfSpace | None = entry(None, "a half space", optional=True)
-    sphere: Sphere | None = entry(None, "a sphere, in 2D a disc", optional=True)
-    cylinder: Cylinder | None = entry(None, "a cylinder, in 2D a disc", optional=True)
+    half_space: HalfSpace | None = entry(None, "a half space")
+    sphere: Sphere | None = entry(None, "a sphere, in 2D a disc")
+    cylinder: Cylinder | None = entry(None, "a cylinder, in 2D a disc")
     expression: TimedScalar | None = entry(
-        None,
-        "signed distance as an expression of position and t, positive outside",
-        "length",
-        scalar="t",
-        optional=True,
+        None, "signed distance as an expression of position and t, positive outside", "length"
     )
     polyline: CornersOrFile | None = entry(
         None,
         "in 2D the corners of its outline, or a CSV file with the columns x and y; the rigid body "
         "is on the left of the way from corner to corner",
         "length",
-        optional=True,
-        vectors=2,
     )
     surface: SurfaceOrFile | None = entry(
-        None, "in 3D a surface of triangles or a height map; a text is its file", optional=True
+        None, "in 3D a surface of triangles or a height map; a text is its file"
     )
     motion: MotionOrTranslation | None = entry(
-        None,
-        "motion of the rigid body from rest; a list is the translation",
-        "length",
-        scalar="t",
-        optional=True,
-        vector=True,
+        None, "motion of the rigid body from rest; a list is the translation", "length"
     )
-    force: tuple[TimeScalar, ...] | None = entry(
+    force: TimeVector | None = entry(
         None,
         "components of the force that pushes the rigid body against the body: its displacement "
         "along the force is an unknown; null: the place of the rigid body is known",
         "force, in 2D force/length",
-        scalar="t",
-        optional=True,
-        vector=True,
     )
     spring: FoundationSpring | None = entry(
         None,
         "the rigid body gives way along a line by force/stiffness, beyond its motion; a force is "
         "its preload; null: no spring",
-        optional=True,
     )
     tilt: Tilt | None = entry(
         None,
         "the rigid body is free to turn about a point, its angle is an unknown; null: it does not "
         "turn by itself",
-        optional=True,
     )
 
     def _faults(self) -> Iterator[Fault]:

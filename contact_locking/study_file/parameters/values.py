@@ -9,7 +9,6 @@ import math
 import os
 import unicodedata
 from collections import Counter
-from collections.abc import Mapping
 from contextvars import ContextVar
 from functools import partial
 from pathlib import Path
@@ -28,17 +27,11 @@ from pydantic import (
 
 from contact_locking.arrays import SMALLEST
 from contact_locking.errors import InputError
-from contact_locking.expressions import (
-    ANY_TABLE,
-    NO_TABLES,
-    POSITION,
-    TIME,
-    Table,
-    parse,
-)
+from contact_locking.expressions import ANY_TABLE, NO_TABLES, POSITION, TIME, parse
 from contact_locking.mesh.file.tool_surface import check_size
 from contact_locking.study_file.source import similar
 
+from .base import PER_AXIS
 from .wording import show
 
 #: Tags of the choices that a value has. Pydantic adds them to the place of an error.
@@ -72,23 +65,8 @@ def _finite(value: Any) -> float:
     return _number(value, infinite=False)
 
 
-def _negative(value: Any) -> float | str:
-    """A number below 0, minus infinity, or the text of an expression."""
-    if isinstance(value, float) and value == -math.inf:
-        return value
-    found = _IN_SPACE(value)
-    if not isinstance(found, str) and not found < 0.0:
-        raise ValueError(f"must be < 0, not {show(value)}")
-    return found
-
-
 def _number_or_infinite(value: Any) -> float:
     return value if value == -math.inf else _number(value, infinite=True)
-
-
-def _of_slip(value: Any) -> float | str:
-    """A number, plus infinity, or the text of an expression that is finite."""
-    return value if isinstance(value, float) and value == math.inf else _OF_SLIP(value)
 
 
 def _not_tiny(value: float) -> float:
@@ -163,19 +141,25 @@ def _condition(value: Any) -> str:
 NAMED: ContextVar[tuple[str, ...]] = ContextVar("NAMED", default=())
 
 
-class _ScalarRule(NamedTuple):
+class ScalarRule(NamedTuple):
+    """Reads a number or an expression; ``bound`` is the one infinite number that it accepts."""
+
     variables: tuple[str, ...]
     infinite: bool = False
+    bound: float | None = None
     # The names of tables are checked where the tables are known.
-    tables: Mapping[str, Table] = NO_TABLES
+    has_tables: bool = False
 
     def __call__(self, value: Any) -> float | str:
         """The number, also if it is written as an expression, or the expression's text."""
+        if isinstance(value, float) and value == self.bound:
+            return value
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError(f"must be a number or an expression, not {show(value)}")
         try:
             names = (*self.variables, *NAMED.get())
-            expression = parse(value, names, allow_infinite=self.infinite, tables=self.tables)
+            tables = ANY_TABLE if self.has_tables else NO_TABLES
+            expression = parse(value, names, allow_infinite=self.infinite, tables=tables)
             return float(expression.numpy()) if expression.is_constant else expression.text
         except InputError as error:
             if isinstance(value, str):
@@ -211,16 +195,20 @@ def list_or(tag: str) -> Discriminator:
     return Discriminator(lambda value: LIST if isinstance(value, list | tuple) else tag)
 
 
-_IN_SPACE_AND_TIME = _ScalarRule((*POSITION, TIME), tables=ANY_TABLE)
-_IN_SPACE, _OR_INFINITE = _ScalarRule(POSITION), _ScalarRule(POSITION, infinite=True)
-_OF_SLIP = _ScalarRule((*POSITION, "s"), tables=ANY_TABLE)
-_OF_TIME = _ScalarRule((TIME,), tables=ANY_TABLE)
+_IN_SPACE_AND_TIME = ScalarRule((*POSITION, TIME), has_tables=True)
+_IN_SPACE, _OR_INFINITE = ScalarRule(POSITION), ScalarRule(POSITION, infinite=True)
+_OR_MINUS_INFINITE = ScalarRule(POSITION, bound=-math.inf)
+_OF_SLIP = ScalarRule((*POSITION, "s"), bound=math.inf, has_tables=True)
+_OF_TIME = ScalarRule((TIME,), has_tables=True)
 _Text = Annotated[str, Tag(TEXT)]
 _PositiveOrText = Annotated[
     Annotated[float, Field(gt=0), Tag(NUMBER)] | _Text, Discriminator(_number_or_text)
 ]
 _NonNegativeOrText = Annotated[
     Annotated[float, Field(ge=0), Tag(NUMBER)] | _Text, Discriminator(_number_or_text)
+]
+_NegativeOrText = Annotated[
+    Annotated[float, Field(lt=0), Tag(NUMBER)] | _Text, Discriminator(_number_or_text)
 ]
 _PoissonOrText = Annotated[
     Annotated[float, Field(gt=-1, lt=0.5), Tag(NUMBER)] | _Text, Discriminator(_number_or_text)
@@ -238,7 +226,8 @@ PositiveOrInfinite = Annotated[
 ]
 Tolerance = Annotated[float, Field(gt=0, lt=1), BeforeValidator(_finite), AfterValidator(_not_tiny)]
 Share = Annotated[float, Field(gt=0, le=1), BeforeValidator(_finite), AfterValidator(_not_tiny)]
-Direction = Annotated[tuple[Number, ...], AfterValidator(_not_zero)]
+Point = Annotated[tuple[Number, ...], PER_AXIS]
+Direction = Annotated[Point, AfterValidator(_not_zero)]
 Integer = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
 Count = Annotated[int, Field(strict=True, ge=1, le=10**9), BeforeValidator(_whole)]
 Degree = Annotated[int, Field(strict=True, ge=1, le=2), BeforeValidator(_whole)]
@@ -249,15 +238,20 @@ File = Annotated[Text, AfterValidator(_there)]
 ToolFile = Annotated[Text, AfterValidator(_readable)]
 Names = Annotated[tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
 Along = Annotated[
-    Literal["normal"] | tuple[float, ...], PlainValidator(_along), WithJsonSchema(_ALONG_SCHEMA)
+    Literal["normal"] | tuple[float, ...],
+    PER_AXIS,
+    PlainValidator(_along),
+    WithJsonSchema(_ALONG_SCHEMA),
 ]
 Condition = Annotated[str, BeforeValidator(_condition)]
 Scalar = Annotated[float | str, BeforeValidator(_IN_SPACE)]
 ScalarDirection = Annotated[tuple[Scalar, ...], AfterValidator(_not_zero)]
 TimedScalar = Annotated[float | str, BeforeValidator(_IN_SPACE_AND_TIME)]
 TimeScalar = Annotated[float | str, BeforeValidator(_OF_TIME)]
+TimedVector = Annotated[tuple[TimedScalar, ...], PER_AXIS]
+TimeVector = Annotated[tuple[TimeScalar, ...], PER_AXIS]
 PositiveScalar = Annotated[_PositiveOrText, BeforeValidator(_IN_SPACE)]
 PositiveScalarOrInfinite = Annotated[_PositiveOrText, BeforeValidator(_OR_INFINITE)]
-NegativeScalarOrInfinite = Annotated[float | str, BeforeValidator(_negative)]
+NegativeScalarOrInfinite = Annotated[_NegativeOrText, BeforeValidator(_OR_MINUS_INFINITE)]
 PoissonScalar = Annotated[_PoissonOrText, BeforeValidator(_IN_SPACE)]
-NonNegativeSlipScalar = Annotated[_NonNegativeOrText, BeforeValidator(_of_slip)]
+NonNegativeSlipScalar = Annotated[_NonNegativeOrText, BeforeValidator(_OF_SLIP)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import math
 import re
 from collections.abc import Callable, Hashable, Mapping, Sequence
@@ -53,8 +52,6 @@ def show(value: Any) -> str:
             text = "an empty mapping"
         case str():
             text = repr(value)
-        case datetime.date():
-            text = f"the date {value}"
         case _:
             text = f"'{value}'"
     return text if len(text) <= 80 else f"{text[:77]}..."
@@ -146,44 +143,31 @@ def labels(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 def _texts(values: Sequence[Any], text: Text) -> list[str]:
     """The texts of values, which are compared with those of the same kind."""
     found = [""] * len(values)
-    for kind, write in ((dict, _mappings), (list, _lists), (None, _words)):
+    for kind in (dict, list, None):
         places = [place for place, value in enumerate(values) if _kind(value) is kind]
         alike = [values[place] for place in places]
-        for place, written in zip(places, write(alike, text), strict=True):
+        texts = [text(value) for value in alike] if kind is None else _inside(alike, text)
+        for place, written in zip(places, texts, strict=True):
             found[place] = written
     return found
 
 
-def _words(values: Sequence[Any], text: Text) -> list[str]:
-    return [text(value) for value in values]
-
-
-def _mappings(values: Sequence[dict[Any, Any]], text: Text) -> list[str]:
+def _inside(values: Sequence[Any], text: Text) -> list[str]:
+    """The texts of mappings, or of lists."""
+    by_name = any(isinstance(value, dict) for value in values)
+    entries = [value if by_name else dict(enumerate(value)) for value in values]
     parts: list[list[str]] = [[] for _ in values]
-    whole, same = _agree(values), False
-    for key in dict.fromkeys(key for value in values for key in value):
-        having = [place for place, value in enumerate(values) if key in value]
-        column = [values[place][key] for place in having]
-        if not whole and len(having) == len(values) and _agree(column) and key not in _NAMING:
-            same = True
-            continue
+    whole = _agree(values) or (not by_name and all(map(_is_vector, values)))
+    for key in dict.fromkeys(key for value in entries for key in value):
+        having = [place for place, value in enumerate(entries) if key in value]
+        column = [entries[place][key] for place in having]
+        same = not whole and len(having) == len(values) and _agree(column) and key not in _NAMING
         for place, written in zip(having, _texts(column, text), strict=True):
-            parts[place].append(f"{key}: {written}")
-    return [f"{{{', '.join([*listed, SAME] if same else listed)}}}" for listed in parts]
-
-
-def _lists(values: Sequence[Sequence[Any]], text: Text) -> list[str]:
-    parts: list[list[str]] = [[] for _ in values]
-    whole = _agree(values) or all(map(_is_vector, values))
-    for index in range(max(map(len, values), default=0)):
-        having = [place for place, value in enumerate(values) if index < len(value)]
-        column = [values[place][index] for place in having]
-        same = not whole and len(having) == len(values) and _agree(column)
-        texts = [SAME] * len(column) if same else _texts(column, text)
-        for place, written in zip(having, texts, strict=True):
-            if not (same and parts[place][-1:] == [SAME]):
-                parts[place].append(written)
-    return [f"[{', '.join(listed)}]" for listed in parts]
+            if not same:
+                parts[place].append(f"{key}: {written}" if by_name else written)
+            elif parts[place][-1:] != [SAME]:
+                parts[place].append(SAME)
+    return [f"{{{', '.join(one)}}}" if by_name else f"[{', '.join(one)}]" for one in parts]
 
 
 def _is_vector(value: Sequence[Any]) -> bool:

@@ -10,31 +10,26 @@ import ufl
 from dolfinx import fem, la
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.contact.free_motions import FreeMotion
 from contact_locking.errors import InputError
 from contact_locking.fem.joint_forms import JointForm
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.rank_sums import marked
 from contact_locking.parallel import maximum, on_every_rank
 from contact_locking.problem import forms
-from contact_locking.problem.motion_in_words import (
+from contact_locking.problem.rigidity.at_contact import MotionsAtContact
+from contact_locking.problem.rigidity.motions import null_motions
+from contact_locking.problem.rigidity.programmes import (
+    driven_motion,
+    loose_motion,
+    sliding_motions,
+    unheld_motion,
+)
+from contact_locking.problem.rigidity.words import (
     Resultant,
     axes_of,
     describe_motion,
     point,
     resultant_on_plane,
     spin,
-)
-from contact_locking.problem.motions_at_contact import MotionsAtContact
-from contact_locking.problem.springs import motions_past
-from contact_locking.supports.conditions import Constraints
-from contact_locking.supports.rigid_motions import (
-    driven_motion,
-    free_motions,
-    loose_motion,
-    rigid_motions,
-    sliding_motions,
-    unheld_motion,
 )
 
 # A push that is less than this share of all work and all motion is rounding.
@@ -45,17 +40,15 @@ _ROUNDING = 1e-6
 _REACHED = 1e-3
 
 
-class Motions:
-    """The f rigid motions of a part and its tools that the displacement conditions leave free.
+class GroupMotions:
+    """The f rigid motions of parts that touch each other, and of tools that press on them alone.
 
-    Parts that touch each other are taken together, and ``parts`` has the name of each with the
-    coefficients (m, .) of its motions.  The first motions, ``of_body`` of them, move the parts, and
-    each of the others moves one tool that presses on these parts alone along its force.  ``free``
-    (m, f) are the coefficients of all motions of parts, zero for a tool, and ``work`` (f,) is the
-    work of the loads and of the present forces of tools along the motions; ``most_work`` is this
-    with the largest forces of the process.  ``normals`` (n, f) are the normal components at all
-    nodes of Gamma_C on the part, relative to tools, and ``rubs`` (n,) marks the nodes with
-    friction.  The constructor is collective.
+    ``parts`` has the name of each part with the coefficients (m, .) of its free motions, and
+    ``fields`` (g, n) the values of these motions at the local dofs, of which ``marks`` (n,) are
+    those of the parts.  Behind them, each tool has the motion along its force.  ``free`` (m, f) are
+    the coefficients of all motions of parts, zero for a tool, ``normals`` (n, f) the normal
+    components at all nodes of Gamma_C on the parts, relative to tools, and ``rubs`` (n,) marks the
+    nodes with friction.  The constructor is collective.
     """
 
     def __init__(
@@ -63,44 +56,39 @@ class Motions:
         domain: Domain,
         space: fem.FunctionSpace,
         data: forms.ProblemData,
-        constraints: Constraints,
-        group: tuple[int, ...],
+        parts: Sequence[tuple[str, FloatArray]],
+        fields: FloatArray,
+        marks: BoolArray,
     ) -> None:
-        self.parts: list[tuple[str, FloatArray]] = []
-        fields: list[FloatArray] = []
-        part: BoolArray = np.zeros(0, dtype=bool)
-        for number in group:
-            own = dofs_of(domain, space, number)
-            free, moved = motions_of_part(domain, space, data, constraints, own)
-            self.parts.append((domain.part_names[number], free))
-            fields.append(moved)
-            part = own if number == group[0] else part | own
-        free = np.hstack([item for _, item in self.parts])
-        motions = np.vstack(fields)
         self._domain, self._space, self._data = domain, space, data
-        self._of_body, self.of_body = motions, len(motions)
-        self._tools = [tool for tool in data.loose_tools if _is_at(tool, part)]
+        self.parts, self._of_body, self.of_body = parts, fields, len(fields)
+        self._tools = [
+            tool
+            for tool in data.loose_tools
+            if on_every_rank(domain.comm, tool.contact.surface.is_of(marks))
+        ]
+        free = np.hstack([item for _, item in parts])
         self.free = np.pad(free, ((0, 0), (0, len(self._tools))))
         count = self.free.shape[1]
-        self.normals: FloatArray = np.zeros((0, count))
-        self.rubs: BoolArray = np.zeros(0, dtype=bool)
         self.at_contacts = [
-            MotionsAtContact(contact, motions, part, self._tools)
+            MotionsAtContact(contact, fields, marks, self._tools)
             for contact in (data.contacts if count else ())
         ]
-        comm = domain.comm
-        for item in self.at_contacts:
-            normals = np.concatenate(comm.allgather(item.normals))
-            self.normals = np.vstack([self.normals, normals])
-            rubs = np.full(len(normals), not item.contact.friction.frictionless)
-            self.rubs = np.append(self.rubs, rubs)
+        of_contacts = [
+            np.concatenate(domain.comm.allgather(item.normals)) for item in self.at_contacts
+        ]
+        self.normals = np.vstack([np.zeros((0, count)), *of_contacts])
+        rubs = [not item.contact.friction.frictionless for item in self.at_contacts]
+        self.rubs = np.repeat(np.array(rubs, dtype=bool), [len(rows) for rows in of_contacts])
 
     @property
     def work(self) -> FloatArray:
+        """The work (f,) of the loads and of the present forces of tools along the motions."""
         return np.array([*self._of_loads, *(tool.force for tool in self._tools)])
 
     @property
     def most_work(self) -> FloatArray:
+        """The same with the largest forces of the process."""
         return np.array([*self._of_loads, *(tool.largest for tool in self._tools)])
 
     @functools.cached_property
@@ -269,7 +257,7 @@ class Motions:
         """The translation (f,) away from a foundation that has one normal; collective."""
         if len(self.parts) > 1:
             return None
-        normals = self._gathered([item.contact_normals for item in self.at_contacts])
+        normals = self._contact_normals
         if not len(normals) or np.ptp(normals, axis=0).max() > _ROUNDING:
             return None
         motion = self._translation(-normals[0])
@@ -283,6 +271,10 @@ class Motions:
         wanted = np.zeros(len(self.free))
         wanted[: len(given)] = given
         return np.asarray(np.linalg.lstsq(self.free, wanted)[0])
+
+    @property
+    def _contact_normals(self) -> FloatArray:
+        return self._gathered([item.contact_normals for item in self.at_contacts])
 
     def _gathered(self, given: Sequence[FloatArray]) -> FloatArray:
         """The rows of all contacts and all ranks; collective."""
@@ -315,9 +307,8 @@ class Motions:
         if self.free.shape[0] != self.free.shape[1]:
             return None
         points = self._gathered([item.points for item in self.at_contacts])
-        normals = self._gathered([item.contact_normals for item in self.at_contacts])
         force, moment = spin(np.asarray(np.linalg.solve(self.free.T, work)))
-        return resultant_on_plane(force, moment, points, normals)
+        return resultant_on_plane(force, moment, points, self._contact_normals)
 
     def _where(self, resultant: Resultant) -> str:
         """Where a resultant meets the plane of the foundation, in words; collective."""
@@ -331,42 +322,14 @@ class Motions:
         local = np.sum([item.gram() for item in self.at_contacts], axis=0)
         gram = self._domain.comm.allreduce(local)
         sizes = np.diag(gram)
-        scale = 1.0 / np.sqrt(np.where(sizes > 0.0, sizes, 1.0))
-        values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
-        for motion in vectors[:, values <= 1e-12].T:
-            if np.any(np.abs(motion[self.of_body :]) > 1e-6):
+        for motion in null_motions(gram, sizes).T:
+            moves = np.abs(motion * np.sqrt(sizes))[self.of_body :]
+            if np.any(moves > _ROUNDING):
                 raise InputError(
                     "body and foundations can move together as one rigid body "
-                    f"({self._words(scale * motion)}): the forces "
+                    f"({self._words(motion)}): the forces "
                     "tell how hard the foundations press, and nothing tells where; fix a "
                     "component on a boundary part in loads.displacements, or leave out one "
                     "foundation.force",
                     self._tools[0].key,
                 )
-
-
-def motions_of_part(
-    domain: Domain,
-    space: fem.FunctionSpace,
-    data: forms.ProblemData,
-    constraints: Constraints,
-    part: BoolArray,
-) -> tuple[FloatArray, FloatArray]:
-    """The coefficients (m, f) of the free motions of a part, and their values (f, n)."""
-    free = free_motions(domain, space, constraints, part)
-    fields = (free.T @ rigid_motions(space, domain.axisymmetric)) * part
-    past = motions_past(data.springs, space, fields)
-    return free @ past, past.T @ fields
-
-
-def _is_at(tool: FreeMotion, part: BoolArray) -> bool:
-    """Whether all nodes of a tool's contact are on one part of the body; collective."""
-    return on_every_rank(tool.contact.surface.domain.comm, tool.contact.surface.is_of(part))
-
-
-def dofs_of(domain: Domain, space: fem.FunctionSpace, part: int) -> BoolArray:
-    """The local dofs of a part's cells, ghosts included; collective."""
-    dofmap = space.dofmap
-    # A rank may have a node of the part without a cell of the part.
-    marks = marked(dofmap.index_map, dofmap.list[np.flatnonzero(domain.parts == part)])
-    return np.repeat(marks, dofmap.index_map_bs)

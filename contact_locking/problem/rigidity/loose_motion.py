@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from mpi4py import MPI
+from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.nodal_contact import NodalContact
@@ -30,17 +30,17 @@ class LooseMotion:
 
     def __init__(
         self,
-        comm: MPI.Intracomm,
+        space: fem.FunctionSpace,
         motions: FloatArray,
-        owned: int,
         constraints: Constraints,
         contacts: Sequence[NodalContact],
     ) -> None:
-        self._comm, self._motions, self._owned = comm, motions, owned
+        self._comm, self._motions = space.mesh.comm, motions
+        self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         self._constraints, self._contacts = constraints, contacts
         # A factorisation by ranks keeps the digits of bodies that are far from the origin.
-        self._basis, triangle = np.linalg.qr(motions[:, :owned].T)
-        self._triangles = np.vstack(comm.allgather(triangle))
+        self._basis, triangle = np.linalg.qr(motions[:, : self._owned].T)
+        self._triangles = np.vstack(self._comm.allgather(triangle))
 
     def anchored(self, u: FloatArray) -> FloatArray:
         """``u`` (local values) with no more of the free motions than the data make; collective.

@@ -1,0 +1,1 @@
+"""The rigid motions of the body: which of them conditions, contact and friction stop."""

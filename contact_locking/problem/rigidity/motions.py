@@ -1,0 +1,112 @@
+"""The rigid motions of the body, and those that its conditions leave free."""
+
+from __future__ import annotations
+
+import numpy as np
+from dolfinx import fem
+
+from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.rank_sums import marked
+from contact_locking.supports.conditions import Constraints
+
+# Motions whose share of a Gram matrix of all motions is less are none.
+_NONE = 1e-12
+# The share of prescribed values that rounding may take from a rigid motion.
+_STRAINED = 1e-12
+
+
+def rigid_motions(
+    space: fem.FunctionSpace, axisymmetric: bool = False, centre: FloatArray | float = 0.0
+) -> FloatArray:
+    """The translations and the rotations about a centre, as values at the local dofs.
+
+    The shape is (3, k) in 2D and (6, k) in 3D, with the k local dofs, ghosts included.  An
+    axisymmetric body has one rigid motion, the translation along its axis.
+    """
+    x = space.tabulate_dof_coordinates() - centre
+    dim = space.mesh.topology.dim
+    motions = np.zeros((dim + dim * (dim - 1) // 2, len(x), dim))
+    for i in range(dim):
+        motions[i, :, i] = 1.0
+    pairs = [(i, j) for i in range(dim) for j in range(i + 1, dim)]
+    for k, (i, j) in enumerate(pairs):
+        motions[dim + k, :, i] = -x[:, j]
+        motions[dim + k, :, j] = x[:, i]
+    if axisymmetric:
+        motions = motions[1:2]
+    return motions.reshape(len(motions), -1)
+
+
+def free_motions(
+    domain: Domain, space: fem.FunctionSpace, constraints: Constraints, part: BoolArray
+) -> FloatArray:
+    """Coefficients (m, f) of the f rigid motions that the conditions leave free; collective.
+
+    The conditions are those of one part of the body; ``part`` marks the local dofs of the part.
+    """
+    motions = rigid_motions(space, domain.axisymmetric)
+    owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    held = constraints.dofs[constraints.dofs < owned]
+    fixed = motions[:, held[part[held]]]
+    everything = motions[:, :owned][:, part[:owned]]
+    directions = constraints.supports.directions
+    if constraints.supports.placed:
+        # The component conditions count at their nodes already.
+        along = np.array([directions.part_of(motion * part)[:owned] for motion in motions])
+        along[:, held] = 0.0
+        fixed = np.column_stack([fixed, along])
+    gram = domain.comm.allreduce(fixed @ fixed.T)
+    # A rotation about the origin has large values far away.
+    return null_motions(gram, domain.comm.allreduce(np.sum(everything**2, axis=1)))
+
+
+def null_motions(gram: FloatArray, sizes: FloatArray) -> FloatArray:
+    """Coefficients (m, f) of the f motions for which a Gram matrix (m, m) vanishes.
+
+    ``sizes`` (m,) are the squared norms by which the motions are scaled.
+    """
+    scale = 1.0 / np.sqrt(np.where(sizes > 0.0, sizes, 1.0))
+    values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
+    return np.asarray(scale[:, None] * vectors[:, values <= _NONE])
+
+
+def dofs_of(domain: Domain, space: fem.FunctionSpace, part: int) -> BoolArray:
+    """The local dofs of a part's cells, ghosts included; collective."""
+    dofmap = space.dofmap
+    # A rank may have a node of the part without a cell of the part.
+    marks = marked(dofmap.index_map, dofmap.list[np.flatnonzero(domain.parts == part)])
+    return np.repeat(marks, dofmap.index_map_bs)
+
+
+def prescribed_motion(constraints: Constraints, values: FloatArray) -> FloatArray | None:
+    """The rigid motion that prescribed values make, None if they strain the body; collective.
+
+    ``values`` (k,) is a displacement with the prescribed values, and the motion (k,) has values at
+    all local dofs.  A motion that the conditions leave free is not in it.
+    """
+    space, comm = constraints.space, constraints.space.mesh.comm
+    size = space.dofmap.index_map_bs
+    owned = space.dofmap.index_map.size_local * size
+
+    def held_part(displacement: FloatArray) -> FloatArray:
+        return constraints.held_part(displacement[:owned]).reshape(-1, size)
+
+    nodes = np.flatnonzero(np.any(held_part(np.ones(owned)), axis=1))
+    held_at = space.tabulate_dof_coordinates()[nodes]
+    # About the centre of what is held, so that one held node asks for no rotation.
+    total = comm.allreduce(np.append(held_at.sum(axis=0), len(held_at)))
+    centre = total[:3] / max(total[3], 1.0)
+    motions = rigid_motions(space, centre=centre)
+    asked = [held_part(motion)[nodes].reshape(-1) for motion in (*motions, values)]
+    local = np.linalg.qr(np.column_stack(asked), mode="r")
+    *columns, aim = np.vstack(comm.allgather(local)).T
+    # The least of the motions that fit turns with the body: rotations count by their displacements.
+    local_square = float(np.sum((held_at - centre) ** 2))
+    length = np.sqrt(comm.allreduce(local_square) / max(total[3], 1.0)) or 1.0
+    scale = np.where(np.arange(len(columns)) < size, 1.0, length)
+    scaled = np.column_stack(columns) / scale
+    found = np.linalg.lstsq(scaled, aim, rcond=1e-10)[0]
+    if np.linalg.norm(scaled @ found - aim) > _STRAINED * np.linalg.norm(aim):
+        return None
+    return np.asarray((found / scale) @ motions)
