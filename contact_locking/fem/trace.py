@@ -220,16 +220,12 @@ class PointValues:
         row[nodes] = np.arange(len(nodes))
         middles = [around[:, -1] for around in self._entities]
         corners = np.setdiff1d(nodes, np.concatenate([nodes[:0], *middles]))
-        rows, columns = [row[corners]], [corners]
-        values: list[FloatArray] = [np.ones(len(corners))]
-        for around in self._entities:
-            count = around.shape[1]
-            rows.append(np.repeat(row[around[:, -1]], count))
-            columns.append(around.reshape(-1))
-            values.append(np.tile(shares[count], len(around)))
+        every = [corners[:, None], *self._entities]
+        rows = np.concatenate([np.repeat(row[around[:, -1]], around.shape[1]) for around in every])
+        columns = np.concatenate([around.reshape(-1) for around in every])
+        values = np.concatenate([np.tile(shares[around.shape[1]], len(around)) for around in every])
         shape = (len(nodes), int(numbers.max(initial=-1)) + 1)
-        places = np.concatenate(rows), numbers[np.concatenate(columns)]
-        return csr_matrix((np.concatenate(values), places), shape=shape)
+        return csr_matrix((values, (rows, numbers[columns])), shape=shape)
 
 
 def displacement_map(rows: csr_matrix, vectors: fem.FunctionSpace) -> PETSc.Mat:

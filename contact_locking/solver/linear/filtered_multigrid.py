@@ -257,11 +257,11 @@ class FilteredMultigrid:
         """Whether more is stiff than may be filtered; collective."""
         return self.count(stiff.nodes) > self._limit
 
-    def refresh(self, stiff: StiffPart | None = None) -> None:
+    def refresh(self, stiff: StiffPart | None = None, smooths_more: bool = False) -> None:
         """Set up for the present values of the matrix; collective.
 
         Without ``stiff``, the multigrid is for the matrix to be solved with, and nothing is
-        filtered.
+        filtered.  ``smooths_more`` lets it take more steps of its smoother.
         """
         projects = stiff is not None and self.must_project(stiff)
         # Factors are free before multigrid takes memory for the new values.
@@ -274,14 +274,12 @@ class FilteredMultigrid:
             self._multigrid = Multigrid(self._matrix.getComm(), self._coarser, self._overrides)
         by_entry = self._unblocked.of(smoothed)
         self._multigrid.set_up(smoothed, by_entry)
+        if smooths_more:
+            self._multigrid.smooth_more()
         if stiff is not None and projects:
             self._projection = Projection(*stiff.find_rows(), by_entry, self._overrides)
         elif stiff is not None:
             self._filter_out(stiff)
-
-    def smooth_more(self) -> None:
-        """Let multigrid take more steps of its smoother; to be called after :meth:`refresh`."""
-        self._multigrid.smooth_more()
 
     def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """``y = A x`` for an x that is zero where displacements are prescribed.

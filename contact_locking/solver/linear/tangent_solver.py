@@ -244,9 +244,10 @@ class MultigridTangents(TangentSolver):
         filters = self._filters and self._can_filter
         if not (filters and self._projects):
             assemble(self._matrix)
-        self._multigrid.refresh(self._stiff if filters else None)
-        if self._smooths_more and not filters:
-            self._multigrid.smooth_more()
+        if filters:
+            self._multigrid.refresh(self._stiff)
+        else:
+            self._multigrid.refresh(smooths_more=self._smooths_more)
 
     def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         self._multigrid.multiply(x, y)
