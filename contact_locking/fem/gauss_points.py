@@ -51,7 +51,8 @@ def _element(cell: str, degree: int) -> Any:
     kind, dim, places = basix.CellType[cell], NAMED[cell].dim, points(cell, degree)
     number = len(places)
     # basix takes points and dual functionals for the entities of each of the dimensions 0 to 3.
-    below, above = basix.topology(kind)[:dim], [[]] * (3 - dim)
+    below = basix.topology(kind)[:dim]
+    above: list[list[Any]] = [[]] * (3 - dim)
     no_points = [[np.zeros((0, dim))] * len(entities) for entities in below]
     no_functionals = [[np.zeros((0, 1, 0, 1))] * len(entities) for entities in below]
     return basix.ufl.custom_element(
