@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import sys
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -88,29 +87,13 @@ def minimum(comm: MPI.Intracomm, values: FloatArray | float) -> float:
 
 
 def exceeded_by_few(comm: MPI.Intracomm, values: FloatArray, few: int, least: float) -> float:
-    """The smallest number, ``least`` > 0 or more, that no more than ``few`` values exceed.
+    """The smallest number, ``least`` or more, that no more than ``few`` values exceed; collective.
 
-    For ``few`` > 0 it is found to a relative 1e-6 by bisection, so that no rank gathers the values
-    of others.  Values that are no numbers count as small.  Collective.
+    Values that are no numbers count as small.  Every rank gathers ``few + 1`` values of each.
     """
-
-    def exceed(number: float) -> bool:
-        count: int = comm.allreduce(int(np.count_nonzero(large > number)))
-        return count > few
-
-    large = values[values > least]
-    low, high = least, maximum(comm, large, least)
-    if few == 0:
-        return high
-    if not exceed(low):
-        return low
-    high = min(high, sys.float_info.max)
-    if exceed(high):
-        return math.inf
-    while high > (1.0 + 1e-6) * low:
-        middle = math.sqrt(low) * math.sqrt(high)
-        low, high = (middle, high) if exceed(middle) else (low, middle)
-    return high
+    largest = np.sort(values[values > least])[-few - 1 :]
+    found = np.sort(np.concatenate(comm.allgather(largest)))
+    return float(found[-few - 1]) if len(found) > few else least
 
 
 def on_any_rank(comm: MPI.Intracomm, marks: BoolArray | bool) -> bool:

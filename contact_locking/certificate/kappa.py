@@ -165,7 +165,7 @@ class _Lifts:
         nodal, found = forces.array.reshape(-1, self._state.dim), []
         for contact, mu in zip(self._rubbing, self._mu, strict=True):
             surface = contact.surface
-            limited = surface.limited.limited_forces(surface.scalar_space, nodal[surface.blocks])
+            limited = surface.limited.limited_forces(nodal[surface.blocks])
             normal = np.sum(limited * contact.normals, axis=1)
             stress = contact.acting(normal / surface.weights)
             found.append((mu * contact.friction.smoothing.apply(stress))[contact.free])

@@ -14,9 +14,9 @@ from contact_locking.contact.contact import Contact
 from contact_locking.contact.pairing import Pairing, Side, pair
 from contact_locking.contact.surface import PRESCRIBED, ContactSurface
 from contact_locking.errors import InputError, Misplaced
-from contact_locking.fem.facet_nodes import facet_nodes
 from contact_locking.fem.jump import JumpValues
 from contact_locking.fem.spaces import Element
+from contact_locking.fem.trace import facet_nodes
 from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.mesh.cell_kind import unit_normals
 from contact_locking.mesh.domain import Domain

@@ -21,9 +21,8 @@ from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.contact.surface_mesh import SurfaceMesh
 from contact_locking.fem import compiled
-from contact_locking.fem.facet_nodes import facet_nodes
 from contact_locking.fem.spaces import P1, Element, diameter
-from contact_locking.fem.trace import PointValues
+from contact_locking.fem.trace import PointValues, facet_nodes
 from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.half_section import is_on_axis

@@ -48,12 +48,9 @@ def assembled(linear: fem.Form | ufl.Form) -> FloatArray:
     return vector.array
 
 
-def expression(value: Any, points: FloatArray, comm: Any = None) -> fem.Expression:
-    """The compiled UFL expression at points (k, d) of the reference cell; collective.
-
-    ``comm`` are the ranks of an expression of numbers alone, which has no mesh.
-    """
-    comm = comm or ufl.domain.extract_unique_domain(value).ufl_cargo().comm
+def expression(value: Any, points: FloatArray) -> fem.Expression:
+    """The compiled UFL expression at points (k, d) of the reference cell; collective."""
+    comm = ufl.domain.extract_unique_domain(value).ufl_cargo().comm
     kind = f"{type(value).__name__} {value.ufl_shape} {points.shape}"
     with _compiling(comm, kind) as chosen:
         return fem.Expression(value, points, comm=comm, jit_options=chosen)
@@ -61,8 +58,7 @@ def expression(value: Any, points: FloatArray, comm: Any = None) -> fem.Expressi
 
 def interpolation(value: Any, space: fem.FunctionSpace) -> fem.Expression:
     """The compiled UFL expression that DOLFINx interpolates into ``space``; collective."""
-    points = _compat.interpolation_points(space)
-    return expression(_compat.of_mesh(value, space.mesh), points, space.mesh.comm)
+    return expression(_compat.of_mesh(value, space.mesh), _compat.interpolation_points(space))
 
 
 def options() -> dict[str, Any]:

@@ -51,19 +51,16 @@ def _element(cell: str, degree: int) -> Any:
     kind, dim, places = basix.CellType[cell], NAMED[cell].dim, points(cell, degree)
     number = len(places)
     # basix takes points and dual functionals for the entities of each of the dimensions 0 to 3.
-    entity_points: list[list[Any]] = [[], [], [], []]
-    functionals: list[list[Any]] = [[], [], [], []]
-    for entity_dim, entities in enumerate(basix.topology(kind)[:dim]):
-        entity_points[entity_dim] = [np.zeros((0, dim))] * len(entities)
-        functionals[entity_dim] = [np.zeros((0, 1, 0, 1))] * len(entities)
-    entity_points[dim] = [places]
-    functionals[dim] = [np.eye(number).reshape(number, 1, number, 1)]
+    below = basix.topology(kind)[:dim]
+    above: list[list[Any]] = [[]] * (3 - dim)
+    no_points = [[np.zeros((0, dim))] * len(entities) for entities in below]
+    no_functionals = [[np.zeros((0, 1, 0, 1))] * len(entities) for entities in below]
     return basix.ufl.custom_element(
         kind,
         (),
         np.eye(number),
-        entity_points,
-        functionals,
+        [*no_points, [places], *above],
+        [*no_functionals, [np.eye(number).reshape(number, 1, number, 1)], *above],
         0,
         basix.MapType.identity,
         basix.SobolevSpace.L2,

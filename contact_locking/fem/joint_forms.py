@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 _SHARED = "shared_with_dolfinx"
 
 
-def by_space(form: ufl.Form, jumps: Sequence[JumpValues] = ()) -> list[ufl.Form]:
+def by_space(form: ufl.Form) -> list[ufl.Form]:
     """The integrals of a form, in forms that can be compiled together, those of cells first.
 
     These are one form for each space of the arguments, for the cells and for each quadrature rule
@@ -47,17 +47,12 @@ def by_space(form: ufl.Form, jumps: Sequence[JumpValues] = ()) -> list[ufl.Form]
     """
     groups: dict[Any, list[Any]] = {}
     for integral in form.integrals():
-        arguments = ufl.algorithms.extract_arguments(integral.integrand())
-        kind, rule = integral.integral_type(), integral.metadata().get("quadrature_rule")
-        of_facets = None if kind == "cell" else rule
-        tags = id(integral.subdomain_data())
-        space = arguments[0].ufl_function_space()
-        is_jump = next((i for i, item in enumerate(jumps) if item.space is space), -1)
-        element = space.ufl_element()
-        key = is_jump, element, kind, of_facets, _is_at_one_point(integral), tags
+        space = ufl.algorithms.extract_arguments(integral.integrand())[0].ufl_function_space()
+        kind, tags = integral.integral_type(), id(integral.subdomain_data())
+        of_facets = None if kind == "cell" else integral.metadata().get("quadrature_rule")
+        key = id(space), kind, of_facets, _is_at_one_point(integral), tags
         groups.setdefault(key, []).append(integral)
-    every = sorted(groups.values(), key=_rank)
-    return [ufl.Form(integrals) for integrals in every]
+    return [ufl.Form(integrals) for integrals in sorted(groups.values(), key=_rank)]
 
 
 def _rank(integrals: list[Any]) -> tuple[bool, bool]:
@@ -96,7 +91,7 @@ class JointForm:
         jumps: Sequence[JumpValues] = (),
         compile_form: Callable[[ufl.Form], fem.Form] = compiled.form,
     ) -> None:
-        every, spaces = by_space(form, jumps), [item.space for item in jumps]
+        every, spaces = by_space(form), [item.space for item in jumps]
         self._parts = [part for part in every if not any(_space(part) is space for space in spaces)]
         self._forms = [compile_form(part) for part in self._parts]
         self._jumps = [

@@ -78,22 +78,14 @@ class Element:
         """``eps(u)``, a symmetric (m, m) tensor: m is d, and 3 for a body of revolution."""
         return self.kinematics.strain(u)
 
-    def tensor_space(self, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
-        """The space of strains and stresses, (m, m) tensors; collective."""
-        return self.strain_space(mesh, self.strain_shape(mesh))
-
     def strain_shape(self, mesh: dolfinx.mesh.Mesh) -> tuple[int, int]:
         """The shape (m, m) of strains and stresses."""
         size = self.kinematics.tensor_size(mesh.topology.dim)
         return size, size
 
-    def nodal_space(self, mesh: dolfinx.mesh.Mesh, size: int) -> fem.FunctionSpace:
-        """Continuous fields of the displacement's degree with ``size`` components; collective."""
-        return fem.functionspace(mesh, ("P", self.degree, (size,)))
-
     def displacement_space(self, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
         """The space of displacements; collective."""
-        return self.nodal_space(mesh, mesh.topology.dim)
+        return fem.functionspace(mesh, ("P", self.degree, (mesh.topology.dim,)))
 
     def strain_space(
         self, mesh: dolfinx.mesh.Mesh, shape: tuple[int, ...] = ()
@@ -127,13 +119,14 @@ class Element:
         cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         if self.strain_degree == 0:
             return np.asarray(dmesh.compute_midpoints(mesh, dim, cells)[:, :dim].T)
-        if self.limit_at == "gauss":
+        if self.limit_at == "vertices":
+            places = mesh.geometry.x[_compat.cell_corners(mesh)[cells], :dim]
+        else:
             of_cell = 2 if self.curved else 1
             shares = gauss_points.shares(mesh.topology.cell_name(), self.strain_degree, of_cell)
-            nodes = mesh.geometry.x[_compat.cell_nodes(mesh)[cells]][:, :, :dim]
-            return np.asarray(np.einsum("pc,kcd->kpd", shares, nodes).reshape(-1, dim).T)
-        corners = mesh.geometry.x[_compat.cell_corners(mesh)[cells]][:, :, :dim]
-        return np.asarray(corners.reshape(-1, dim).T)
+            nodes = mesh.geometry.x[_compat.cell_nodes(mesh)[cells], :dim]
+            places = np.einsum("pc,kcd->kpd", shares, nodes)
+        return np.asarray(places.reshape(-1, dim).T)
 
     def height(self, mesh: ufl.Mesh, dim: int) -> Expr:
         """A length of the order of the height of each cell, in a measure of degree 1."""
@@ -152,9 +145,8 @@ class Element:
         corners, and for bodies of revolution, where the hoop strain is not affine and not a number
         at a corner on the axis.
         """
-        if self.kinematics.axisymmetric or self.strain_degree == 0:
-            return self
-        if self.strain_degree == 1 and self.limit_at == "vertices":
+        is_at_corners = self.strain_degree == 1 and self.limit_at == "vertices"
+        if self.kinematics.axisymmetric or self.strain_degree == 0 or is_at_corners:
             return self
         return replace(self, strain_degree=1, limit_at="vertices")
 

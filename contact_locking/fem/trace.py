@@ -18,6 +18,7 @@ from ufl.core.expr import Expr
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
+from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.lagrange import lagrange
 
 if TYPE_CHECKING:
@@ -76,6 +77,25 @@ class Trace:
         the arguments of a form have one space.
         """
         return _control_space(vectors) if vectors.mesh.topology.dim in self.controls else vectors
+
+
+def facet_places(domain: Domain, facets: IndexArray, cells: IndexArray) -> IndexArray:
+    """(m,) which facet of its cell each of m local facets is."""
+    topology, dim = domain.mesh.topology, domain.dim
+    topology.create_connectivity(dim, dim - 1)
+    all_facets = topology.connectivity(dim, dim - 1).array
+    facets_of = all_facets.reshape(-1, len(domain.kind.facets))
+    return np.argmax(facets_of[cells] == facets[:, None], axis=1).astype(np.int32)
+
+
+def facet_nodes(
+    domain: Domain, space: fem.FunctionSpace, facets: IndexArray, cells: IndexArray
+) -> IndexArray:
+    """The local nodes (m, n) of facets (m,) with their cells (m,), the corners first."""
+    place, layout = facet_places(domain, facets, cells), space.dofmap.dof_layout
+    numbers = range(len(domain.kind.facets))
+    closure = np.array([layout.entity_closure_dofs(domain.dim - 1, i) for i in numbers])
+    return np.asarray(space.dofmap.list[cells[:, None], closure[place]])
 
 
 class PointValues:
@@ -157,27 +177,22 @@ class PointValues:
 
         Collective.
         """
-        forces = fem.Function(self.space)
-        forces.x.array[:] = (self.matrix.T @ at_nodes).reshape(-1)
-        forces.x.scatter_reverse(la.InsertMode.add)
-        forces.x.scatter_forward()
-        return np.asarray(forces.x.array)
+        forces = self._summed(self.matrix.T @ at_nodes)
+        forces.scatter_forward()
+        return np.asarray(forces.array)
 
-    def limited_forces(self, scalars: fem.FunctionSpace, at_nodes: FloatArray) -> FloatArray:
-        """The forces (k, d) on limited values for forces (k, d) on the values at the nodes.
-
-        ``scalars`` is the space of scalar fields.  Collective.
-        """
+    def limited_forces(self, at_nodes: FloatArray) -> FloatArray:
+        """The forces (k, d) on limited values for forces (k, d) on nodal values; collective."""
         if self.are_nodal:
             return at_nodes
-        found = np.empty_like(at_nodes)
-        work = fem.Function(scalars)
-        transposed = self.inverse(self._nodes, np.arange(len(self.blocks))).T
-        for component in range(at_nodes.shape[1]):
-            work.x.array[:] = transposed @ at_nodes[:, component]
-            work.x.scatter_reverse(la.InsertMode.add)
-            found[:, component] = work.x.array[self._nodes]
-        return found
+        forces = self._summed(self.inverse(self._nodes, self.blocks).T @ at_nodes)
+        return np.asarray(forces.array.reshape(-1, at_nodes.shape[1])[self.blocks[self._nodes]])
+
+    def _summed(self, forces: FloatArray) -> la.Vector:
+        vector = fem.Function(self.space).x
+        vector.array[:] = forces.reshape(-1)
+        vector.scatter_reverse(la.InsertMode.add)
+        return vector
 
     def entities(self, function: fem.Function) -> list[IndexArray]:
         """The edges (m, 3) and the quadrilaterals (m, 9) whose middles have control values.
@@ -205,16 +220,12 @@ class PointValues:
         row[nodes] = np.arange(len(nodes))
         middles = [around[:, -1] for around in self._entities]
         corners = np.setdiff1d(nodes, np.concatenate([nodes[:0], *middles]))
-        rows, columns = [row[corners]], [corners]
-        values: list[FloatArray] = [np.ones(len(corners))]
-        for around in self._entities:
-            count = around.shape[1]
-            rows.append(np.repeat(row[around[:, -1]], count))
-            columns.append(around.reshape(-1))
-            values.append(np.tile(shares[count], len(around)))
+        every = [corners[:, None], *self._entities]
+        rows = np.concatenate([np.repeat(row[around[:, -1]], around.shape[1]) for around in every])
+        columns = np.concatenate([around.reshape(-1) for around in every])
+        values = np.concatenate([np.tile(shares[around.shape[1]], len(around)) for around in every])
         shape = (len(nodes), int(numbers.max(initial=-1)) + 1)
-        places = np.concatenate(rows), numbers[np.concatenate(columns)]
-        return csr_matrix((np.concatenate(values), places), shape=shape)
+        return csr_matrix((values, (rows, numbers[columns])), shape=shape)
 
 
 def displacement_map(rows: csr_matrix, vectors: fem.FunctionSpace) -> PETSc.Mat:
@@ -266,20 +277,20 @@ def _control_space(vectors: fem.FunctionSpace) -> fem.FunctionSpace:
             places = element.points[nodes] if own else element.points[:0]
             points[entity].append(places)
             shares[entity].append(weights.reshape(len(own), 1, len(places), 1))
-    element = basix.ufl.custom_element(
+    made = basix.ufl.custom_element(
         element.cell_type,
-        [],
+        (),
         np.eye(element.dim),
         points,
         shares,
         0,
         basix.MapType.identity,
         basix.SobolevSpace.H1,
-        discontinuous=False,
-        embedded_subdegree=2,
-        embedded_superdegree=2,
+        False,
+        2,
+        2,
     )
-    return fem.functionspace(mesh, basix.ufl.blocked_element(element, shape=(dim,)))
+    return fem.functionspace(mesh, basix.ufl.blocked_element(made, shape=(dim,)))
 
 
 def _entities(scalars: fem.FunctionSpace, nodes: IndexArray) -> list[IndexArray]:

@@ -13,7 +13,7 @@ from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.probe_table import sample
 from contact_locking.results.solution import Differentiable, StudySolution
-from contact_locking.solver.linear.options import UserOptions, require_harmless, require_names
+from contact_locking.solver.linear.options import UserOptions, require_usable
 from contact_locking.solver.task import Settings
 from contact_locking.study.assembly import StudyProblem
 from contact_locking.study_file.parameters import Parameters
@@ -26,8 +26,7 @@ def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None 
     """
     given, others = parameters.solver, petsc_options or {}
     for options, section in ((given.petsc, "solver.petsc"), (others, None)):
-        require_names(options, section)
-        require_harmless(options, section)
+        require_usable(options, section)
     return Settings(
         method=given.method,
         tolerance=given.tolerance,

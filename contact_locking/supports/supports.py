@@ -16,7 +16,7 @@ from petsc4py import PETSc
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
-from contact_locking.fem.facet_nodes import facet_nodes
+from contact_locking.fem.trace import facet_nodes
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.domain import Domain, Where
 from contact_locking.mesh.lagrange import normals_at_nodes

@@ -65,7 +65,7 @@ def solved(ksp: PETSc.KSP, matrix: PETSc.Mat, right: FloatArray) -> FloatArray:
 
 @pytest.fixture
 def ksp(comm: MPI.Intracomm) -> Iterator[PETSc.KSP]:
-    solver = create_ksp(comm, direct_options(comm), prefix="tested_")
+    solver = create_ksp(comm, direct_options(comm))
     yield solver
     destroy_ksp(solver)
 
@@ -123,7 +123,7 @@ def test_a_singular_matrix_is_an_error_on_all_ranks(
 def test_whoever_asks_for_a_package_gets_it(
     options: dict[str, Any], comm: MPI.Intracomm, distributed: Callable[..., PETSc.Mat]
 ) -> None:
-    ksp = create_ksp(comm, direct_options(comm), options, prefix="asked_")
+    ksp = create_ksp(comm, direct_options(comm), options)
     whole = grid()
     assert whole @ solved(ksp, distributed(whole), RIGHT) == pytest.approx(RIGHT, abs=1e-11)
     assert ksp.getPC().getType() == options.get("pc_type", "cholesky")

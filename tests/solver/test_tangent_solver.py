@@ -31,8 +31,8 @@ def filterings(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     counts: list[int] = []
     refresh = FilteredMultigrid.refresh
 
-    def counted(self: FilteredMultigrid, filtered: Any = None) -> None:
-        refresh(self, filtered)
+    def counted(self: FilteredMultigrid, filtered: Any = None, **named: Any) -> None:
+        refresh(self, filtered, **named)
         if filtered is not None:
             counts.append(len(filtered.nodes))
 
@@ -79,9 +79,9 @@ def test_filters_take_in_all_that_is_stiff(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
     refresh, filtered = FilteredMultigrid.refresh, 0
 
-    def seen(self: FilteredMultigrid, stiff: Any = None) -> None:
+    def seen(self: FilteredMultigrid, stiff: Any = None, **named: Any) -> None:
         nonlocal filtered
-        refresh(self, stiff)
+        refresh(self, stiff, **named)
         if stiff is not None:
             assert self._filter is not None and self._filter.serves(stiff.nodes)
             assert np.isin(stiff.nodes, self._filter._nodes).all()

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot, drawn_tool
 from contact_locking.fem import compiled
-from contact_locking.fem.facet_nodes import facet_places
+from contact_locking.fem.trace import facet_places
 from contact_locking.laws.elasticity import strain
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.domain import Domain

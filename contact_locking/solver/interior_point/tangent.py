@@ -360,7 +360,7 @@ class Tangent:
     def _stiff_rows(self, factor: float) -> tuple[PETSc.Mat, FloatArray]:
         """The rows of all families, without the part that is prescribed; collective."""
         found = [family.stiff_rows(factor, self._material) for family in self.families]
-        rows = stacked([part for part, _ in found], self.matrix)
+        rows = stacked([part for part, _ in found])
         free, constraints = self.matrix.createVecRight(), self.system.constraints
         free.array_w[:] = constraints.free_dofs()[: self._owned]
         rows.diagonalScale(None, free)

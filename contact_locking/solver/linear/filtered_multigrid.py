@@ -24,10 +24,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+import scipy.sparse as sp
 from petsc4py import PETSc
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp, direct_options
 from contact_locking.solver.linear.multigrid import CoarserSpace, Multigrid
 from contact_locking.solver.linear.options import PREFIX
@@ -76,14 +76,13 @@ class Projection:
         rows.transpose(columns)
         self._coupling = self._scaled.matMult(columns)
         columns.destroy()
-        diagonal = self._coupling.getDiagonal()
-        diagonal.array_w[:] += self._compliance
-        self._coupling.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-        self._coupling.setDiagonal(diagonal)
-        self._coupling.setOption(PETSc.Mat.Option.SPD, True)
-        diagonal.destroy()
         self._change, self._right = rows.createVecs()
         self._forces, self._forces_change = self._right.duplicate(), self._right.duplicate()
+        self._vectors = self._change, self._right, self._forces, self._forces_change
+        self._right.array_w[:] = self._compliance
+        self._coupling.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        self._coupling.setDiagonal(self._right, PETSc.InsertMode.ADD_VALUES)
+        self._coupling.setOption(PETSc.Mat.Option.SPD, True)
         # None where nothing is stiff.
         self._factor: PETSc.KSP | None = None
         if rows.getSize()[0] > 0:
@@ -121,38 +120,24 @@ class Projection:
         """Free the PETSc objects."""
         if self._factor is not None:
             destroy_ksp(self._factor)
-        for item in (
-            self._rows,
-            self._scaled,
-            self._coupling,
-            self._change,
-            self._right,
-            self._forces,
-            self._forces_change,
-        ):
+        for item in (self._rows, self._scaled, self._coupling, *self._vectors):
             item.destroy()
 
 
 def _inverse_blocks(matrix: PETSc.Mat) -> PETSc.Mat:
     """The inverses of the diagonal blocks of a matrix, as a matrix; collective."""
-    size = matrix.getBlockSize()
     # PETSc's own function returns the blocks of the first values again.
-    counts, columns, values = matrix.getDiagonalBlock().getValuesCSR()
-    rows = np.repeat(np.arange(len(counts) - 1), np.diff(counts))
-    is_inside = rows // size == columns // size
-    rows, columns = rows[is_inside], columns[is_inside]
-    blocks = np.zeros(((len(counts) - 1) // size, size, size))
-    blocks[rows // size, rows % size, columns % size] = values[is_inside]
-    blocks = np.linalg.inv(blocks)
-    first, last = matrix.getOwnershipRange()
-    starts = np.arange(0, blocks.size + 1, size, dtype=PETSc.IntType)
-    nodes = np.arange(first, last, size, dtype=PETSc.IntType)
-    columns = nodes[:, None, None] + np.arange(size, dtype=PETSc.IntType)[None, None, :]
-    columns = np.broadcast_to(columns, blocks.shape)
-    sizes: Any = (matrix.getLocalSize()[0], None)
-    return PETSc.Mat().createAIJ(
-        (sizes, sizes), csr=(starts, columns.reshape(-1), blocks.reshape(-1)), comm=matrix.getComm()
-    )
+    size, (first, last) = matrix.getBlockSize(), matrix.getOwnershipRange()
+    starts, columns, values = matrix.getDiagonalBlock().getValuesCSR()
+    shape = last - first, last - first
+    own = sp.csr_matrix((values, columns, starts), shape).tobsr((size, size))
+    nodes = np.arange(shape[0] // size)
+    is_diagonal = own.indices == np.repeat(nodes, np.diff(own.indptr))
+    blocks = np.linalg.inv(own.data[is_diagonal])
+    inverse = sp.bsr_matrix((blocks, nodes, np.arange(len(nodes) + 1)), shape).tocsr()
+    csr = [part.astype(PETSc.IntType) for part in (inverse.indptr, inverse.indices + first)]
+    sizes = matrix.getSizes()
+    return PETSc.Mat().createAIJ(sizes, csr=(*csr, inverse.data), comm=matrix.getComm())
 
 
 # A filter that is larger than it need be by this factor is made anew.
@@ -169,8 +154,8 @@ class StiffPart(NamedTuple):
     assembles the matrix without ``C^T B C``.  All are collective.
     """
 
-    nodes: npt.NDArray[np.int32]
-    find_nearly: Callable[[], npt.NDArray[np.int32]]
+    nodes: IndexArray
+    find_nearly: Callable[[], IndexArray]
     assemble_rest: Callable[[PETSc.Mat], None]
     find_rows: Callable[[], tuple[PETSc.Mat, FloatArray]]
     assemble_across: Callable[[PETSc.Mat], None]
@@ -183,9 +168,7 @@ class Filter:
     are those of the first values, and serve all that follow.
     """
 
-    def __init__(
-        self, matrix: PETSc.Mat, nodes: npt.NDArray[np.int32], overrides: Mapping[str, Any]
-    ) -> None:
+    def __init__(self, matrix: PETSc.Mat, nodes: IndexArray, overrides: Mapping[str, Any]) -> None:
         self._matrix, self._nodes = matrix, nodes
         self._comm, size = matrix.getComm(), matrix.getBlockSize()
         first = matrix.getOwnershipRange()[0] // size
@@ -200,7 +183,7 @@ class Filter:
         options = direct_options(self._comm)
         self._ksp = create_ksp(self._comm, options, overrides, PREFIX + "filter_")
 
-    def serves(self, nodes: npt.NDArray[np.int32]) -> bool:
+    def serves(self, nodes: IndexArray) -> bool:
         """Whether it takes in these nodes, and few others; collective."""
         comm = self._comm.tompi4py()
         missing = len(np.setdiff1d(nodes, self._nodes, assume_unique=True))
@@ -252,8 +235,6 @@ class FilteredMultigrid:
         self._multigrid = Multigrid(matrix.getComm(), coarser, self._overrides)
         self._product = matrix.createVecLeft()
         self._soft: PETSc.Mat | None = None
-        # The last filter that was made, and the same if it takes part at present.
-        self._made: Filter | None = None
         self._filter: Filter | None = None
         self._projection: Projection | None = None
 
@@ -267,25 +248,24 @@ class FilteredMultigrid:
         """Whether the filter takes part at present."""
         return self._filter is not None
 
-    def can_filter(self, stiff: StiffPart) -> bool:
-        """Whether there are nodes to filter, or to project; collective."""
-        return self._count(stiff.nodes) > 0
+    def count(self, nodes: IndexArray) -> int:
+        """The unknowns of owned nodes on all ranks; collective."""
+        count: int = self._matrix.getComm().tompi4py().allreduce(len(nodes))
+        return count * self._matrix.getBlockSize()
 
     def must_project(self, stiff: StiffPart) -> bool:
         """Whether more is stiff than may be filtered; collective."""
-        return self._count(stiff.nodes) > self._limit
+        return self.count(stiff.nodes) > self._limit
 
-    def refresh(self, stiff: StiffPart | None = None) -> None:
+    def refresh(self, stiff: StiffPart | None = None, smooths_more: bool = False) -> None:
         """Set up for the present values of the matrix; collective.
 
         Without ``stiff``, the multigrid is for the matrix to be solved with, and nothing is
-        filtered.
+        filtered.  ``smooths_more`` lets it take more steps of its smoother.
         """
-        # Its factor is free before multigrid takes memory for the new values.
-        if self._projection is not None:
-            self._projection.destroy()
-            self._projection = None
         projects = stiff is not None and self.must_project(stiff)
+        # Factors are free before multigrid takes memory for the new values.
+        self._release(keeps_filter=stiff is not None and not projects)
         smoothed = self._matrix if stiff is None else self._without(stiff, projects)
         # The residuals of its finest level stay those of the first matrix that it was given.
         if smoothed is not self._smoothed:
@@ -294,14 +274,12 @@ class FilteredMultigrid:
             self._multigrid = Multigrid(self._matrix.getComm(), self._coarser, self._overrides)
         by_entry = self._unblocked.of(smoothed)
         self._multigrid.set_up(smoothed, by_entry)
-        self._filter = None if stiff is None or projects else self._filter_of(stiff)
+        if smooths_more:
+            self._multigrid.smooth_more()
         if stiff is not None and projects:
-            self._forget()
             self._projection = Projection(*stiff.find_rows(), by_entry, self._overrides)
-
-    def smooth_more(self) -> None:
-        """Let multigrid take more steps of its smoother; to be called after :meth:`refresh`."""
-        self._multigrid.smooth_more()
+        elif stiff is not None:
+            self._filter_out(stiff)
 
     def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """``y = A x`` for an x that is zero where displacements are prescribed.
@@ -347,9 +325,7 @@ class FilteredMultigrid:
 
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
-        self._forget()
-        if self._projection is not None:
-            self._projection.destroy()
+        self._release()
         self._multigrid.destroy()
         for space in self._coarser:
             space.prolongation.destroy()
@@ -367,26 +343,23 @@ class FilteredMultigrid:
         (stiff.assemble_across if projects else stiff.assemble_rest)(self._soft)
         return self._soft
 
-    def _filter_of(self, stiff: StiffPart) -> Filter:
-        """The filter that was made last, if it serves, or a new one; collective."""
-        if self._made is None or not self._made.serves(stiff.nodes):
-            self._forget()
-            self._made = Filter(self._matrix, self._chosen(stiff), self._overrides)
-        self._made.refresh()
-        return self._made
+    def _filter_out(self, stiff: StiffPart) -> None:
+        """Factorise for the last filter, if it serves, or for a new one; collective."""
+        if self._filter is not None and not self._filter.serves(stiff.nodes):
+            self._release()
+        if self._filter is None:
+            # Nodes that will soon be stiff are taken in if they are few.
+            nearly = stiff.find_nearly()
+            most = min(_WASTE * self.count(stiff.nodes), self._limit)
+            nodes = nearly if self.count(nearly) <= most else stiff.nodes
+            self._filter = Filter(self._matrix, nodes, self._overrides)
+        self._filter.refresh()
 
-    def _chosen(self, stiff: StiffPart) -> npt.NDArray[np.int32]:
-        """The nodes to filter: also those soon stiff, if there are not too many; collective."""
-        nearly = stiff.find_nearly()
-        most = min(_WASTE * self._count(stiff.nodes), self._limit)
-        return nearly if self._count(nearly) <= most else stiff.nodes
-
-    def _count(self, nodes: npt.NDArray[np.int32]) -> int:
-        """The unknowns of owned nodes; collective."""
-        count: int = self._matrix.getComm().tompi4py().allreduce(len(nodes))
-        return count * self._matrix.getBlockSize()
-
-    def _forget(self) -> None:
-        if self._made is not None:
-            self._made.destroy()
-        self._made = self._filter = None
+    def _release(self, keeps_filter: bool = False) -> None:
+        """Free the projection and the filter; collective."""
+        if self._projection is not None:
+            self._projection.destroy()
+            self._projection = None
+        if self._filter is not None and not keeps_filter:
+            self._filter.destroy()
+            self._filter = None

@@ -134,7 +134,11 @@ class Gmres:
         residual that is left but for rounding.
         """
         self._contexts.follow = follow
-        self._choose()
+        # Flexible GMRES for what is expensive to apply; PETSc frees the memory of the other.
+        kind = _FLEXIBLE if self._multigrid.filters else _GMRES
+        if self._may_choose and self._ksp.getType() != kind:
+            self._ksp.setType(kind)
+            self._ksp.setFromOptions()
         count, size = 0, right.norm()
         for _ in range(_CYCLES):
             if follow is None:
@@ -162,13 +166,6 @@ class Gmres:
         destroy_ksp(self._ksp)
         self._operator.destroy()
         self._left.destroy()
-
-    def _choose(self) -> None:
-        """Take flexible GMRES for what is expensive to apply, and free the other's memory."""
-        kind = _FLEXIBLE if self._multigrid.filters else _GMRES
-        if self._may_choose and self._ksp.getType() != kind:
-            self._ksp.setType(kind)
-            self._ksp.setFromOptions()
 
     def _residual(self, right: PETSc.Vec, x: PETSc.Vec) -> float:
         self._operator.mult(x, self._left)

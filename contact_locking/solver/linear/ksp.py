@@ -40,22 +40,6 @@ _BY_MUMPS: dict[str, Any] = {
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_14": 80,
 }
-_MULTIGRID: dict[str, Any] = {
-    "pc_type": "gamg",
-    # Dropping weak couplings saves no iterations and doubles the set-up.
-    "pc_gamg_threshold": 0.0,
-    "mg_levels_ksp_type": "chebyshev",
-    # With 4 steps CG takes a fifth fewer iterations, and a sixth more time.
-    "mg_levels_ksp_max_it": 2,
-}
-# Node by node: on two ranks with the iterations of one, which SOR, each rank its own rows, has not,
-# and a cycle takes two thirds of its time.
-_BY_NODES: dict[str, Any] = {"mg_levels_pc_type": "pbjacobi"}
-_BY_ROWS: dict[str, Any] = {"mg_levels_pc_type": "sor"}
-# Galerkin products on one rank, with the transpose written out, take half the time.  Matrices of
-# several ranks refuse this way, and the option is for all matrices of a process.
-_PRODUCTS_ON_ONE_RANK: dict[str, Any] = {"matptap_via": "rap"}
-_ITERATIVE: dict[str, Any] = {"ksp_type": "cg", "ksp_rtol": 1e-4, "ksp_max_it": 2000}
 
 
 def default_options(linear: str, dim: int, size: int, comm: Any) -> dict[str, Any]:
@@ -72,12 +56,22 @@ def default_options(linear: str, dim: int, size: int, comm: Any) -> dict[str, An
 
 def iterative_options(comm: Any = None) -> dict[str, Any]:
     """CG with algebraic multigrid."""
-    return _ITERATIVE | multigrid_options()
+    return {"ksp_type": "cg", "ksp_rtol": 1e-4, "ksp_max_it": 2000, **multigrid_options()}
 
 
 def multigrid_options() -> dict[str, Any]:
     """A cycle of algebraic multigrid as a preconditioner."""
-    return _MULTIGRID | (_BY_NODES if _compat.block_jacobi_follows_its_matrix() else _BY_ROWS)
+    return {
+        "pc_type": "gamg",
+        # Dropping weak couplings saves no iterations and doubles the set-up.
+        "pc_gamg_threshold": 0.0,
+        "mg_levels_ksp_type": "chebyshev",
+        # With 4 steps CG takes a fifth fewer iterations, and a sixth more time.
+        "mg_levels_ksp_max_it": 2,
+        # Node by node: on two ranks with the iterations of one, which SOR, each rank its own rows,
+        # has not, and a cycle takes two thirds of its time.
+        "mg_levels_pc_type": "pbjacobi" if _compat.block_jacobi_follows_its_matrix() else "sor",
+    }
 
 
 def is_direct(linear: str, dim: int, size: int) -> bool:
@@ -168,13 +162,12 @@ def configure(
 
     Their prefix is one of their own, so that they take no options of another solver.
     """
-    bare = _PRODUCTS_ON_ONE_RANK if PETSc.COMM_WORLD.size == 1 else {}
     is_other = option("pc_type", defaults, overrides, prefix) != defaults.get("pc_type")
     if is_other and defaults.items() >= _BY_CHOLMOD.items():
         # CHOLMOD has nothing but Cholesky's factorisation.
         others = {key: value for key, value in defaults.items() if key not in _BY_CHOLMOD}
         defaults = others | _BY_MUMPS
-    options = InsertedOptions(defaults, overrides, prefix, bare)
+    options = InsertedOptions(defaults, overrides, prefix)
     try:
         for solver in solvers:
             solver.setOptionsPrefix(options.prefix)

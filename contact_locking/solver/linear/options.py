@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from petsc4py import PETSc
@@ -15,6 +15,10 @@ from contact_locking.errors import InputError
 PREFIX = "contact_locking_"
 
 _NUMBERS = itertools.count(1)
+
+# Galerkin products on one rank, with the transpose written out, take half the time.  Matrices of
+# several ranks refuse this way, and PETSc asks for it without a prefix.
+_PRODUCTS_ON_ONE_RANK: dict[str, Any] = {"matptap_via": "rap"}
 
 # A name of an option is one word.
 _NAME = re.compile(r"[A-Za-z]\w*")
@@ -53,7 +57,7 @@ class InsertedOptions:
     the last solve: levels of multigrid and factorisations ask for theirs when they are set up, and
     again whenever that is repeated.  Options that the user has in the database under the prefix
     that is given (``-contact_locking_...``) win over those of ``overrides``, and those over
-    ``defaults``.  ``bare`` are those that PETSc asks for without a prefix.
+    ``defaults``.
     """
 
     def __init__(
@@ -61,30 +65,28 @@ class InsertedOptions:
         defaults: Mapping[str, Any],
         overrides: Mapping[str, Any] | None = None,
         prefix: str = PREFIX,
-        bare: Mapping[str, Any] | None = None,
     ) -> None:
         self.prefix, self._shared = f"solver{next(_NUMBERS)}_{prefix}", prefix
         self._user = overrides if isinstance(overrides, UserOptions) else UserOptions()
-        own = {name.lower(): value for name, value in of_prefix(overrides or {}, prefix).items()}
         self._of_database = PETSc.Options(prefix).getAll()
-        self._ours = {**defaults, **own, **self._of_database}
+        self._ours = {**defaults, **of_prefix(overrides or {}, prefix), **self._of_database}
         database = PETSc.Options(self.prefix)
         for key, value in self._ours.items():
             database.setValue(key, value)
+        bare = _PRODUCTS_ON_ONE_RANK if PETSc.COMM_WORLD.size == 1 else {}
         present = PETSc.Options().getAll()
-        self._bare = {name: value for name, value in (bare or {}).items() if name not in present}
+        self._bare = {name: value for name, value in bare.items() if name not in present}
         for name, value in self._bare.items():
             PETSc.Options().setValue(name, value)
 
     def remove(self) -> None:
         """Take them out again, and remember which were asked for; more than once does no harm."""
-        database, part = PETSc.Options(self.prefix), _part(self._shared)
+        database, part = PETSc.Options(self.prefix), self._shared.removeprefix(PREFIX)
         for key in self._ours:
-            is_used = _compat.petsc_option_used(self.prefix + key)
-            if is_used and key in self._of_database:
-                # To ask for it makes it used.
-                PETSc.Options(self._shared).hasName(key)
-            elif is_used:
+            if _compat.petsc_option_used(self.prefix + key):
+                if key in self._of_database:
+                    # To ask for it makes it used.
+                    PETSc.Options(self._shared).hasName(key)
                 self._user.used |= {name for name in self._user if name.lower() == part + key}
             database.delValue(key)
         for name in self._bare:
@@ -94,38 +96,29 @@ class InsertedOptions:
 
 def of_prefix(options: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     """The options of the user for the solvers under a prefix, without what it adds to PREFIX."""
-    part = _part(prefix)
-    return {name[len(part) :]: value for name, value in options.items() if name.startswith(part)}
+    part = prefix.removeprefix(PREFIX)
+    return {
+        name.removeprefix(part).lower(): value
+        for name, value in options.items()
+        if name.startswith(part)
+    }
 
 
-def _part(prefix: str) -> str:
-    return prefix[len(PREFIX) :] if prefix.startswith(PREFIX) else ""
+def require_usable(options: Mapping[str, Any], section: str | None = None) -> None:
+    """Raise InputError for the first name that is no word, has our prefix, or may do harm.
 
-
-def require_names(names: Iterable[str], section: str | None = None) -> None:
-    """Raise InputError for the first name that is not one word, or that has our prefix.
-
-    PETSc has no list of its options.  A misspelt one has no effect, and the warning about options
-    that PETSc has not used names it after the solve.  ``section`` is the key of the study file that
-    holds the names.
-    """
-    for name in names:
-        key = None if section is None else f"{section}.{name}"
-        shown = "" if section else f"-{name}: "
-        if name.startswith(PREFIX):
-            raise InputError(f"{shown}leave out {PREFIX}, which is put before it anyway", key)
-        if not _NAME.fullmatch(name):
-            raise InputError(f"{shown}the name of a PETSc option is one word, as in ksp_type", key)
-
-
-def require_harmless(options: Mapping[str, Any], section: str | None = None) -> None:
-    """Raise InputError for the first option by which PETSc runs code, or writes or reads a file.
-
-    A study file may come from anybody.  ``section`` is the key of the study file that holds them.
+    By a harmful option PETSc runs code, or writes or reads a file; a study file may come from
+    anybody.  PETSc has no list of its options.  A misspelt one has no effect, and the warning about
+    options that PETSc has not used names it after the solve.  ``section`` is the key of the study
+    file that holds the options.
     """
     for name, value in options.items():
         key, shown = (f"{section}.{name}", "") if section else (None, f"-{name}: ")
         lower, text = name.lower(), "" if value is None else str(value).strip()
+        if name.startswith(PREFIX):
+            raise InputError(f"{shown}leave out {PREFIX}, which is put before it anyway", key)
+        if not _NAME.fullmatch(name):
+            raise InputError(f"{shown}the name of a PETSc option is one word, as in ksp_type", key)
         # "python" as a type imports a module, and a colon stands before the name of a file.
         if _HARMFUL.search(lower) or text.lower().startswith("python"):
             raise InputError(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 from petsc4py import PETSc
 
 IN_BLOCKS, BY_ENTRY = "baij", "aij"
@@ -43,22 +42,10 @@ class Unblocked:
             self._copy.destroy()
 
 
-def stacked(matrices: Sequence[PETSc.Mat], like: PETSc.Mat) -> PETSc.Mat:
-    """The rows of the matrices, one matrix after another on each rank; collective.
-
-    The matrices have the columns of ``like`` and are destroyed.
-    """
-    lengths, columns, values = [], [], []
-    for matrix in matrices:
-        ends, where, what = matrix.getValuesCSR()
-        lengths.append(np.diff(ends))
-        columns.append(where)
-        values.append(what)
-        matrix.destroy()
-    each = np.concatenate(lengths)
-    ends = np.append(0, np.cumsum(each)).astype(PETSc.IntType)
-    return PETSc.Mat().createAIJ(
-        ((len(each), None), like.getSizes()[1]),
-        csr=(ends, np.concatenate(columns), np.concatenate(values)),
-        comm=like.getComm(),
-    )
+def stacked(matrices: Sequence[PETSc.Mat]) -> PETSc.Mat:
+    """The rows of the matrices, one matrix after another on each rank, which it destroys."""
+    nest = PETSc.Mat().createNest([[matrix] for matrix in matrices], comm=matrices[0].getComm())
+    rows = nest.convert(BY_ENTRY, PETSc.Mat())
+    for item in (nest, *matrices):
+        item.destroy()
+    return rows

@@ -182,11 +182,11 @@ class KspTangents(TangentSolver):
         if self._listener is not None:
             self._listener.raise_kept()
         self._iterations += self._ksp.getIterationNumber()
+        # Unlike CHOLMOD, MUMPS counts negative pivots and goes on.
         pc = self._ksp.getPC()
-        if pc.getType() == PETSc.PC.Type.CHOLESKY and pc.getFactorSolverType() == "mumps":
-            # Unlike CHOLMOD, MUMPS counts negative pivots and goes on.
-            if pc.getFactorMatrix().getMumpsInfog(12) > 0:
-                raise PETSc.Error(_NOT_DEFINITE)
+        by_mumps = pc.getType() == "cholesky" and pc.getFactorSolverType() == "mumps"
+        if by_mumps and pc.getFactorMatrix().getMumpsInfog(12) > 0:
+            raise PETSc.Error(_NOT_DEFINITE)
 
     def destroy(self) -> None:
         self._unblocked.destroy()
@@ -232,7 +232,7 @@ class MultigridTangents(TangentSolver):
     def refresh(self, assemble: Assemble, split: Callable[[], StiffPart]) -> None:
         """The tangent has new values; its matrix gets none where it is projected."""
         self._stiff = split()
-        self._can_filter = self._multigrid.can_filter(self._stiff)
+        self._can_filter = self._multigrid.count(self._stiff.nodes) > 0
         self._projects = self._multigrid.must_project(self._stiff)
         patience = self._patience_of_projection if self._projects else _PATIENCE[self._dim]
         self._patience = min(patience, self._gmres.max_iterations)
@@ -244,9 +244,10 @@ class MultigridTangents(TangentSolver):
         filters = self._filters and self._can_filter
         if not (filters and self._projects):
             assemble(self._matrix)
-        self._multigrid.refresh(self._stiff if filters else None)
-        if self._smooths_more and not filters:
-            self._multigrid.smooth_more()
+        if filters:
+            self._multigrid.refresh(self._stiff)
+        else:
+            self._multigrid.refresh(smooths_more=self._smooths_more)
 
     def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         self._multigrid.multiply(x, y)
