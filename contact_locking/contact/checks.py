@@ -131,7 +131,7 @@ def _check_coefficient(mu: Any, require: Callable[..., None]) -> None:
         "(k,) such as lambda x, s: 0.1 + 0.2*x[:, 0]"
     )
     require(_is_number(mu) or _is_function(mu), "friction", wanted, mu)
-    require(not isinstance(mu, Real) or mu >= 0.0, "friction", f"mu must be >= 0, not {mu}")
+    require(not isinstance(mu, Real) or float(mu) >= 0.0, "friction", f"mu must be >= 0, not {mu}")
 
 
 def _is_number(value: Any) -> bool:

@@ -81,14 +81,14 @@ class Tools(Sequence[FreeMotion]):
         found: list[float] = []
         for balance, sizes in self._of_foundations():
             found += sizes if balance.tools[0].acts else balance.touching(u, sizes)
-        self.travels = found
+        self.travels = tuple(found)
 
     def settle(self, u: fem.Function) -> None:
         """Move each foundation to where the penalty laws hold its forces."""
         found: list[float] = []
         for balance, sizes in self._of_foundations():
             found += balance.settled(u, sizes)
-        self.travels = found
+        self.travels = tuple(found)
 
     def borders(
         self, u: fem.Function, floor: float
@@ -160,11 +160,11 @@ class _Balance:
         left, slopes = left_at(sizes)
         for _ in range(_MOST_STEPS):
             step = np.asarray(np.linalg.solve(slopes + _FLOOR * state.whole, left), dtype=float)
-            start = float(left @ step)
+            gain = float(left @ step)
             moved = state.way(step)
-            if not start > 0.0 or moved <= _ROUNDING * state.size:
+            if not gain > 0.0 or moved <= _ROUNDING * state.size:
                 break
-            t = self._length_of(lambda t: float(left_at(sizes + t * step)[0] @ step), start)  # noqa: B023
+            t = self._length_of(lambda t: float(left_at(sizes + t * step)[0] @ step), gain)  # noqa: B023
             sizes = sizes + t * step
             left, slopes = left_at(sizes)
         return tuple(sizes)

@@ -152,7 +152,8 @@ class Material:
         if given.stress is None and given.stiffness is None:
             in_space = self._lame()
             lame = self._of_plane(in_space)
-            for field, row in zip(self._lame_fields, lame, strict=True):
+            rows: list[FloatArray] = list(lame)
+            for field, row in zip(self._lame_fields, rows, strict=True):
                 if isinstance(field, fem.Constant):
                     field.value = least(domain, row)
                 else:

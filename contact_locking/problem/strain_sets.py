@@ -56,6 +56,10 @@ class StrainSet(ABC):
 
     #: Whether multipliers are tensors, and not scalars.
     has_tensors: ClassVar[bool] = True
+    #: The multiplier y of the penalty law for ``L eps``, 1/M and n.
+    penalty_stress: ClassVar[staticmethod[[Expr, Expr, Expr], Expr]]
+    #: The density of the penalty, whose derivative is ``penalty_stress``.
+    penalty_energy: ClassVar[staticmethod[[Expr, Expr, Expr], Expr]]
 
     name: str
     inverse_limit: fem.Function
@@ -77,16 +81,6 @@ class StrainSet(ABC):
     @abstractmethod
     def size(self, measured: Expr) -> Expr:
         """``|L eps|`` or ``L eps``, which is at most M in the set."""
-
-    @staticmethod
-    @abstractmethod
-    def penalty_stress(measured: Expr, inverse_limit: Expr, n: Expr) -> Expr:
-        """The multiplier y of the penalty law for ``L eps``, 1/M and n."""
-
-    @staticmethod
-    @abstractmethod
-    def penalty_energy(measured: Expr, inverse_limit: Expr, n: Expr) -> Expr:
-        """The density of the penalty, whose derivative is :meth:`penalty_stress`."""
 
     def multiplier(self, eps: Expr, n: Expr) -> Expr:
         """The multiplier y of the penalty law."""

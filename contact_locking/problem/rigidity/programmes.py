@@ -34,7 +34,7 @@ def loose_motion(
     With friction the bound is not known yet: a motion counts only if it leaves the foundation at
     all nodes with friction, ``contact c < 0``, and slides at none, so that friction does no work.
     """
-    normal, push = contact / _size_of(contact), work / _size_of(work)
+    normal, push = _scaled(contact), _scaled(work)
     rows = np.vstack([normal, -push])
     if not rubs.any():
         slides = sliding_motions(normal)
@@ -51,6 +51,10 @@ def loose_motion(
     # Of the motions away from the foundation the loads drive this one most: about an edge.
     driven = _unresisted(rows @ straight, push @ straight)
     return np.asarray(straight @ (leaving if driven is None else driven))
+
+
+def _scaled(values: FloatArray) -> FloatArray:
+    return np.asarray(values / _size_of(values), dtype=float)
 
 
 def _size_of(values: FloatArray) -> float:
@@ -109,7 +113,7 @@ def unheld_motion(
     the best for the derivatives at those before, which are lower bounds of r.
     """
     size = _size_of(normals)
-    rows, push = normals / size, work / _size_of(work)
+    rows, push = _scaled(normals), _scaled(work)
     for _ in range(_CUTS):
         found = _best(push, rows)
         if found is None or found[1] < 1e-3:
