@@ -44,7 +44,7 @@ Touching = tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]
 
 
 class FileNumbers(NamedTuple):
-    """The numbers of all nodes and cells in the file, in the order of the given arrays."""
+    """The numbers in the file of the local nodes, 0 for middles of edges, and of local cells."""
 
     nodes: IntArray
     cells: IntArray
@@ -71,13 +71,15 @@ class DistributedCells:
         self._kind = NAMED[topology.cell_name()]
         facets = topology.connectivity(dim, dim - 1).array
         self.facets = facets.reshape(-1, len(self._kind.facets))[:owned]
-        nodes = np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
-        cells = np.asarray(topology.original_cell_index[:owned], dtype=np.int64)
-        if numbers is not None:
-            nodes, cells = numbers.nodes[nodes], numbers.cells[cells]
+        if numbers is None:
+            numbers = FileNumbers(
+                np.asarray(mesh.geometry.input_global_indices, dtype=np.int64),
+                np.asarray(topology.original_cell_index, dtype=np.int64),
+            )
         corners = np.asarray(_compat.cell_corners(mesh)[:owned], dtype=np.int64)
         points = np.array(mesh.geometry.x[:, :dim])
-        self.data = MeshData(dim, points, nodes, MeshElements.unnamed(corners, cells))
+        cells = MeshElements.unnamed(corners, numbers.cells[:owned])
+        self.data = MeshData(dim, points, numbers.nodes, cells)
         both = np.stack([np.ones_like(self.facets, dtype=float), self._signs()], axis=2)
         sums = summed(self._map, self.facets, both)
         self.shared: IntArray = np.rint(sums[:, 0]).astype(np.int64)

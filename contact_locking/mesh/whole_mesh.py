@@ -129,8 +129,9 @@ def spread(mesh: WholeMesh | None, comm: MPI.Intracomm) -> Domain:
         assert mesh is not None
         return mesh.data
 
-    domain = sound(on_first_rank(comm, data), comm, "")
+    first = on_first_rank(comm, data)
+    domain = sound(first, comm, "")
     parts: IntArray = np.empty(0, dtype=np.int64) if mesh is None else mesh.parts
     names = ("part_names", "unusable", "warnings", "origin", "smoothing_radii")
     facts = comm.bcast({name: getattr(mesh, name) for name in names} if mesh else {})
-    return replace(domain, parts=of_cells(domain.mesh, parts), is_refined=True, **facts)
+    return replace(domain, parts=of_cells(domain.mesh, first.cells.nodes, parts).astype(np.int32), is_refined=True, **facts)

@@ -172,7 +172,7 @@ def test_a_checkpoint_belongs_to_its_element(comm: MPI.Intracomm, tmp_path: Path
     again = solve_assembled(assemble(benchmark(4), comm, element=P2), restart=folder)
     assert again.converged and again.summary["iterations"]["tangents"] == 0
     assert again.summary["compliance"] == pytest.approx(solution.summary["compliance"], rel=1e-12)
-    with pytest.raises(InputError, match="elements of degree 2, and the study has degree 1"):
+    with pytest.raises(InputError, match="the checkpoint has 2, and the study has 1"):
         solve_assembled(assemble(benchmark(4), comm), restart=folder)
 
 

@@ -135,7 +135,7 @@ def difference_in_size(record: Record, problem: StudyProblem) -> str:
         if there != here:
             was, now = str(there).lower(), str(here).lower()
             raise InputError(
-                f"the checkpoint has {key}: {was}, and the study has {now}; restart with {was}", key
+                f"the checkpoint has {was}, and the study has {now}; restart with {key}: {was}", key
             )
     nodes = int(problem.u.function_space.dofmap.index_map.size_global)
     found, saved = (
