@@ -134,4 +134,5 @@ def spread(mesh: WholeMesh | None, comm: MPI.Intracomm) -> Domain:
     parts: IntArray = np.empty(0, dtype=np.int64) if mesh is None else mesh.parts
     names = ("part_names", "unusable", "warnings", "origin", "smoothing_radii")
     facts = comm.bcast({name: getattr(mesh, name) for name in names} if mesh else {})
-    return replace(domain, parts=of_cells(domain.mesh, first.cells.nodes, parts).astype(np.int32), is_refined=True, **facts)
+    local = of_cells(domain.mesh, first.cells.nodes, parts).astype(np.int32)
+    return replace(domain, parts=local, is_refined=True, **facts)
