@@ -167,7 +167,7 @@ def _static(
     state = solver.state(report)
     certificate = certified(problem.parameters, state)
     solution = of_study(problem, state, certificate, solver.derivatives(report))
-    told = {"warnings": [*solution.summary["warnings"], *solver.unused_options()]}
+    told: dict[str, Any] = {"warnings": [*solution.summary["warnings"], *solver.unused_options()]}
     if sensitivities is not None:
         if solution.converged:
             monitor.message("computing derivatives")

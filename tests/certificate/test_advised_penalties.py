@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import pytest
@@ -15,7 +16,7 @@ from contact_locking import solve
 pytestmark = pytest.mark.serial
 
 
-def solved(**penalty: Any) -> tuple[dict[str, Any], float]:
+def solved(**penalty: Any) -> tuple[Mapping[str, Any], float]:
     """The summary of the block, and its largest displacement."""
     solution = solve(block(h=0.25, material__locking_limit=0.02, **penalty))
     assert solution.converged, solution.summary["reason"]

@@ -161,10 +161,10 @@ def _with_two_contacts(solution: StudySolution) -> StudySolution:
     turned = {name: getattr(points, name)[:, swapped] for name in ("x", "normal", "u_tangent")}
     left = replace(points, **turned, traction=points.traction[:, swapped])
     both = joined([(points, facets), (left, facets)], dim)
-    tables = dict(zip(("contact_points", "contact_facets"), both, strict=True))
-    at_root = tables if solution.contact_points is not None else {}
-    changed = replace(solution, contacts=_nodal(both[0]), **at_root)
-    return changed.telling(contacts=entries)
+    changed = replace(solution, contacts=_nodal(both[0])).telling(contacts=entries)
+    if solution.contact_points is None:
+        return changed
+    return replace(changed, contact_points=both[0], contact_facets=both[1])
 
 
 KINDS: dict[str, Callable[[StudySolution], StudySolution] | None] = {
