@@ -23,7 +23,7 @@ def solved(**penalty: Any) -> tuple[Mapping[str, Any], float]:
     return solution.summary, float(abs(solution.displacement.x.array).max())
 
 
-def advised(summary: dict[str, Any], key: str) -> float:
+def advised(summary: Mapping[str, Any], key: str) -> float:
     """The value of a key in the one warning that names the key."""
     (warning,) = [text for text in summary["warnings"] if f"{key}: " in text]
     found = re.search(rf"{key}: (\S+) leaves about 1 %", warning)
