@@ -104,9 +104,9 @@ class Steps(Iterator[StudySolution]):
     ``problem`` may be changed between two steps; ``history`` has the numbers of the steps so far.
     After a step that does not converge, whatever its length, the iteration ends with the state that
     was reached.  Raises InputError, with the time, for data that cannot be used at a time; after a
-    first step this is ProcessEnded.  ``saved`` are the checkpoints of
-    steps that were solved earlier: they are read and judged again, and the iteration goes on from
-    the last of them.  Whoever stops earlier calls :meth:`close`, on all ranks.
+    first step this is ProcessEnded.  ``saved`` are the checkpoints of steps that were solved
+    earlier: they are read and judged again, and the iteration goes on from the last of them.
+    Whoever stops earlier calls :meth:`close`, on all ranks.
     """
 
     def __init__(

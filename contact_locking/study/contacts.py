@@ -113,10 +113,7 @@ FOUNDATIONS: dict[str, Callable[[Any, Placement], Built]] = {
 
 
 def build(shape: str, given: Any, placement: Placement) -> tuple[Foundation, list[str]]:
-    """The foundation of a shape, and warnings; collective.
-
-    Raises InputError with the key of the shape.
-    """
+    """The foundation of a shape, and warnings; collective.  Raises InputError with its key."""
     key = f"{placement.key}.{shape}"
     try:
         foundation, warnings = FOUNDATIONS[shape](given, placement)
