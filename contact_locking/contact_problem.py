@@ -165,8 +165,8 @@ class ContactProblem:
         # Derivatives of a step need those of the memory that it began with.
         derivatives = solver.derivatives(report) if after is None else None
         solution = self._solution(report, extras, certificate, derivatives)
-        solution.summary["warnings"] += solver.unused_options()
-        return _in_script(solution)
+        told = [*solution.summary["warnings"], *solver.unused_options()]
+        return _in_script(solution.telling(warnings=told))
 
     @script_names()
     def equilibria(
@@ -186,8 +186,7 @@ class ContactProblem:
         found: list[Solution] = []
         for item in solver.equilibria(report, find):
             solution = self._solution(item.report, extras)
-            solution.summary["index"] = item.index
-            found.append(_in_script(solution))
+            found.append(_in_script(solution.telling(index=item.index)))
         return found
 
     @script_names()
@@ -258,8 +257,7 @@ class ContactProblem:
 
 
 def _in_script(solution: Solution) -> Solution:
-    solution.summary.update(in_script(solution.summary))
-    return solution
+    return solution.telling(**in_script(solution.summary))
 
 
 def _check(a: Any, L: Any, n: Any, compliance: float | None) -> None:
