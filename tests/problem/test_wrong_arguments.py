@@ -161,7 +161,7 @@ WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str, str]]
         "L",
     ),
     "one condition alone": (
-        lambda space: {"bcs": cl.Support(np.array([0]), "normal")},
+        lambda space: {"bcs": cl.Support(np.array([0]))},
         "must be a list, not Support",
         "bcs",
     ),
