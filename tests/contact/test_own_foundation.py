@@ -147,6 +147,15 @@ def test_an_edge_of_an_own_foundation_carries_the_load(
         assert touching == pytest.approx(0.5, abs=0.11)
 
 
+def test_a_node_on_a_sharp_edge_of_an_own_foundation_has_a_distance(
+    monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm
+) -> None:
+    wedge = Wedge((0.4, -0.002), ((0.6, 0.8), (-0.8, 0.6)))
+    monkeypatch.setitem(FOUNDATIONS, "half_space", lambda section, placement: wedge)
+    solution = on({"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}, 2, comm)
+    assert not [text for text in solution.summary["warnings"] if "contact_normal" in text]
+
+
 class Bore(Section):
     centre: Point = entry(..., "its centre", "length")
     semi_axes: Point = entry(..., "its semi-axes", "length")
