@@ -22,7 +22,7 @@ from contact_locking.parallel import agree, minimum, on_every_rank
 
 # The vectors of the foundations of this package.
 _VECTORS = ("point", "normal", "centre", "axis")
-# A pressure in any unit that is slight, where a bound shows its sign.
+# At this pressure, slight in every unit, a friction bound shows its sign; at 0 it may be 0.
 _SLIGHT = 1e-12
 
 
@@ -80,7 +80,7 @@ def check(given: Contact, dim: int) -> None:
 def check_friction(contact: NodalContact) -> None:
     """Raise InputError for a mu or a user's own bound that is not from 0 up at each point.
 
-    These are those without slip, and the bound is that of a slight pressure.  Collective.
+    Both are evaluated without slip, and the bound at a slight pressure.  Collective.
     """
     law, points, comm = contact.friction.law, contact.surface.points, contact.surface.domain.comm
     key, mu = f"{contact.key}.friction", np.zeros(len(points))

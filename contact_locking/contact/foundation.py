@@ -212,7 +212,8 @@ def _slope_of_own(body: Foundation, x: FloatArray, step: float) -> FloatArray:
     """
     way, here = step * body.contact_normal(x), body.gap(x)
     found = np.stack([here - body.gap(x + way), body.gap(x - way) - here]) / step
-    nearer = np.argmin(np.abs(found - 1.0), axis=0)
+    # A gap need not be finite beside Gamma_C.
+    nearer = np.argmin(np.nan_to_num(np.abs(found - 1.0), nan=np.inf), axis=0)
     return np.asarray(found[nearer, np.arange(len(here))])
 
 
@@ -397,7 +398,7 @@ class RigidFoundation(PlacedFoundation):
                     "divided by the length, which is the distance near its zeros only"
                 )
         if self._is_own:
-            # Of what is far away the size of the gap alone matters, which need not be right.
+            # Where the foundation is far away the body does not get to it.
             near = surface.points[np.abs(gap) <= surface.domain.extent].T
             at_rest, step = self.motion().origin(near), _STEP * surface.domain.extent
             slope = self._evaluated(lambda x: _slope_of_own(body, x, step), at_rest)

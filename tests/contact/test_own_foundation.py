@@ -150,7 +150,8 @@ def test_an_edge_of_an_own_foundation_carries_the_load(
 def test_a_node_on_a_sharp_edge_of_an_own_foundation_has_a_distance(
     monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm
 ) -> None:
-    wedge = Wedge((0.4, -0.002), ((0.6, 0.8), (-0.8, 0.6)))
+    side = math.sqrt(0.5)
+    wedge = Wedge((0.4, -0.002), ((side, side), (-side, side)))
     monkeypatch.setitem(FOUNDATIONS, "half_space", lambda section, placement: wedge)
     solution = on({"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}, 2, comm)
     assert not [text for text in solution.summary["warnings"] if "contact_normal" in text]
