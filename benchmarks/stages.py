@@ -124,8 +124,7 @@ def solved(parameters: Parameters, stages: Stages) -> StudySolution:
         state = solver.state(outcome)
         judged = certified(parameters, state)
     with stages.stage("fields and summary"):
-        solution = of_study(problem, state, judged)
-        solution.summary["version"] = __version__
+        solution = of_study(problem, state, judged).telling(version=__version__)
         problem.close()
     return solution
 

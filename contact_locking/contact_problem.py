@@ -92,8 +92,9 @@ class ContactProblem:
         settings: Settings | None = None,
         monitor: Monitor | None = None,
     ) -> None:
+        _check(a, L, n, compliance)
+        _check_lists(bcs=bcs, limits=limits, contacts=contacts)
         space = space or _space_of(a, L)
-        _check(L, limits, n, compliance)
         if axisymmetric and not isinstance(a, Elasticity):
             raise InputError("must be an Elasticity for an axisymmetric body", "a")
         if limits_of not in ("total", "elastic"):
@@ -164,8 +165,8 @@ class ContactProblem:
         # Derivatives of a step need those of the memory that it began with.
         derivatives = solver.derivatives(report) if after is None else None
         solution = self._solution(report, extras, certificate, derivatives)
-        solution.summary["warnings"] += solver.unused_options()
-        return _in_script(solution)
+        told = [*solution.summary["warnings"], *solver.unused_options()]
+        return _in_script(solution.telling(warnings=told))
 
     @script_names()
     def equilibria(
@@ -185,8 +186,7 @@ class ContactProblem:
         found: list[Solution] = []
         for item in solver.equilibria(report, find):
             solution = self._solution(item.report, extras)
-            solution.summary["index"] = item.index
-            found.append(_in_script(solution))
+            found.append(_in_script(solution.telling(index=item.index)))
         return found
 
     @script_names()
@@ -257,20 +257,28 @@ class ContactProblem:
 
 
 def _in_script(solution: Solution) -> Solution:
-    solution.summary.update(in_script(solution.summary))
-    return solution
+    return solution.telling(**in_script(solution.summary))
 
 
-def _check(L: ufl.Form | None, limits: Sequence[Any], n: Any, compliance: float | None) -> None:
-    if L is not None and len(L.arguments()) != 1:
-        raise InputError("must be a linear form, with a test function alone", "L")
+def _check(a: Any, L: Any, n: Any, compliance: float | None) -> None:
+    if not isinstance(a, ufl.Form | Elasticity):
+        wanted = "a form, such as inner(sigma(u), eps(v))*dx, or an Elasticity"
+        raise InputError(f"must be {wanted}, not {type(a).__name__}", "a")
+    if L is not None and not (isinstance(L, ufl.Form) and len(L.arguments()) == 1):
+        raise InputError("must be a linear form, with a test function alone: inner(f, v)*dx", "L")
     if not isinstance(n, Real):
         raise InputError(f"must be a number or infinity, not {type(n).__name__}", "n")
     if not float(n) > 0.0:
         raise InputError(f"must be > 0, not {n}", "n")
     if compliance is not None and not compliance >= 0.0:
         raise InputError(f"must be >= 0, not {compliance}", "compliance")
-    for item in limits:
+
+
+def _check_lists(**lists: Any) -> None:
+    for key, items in lists.items():
+        if not isinstance(items, Sequence):
+            raise InputError(f"must be a list, not {type(items).__name__}", key)
+    for item in lists["limits"]:
         if not callable(getattr(item, "on", None)):
             wanted = "limits of the strain, such as StrainBall(0.02)"
             raise InputError(f"must be {wanted}, not {type(item).__name__}", "limits")

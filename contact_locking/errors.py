@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import contextlib
 import errno
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
@@ -50,6 +50,17 @@ class Misplaced(InputError):
 
     A foundation that moves may have been in a place that is right before.
     """
+
+
+class ProcessEnded(InputError):
+    """Data cannot be used at a time, so that a process ends with the solution before.
+
+    ``entries`` are those of the summary of this solution that tell so.
+    """
+
+    def __init__(self, message: str, key: str | None, entries: Mapping[str, Any]) -> None:
+        super().__init__(message, key)
+        self.entries = entries
 
 
 class NoDerivatives(InputError):

@@ -143,10 +143,11 @@ def test_docstrings_refer_to_modules_that_exist() -> None:
 def written(tree: ast.AST) -> Iterator[tuple[str, str]]:
     """The objects and attributes that a piece of code assigns to, also to an element of one."""
     for node in ast.walk(tree):
-        part = node.value if isinstance(node, ast.Subscript) else node
-        is_stored = isinstance(getattr(node, "ctx", None), ast.Store)
-        if is_stored and isinstance(part, ast.Attribute):
-            yield ast.unparse(part.value), part.attr
+        is_stored = isinstance(getattr(node, "ctx", None), ast.Store | ast.Del)
+        while isinstance(node, ast.Subscript):
+            node = node.value
+        if is_stored and isinstance(node, ast.Attribute):
+            yield ast.unparse(node.value), node.attr
 
 
 def test_no_module_but_those_of_contacts_writes_to_a_contact_or_its_friction() -> None:
@@ -165,6 +166,21 @@ def test_no_module_but_those_of_contacts_writes_to_a_contact_or_its_friction() -
         if not module.startswith("contact_locking.contact.")
         for owner, name in written(tree_of(module))
         if name in names and owner != "self"
+    ]
+
+
+def test_no_module_writes_into_the_summary_of_a_solution() -> None:
+    """`Solution.telling` returns the solution with further entries."""
+    changing = re.compile(
+        r"\.summary(\[[^]]*\])*\.(append|extend|insert|pop|setdefault|update|clear)\("
+    )
+    assert changing.search('last.summary["warnings"].append(text)')
+    assert [*written(ast.parse('last.summary["steps"]["time"] += 1'))] == [("last", "summary")]
+    assert not [
+        module
+        for module, path in FILES.items()
+        if changing.search(path.read_text(encoding="utf-8"))
+        or any(name == "summary" for _, name in written(tree_of(module)))
     ]
 
 

@@ -133,7 +133,7 @@ def test_the_summary_and_its_reference_have_the_same_keys() -> None:
         from_mapping(given | {"equilibria": {"find": 1}, "branches": {"to": 0.1}})
     )
     several = {key: one.summary[key] for key in ("index", "equilibria", "branches")}
-    found = adapted.summary | {"steps": step.summary["steps"], "x": float("inf")} | several
+    found = adapted.telling(steps=step.summary["steps"], x=float("inf"), **several).summary
     summary = json.loads(summary_text(found))
     del summary["x"]
     page = generated_reference.fill((DOCS / "reference" / "summary.md").read_text())

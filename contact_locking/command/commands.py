@@ -86,7 +86,9 @@ def run(arguments: argparse.Namespace) -> int:
                 solution, warnings = run_steps(
                     parameters, directory, comm, monitor, arguments.petsc, restart, save_state
                 )
-    for warning in solution.summary["warnings"] if arguments.quiet else warnings:
+    if arguments.quiet:
+        warnings = [*solution.summary["warnings"], *warnings]
+    for warning in warnings:
         terminal.complain(f"warning: {warning}")
     if speaks:
         outcome = [*in_words.rows(solution.summary), ("results in", str(directory))]

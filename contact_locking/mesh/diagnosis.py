@@ -113,9 +113,8 @@ class DistributedCells:
         ``groups`` are local facets by name.  Raises InputError, on all ranks, if the mesh cannot be
         a body.
         """
-        found: list[str] = []
         # Of a small mesh a rank may have no cells.
-        agree(self.comm, lambda: check_cells(self.data, found) if len(self.facets) else None)
+        found = agree(self.comm, lambda: check_cells(self.data) if len(self.facets) else [])
         # Of the cells of all ranks that cause the same warning the first rank names one.
         warnings: list[str] = next(filter(None, self.comm.allgather(found)), [])
         agree(self.comm, self._check_folds)
@@ -205,8 +204,8 @@ class DistributedCells:
         return signs
 
 
-def check_cells(mesh: MeshData, warnings: list[str]) -> None:
-    """Raise InputError for a cell that has collapsed or is folded."""
+def check_cells(mesh: MeshData) -> list[str]:
+    """Warnings of thin cells.  Raises InputError for a cell that has collapsed or is folded."""
     cells, kind = mesh.cells.nodes, mesh.kind
     length = longest_edges(mesh.points, cells)
     # A collapsed cell may have a volume from the rounding of its coordinates.
@@ -229,11 +228,12 @@ def check_cells(mesh: MeshData, warnings: list[str]) -> None:
             f"; the corners of a {kind.name} must be convex and in Gmsh's order"
         )
     thin = share < _NEARLY_COLLAPSED
-    if thin.any():
-        warnings.append(
-            f"{places.cell(mesh, int(np.argmax(thin)))} has nearly collapsed"
-            f"{places.more(int(thin.sum()))}; digits are lost where a {kind.name} is so thin"
-        )
+    if not thin.any():
+        return []
+    return [
+        f"{places.cell(mesh, int(np.argmax(thin)))} has nearly collapsed"
+        f"{places.more(int(thin.sum()))}; digits are lost where a {kind.name} is so thin"
+    ]
 
 
 def connected_parts(mesh: dmesh.Mesh) -> tuple[IndexArray, int]:

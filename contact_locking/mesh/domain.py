@@ -310,7 +310,7 @@ def from_geometry(
             mesh = extract(model, origin)
         check_curved(mesh)
         if not mesh.kind.is_simplex:
-            check_cells(mesh, [])
+            check_cells(mesh)
         return mesh
 
     def made() -> Domain:

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
+from ufl.algorithms import compute_form_data
 from ufl.algorithms.analysis import extract_arguments, extract_type
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
+from ufl.algorithms.check_arities import ArityMismatch
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import SMALLEST, FloatArray
@@ -291,9 +293,18 @@ def _unit(pair: tuple[int, int], size: int) -> Expr:
 def split(a: ufl.Form) -> tuple[ufl.Form, ufl.Form | None]:
     """The work of stresses in ``a(u, v)``, and the integrals on facets and of u and v themselves.
 
-    The second form is None without any.  Raises InputError for an integral over cells with both.
+    The second form is None without any.  Raises InputError for a form that is not bilinear, and for
+    an integral over cells with both.
     """
-    v, u = a.arguments()
+    try:
+        compute_form_data(a)  # with UFL's check of the arguments
+        v, u = a.arguments()
+    except (ArityMismatch, ValueError):
+        raise InputError(
+            "must be bilinear: linear in the trial function and in the test function; the energy "
+            "of a nonlinear law is an argument of its own, energy",
+            "a",
+        ) from None
     eye = ufl.Identity(u.ufl_shape[0])
     of_stress, others = [], []
     for integral in a.integrals():

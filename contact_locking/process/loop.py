@@ -21,7 +21,7 @@ from typing import Any
 from contact_locking.certificate.energy import EnergyBalance, Moment, energy_balance
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.errors import InputError, Misplaced
+from contact_locking.errors import InputError, Misplaced, ProcessEnded
 from contact_locking.monitor import Monitor
 from contact_locking.process.checkpoint.restart import restored_step
 from contact_locking.process.of_study import certified, of_study, solver_of
@@ -103,10 +103,10 @@ class Steps(Iterator[StudySolution]):
 
     ``problem`` may be changed between two steps; ``history`` has the numbers of the steps so far.
     After a step that does not converge, whatever its length, the iteration ends with the state that
-    was reached.  Raises InputError, with the time, for data that cannot be used at a time: the last
-    solution then says that the process has not come to its end.  ``saved`` are the checkpoints of
-    steps that were solved earlier: they are read and judged again, and the iteration goes on from
-    the last of them.  Whoever stops earlier calls :meth:`close`, on all ranks.
+    was reached.  Raises InputError, with the time, for data that cannot be used at a time; after a
+    first step this is ProcessEnded.  ``saved`` are the checkpoints of steps that were solved
+    earlier: they are read and judged again, and the iteration goes on from the last of them.
+    Whoever stops earlier calls :meth:`close`, on all ranks.
     """
 
     def __init__(
@@ -148,8 +148,7 @@ class Steps(Iterator[StudySolution]):
                 state, step, energy = restored_step(path, self.problem, self._solver)
                 self._halved, self.history = step.halved, step.history
                 solution = self._solution(state, energy, step.time)
-                solution.summary["restart"] = f"the step was read from {path}"
-                solution = self._with_history(solution)
+                solution = self._with_history(solution, f"the step was read from {path}")
                 yield solution
                 timeline.skip_to(step.time)
                 last, before = solution.state, Moment.of(state)
@@ -176,8 +175,10 @@ class Steps(Iterator[StudySolution]):
                     ):
                         continue
                     text = f"at t = {at:.6g} {error}" if is_misplaced else str(error)
-                    self._end(solution, f"{error.key}: {text}")
-                    raise InputError(text, error.key) from error
+                    if solution is None:
+                        raise InputError(text, error.key) from error
+                    entries = self._end(solution, f"{error.key}: {text}")
+                    raise ProcessEnded(text, error.key, entries) from error
                 reached = at == timeline.planned
                 self._out_of_reach.add(data, report, reached)
                 self._is_unbalanced |= report.is_unbalanced
@@ -203,12 +204,12 @@ class Steps(Iterator[StudySolution]):
                 solution, before = found, after
                 if sensitivities is not None and solution.converged:
                     made = self._solver.derivatives(report).made
-                    solution.summary |= sensitivities.of(made, state.contacts, at)
+                    solution = solution.telling(**sensitivities.of(made, state.contacts, at))
                 seconds = time.perf_counter() - began
                 self.history.rows.append(row_of(solution, self.history, at, energy, seconds))
                 solution = self._with_history(solution)
                 if not (solution.converged or report.is_infeasible):
-                    self._out_of_reach.tell(solution, at)
+                    solution = self._out_of_reach.explained(solution, at)
                 yield solution
                 if not solution.converged:
                     return
@@ -267,25 +268,28 @@ class Steps(Iterator[StudySolution]):
         found = of_study(self.problem, state, judged, derivatives)
         return dataclasses.replace(found, time=at)
 
-    def _end(self, last: StudySolution | None, reason: str) -> None:
-        """Let the last solution say why the process ends with it."""
-        if last is None:
-            return
+    def _end(self, last: StudySolution, reason: str) -> dict[str, Any]:
+        """The entries by which the last solution says why the process ends with it."""
         new = self._halved[len(last.halved) :]
-        last.summary["steps"]["halvings"] = len(self._halved)
-        last.summary["warnings"] += new
-        last.summary |= {"converged": False, "reason": reason, "suggestion": ""}
+        return {
+            "converged": False,
+            "reason": reason,
+            "suggestion": "",
+            "steps": {**last.summary["steps"], "halvings": len(self._halved)},
+            "warnings": [*last.summary["warnings"], *new],
+        }
 
-    def _with_history(self, solution: StudySolution) -> StudySolution:
+    def _with_history(self, solution: StudySolution, restart: str | None = None) -> StudySolution:
         """A solution with the history of the process."""
         self._probes += tuple(
             dataclasses.replace(taken, step=len(self.history), time=solution.time)
             for taken in solution.probes
         )
-        solution.summary.setdefault("restart", None)
-        solution.summary["steps"] = totals(self.history, len(self._halved), self._planned)
-        solution.summary["warnings"] += [*self._halved, *self._solver.unused_options()]
-        history = History([*self.history.rows])
+        told = [*solution.summary["warnings"], *self._halved, *self._solver.unused_options()]
+        steps = totals(self.history, len(self._halved), self._planned)
         return dataclasses.replace(
-            solution, probes=self._probes, history=history, halved=self._halved
+            solution.telling(restart=restart, steps=steps, warnings=told),
+            probes=self._probes,
+            history=History([*self.history.rows]),
+            halved=self._halved,
         )

@@ -111,17 +111,17 @@ class OutOfReach:
             for refused in self._refused
         )
 
-    def tell(self, last: StudySolution, at: float) -> None:
-        """Let the last solution, which failed to get to a time, name the planned time, if any.
+    def explained(self, last: StudySolution, at: float) -> StudySolution:
+        """The last solution, which failed to get to a time, naming the planned time, if any.
 
         Halved steps then end close to the largest load that can be followed, where a solve may
         fail for reasons that say little.
         """
         if self._planned is None:
-            return
+            return last
         time, report = self._planned
-        last.summary["reason"] = (
+        reason = (
             f"{report.reason}; so at t = {time:.6g}, and the last step that was tried, to "
             f"t = {at:.6g}, did not converge: {last.summary['reason']}"
         )
-        last.summary["suggestion"] = report.suggestion
+        return last.telling(reason=reason, suggestion=report.suggestion)

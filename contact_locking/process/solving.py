@@ -88,16 +88,13 @@ def solve_steps(
         for warning in solution.summary["warnings"]:
             monitor.message(f"warning: {warning}")
         if parameters.certificate.limit and solution.converged:
-            if parameters.steps is None:
-                _measure_against_limit(solution, monitor, petsc_options)
-            else:
-                reason = {"reason": "not measured for a process, whose past depends on n as well"}
-                solution.summary["certificate"]["errors"]["penalty_measured"] = reason
-        _check_derivatives(solution, monitor, petsc_options)
-        solution.summary["version"] = __version__
-        solution.summary["fingerprint"] = fingerprint
-        solution.summary["wall_seconds"] = time.perf_counter() - start
-        yield solution
+            measured = _distance_to_limit(solution, monitor, petsc_options)
+            solution = with_errors(solution, penalty_measured=measured)
+        checked = _checked_derivatives(solution, monitor, petsc_options)
+        seconds = time.perf_counter() - start
+        yield solution.telling(
+            **checked, version=__version__, fingerprint=fingerprint, wall_seconds=seconds
+        )
 
 
 def find_equilibria(
@@ -117,7 +114,7 @@ def find_equilibria(
     most = None if given is None else given.find
     found = list(solve_steps(parameters, comm, monitor, petsc_options, most=most))
     if given is not None and found[0].converged:
-        found[0].summary["equilibria"] = several.entry(found)
+        found[0] = found[0].telling(equilibria=several.entry(found))
     return found
 
 
@@ -170,17 +167,17 @@ def _static(
     state = solver.state(report)
     certificate = certified(problem.parameters, state)
     solution = of_study(problem, state, certificate, solver.derivatives(report))
-    solution.summary["warnings"] += solver.unused_options()
+    told: dict[str, Any] = {"warnings": [*solution.summary["warnings"], *solver.unused_options()]}
     if sensitivities is not None:
         if solution.converged:
             monitor.message("computing derivatives")
-            solution.summary |= sensitivities.of(solver.derivatives(report).made, state.contacts)
+            told |= sensitivities.of(solver.derivatives(report).made, state.contacts)
         sensitivities.close()
-    solution.summary["restart"] = None if restart is None else start_in_words(restart, report)
+    told["restart"] = None if restart is None else start_in_words(restart, report)
     if problem.parameters.branches is not None:
         monitor.message("following the branch of solutions")
-        found = several.branch_of_study(problem, solver, solution.converged)
-        solution.summary["branches"] = found
+        told["branches"] = several.branch_of_study(problem, solver, solution.converged)
+    solution = solution.telling(**told)
     if most is None or not solution.converged:
         yield solution
     else:
@@ -189,9 +186,8 @@ def _static(
                 monitor.message(f"another solution: {number + 1} so far")
                 state = solver.state(other.report)
                 solution = of_study(problem, state, certified(problem.parameters, state))
-                solution.summary["restart"] = None
-            solution.summary["index"] = other.index
-            yield solution
+                solution = solution.telling(restart=None)
+            yield solution.telling(index=other.index)
     solver.close()
     problem.close()
 
@@ -205,40 +201,49 @@ def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[
     return forecast.completed(assembly.check(parameters, comm, require_known), parameters, comm)
 
 
-def _check_derivatives(
+def with_errors(solution: StudySolution, **errors: Any) -> StudySolution:
+    """The same solution, whose certificate has further or other errors."""
+    certificate = solution.summary["certificate"]
+    return solution.telling(
+        certificate={**certificate, "errors": {**certificate["errors"], **errors}}
+    )
+
+
+def _checked_derivatives(
     solution: StudySolution, monitor: Monitor, petsc_options: Mapping[str, Any] | None
-) -> None:
-    """Compare the derivatives of the summary with differences of solves, if asked; collective."""
+) -> dict[str, Any]:
+    """The derivatives of the summary beside differences of solves, if asked for; collective."""
     parameters, found = solution.parameters, solution.summary.get("sensitivities")
     given, steps = parameters.sensitivities, parameters.steps
     is_last = steps is None or solution.time == steps.planned[-1]
     if given is None or not given.check or found is None or not is_last:
-        return
+        return {}
 
     def values(changed: Parameters) -> list[float] | None:
         problem = assemble(changed, solution.domain.comm, solution.domain, solution.element)
         other = solve_assembled(problem, Monitor(), petsc_options)
         return [value_of(name, other) for name in given.of] if other.converged else None
 
+    checked = {name: {**found[name]} for name in given.of}
     for key in given.to:
         monitor.message(f"solving twice around {key}, to check its derivatives")
         differences = central_differences(parameters, key, solution.domain.extent, values)
         for number, name in enumerate(given.of):
             rate = None if differences is None else differences[number]
-            found[name][key]["checked"] = rate
+            checked[name][key] = {**found[name][key], "checked": rate}
+    return {"sensitivities": checked}
 
 
-def _measure_against_limit(
+def _distance_to_limit(
     solution: StudySolution, monitor: Monitor, petsc_options: Mapping[str, Any] | None
-) -> None:
-    """Solve the inequality on the same mesh and add the distance to the certificate; collective."""
+) -> dict[str, Any]:
+    """Solve the inequality on the same mesh, and measure the distance; collective."""
+    if solution.parameters.steps is not None:
+        return {"reason": "not measured for a process, whose past depends on n as well"}
     monitor.message("solving for n = .inf, to measure the distance")
     limit, domain = solution.parameters.limit(), solution.domain
     problem = assemble(limit, domain.comm, domain, solution.element)
     exact = solve_assembled(problem, monitor, petsc_options)
-    measured: dict[str, Any]
-    if exact.converged:
-        measured = distance(solution.displacement, exact.displacement, problem.data)
-    else:
-        measured = {"reason": f"not solved for n = .inf: {exact.summary['reason']}"}
-    solution.summary["certificate"]["errors"]["penalty_measured"] = measured
+    if not exact.converged:
+        return {"reason": f"not solved for n = .inf: {exact.summary['reason']}"}
+    return distance(solution.displacement, exact.displacement, problem.data)

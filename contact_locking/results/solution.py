@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 
@@ -48,7 +49,7 @@ class Differentiable(Protocol):
         """As :meth:`Solution.derivative`."""
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Solution:
     """The result of a solve: each rank has a share of the fields, rank 0 all contact points.
 
@@ -80,7 +81,7 @@ class Solution:
     contact_points: ContactPoints | None  # None on the ranks other than 0
     contact_facets: IntArray | None  # (m, d), corners as numbers of the points; None likewise
     state: State  # all that the next solve may take from this one
-    summary: dict[str, Any]
+    summary: Mapping[str, Any]
     differentiable: Differentiable | None = None
     limits_of: str = "total"  # whether strain_norm is |eps(u)|, or "elastic" |eps(u) - eps_0|
 
@@ -102,12 +103,16 @@ class Solution:
             )
         return self.differentiable.derivative(quantity, of)
 
+    def telling(self, **entries: Any) -> Self:
+        """The same solution, whose summary has further or other entries."""
+        return replace(self, summary={**self.summary, **entries})
+
     @property
     def converged(self) -> bool:
         return bool(self.summary["converged"])
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class StudySolution(Solution):
     """The solution of a problem from a study file, or of one of its steps."""
 
@@ -119,7 +124,7 @@ class StudySolution(Solution):
     halved: tuple[str, ...] = ()  # which steps were halved, in words
 
 
-def summary_text(summary: dict[str, Any]) -> str:
+def summary_text(summary: Mapping[str, Any]) -> str:
     """The summary as JSON.
 
     JSON has no infinity and no NaN.  The value is null in their place, and the mapping

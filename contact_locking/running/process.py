@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from mpi4py import MPI
 
 from contact_locking import study_file
-from contact_locking.errors import InputError, NoRendering
+from contact_locking.errors import NoRendering, ProcessEnded
 from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
@@ -142,7 +142,7 @@ def _written(
         if parameters.output.fields:
             series = stack.enter_context(writing.FieldSeries(target, comm))
         film = Recording(parameters.output.animation and parameters.output.picture)
-        ended: InputError | None = None
+        ended: ProcessEnded | None = None
         try:
             for solution in solutions:
                 last = solution
@@ -152,16 +152,15 @@ def _written(
                 keeps = keeps and checkpoint.has_cells_everywhere(solution.domain)
                 if keeps and solution.converged and solution.summary["restart"] is None:
                     _save(solution, target, parameters)
-        except InputError as error:
+        except ProcessEnded as error:
             # Data that cannot be used at a time do not take the steps before with them.
-            if last is None or last.converged:
-                raise
             ended = error
         assert last is not None
+        last = last if ended is None else last.telling(**ended.entries)
         fields = None if series is None else series.finish()
         animation, problem = film.finish(comm, monitor)
         if problem is not None:
-            last.summary["warnings"] = [*last.summary.get("warnings", []), problem]
+            last = last.telling(warnings=[*last.summary["warnings"], problem])
         warnings = writing.write(last, target, save_state, fields, animation)
     if ended is not None:
         raise ended

@@ -77,10 +77,10 @@ def write(
     written into a staging folder and moved when all are complete.  No file of an earlier run stays
     in the folder, and a file that no run has written is neither replaced nor removed.
 
-    If the picture or the checkpoint cannot be made, a warning says so, also in the summary.  Raises
-    InputError for a folder that cannot be written to or holds files of others in place of these,
-    and ContactLockingError for a full disk; if only the picture or the checkpoint has no room, all
-    other files are written first.
+    If the picture or the checkpoint cannot be made, a warning says so, also in summary.json.
+    Raises InputError for a folder that cannot be written to or holds files of others in place of
+    these, and ContactLockingError for a full disk; if only the picture or the checkpoint has no
+    room, all other files are written first.
     """
     comm, target = solution.domain.comm, Path(directory)
     wanted = solution.parameters.output
@@ -111,10 +111,10 @@ def write(
             is_possible = is_possible and checkpoints.has_cells_everywhere(solution.domain)
             (refused if is_possible else warnings).append(f"no checkpoint was saved: {problem}")
         told = [*solution.summary.get("warnings", []), *warnings, *refused]
-        solution.summary["warnings"] = told
+        complete = solution.telling(warnings=told)
 
         def finish() -> None:
-            _write_texts(solution, staging)
+            _write_texts(complete, staging)
             if animation is not None:
                 (staging / names.ANIMATION).write_bytes(animation)
             adapted_meshes.save(solution.meshes, staging / names.MESHES)

@@ -59,6 +59,7 @@ _TIMES, _AT_LEAST = 16, 1000
 _FEW_STEPS, _FEW_UPDATES, _NEAR = 6, 12, 0.1
 
 _NEWTON_WAY_OUT = "Try solver.method: interior_point, lower penalty.n or raise penalty.epsilon."
+_ENERGY_WAY_OUT = "Check that the energy is convex, lower penalty.n or raise penalty.epsilon."
 _NOT_NESTED = (
     "solver.friction: nested does not arrive ({reason}); inside, which needs no contraction, took "
     "its place"
@@ -115,7 +116,9 @@ def newton_with_continuation(task: Task, saved: SavedState | None = None) -> Sol
     try:
         found = _follow(PenaltyPath.towards(task.target), task, stages)
     except NotConverged as failure:
-        way_out = "  ".join([_NEWTON_WAY_OUT, *_friction_way_out(task)])
+        is_own = task.system.data.own_energy is not None
+        own_way_out = _ENERGY_WAY_OUT if is_own else _NEWTON_WAY_OUT
+        way_out = "  ".join([own_way_out, *_friction_way_out(task)])
         known = vars(_reached(Outcome(), failure)) | vars(task.counts)
         return SolverReport(**known, reason=str(failure), suggestion=way_out, stages=stages)
     return SolverReport.solved(found, task.counts, stages=stages)

@@ -59,7 +59,9 @@ class StudyProblem(DiscreteProblem):
         tables = read_tables(domain.comm, parameters.tables or {})
         self.clock = clock = Clock(domain.mesh, times[0], tables, times)
         given = MaterialOfStudy(domain, parameters.material, clock)
-        constraints = constrain(domain, space, *_held(domain, parameters.loads, clock, told))
+        conditions, supports, of_values = _held(domain, parameters.loads, clock)
+        told += of_values
+        constraints = constrain(domain, space, conditions, supports)
         contacts = [contact_of(domain, item, clock, times) for item in parameters.contacts]
         self.loads = build_loads(domain, parameters.loads, element, clock)
         springs, of_springs = springs_of(domain, parameters.loads.springs)
@@ -213,13 +215,14 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
 
 
 def _held(
-    domain: Domain, loads: LoadParameters, clock: Clock, warnings: list[str]
-) -> tuple[list[ComponentCondition], list[Support]]:
-    """The prescribed components and the supports; collective.
+    domain: Domain, loads: LoadParameters, clock: Clock
+) -> tuple[list[ComponentCondition], list[Support], list[str]]:
+    """The prescribed components, the supports, and warnings about them; collective.
 
-    ``warnings`` get one for values that change sharply inside of a facet.  Raises InputError for a
+    The warnings are about values that change sharply inside of a facet.  Raises InputError for a
     pole there.
     """
+    warnings: list[str] = []
 
     def prescribed(on: tuple[str, ...], value: float | str, key: str) -> PresentValue:
         field = PresentValue(domain.comm, value, key, clock)
@@ -240,7 +243,7 @@ def _held(
         field = prescribed(support.on, support.value, f"{key}.value")
         along = None if support.along == "normal" else support.along
         supports.append(Support(support.on, along, field, key, field.timed))
-    return conditions, supports
+    return conditions, supports, warnings
 
 
 # A point is on a plane, or in a box, up to this share of the size of the body.

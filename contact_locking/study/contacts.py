@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from mpi4py import MPI
@@ -34,35 +34,35 @@ from contact_locking.study_file.parameters import rigid_body
 from contact_locking.study_file.parameters.contact_sections import ContactParameters
 
 
-@dataclass
+@dataclass(frozen=True)
 class Placement:
-    """The surroundings of a foundation: dimension, ranks, clock; and the warnings about it.
-
-    ``key`` is the key of the foundation in the study file.
-    """
+    """The surroundings of a foundation: dimension, ranks, clock, and its key in the study file."""
 
     dim: int
     comm: MPI.Intracomm
     clock: Clock
     key: str
-    warnings: list[str] = field(default_factory=list)
 
 
-def _half_space(given: rigid_body.HalfSpace, placement: Placement) -> Foundation:
-    return HalfSpace(given.point, given.normal)
+#: A foundation, and warnings about its shape.
+Built: TypeAlias = tuple[Foundation, Sequence[str]]
 
 
-def _sphere(given: rigid_body.Sphere, placement: Placement) -> Foundation:
-    return Sphere(given.centre, given.radius)
+def _half_space(given: rigid_body.HalfSpace, placement: Placement) -> Built:
+    return HalfSpace(given.point, given.normal), ()
 
 
-def _cylinder(given: rigid_body.Cylinder, placement: Placement) -> Foundation:
+def _sphere(given: rigid_body.Sphere, placement: Placement) -> Built:
+    return Sphere(given.centre, given.radius), ()
+
+
+def _cylinder(given: rigid_body.Cylinder, placement: Placement) -> Built:
     if placement.dim == 2:
-        return Sphere(given.centre, given.radius)
-    return Cylinder(given.centre, given.radius, given.axis or (0.0, 1.0, 0.0))
+        return Sphere(given.centre, given.radius), ()
+    return Cylinder(given.centre, given.radius, given.axis or (0.0, 1.0, 0.0)), ()
 
 
-def _level_set(given: float | str, placement: Placement) -> Foundation:
+def _level_set(given: float | str, placement: Placement) -> Built:
     axes = AXES[: placement.dim]
     expression = parse(given, (*axes, TIME), tables=placement.clock.tables)
 
@@ -70,10 +70,10 @@ def _level_set(given: float | str, placement: Placement) -> Foundation:
         variables = {**dict(zip(axes, x, strict=True)), TIME: placement.clock.now}
         return value_and_gradient(expression, axes, variables)
 
-    return LevelSet(function)
+    return LevelSet(function), ()
 
 
-def _polyline(given: tuple[tuple[float, ...], ...] | str, placement: Placement) -> Foundation:
+def _polyline(given: tuple[tuple[float, ...], ...] | str, placement: Placement) -> Built:
     if isinstance(given, str):
         file = Path(given)
         corners = on_root(placement.comm, lambda: read_corners(file, rigid_body.MOST_CORNERS))
@@ -82,10 +82,6 @@ def _polyline(given: tuple[tuple[float, ...], ...] | str, placement: Placement) 
     kept = np.append(True, np.any(np.diff(corners, axis=0) != 0.0, axis=1))
     if kept.sum() < 2:
         raise InputError("has no segment: give at least two corners at different places")
-    if not kept.all():
-        placement.warnings.append(
-            f"{placement.key}.polyline: {(~kept).sum()} corners stand twice in a row"
-        )
     line = Polyline(corners[kept])
     if (crossing := line.crossing()) is not None:
         first, second = crossing
@@ -93,21 +89,20 @@ def _polyline(given: tuple[tuple[float, ...], ...] | str, placement: Placement) 
             f"crosses or touches itself: segments {first + 1} and {second + 1} meet, so that it "
             "has no two sides"
         )
-    return line
+    return line, () if kept.all() else (f"{(~kept).sum()} corners stand twice in a row",)
 
 
-def _surface(given: rigid_body.Surface, placement: Placement) -> Foundation:
+def _surface(given: rigid_body.Surface, placement: Placement) -> Built:
     shift = given.shift or (0.0, 0.0, 0.0)
     found = on_root(
         placement.comm,
         lambda: read_surface(Path(given.file), given.scale, shift, given.turned, given.spacing),
     )
-    placement.warnings.extend(f"{placement.key}.surface: {text}" for text in found.warnings)
-    return TriangulatedSurface(found.points, found.triangles)
+    return TriangulatedSurface(found.points, found.triangles), found.warnings
 
 
 #: For each shape of a section ``foundation``: the foundation of its section or value.
-FOUNDATIONS: dict[str, Callable[[Any, Placement], Foundation]] = {
+FOUNDATIONS: dict[str, Callable[[Any, Placement], Built]] = {
     "half_space": _half_space,
     "sphere": _sphere,
     "cylinder": _cylinder,
@@ -117,13 +112,15 @@ FOUNDATIONS: dict[str, Callable[[Any, Placement], Foundation]] = {
 }
 
 
-def build(shape: str, given: Any, placement: Placement) -> Foundation:
-    """The foundation of a shape; collective.  Raises InputError with the key of the shape."""
+def build(shape: str, given: Any, placement: Placement) -> tuple[Foundation, list[str]]:
+    """The foundation of a shape, and warnings; collective.  Raises InputError with its key."""
+    key = f"{placement.key}.{shape}"
     try:
-        return FOUNDATIONS[shape](given, placement)
+        foundation, warnings = FOUNDATIONS[shape](given, placement)
     except InputError as error:
         # A file may be read as that of a mesh, so that its key is replaced.
-        raise InputError(str(error), f"{placement.key}.{shape}") from error
+        raise InputError(str(error), key) from error
+    return foundation, [f"{key}: {text}" for text in warnings]
 
 
 # A negative friction coefficient smaller than this share of the largest value is zero with
@@ -204,12 +201,12 @@ def _foundation(
     key, dim = f"{contact.key}.foundation", domain.dim
     placement = Placement(dim, domain.comm, clock, key)
     shape, value = given.shape
-    body = build(shape, value, placement)
+    body, warnings = build(shape, value, placement)
     text = given.expression
     timed_shape = text is not None and is_timed(parse(text, (*AXES, TIME), tables=clock.tables))
     motion = partial(_motion, given, f"{key}.motion", dim, clock)
     is_moved = given.moved is not None or timed_shape
-    return RigidFoundation(domain.comm, dim, body, motion, key, is_moved, shape, placement.warnings)
+    return RigidFoundation(domain.comm, dim, body, motion, key, is_moved, shape, warnings)
 
 
 def _motion(given: rigid_body.Foundation, key: str, dim: int, clock: Clock) -> RigidMotion:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import pytest
@@ -15,14 +16,14 @@ from contact_locking import solve
 pytestmark = pytest.mark.serial
 
 
-def solved(**penalty: Any) -> tuple[dict[str, Any], float]:
+def solved(**penalty: Any) -> tuple[Mapping[str, Any], float]:
     """The summary of the block, and its largest displacement."""
     solution = solve(block(h=0.25, material__locking_limit=0.02, **penalty))
     assert solution.converged, solution.summary["reason"]
     return solution.summary, float(abs(solution.displacement.x.array).max())
 
 
-def advised(summary: dict[str, Any], key: str) -> float:
+def advised(summary: Mapping[str, Any], key: str) -> float:
     """The value of a key in the one warning that names the key."""
     (warning,) = [text for text in summary["warnings"] if f"{key}: " in text]
     found = re.search(rf"{key}: (\S+) leaves about 1 %", warning)

@@ -111,7 +111,8 @@ def test_what_a_solution_holds_can_be_imported_from_the_package() -> None:
 
 def summary(**changes: Any) -> dict[str, Any]:
     """The summary of a run that converged, with changes of it."""
-    found = made_up().summary | {
+    found: dict[str, Any] = {
+        **made_up().summary,
         "cells": 1,
         "ranks": 1,
         "iterations": {"tangents": 1, "linear": 2, "friction": 0},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ LIMIT = 0.01
 TEAR = {"norm": "largest_principal", "at_most": LIMIT}
 
 
-def solved(parameters: Parameters) -> dict[str, Any]:
+def solved(parameters: Parameters) -> Mapping[str, Any]:
     summary = solving.solve(parameters).summary
     assert summary["converged"], summary["reason"]
     return summary

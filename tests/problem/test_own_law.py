@@ -78,6 +78,7 @@ def test_an_own_law_that_is_not_solved_for_does_not_converge(comm: MPI.Intracomm
     solution = with_energy(comm, not_convex)
     assert not solution.converged
     assert "positive definite" in solution.summary["reason"]
+    assert "Check that the energy is convex" in solution.summary["suggestion"]
 
 
 @pytest.mark.parametrize(

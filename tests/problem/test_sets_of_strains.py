@@ -25,7 +25,7 @@ from contact_locking.study_file.parameters import Parameters
 
 
 def solved(parameters: Parameters) -> dict[str, Any]:
-    summary = solving.solve(parameters).summary
+    summary = {**solving.solve(parameters).summary}
     assert summary["converged"], summary["reason"]
     return summary
 

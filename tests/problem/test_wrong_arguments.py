@@ -33,13 +33,23 @@ def pressed(space: fem.FunctionSpace, **given: Any) -> cl.ContactProblem:
     down = fem.dirichletbc(np.array([0.0, -0.01]), top, space)
     names = ("on", "foundation", "friction", "motion", "force")
     of_contact = {"on": sides[0]} | {key: given.pop(key) for key in names if key in given}
-    return cl.ContactProblem(
-        cl.Elasticity(young=1.0, poisson=0.3),
-        bcs=[down],
-        contacts=[cl.Contact(**of_contact)],
-        space=space,
-        **given,
-    )
+    problem = {
+        "a": cl.Elasticity(young=1.0, poisson=0.3),
+        "bcs": [down],
+        "contacts": [cl.Contact(**of_contact)],
+        "space": space,
+    }
+    return cl.ContactProblem(**(problem | given))
+
+
+def eps(w: Any) -> Any:
+    return ufl.sym(ufl.grad(w))
+
+
+def stiffening(space: fem.FunctionSpace) -> Any:
+    """A density that grows with the square of the trial function."""
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    return (1.0 + ufl.tr(eps(u))) * ufl.inner(eps(u), eps(v))
 
 
 def x(space: fem.FunctionSpace) -> Any:
@@ -170,6 +180,37 @@ WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str, str]]
         lambda space: {"on": lambda x: np.isclose(x[1], 0.0)},
         "locate_entities_boundary",
         "contacts.0",
+    ),
+    "nonlinear a": (lambda space: {"a": stiffening(space) * ufl.dx}, "must be bilinear", "a"),
+    "nonlinear a beside an energy": (
+        lambda space: {
+            "a": stiffening(space) * ufl.dx,
+            "energy": lambda u: ufl.inner(eps(u), eps(u)) * ufl.dx,
+            "n": 1e4,
+        },
+        "the energy of a nonlinear law is an argument of its own",
+        "a",
+    ),
+    "linear a": (
+        lambda space: {"a": ufl.TestFunction(space)[0] * ufl.dx},
+        "must be bilinear",
+        "a",
+    ),
+    "a without measure": (lambda space: {"a": stiffening(space)}, "such as inner(", "a"),
+    "L without measure": (
+        lambda space: {"L": ufl.TestFunction(space)[1]},
+        "must be a linear form",
+        "L",
+    ),
+    "one condition alone": (
+        lambda space: {"bcs": cl.Support(np.array([0]), "normal")},
+        "must be a list, not Support",
+        "bcs",
+    ),
+    "one limit alone": (
+        lambda space: {"limits": cl.StrainBall(0.02)},
+        "must be a list, not StrainBall",
+        "limits",
     ),
     "limit alone": (lambda space: {"limits": [0.02]}, "StrainBall", "limits"),
     "n of DOLFINx": (

@@ -181,8 +181,7 @@ def test_a_full_disk_leaves_the_earlier_results_alone(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(study_file, "dump", fail)
-    changed = made_up()
-    changed.summary["dofs"] = -1
+    changed = made_up().telling(dofs=-1)
     with pytest.raises(ContactLockingError, match=r"No space left on device.*\n.*room"):
         writing.write(changed, folder)
     assert listing(folder, comm) == FILES

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,7 @@ def pressed(dim: int = 2, **changes: Any) -> Parameters:
     return with_changes(data, **changes)
 
 
-def summary(parameters: Parameters) -> dict[str, Any]:
+def summary(parameters: Parameters) -> Mapping[str, Any]:
     found = solve(parameters)
     assert found.converged, found.summary["reason"]
     return found.summary

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -97,7 +98,7 @@ def test_column_under_the_inequality_stops_at_the_locking_limit() -> None:
 
 
 def test_nested_friction_finds_the_same_bound_and_its_contraction() -> None:
-    def solve(friction: str) -> tuple[Parameters, dict[str, Any]]:
+    def solve(friction: str) -> tuple[Parameters, Mapping[str, Any]]:
         parameters = block(penalty__n=math.inf, solver={"friction": friction})
         return parameters, solving.solve(parameters).summary
 
@@ -127,7 +128,7 @@ def test_updates_that_do_not_arrive_tell_their_factor_beside_the_solution_of_ins
 
 
 def test_softer_steps_follow_a_tangent_that_rounding_makes_singular(monkeypatch: Any) -> None:
-    def solve() -> dict[str, Any]:
+    def solve() -> Mapping[str, Any]:
         return solving.solve(block(penalty__n=math.inf, solver={"linear": "direct"})).summary
 
     step, failed = Search.step, list[float]()

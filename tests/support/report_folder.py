@@ -31,8 +31,7 @@ def run_folder(
 ) -> Path:
     """The folder of a run of one of the kinds of solutions, with changes of its summary."""
     wanted = {"fields": False, "picture": picture, "directory": "r"}
-    solution = of_kind(dim, kind, title=TITLE, output=wanted)
-    solution.summary |= {
+    entries = {
         "title": TITLE,
         "version": __version__,
         "iterations": {"tangents": 20, "linear": 69, "friction": 18},
@@ -40,6 +39,7 @@ def run_folder(
         "warnings": ["R hardly <i>smooths</i>"],
         **summary,
     }
+    solution = of_kind(dim, kind, title=TITLE, output=wanted).telling(**entries)
     writing.write(solution, folder)
     return folder
 

@@ -105,9 +105,7 @@ def of_kind(dim: int, kind: str, **changes: Any) -> StudySolution:
     """A solution of one of the ``KINDS``, with changes of its parameters; collective."""
     solution = made_up(dim, contact=kind != "without contact", **changes)
     change = KINDS[kind]
-    if change is not None:
-        change(solution)
-    return solution
+    return solution if change is None else change(solution)
 
 
 def snapshot(dim: int = 3, kind: str = "locked") -> Snapshot:
@@ -117,16 +115,18 @@ def snapshot(dim: int = 3, kind: str = "locked") -> Snapshot:
     return body
 
 
-def _unlocked(solution: StudySolution) -> None:
+def _unlocked(solution: StudySolution) -> StudySolution:
     solution.locking_limit.x.array[:] = np.inf
     solution.locked.x.array[:] = 0.0
+    return solution
 
 
-def _partly_unlimited(solution: StudySolution) -> None:
+def _partly_unlimited(solution: StudySolution) -> StudySolution:
     solution.locking_limit.x.array[::2] = np.inf
+    return solution
 
 
-def _at_rest(solution: StudySolution) -> None:
+def _at_rest(solution: StudySolution) -> StudySolution:
     _unlocked(solution)
     for name in ("displacement", "strain_norm", "contact_pressure", "contact_state"):
         getattr(solution, name).x.array[:] = 0.0
@@ -135,23 +135,25 @@ def _at_rest(solution: StudySolution) -> None:
         for values in (points.u_tangent, points.pressure, points.bound, points.traction):
             values[:] = 0.0
         points.state[:] = 0
+    return solution
 
 
-def _not_converged(solution: StudySolution) -> None:
-    solution.summary["converged"] = False
+def _not_converged(solution: StudySolution) -> StudySolution:
+    return solution.telling(converged=False)
 
 
-def _with_an_odd_title(solution: StudySolution) -> None:
+def _with_an_odd_title(solution: StudySolution) -> StudySolution:
     object.__setattr__(solution.parameters, "title", r"costs $5 \frac{ and 100 %")
+    return solution
 
 
-def _with_two_contacts(solution: StudySolution) -> None:
+def _with_two_contacts(solution: StudySolution) -> StudySolution:
     """On the bottom and, with the two axes swapped, on the left; both have the corner's nodes."""
     dim = solution.domain.dim
     points, facets = _points(dim), _facets(dim)
     force = {"contact_force": [0.0] * dim, "friction_force": [0.0] * dim, "penetration_max": 1e-9}
     areas = {"contact_area": 0.375, "slip_area": 0.0625}
-    solution.summary["contacts"] = [
+    entries = [
         {"on": ["bottom"], **force, **areas},
         {"on": ["left", "a $part$"], **force, **areas},
     ]
@@ -159,12 +161,13 @@ def _with_two_contacts(solution: StudySolution) -> None:
     turned = {name: getattr(points, name)[:, swapped] for name in ("x", "normal", "u_tangent")}
     left = replace(points, **turned, traction=points.traction[:, swapped])
     both = joined([(points, facets), (left, facets)], dim)
-    solution.contacts = _nodal(both[0])
-    if solution.contact_points is not None:
-        solution.contact_points, solution.contact_facets = both
+    changed = replace(solution, contacts=_nodal(both[0])).telling(contacts=entries)
+    if solution.contact_points is None:
+        return changed
+    return replace(changed, contact_points=both[0], contact_facets=both[1])
 
 
-KINDS: dict[str, Callable[[StudySolution], None] | None] = {
+KINDS: dict[str, Callable[[StudySolution], StudySolution] | None] = {
     "locked": None,
     "without contact": None,
     "unlocked": _unlocked,

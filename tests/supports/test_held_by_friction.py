@@ -86,7 +86,7 @@ def test_all_of_the_friction_is_used_at_the_limit() -> None:
     assert found.summary["friction_used"] == pytest.approx(1.0, abs=1e-6)
     assert found.summary["contacts"][0]["friction_used"] == found.summary["friction_used"]
     assert any("friction alone holds the body" in text for text in found.summary["warnings"])
-    rows = dict(in_words.rows(found.summary | {"wall_seconds": 0.0, "ranks": 1}))
+    rows = dict(in_words.rows({**found.summary, "wall_seconds": 0.0, "ranks": 1}))
     assert rows["friction used"] == "100 % of the friction bound"
 
 
@@ -237,7 +237,7 @@ def test_two_methods_find_two_solutions_and_none_is_called_the_only_one() -> Non
         uniqueness = solution.summary["certificate"]["constants"]["uniqueness"]["verdict"]
         assert uniqueness == "not known"
         told = in_words.weakest(solution.summary)
-        rows = dict(in_words.rows(solution.summary | {"wall_seconds": 0.0, "ranks": 1}))
+        rows = dict(in_words.rows({**solution.summary, "wall_seconds": 0.0, "ranks": 1}))
         assert "for the friction bound reached" in rows["proved"]
         assert told is not None and "proved" not in told.words
 
@@ -251,7 +251,9 @@ def test_a_proved_bound_of_the_penalty_names_its_friction_bound() -> None:
     ):
         certificate = {"errors": errors, "constants": {"friction_coefficient": coefficient}}
         used = found.summary["friction_used"] if coefficient else None
-        told = in_words.weakest(found.summary | {"certificate": certificate, "friction_used": used})
+        told = in_words.weakest(
+            {**found.summary, "certificate": certificate, "friction_used": used}
+        )
         assert told is not None and told.words.endswith(ending)
 
 

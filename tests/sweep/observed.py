@@ -79,7 +79,7 @@ def moment_of(solution: StudySolution, mesh: Mesh) -> Moment:
         elastic=_mandel(solution.elastic_stress, mesh),
         locking=_mandel(solution.locking_stress, mesh),
         contacts=tuple(touches),
-        summary=solution.summary,
+        summary={**solution.summary},
     )
 
 

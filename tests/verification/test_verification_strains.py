@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ def strain_under(pressure: float, n: float, limits: list[tuple[float, float]]) -
     return push / (K + sum(2.0 * n * c**2 for c, _ in active))
 
 
-def require_solved(solution: StudySolution) -> dict[str, Any]:
+def require_solved(solution: StudySolution) -> Mapping[str, Any]:
     summary = solution.summary
     assert summary["converged"], summary["reason"]
     return summary

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -136,7 +137,7 @@ def history_charts(history: History) -> list[Chart]:
     drawn["energy"] = _WORK
     return [
         chart(
-            f"history-{_FILES.get(label, label)}",
+            f"history-{_FILES.get(label) or re.sub('[^a-z]+', '-', label)}",
             f"{', '.join(lines.values())} over the time",
             2.4 + 0.1 * len(lines),
             _curves,

@@ -64,8 +64,8 @@ def solve(
         solution = solved_with_nodes(attempt, first)
         if parameters.certificate.bound_meshes is not None and solution.converged:
             errors = sharper_errors(solution, monitor or Monitor(), petsc_options)
-            solution.summary["certificate"]["errors"] = errors
-            solution.summary["wall_seconds"] = time.perf_counter() - began
+            solution = solving.with_errors(solution, **errors)
+            solution = solution.telling(wall_seconds=time.perf_counter() - began)
         return solution
     # Only the last solution is kept in memory.
     solutions = solve_adaptively(parameters, comm, monitor, petsc_options, restart)
@@ -116,10 +116,11 @@ def solve_adaptively(
         monitor.mesh(len(sequence.meshes), sequence.in_words())
         if sequence.stopped and not sequence.is_reached:
             text = "the meshes were not refined until adapt.tolerance was reached: "
-            solution.summary["warnings"].append(text + sequence.stopped)
+            told = [*solution.summary["warnings"], text + sequence.stopped]
+            solution = solution.telling(warnings=told)
             monitor.message(f"warning: {text}{sequence.stopped}")
         seconds = time.perf_counter() - began
-        solution.summary |= {"adapt": sequence.summary(), "wall_seconds": seconds}
+        solution = solution.telling(adapt=sequence.summary(), wall_seconds=seconds)
         yield dataclasses.replace(solution, meshes=tuple(sequence.pictures))
         if finer is None:
             return
