@@ -12,16 +12,18 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import present
 from contact_locking.contact.contact import Contact, FoundationSpring, Gap, Motion, Tilt
-from contact_locking.contact.coulomb import Coulomb
+from contact_locking.contact.coulomb import Coulomb, Kernel
 from contact_locking.contact.foundation import PlacedFoundation
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import InputError, with_key
 from contact_locking.laws.foundation import LevelSet, Sphere
 from contact_locking.laws.friction import FrictionLaw
-from contact_locking.parallel import agree, minimum
+from contact_locking.parallel import agree, minimum, on_every_rank
 
 # The vectors of the foundations of this package.
 _VECTORS = ("point", "normal", "centre", "axis")
+# At this pressure, slight in every unit, a friction bound shows its sign; at 0 it may be 0.
+_SLIGHT = 1e-12
 
 
 def check(given: Contact, dim: int) -> None:
@@ -38,6 +40,9 @@ def check(given: Contact, dim: int) -> None:
     wanted = "must be Coulomb(mu) or a subclass"
     require(isinstance(friction, Coulomb), "friction", wanted, friction)
     _check_coefficient(friction.coefficient, require)
+    smoothing: Any = friction.smoothing
+    wanted = "smoothing must be Convolution(radius), Helmholtz(radius) or Local()"
+    require(isinstance(smoothing, Kernel), "friction", wanted, smoothing)
     wanted = "must be once or each_step"
     require(given.pair in ("once", "each_step"), "pair", wanted, given.pair)
     wanted = "is about two bodies; name the other one in against, or leave out pair"
@@ -73,9 +78,9 @@ def check(given: Contact, dim: int) -> None:
 
 
 def check_friction(contact: NodalContact) -> None:
-    """Raise InputError for a mu without slip that is not a number from 0 up at each point.
+    """Raise InputError for a mu or a user's own bound that is not from 0 up at each point.
 
-    Collective.
+    Both are evaluated without slip, and the bound at a slight pressure.  Collective.
     """
     law, points, comm = contact.friction.law, contact.surface.points, contact.surface.domain.comm
     key, mu = f"{contact.key}.friction", np.zeros(len(points))
@@ -91,6 +96,26 @@ def check_friction(contact: NodalContact) -> None:
         raise InputError(
             f"mu must be a number from 0 up everywhere, and is {least:g} somewhere", key
         )
+    if not (contact.friction.is_coulomb or contact.friction.stands):
+        _check_bound(contact, key)
+
+
+def _check_bound(contact: NodalContact, key: str) -> None:
+    count, comm = len(contact.surface.points), contact.surface.domain.comm
+    found: Any = contact.friction.evaluate(np.full(count, _SLIGHT), np.zeros(count))
+    wanted = f"evaluate of {type(contact.friction).__name__} must give the friction bound (k,)"
+
+    def require() -> None:
+        if np.shape(found) != (count,):
+            raise InputError(f"{wanted}, here ({count},), not the shape {np.shape(found)}", key)
+
+    agree(comm, require)
+    is_right = np.isfinite(found) & (np.asarray(found) >= 0.0)
+    if not on_every_rank(comm, is_right):
+        wrong = np.concatenate(comm.allgather(np.asarray(found)[~is_right]))
+        raise InputError(
+            f"{wanted} of finite numbers from 0 up, and is {wrong[0]:g} somewhere without slip", key
+        )
 
 
 def _of_foundation(body: Any, dim: int) -> Iterator[tuple[bool, str]]:
@@ -105,7 +130,7 @@ def _of_foundation(body: Any, dim: int) -> Iterator[tuple[bool, str]]:
         )
         return
     yield (
-        _has(body, "gap", "contact_normal"),
+        _has(body, "gap", "contact_normal") and not isinstance(body, type),
         "must be a Gap, a shape such as Sphere(centre, radius), or an object with gap(x) "
         f"and contact_normal(x), not {_shown(body)}",
     )

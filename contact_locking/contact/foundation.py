@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -27,14 +28,17 @@ _NOT_FINITE = {
 }
 _BEHIND = (
     "the foundation lies behind {on}, where the outward normals of the body point away from the "
-    "foundation; name a boundary part that faces the foundation, or turn the normal of the half "
-    "space towards the body"
+    "foundation; name a boundary part that faces the foundation"
 )
 _TOO_DEEP = (
     "the foundation lies behind a part of Gamma_C, which is inside of it while the outward normal "
-    "of the body points away from it; turn the normal of the half space towards the body, or let "
-    "the foundation reach less deep into the body"
+    "of the body points away from it; let the foundation reach less deep into the body"
 )
+#: How to turn a foundation that lies behind the body, by its kind.
+_TURN_NORMAL = {
+    "half_space": ", or turn the normal of the half space towards the body",
+    "": ", or turn its contact_normal, which points into the foundation",
+}
 _INSIDE = (
     "a part of Gamma_C lies inside the foundation, and the shortest way out leads through the "
     "body; either the foundation is inside out, or it reaches too deep into the body"
@@ -54,6 +58,10 @@ _TOO_FAR_IN = (
 _SIDEWAYS = 0.2
 # A gradient that is shorter, or longer by the inverse, is not that of a distance.
 _LEAST_SLOPE = 0.8
+# The slope of an own gap is its difference over this share of the extent of the body.
+_STEP = 1e-5
+# The normals of an own foundation have the length 1 to this tolerance.
+_UNIT = 1e-6
 # A gradient that is shorter than this share of the longest one is zero with rounding.
 _ROUNDING = 1e-10
 # Distances below this share of the coordinates are rounding.
@@ -157,7 +165,7 @@ class GivenGap(PlacedFoundation):
 
 
 def _name_of(body: Foundation) -> str:
-    """The name of a shape in messages."""
+    """The name of a shape in messages, empty for a user's own."""
     match body:
         case HalfSpace():
             return "half_space"
@@ -171,7 +179,42 @@ def _name_of(body: Foundation) -> str:
             return "polyline"
         case TriangulatedSurface():
             return "surface"
-    return "shape"
+    return ""
+
+
+def _check_own(body: Foundation, x: FloatArray) -> None:
+    """Raise InputError for a user's own foundation without gaps and normals at points (d, k)."""
+    gap: Any = body.gap(x)
+    normal: Any = body.contact_normal(x)
+    parts = (("gap", gap, x.shape[1:], "(k,)"), ("contact_normal", normal, x.shape, "(d, k)"))
+    for name, values, shape, wanted in parts:
+        if not isinstance(values, np.ndarray) or values.shape != shape:
+            kind = type(values).__name__
+            found = f"{kind} {values.shape}" if hasattr(values, "shape") else kind
+            raise InputError(
+                f"its {name} must be an array {wanted} at points (d, k), here {shape}, not {found}"
+            )
+    length = np.linalg.norm(normal, axis=0)
+    for name, values, is_right, wanted in (
+        ("gap", gap, np.isfinite(gap), "finite"),
+        ("length of contact_normal", length, np.abs(length - 1.0) <= _UNIT, "1"),
+    ):
+        if not is_right.all():
+            first = int(np.argmin(is_right))
+            at = ", ".join(f"{value:.3g}" for value in x[:, first])
+            raise InputError(f"its {name} must be {wanted}, and is {values[first]:.3g} at ({at})")
+
+
+def _slope_of_own(body: Foundation, x: FloatArray, step: float) -> FloatArray:
+    """``-d phi/d nu`` (k,) by the difference to that side where it is nearer to 1.
+
+    On the other side the point that is nearest may lie on another face of the foundation.
+    """
+    way, here = step * body.contact_normal(x), body.gap(x)
+    found = np.stack([here - body.gap(x + way), body.gap(x - way) - here]) / step
+    # A gap need not be finite beside Gamma_C.
+    nearer = np.argmin(np.nan_to_num(np.abs(found - 1.0), nan=np.inf), axis=0)
+    return np.asarray(found[nearer, np.arange(len(here))])
 
 
 class RigidFoundation(PlacedFoundation):
@@ -198,9 +241,10 @@ class RigidFoundation(PlacedFoundation):
         super().__init__(comm, dim, key)
         self._body, self._motion = body, motion
         self._kind = _name_of(body)
-        self._place = f"{key}.{shape or self._kind}"
+        self._is_own = not self._kind
+        self._place = f"{key}.{shape or self._kind}".removesuffix(".")
         self.is_plane = isinstance(body, HalfSpace)
-        self.is_distance = not isinstance(body, LevelSet)
+        self.is_distance = not (self._is_own or isinstance(body, LevelSet))
         self.is_timed = self.moves = is_timed
         # A body is judged once, at its first place, whether its orientation fits that of the
         # deformable body.
@@ -232,6 +276,9 @@ class RigidFoundation(PlacedFoundation):
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         body, points, comm = self.now, surface.places.T, self._comm
+        if self._is_own:
+            at_rest = self.motion().origin(points)
+            agree(comm, lambda: with_key(self._place, lambda: _check_own(self._body, at_rest)))
         gap = self._evaluated(body.gap, points)
         # A foundation that is back where it touched would press by the rounding of the coordinates.
         gap = np.where(np.abs(gap) <= _TOUCH * maximum(comm, np.abs(points)), 0.0, gap)
@@ -266,12 +313,11 @@ class RigidFoundation(PlacedFoundation):
                 self._body, surface, points[:, sideways], outward[sideways]
             )
         elif on_any_rank(comm, inside & (facing <= 0.0)):
-            raise Misplaced(_TOO_DEEP, self._key)
+            raise Misplaced(_TOO_DEEP + _TURN_NORMAL.get(self._kind, ""), self._key)
         # A foundation with several sides may come from where nothing faces it yet.
         if not turn and on_every_rank(comm, facing <= 0.0):
-            raise Misplaced(
-                _BEHIND.format(on=self._key.removesuffix("foundation") + "on"), self._key
-            )
+            behind = _BEHIND.format(on=self._key.removesuffix("foundation") + "on")
+            raise Misplaced(behind + _TURN_NORMAL.get(self._kind, ""), self._key)
         return gap, normals
 
     def _is_reversed(self, surface: ContactSurface, gap: FloatArray, facing: FloatArray) -> bool:
@@ -350,6 +396,18 @@ class RigidFoundation(PlacedFoundation):
                     f"{self._place}: the length of its gradient is between {low:.3g} and "
                     f"{high:.3g} on Gamma_C, and that of a distance is 1; the expression was "
                     "divided by the length, which is the distance near its zeros only"
+                )
+        if self._is_own:
+            # Where the foundation is far away the body does not get to it.
+            near = surface.points[np.abs(gap) <= surface.domain.extent].T
+            at_rest, step = self.motion().origin(near), _STEP * surface.domain.extent
+            slope = self._evaluated(lambda x: _slope_of_own(body, x, step), at_rest)
+            low, high = -maximum(comm, -slope, -np.inf), maximum(comm, slope)
+            if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:
+                found.append(
+                    f"{self._place}: along contact_normal the gap falls by {low:.3g} to {high:.3g} "
+                    "per length near Gamma_C, and a distance by 1: a body touches too early or too "
+                    "late; give a distance, or LevelSet, which divides by the length of a gradient"
                 )
         if on_any_rank(comm, self._at_open_end(surface.points.T)):
             found.append(

@@ -120,7 +120,7 @@ def test_an_own_foundation_gives_what_the_same_shape_of_the_package_gives(
     expected = on(given, dim, comm)
     # The table is the one place that chooses the class of a foundation.
     (shape,) = given
-    monkeypatch.setitem(FOUNDATIONS, shape, lambda section, placement: own)
+    monkeypatch.setitem(FOUNDATIONS, shape, lambda section, placement: (own, ()))
     found = on(given, dim, comm)
     assert expected.converged and found.converged, found.summary["reason"]
     assert expected.summary["contact_area"] > 0.0
@@ -137,7 +137,7 @@ def test_an_edge_of_an_own_foundation_carries_the_load(
 ) -> None:
     slope = np.array([0.1, 1.0]) / np.hypot(0.1, 1.0)
     wedge = Wedge((0.5, 0.002), ((slope[0], slope[1]), (-slope[0], slope[1])))
-    monkeypatch.setitem(FOUNDATIONS, "half_space", lambda section, placement: wedge)
+    monkeypatch.setitem(FOUNDATIONS, "half_space", lambda section, placement: (wedge, ()))
     solution = on({"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}, 2, comm)
     assert solution.converged, solution.summary["reason"]
     points = solution.contact_points
@@ -145,6 +145,16 @@ def test_an_edge_of_an_own_foundation_carries_the_load(
         touching = points.x[points.state != OPEN, 0]
         assert len(touching) > 0
         assert touching == pytest.approx(0.5, abs=0.11)
+
+
+def test_a_node_on_a_sharp_edge_of_an_own_foundation_has_a_distance(
+    monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm
+) -> None:
+    side = math.sqrt(0.5)
+    wedge = Wedge((0.4, -0.002), ((side, side), (-side, side)))
+    monkeypatch.setitem(FOUNDATIONS, "half_space", lambda section, placement: (wedge, ()))
+    solution = on({"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}, 2, comm)
+    assert not [text for text in solution.summary["warnings"] if "contact_normal" in text]
 
 
 class Bore(Section):
@@ -168,7 +178,7 @@ def test_a_fault_of_an_own_foundation_is_at_its_key_of_the_study_file(
     monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm
 ) -> None:
     broken = Broken((0.0, -1.0), (1.0, -1.0), 1.0)
-    monkeypatch.setitem(FOUNDATIONS, "half_space", lambda section, placement: broken)
+    monkeypatch.setitem(FOUNDATIONS, "half_space", lambda section, placement: (broken, ()))
     with pytest.raises(InputError, match="has no distance") as caught:
         on({"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}, 2, comm)
     assert caught.value.key == "contact.foundation.half_space"

@@ -63,6 +63,38 @@ def steep(u: Any) -> Any:
     return ufl.exp(ufl.inner(fibre, ufl.sym(ufl.grad(u)) * fibre) ** 2)
 
 
+class Own:
+    """The floor ``x[1] <= -0.002`` and faults of it."""
+
+    def __init__(self, gap: Any = lambda y: y, normal: Any = lambda normal: normal) -> None:
+        self._gap, self._normal = gap, normal
+
+    def gap(self, x: Any) -> Any:
+        return self._gap(x[1] + 0.002)
+
+    def contact_normal(self, x: Any) -> Any:
+        return self._normal(np.stack([0.0 * x[0], 0.0 * x[0] - 1.0]))
+
+
+class OwnBound(cl.FrictionBound):
+    """A cap of friction, by a function of the bound (k,)."""
+
+    change: Callable[[Any], Any]
+
+    def evaluate(self, pressure: Any, slip: Any) -> Any:
+        return self.change(super().evaluate(pressure, slip))
+
+
+def bounded(change: Callable[[Any], Any]) -> cl.Coulomb:
+    class Glue(cl.Coulomb):
+        def on(self, surface: Any, smoothing: Any) -> OwnBound:
+            bound = OwnBound(surface, smoothing, self.law)
+            bound.change = change
+            return bound
+
+    return Glue(0.3, cl.Local())
+
+
 WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str, str]] = {
     "mu of UFL": (
         lambda space: {"friction": cl.Coulomb(0.1 + x(space)[0])},
@@ -78,6 +110,16 @@ WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str, str]]
         lambda space: {"friction": 0.3},
         "must be Coulomb",
         "contacts.0.friction",
+    ),
+    "smoothing alone": (
+        lambda space: {"friction": cl.Coulomb(0.3, 0.2)},  # type: ignore[arg-type]
+        "smoothing must be Convolution(radius)",
+        "contacts.0.friction",
+    ),
+    "class of a foundation": (
+        lambda space: {"foundation": Own},
+        "not the class Own",
+        "contacts.0.foundation",
     ),
     "gap of UFL": (
         lambda space: {"foundation": cl.Gap(0.01 * x(space)[0])},
@@ -199,6 +241,69 @@ def test_an_argument_of_another_kind_is_refused_with_its_key(
     assert text in str(caught.value)
     assert caught.value.key == key
     assert f"This is about {key}." in "".join(traceback.format_exception(caught.value))
+
+
+@pytest.mark.parametrize(
+    ("own", "text"),
+    [
+        (
+            Own(normal=lambda normal: 2.0 * normal),
+            "length of contact_normal must be 1, and is 2 at",
+        ),
+        (Own(normal=lambda normal: np.nan * normal), "must be 1, and is nan at"),
+        (Own(normal=lambda normal: normal.T), "contact_normal must be an array (d, k)"),
+        (Own(normal=list), "not list"),
+        (Own(gap=lambda gap: gap[None]), "gap must be an array (k,)"),
+        (Own(gap=lambda gap: 0.002), "not float"),
+        (Own(gap=lambda gap: np.nan * gap), "gap must be finite, and is nan at"),
+        (Own(normal=lambda normal: -normal), "turn its contact_normal"),
+    ],
+)
+def test_an_own_foundation_without_gaps_or_unit_normals_is_refused(
+    own: Own, text: str, space: fem.FunctionSpace
+) -> None:
+    with pytest.raises(cl.InputError) as caught:
+        pressed(space, foundation=own)
+    assert text in str(caught.value)
+    assert caught.value.key == "contacts.0.foundation"
+
+
+def test_a_gap_that_is_no_distance_is_warned_of(space: fem.FunctionSpace) -> None:
+    for factor, count in ((1.0, 0), (1.15, 0), (10.0, 1), (-1.0, 1)):
+        problem = pressed(space, foundation=Own(gap=lambda gap, factor=factor: factor * gap))
+        warnings = problem.solve(certificate=False).summary["warnings"]
+        told = [text for text in warnings if "a distance by 1" in text]
+        assert len(told) == count, (factor, warnings)
+        assert all(text.startswith("contacts.0.foundation: along") for text in told)
+        problem.close()
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (lambda bound: bound[:, None], "must give the friction bound (k,)"),
+        (lambda bound: 0.1, "not the shape ()"),
+        (lambda bound: np.nan * bound, "finite numbers from 0 up, and is nan"),
+        (lambda bound: -bound, "finite numbers from 0 up, and is -3e-13"),
+    ],
+)
+def test_an_own_friction_bound_without_values_from_zero_up_is_refused(
+    change: Callable[[Any], Any], text: str, space: fem.FunctionSpace
+) -> None:
+    with pytest.raises(cl.InputError) as caught:
+        pressed(space, foundation=FLOOR, friction=bounded(change))
+    assert "evaluate of OwnBound" in str(caught.value) and text in str(caught.value)
+    assert caught.value.key == "contacts.0.friction"
+
+
+def test_the_normal_of_a_half_space_alone_is_to_be_turned(space: fem.FunctionSpace) -> None:
+    for foundation, has_normal in (
+        (cl.HalfSpace((0.0, 0.0), (0.0, -1.0)), True),
+        (cl.Sphere((0.5, 2.0), 0.5), False),
+    ):
+        with pytest.raises(cl.InputError, match="lies behind") as caught:
+            pressed(space, foundation=foundation)
+        assert ("turn the normal of the half space" in str(caught.value)) == has_normal
 
 
 def test_values_of_mu_for_other_points_are_refused(space: fem.FunctionSpace) -> None:
