@@ -261,7 +261,8 @@ def _in_script(solution: Solution) -> Solution:
 
 
 def _check(a: Any, L: Any, n: Any, compliance: float | None) -> None:
-    if not isinstance(a, Elasticity | ufl.Form):
+    is_form = isinstance(a, ufl.Form)
+    if not (is_form or isinstance(a, Elasticity)):
         wanted = "a form, such as inner(sigma(u), eps(v))*dx, or an Elasticity"
         raise InputError(f"must be {wanted}, not {type(a).__name__}", "a")
     if L is not None and not (isinstance(L, ufl.Form) and len(L.arguments()) == 1):
