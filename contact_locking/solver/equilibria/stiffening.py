@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,6 +45,8 @@ _FALL = 0.1
 # it, some only from 1e6 on, and by no larger power than the last in the step before they are told.
 # Forces with a limit hardly grow.
 _GROWTH, _OVER, _JUMP = 0.7, 0.9, 1.3
+# The force of a penalty that is only as stiff as growth needs, over the force that is enough.
+_ENOUGH = 1.3
 
 _GROWS = (
     "; with penalties of {soft:.2g} and {stiff:.2g} times the stiffness of the material there are "
@@ -74,6 +76,10 @@ class Stage:
         apart = self.power - before.power
         ratio = min(max(self.force / before.force, _FALL), 10.0**apart)
         return np.asarray(self.bounds * ratio ** ((power - self.power) / apart))
+
+    def last_below(self, known: Sequence[Stage]) -> Stage | None:
+        """The last of the stages that are nearly a power of ten softer, None without any."""
+        return next((item for item in reversed(known) if self.power - item.power >= _OVER), None)
 
     def growth_from(self, softer: Stage) -> float:
         """The power of the penalty by which the force grows from another stage to this one."""
@@ -146,13 +152,14 @@ class Stiffening:
         known, without = list[Stage](), math.nan
         can_grow = self._task.target.penalty.epsilon == 0.0
         for stage in self._stages():
-            softer = [item for item in known if stage.power - item.power >= _OVER]
-            grows = bool(softer) and stage.growth_from(softer[-1]) > _GROWTH
+            softer = stage.last_below(known)
+            grows = softer is not None and stage.growth_from(softer) > _GROWTH
             # A step to another solution may be large.
             grows = grows and _GROWTH < stage.growth_from(known[-1]) < _JUMP
             known.append(stage)
             if not (can_grow and grows):
                 continue
+            assert softer is not None
             if math.isnan(without):
                 found = force_with_friction(self._task)
                 without = math.inf if found is None else found
@@ -162,7 +169,15 @@ class Stiffening:
                 continue
             # Without the map the interior point method has found it, which is sharp.
             if self._vectors is None or self._arrives(stage, stage.target, _EVIDENCE * sharp):
-                return stage.growth_in_words(softer[-1])
+                return stage.growth_in_words(softer)
+            # A softer penalty has smaller forces, which are less rough, and may be enough.
+            enough = _ENOUGH * FARTHEST * without
+            if known[-2].force < enough < stage.force:
+                power = known[-2].power + math.log10(enough / known[-2].force)
+                between = self._onwards(None, known[-2], power)
+                softer = None if between is None else between.last_below(known)
+                if between and softer and self._arrives(between, between.target, _EVIDENCE * sharp):
+                    return between.growth_in_words(softer)
         is_last = bool(known) and known[-1].power >= self._last and self._vectors is not None
         if is_last and self._arrives(known[-1], self._task.target, sharp):
             return ""
