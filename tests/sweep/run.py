@@ -70,8 +70,7 @@ class Worker:
 
     def _start(self) -> None:
         self._connection, other = self._context.Pipe()
-        arguments = (other, self.limit)
-        self._process = self._context.Process(target=_work, args=arguments, daemon=True)
+        self._process = self._context.Process(target=_work, args=(other,), daemon=True)
         self._process.start()
         other.close()
 
@@ -80,7 +79,7 @@ class Worker:
         start = time.perf_counter()
         reason = f"no answer after {self.limit:g} s"
         try:
-            self._connection.send(task)
+            self._connection.send((task, self.limit))
             if self._connection.poll(_WAIT * self.limit):
                 outcome: Outcome = self._connection.recv()
                 return outcome
@@ -106,8 +105,8 @@ def _study(task: Task) -> dict[str, Any]:
     return case_of(task.family, task.seed, task.linear, task.n).study
 
 
-def _work(connection: Connection, limit: float) -> None:
-    """Solve what is asked for; a problem that takes more seconds than the limit ends the process.
+def _work(connection: Connection) -> None:
+    """Solve what is asked for; a problem that takes more seconds than its limit ends the process.
 
     They are seconds of the processor, so that other work on the machine makes no difference.
     """
@@ -115,11 +114,11 @@ def _work(connection: Connection, limit: float) -> None:
 
     hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
     while True:
-        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(time.process_time() + limit), hard))
         try:
-            task = connection.recv()
+            task, limit = connection.recv()
         except EOFError:
             return
+        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(time.process_time() + limit), hard))
         connection.send(outcome_of(*task))
 
 
