@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -171,7 +172,7 @@ class StrainPoints:
             state.problem.u
         )
         # The limit of the ball without the rounding of 1/(1/M).
-        self.sets[0].limit = self.limit
+        self.sets[0] = replace(self.sets[0], limit=self.limit)
 
     def by_cell(self, values: FloatArray) -> FloatArray:
         """Scalars (k,) at the points as (n, points of a cell), for the n owned cells."""
@@ -214,25 +215,34 @@ class StrainPoints:
         return measured
 
 
+@dataclass(frozen=True, eq=False)
 class SetAtPoints:
     """One set of strains at the points of the strains, with its multiplier y.
 
-    ``limit`` (k,) is M, and ``size`` (k,) is ``|y|``.  ``pulling`` (k,) is the negative part of the
-    multiplier of a half space, which has none in a solution.  ``strength`` (k,) is the norm of y,
-    ``2n`` times the excess by the penalty law.
+    ``measured`` gives ``L (eps(w) - eps_0)`` of a displacement w: (k, d, d), or (k,) for a half
+    space.  ``limit`` (k,) is M.
     """
 
-    def __init__(
-        self,
-        measured: Callable[[fem.Function], FloatArray],
-        limit: FloatArray,
-        multiplier: FloatArray,
-    ) -> None:
-        #: ``L (eps(w) - eps_0)`` of a displacement w: (k, d, d), or (k,) for a half space.
-        self.measured = measured
-        self.limit, self._multiplier = limit, multiplier
-        self.size = self.strength = np.abs(SetAtPoints.reach(self, multiplier))
-        self.pulling = np.maximum(-multiplier, 0.0) if multiplier.ndim == 1 else 0.0 * self.size
+    measured: Callable[[fem.Function], FloatArray]
+    limit: FloatArray
+    multiplier: FloatArray
+
+    @cached_property
+    def strength(self) -> FloatArray:
+        """The norm (k,) of y, ``2n`` times the excess by the penalty law."""
+        y = self.multiplier
+        return np.asarray(np.linalg.norm(y, axis=(1, 2)) if y.ndim > 1 else np.abs(y))
+
+    @cached_property
+    def size(self) -> FloatArray:
+        """``|y|`` (k,)."""
+        return self.strength
+
+    @cached_property
+    def pulling(self) -> FloatArray:
+        """The negative part (k,) of the multiplier of a half space, which a solution has not."""
+        y = self.multiplier
+        return np.maximum(-y, 0.0) if y.ndim == 1 else np.zeros(len(y))
 
     @property
     def support(self) -> FloatArray:
@@ -256,27 +266,27 @@ class SetAtPoints:
     def work(self, measured: FloatArray) -> FloatArray:
         """``y : L eps`` (k,) of what is measured."""
         if measured.ndim == 1:
-            return self._multiplier * measured
-        return np.einsum("kij,kij->k", self._multiplier, measured)
+            return self.multiplier * measured
+        return np.einsum("kij,kij->k", self.multiplier, measured)
 
 
 class PrincipalAtPoints(SetAtPoints):
     """A limit of the largest principal strain, ``eps_I`` in the place of ``|L eps|``.
 
-    ``size`` is ``tr y`` and ``strength`` the Frobenius norm; ``pulling`` is what is negative of the
-    eigenvalues of y, of which a solution has none.
+    ``size`` is ``tr y``, and ``pulling`` the negative part of the least eigenvalue of y.
     """
 
-    def __init__(
-        self,
-        measured: Callable[[fem.Function], FloatArray],
-        limit: FloatArray,
-        multiplier: FloatArray,
-    ) -> None:
-        super().__init__(measured, limit, multiplier)
-        self._eigenvalues = np.linalg.eigvalsh(multiplier)
-        self.size = np.abs(self._eigenvalues).sum(axis=1)
-        self.pulling = np.maximum(-self._eigenvalues[:, 0], 0.0)
+    @cached_property
+    def _eigenvalues(self) -> FloatArray:
+        return np.asarray(np.linalg.eigvalsh(self.multiplier))
+
+    @cached_property
+    def size(self) -> FloatArray:
+        return np.asarray(np.abs(self._eigenvalues).sum(axis=1))
+
+    @cached_property
+    def pulling(self) -> FloatArray:
+        return np.maximum(-self._eigenvalues[:, 0], 0.0)
 
     def reach(self, measured: FloatArray) -> FloatArray:
         return np.asarray(np.linalg.eigvalsh(measured)[:, 1])

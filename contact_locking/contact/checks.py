@@ -119,7 +119,7 @@ def _check_bound(contact: NodalContact, key: str) -> None:
 
 
 def _of_foundation(body: Any, dim: int) -> Iterator[tuple[bool, str]]:
-    """What must be true of a foundation, and what to say where it is not."""
+    """The conditions on a foundation, each with the message where it fails."""
     if isinstance(body, PlacedFoundation):
         return
     if isinstance(body, Gap):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import basix.ufl
 import numpy as np
@@ -92,9 +92,14 @@ def of_cells(mesh: dmesh.Mesh, corners: IntArray, values: IntArray) -> IntArray:
 
 def _of_entities(mesh: dmesh.Mesh, dim: int, nodes: IntArray, values: IntArray) -> IntArray:
     # Floating-point numbers hold whole ones up to 2^53, which int32 may not.
-    found, local = distribute_entity_data(mesh, dim, nodes, values.astype(float))
-    tags = dmesh.meshtags_from_entities(mesh, dim, graph.adjacencylist(found), local)
+    tags = _tags(mesh, dim, nodes, values.astype(float))
     return tags.values[np.argsort(tags.indices)].astype(np.int64)
+
+
+def _tags(mesh: dmesh.Mesh, dim: int, nodes: IntArray, values: Any) -> dmesh.MeshTags:
+    """The values of entities, given by their nodes on any rank, as tags; collective."""
+    found, local = distribute_entity_data(mesh, dim, nodes, values)
+    return dmesh.meshtags_from_entities(mesh, dim, graph.adjacencylist(found), local)
 
 
 def mesh_of(
@@ -137,10 +142,7 @@ def _facet_groups(mesh: dmesh.Mesh, data: MeshData, row: IntArray) -> list[Entit
         np.sort(row[facets.nodes], axis=1), axis=0, return_index=True, return_inverse=True
     )
     of_cells = np.flatnonzero((every >= 0).all(axis=1)).astype(np.int32)
-    nodes, values = distribute_entity_data(mesh, data.dim - 1, every[of_cells], of_cells)
-    tags = dmesh.meshtags_from_entities(
-        mesh, data.dim - 1, graph.adjacencylist(nodes), values.astype(np.int32, copy=False)
-    )
+    tags = _tags(mesh, data.dim - 1, every[of_cells], of_cells)
     there = np.unique(np.concatenate(comm.allgather(tags.values)))
     found = []
     for name in facets.names:

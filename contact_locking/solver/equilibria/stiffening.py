@@ -87,9 +87,14 @@ class Stage:
             return 0.0
         return math.log10(self.force / softer.force) / (self.power - softer.power)
 
-    def growth_in_words(self, softer: Stage) -> str:
-        """That the force grows from another stage to this one, whose state is left, in words."""
-        penalty = self.target.penalty
+    def growth_in_words(self, known: Sequence[Stage]) -> str:
+        """That the force grows from one of the stages to this one, whose state is left, in words.
+
+        "" if none of the stages is softer by enough.
+        """
+        penalty, softer = self.target.penalty, self.last_below(known)
+        if softer is None:
+            return ""
         return _GROWS.format(
             soft=10.0**softer.power,
             stiff=10.0**self.power,
@@ -159,29 +164,39 @@ class Stiffening:
             known.append(stage)
             if not (can_grow and grows):
                 continue
-            assert softer is not None
             if math.isnan(without):
                 found = force_with_friction(self._task)
                 without = math.inf if found is None else found
             is_far = stage.force > FARTHEST * without
             is_last = stage.power >= self._last and without < math.inf
-            if not (is_far or is_last):
-                continue
-            # Without the map the interior point method has found it, which is sharp.
-            if self._vectors is None or self._arrives(stage, stage.target, _EVIDENCE * sharp):
-                return stage.growth_in_words(softer)
-            # A softer penalty has smaller forces, which are less rough, and may be enough.
-            enough = _ENOUGH * FARTHEST * without
-            if known[-2].force < enough < stage.force:
-                power = known[-2].power + math.log10(enough / known[-2].force)
-                between = self._onwards(None, known[-2], power)
-                softer = None if between is None else between.last_below(known)
-                if between and softer and self._arrives(between, between.target, _EVIDENCE * sharp):
-                    return between.growth_in_words(softer)
+            if (is_far or is_last) and (growth := self._shown(known, _ENOUGH * FARTHEST * without)):
+                return growth
         is_last = bool(known) and known[-1].power >= self._last and self._vectors is not None
         if is_last and self._arrives(known[-1], self._task.target, sharp):
             return ""
         raise NotConverged("the penalties lead nowhere")
+
+    def _shown(self, known: Sequence[Stage], enough: float) -> str:
+        """The growth up to the last stage in words, "" if its bounds are too rough to show it.
+
+        A softer penalty, whose force is ``enough``, may show it then: smaller forces are less
+        rough.
+        """
+        stage, before = known[-1], known[-2]
+        if self._is_sharp(stage):
+            return stage.growth_in_words(known)
+        if not before.force < enough < stage.force:
+            return ""
+        power = before.power + math.log10(enough / before.force)
+        between = self._onwards(None, before, power)
+        if between is None or not self._is_sharp(between):
+            return ""
+        return between.growth_in_words(known)
+
+    def _is_sharp(self, stage: Stage) -> bool:
+        # Without the map the interior point method has found it, which is sharp.
+        sharp = _EVIDENCE * self._task.settings.friction_tolerance
+        return self._vectors is None or self._arrives(stage, stage.target, sharp)
 
     def _stages(self) -> Iterator[Stage]:
         before: Stage | None = None
