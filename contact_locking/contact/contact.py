@@ -143,8 +143,9 @@ class Contact:
     it has no node of ``on`` but at the tip of a crack.  Contact then limits the jump
     ``[u] = u - u o chi`` between the sides, with the points chi(x) of ``against`` that the normals
     of ``on`` meet.  A :class:`Gap` adds to the distance of the sides: below zero they overlap and
-    press, as in a press fit.  ``pair`` says when these points are found: "once", on the undeformed
-    mesh, or at the beginning of "each_step", on the mesh that the step before has deformed.
+    press, as in a press fit.  ``pair`` says where these points and the contact normals are found:
+    "each_step" at the solution of each step, or "once" on the undeformed mesh, as the linear theory
+    has them.
     """
 
     on: Where
@@ -154,7 +155,7 @@ class Contact:
     force: Pushing | None = None
     key: str = "contact"
     against: Where | None = None
-    pair: Literal["once", "each_step"] = "once"
+    pair: Literal["once", "each_step"] = "each_step"
     spring: FoundationSpring | None = None
     tilt: Tilt | None = None
 

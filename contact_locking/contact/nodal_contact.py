@@ -21,8 +21,11 @@ from contact_locking.fields.plausibility import about_the_gap
 from contact_locking.laws.convex import normal_part, tangential_part
 from contact_locking.laws.rigid_motion import RigidMotion, SmallMotion
 from contact_locking.mesh.domain import Domain
-from contact_locking.parallel import on_any_rank
+from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.supports.conditions import Constraints
+
+# The frame of two sides is that at the solution if normals and gaps agree to this.
+_SAME = 1e-3
 
 
 @dataclass(frozen=True)
@@ -138,11 +141,21 @@ class NodalContact:
         Raises Misplaced for a foundation that has moved behind Gamma_C.
         """
         surface, displacement = self.surface, self.state.displacement
-        is_anew = surface.pair_at(displacement)
-        if not (self.foundation.is_timed or is_anew):
-            return
-        if is_anew and displacement is not None:
-            place = surface.limited.at_nodes(displacement)
+        before = surface.frame
+        is_anew = before is not None and self.pairs_anew and before.displacement is not displacement
+        if is_anew and (frame := surface.frame_at(displacement)) is not None:
+            surface.take(frame)
+        if self.foundation.is_timed or is_anew:
+            self._set_place(is_anew)
+
+    def _set_place(self, is_anew: bool) -> None:
+        """Set gap, normals and the free nodes, with ``is_anew`` in a new frame; collective."""
+        surface = self.surface
+        if is_anew:
+            before = self.state.displacement
+            place = np.zeros_like(surface.points)
+            if before is not None:
+                place = surface.limited.at_nodes(before)
             self.state = replace(self.state, place=place)
         gap, normals = self.foundation.at_nodes(surface)
         self._put(surface.limited_gap(gap), normals)
@@ -156,6 +169,32 @@ class NodalContact:
                 self.friction.smoothing.destroy()
                 self.friction.smoothing = self.given.friction.smoothing.on(surface, free, sides)
             self.free, self._sides = free, sides
+
+    def follow(self, u: fem.Function, touches: BoolArray) -> bool:
+        """Go over to the frame at the solution u, if that is another one; collective.
+
+        Another frame has normals that turn by more than 1e-3 at a node that ``touches`` (k,), or
+        gaps that change by more than 1e-3 of the largest jump.  Returns whether it is another one.
+        """
+        surface = self.surface
+        if surface.frame is None or not self.pairs_anew:
+            return False
+        frame, comm = surface.frame_at(u.x.array.copy()), surface.domain.comm
+        assert frame is not None
+        jump = surface.limited.of_function(u)
+        opening = self.gaps - self.split_nodal(jump)[0]
+        anew = frame.distance + self.gaps - surface.distance
+        entry = np.maximum(-anew, 0.0) - np.maximum(-opening, 0.0)
+        changes = np.where(touches, np.abs(anew - opening), np.where(self.free, entry, 0.0))
+        approach = maximum(comm, np.linalg.norm(jump[surface.frame.faces], axis=1))
+        turns = np.linalg.norm(frame.normals - self.normals, axis=1)
+        is_same = maximum(comm, turns[touches]) <= _SAME
+        is_same &= maximum(comm, changes) <= _SAME * approach
+        is_same &= not on_any_rank(comm, touches & ~frame.faces)
+        if not is_same:
+            surface.take(frame)
+            self._set_place(is_anew=True)
+        return not is_same
 
     def _put(self, gaps: FloatArray, normals: FloatArray) -> None:
         self._gaps = gaps
@@ -204,13 +243,14 @@ class NodalContact:
 
     @property
     def pairs_anew(self) -> bool:
-        """Whether bodies are paired anew in each step."""
-        return self.given.pair == "each_step"
+        """Whether bodies are paired where they are at the solution of each step."""
+        return self.surface.frame is not None and self.given.pair == "each_step"
 
     def slid(self, u: fem.Function) -> FloatArray:
-        """How far (k,) the nodes have slid along the other body since they were paired."""
-        along = self.increment(u) if self.pairs_anew else self.split(u)[1]
-        return np.asarray(np.linalg.norm(along, axis=1))
+        """How far (k,) the nodes have slid off the points that they were paired with."""
+        if self.pairs_anew:
+            return np.zeros(len(self.surface.nodes))
+        return np.asarray(np.linalg.norm(self.split(u)[1], axis=1))
 
     @property
     def is_free(self) -> bool:

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 from dolfinx import fem
-from scipy.sparse import csr_matrix, diags
+from scipy.sparse import csr_matrix, diags, vstack
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.pairing import Pairing, Side, pair
-from contact_locking.contact.surface import PRESCRIBED, ContactSurface
+from contact_locking.contact.surface import PRESCRIBED, ContactSurface, Frame
 from contact_locking.errors import InputError, Misplaced
 from contact_locking.fem.jump import JumpValues
 from contact_locking.fem.spaces import Element
@@ -34,8 +34,8 @@ class PairedSurface(ContactSurface):
     If ``against`` has the names of ``on``, the bodies that have these parts touch each other.
     The weights are those of the part that side 2 covers, and ``distance`` (k,) is the gap between
     the sides, the extent of the body where a node faces nothing.  All ranks find the whole pairing.
-    Where bodies are paired anew in each step, ``distance`` is what the jump may reach in all:
-    ``g + [u_{k-1}]_nu`` with the gap g between the deformed sides.
+    Where the sides are paired at a displacement w, ``distance`` is what the jump may reach in all:
+    ``g + [w]_nu`` with the gap g between the displaced sides.
     Raises InputError for sides that have nodes in common, for sides that do not face each other or
     overlap too deep, and for curved cells.  The constructor is collective.
     """
@@ -60,48 +60,55 @@ class PairedSurface(ContactSurface):
             _require_apart(domain, self._one, self._two, self._mine, self._theirs, given)
         self._given, self._key = given, key
         self._blocks = np.union1d(self._mine, self._theirs)
-        self._own, self._whole = self.limited.by_blocks, self.weights
+        blocks = space.dofmap.index_map.local_to_global(self.blocks)
+        self._here = np.searchsorted(self._mine, blocks)
+        # The coefficients of side 1 on all ranks, in the order of its points.
+        order = np.argsort(np.concatenate(domain.comm.allgather(blocks)))
+        self._coefficients = vstack(domain.comm.allgather(self.limited.by_blocks)).tocsr()[order]
+        self._whole = self.weights
         self._density = self.scalar_function(np.ones(len(self.nodes)))
         self.ds = WeightedMeasure(self.ds, self._density)
-        index_map = space.dofmap.index_map
-        self._here = np.searchsorted(self._mine, index_map.local_to_global(self.blocks))
-        self._paired_at: FloatArray | None = None
-        rows = self._pair(self._one, self._two)
+        frame = self.frame_at(None)
         self._jump = JumpValues(
-            element.trace, self.scalar_space, space, self.nodes, self.limited.blocks, rows
+            element.trace, self.scalar_space, space, self.nodes, self.limited.blocks, frame.rows
         )
         self.limited = self._jump
+        self.take(frame)
 
-    def _pair(self, one: Side, two: Side) -> csr_matrix:
-        """Set the distance and the weights to those of two sides; the rows of the jump."""
-        found, here, domain = pair(one, two), self._here, self.domain
-        _require_facing(domain, one, two, found, self._given)
-        faces, own = (found.faces & ~self._at_tip)[here], self._own
-        shares = found.shares[here].tocsr()
-        columns = self._theirs[shares.indices]
-        facing = csr_matrix((shares.data, columns, shares.indptr), shape=own.shape)
-        rows = diags(faces.astype(float)) @ (own - facing)
-        rows.eliminate_zeros()
-        self.distance = np.where(faces, found.gap[here], domain.extent)
-        self.weights = np.where(faces, found.weights[here], self._whole)
-        self._density.x.array[self.nodes] = self.weights / self._whole
-        self._density.x.scatter_forward()
-        return rows
-
-    def pair_at(self, displacement: FloatArray | None) -> bool:
-        if self._given.pair == "once" or displacement is self._paired_at:
-            return False
-        one, two = self._one, self._two
+    def frame_at(self, displacement: FloatArray | None) -> Frame:
+        """The frame of the sides at a displacement (local values), None for rest; collective."""
+        one, two, here, domain = self._one, self._two, self._here, self.domain
         if displacement is not None:
             one = one.moved(self._at_blocks(displacement, self._mine))
             two = two.moved(self._at_blocks(displacement, self._theirs))
-        self._jump.join(self._pair(one, two))
-        self._body_normals = one.nodal_normals()[self._here]
-        self._paired_at = displacement
-        if displacement is not None:
-            before = self._jump.at_nodes(displacement)
-            self.distance = self.distance + np.sum(before * self._body_normals, axis=1)
-        return True
+        found = pair(one, two)
+        _require_facing(domain, one, two, found, self._given)
+        faces, coefficients = (found.faces & ~self._at_tip)[here], self._coefficients
+        shares = found.shares[here].tocsr()
+        columns = self._theirs[shares.indices]
+        shape = (len(here), coefficients.shape[1])
+        facing = csr_matrix((shares.data, columns, shares.indptr), shape=shape)
+        rows = diags(faces.astype(float)) @ (found.near[here] @ coefficients - facing)
+        rows.eliminate_zeros()
+        return Frame(
+            displacement,
+            rows.tocsr(),
+            faces,
+            found.normals[here],
+            np.where(faces, found.gap[here], domain.extent),
+            np.where(faces, found.weights[here], self._whole),
+        )
+
+    def take(self, frame: Frame) -> None:
+        self.frame, self.weights = frame, frame.weights
+        self._body_normals = frame.normals
+        self._density.x.array[self.nodes] = self.weights / self._whole
+        self._density.x.scatter_forward()
+        self._jump.join(frame.rows)
+        self.distance = frame.distance
+        if frame.displacement is not None:
+            before = self._jump.at_nodes(frame.displacement)
+            self.distance = frame.distance + np.sum(before * frame.normals, axis=1)
 
     def _at_blocks(self, displacement: FloatArray, blocks: IntArray) -> FloatArray:
         """The displacement (k, d) at global blocks (k,), from local values; collective."""

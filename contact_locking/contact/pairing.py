@@ -1,39 +1,40 @@
 """Which points of one side face which points of another, by their geometry alone.
 
-From a point x of side 1 the ray along the outward normal n of its facet meets side 2 at chi(x), at
-the height ``h(x) = (chi(x) - x) . n``, which is negative where the sides overlap.  The jump of a
-field u at the node i of side 1 is
+The jump of a field u at the node i of side 1 is
 
-    [u]_i = c1_i - sum_k m_ik u2_k,   m_ik = int psi_i (phi2_k o chi) / int b_i,
+    [u]_i = sum_j l_ij c1_j - sum_k m_ik u2_k,
+    l_ij = int psi_i b_j / w_i,   m_ik = int psi_i (phi2_k o chi) / w_i,   w_i = int psi_i,
 
 with the coefficients c1 of u on side 1 in Bernstein's basis b, the nodal functions phi2 of side 2,
 and the dual basis psi of side 1, ``int psi_i b_j = delta_ij int b_j`` (Wohlmuth,
-doi:10.1137/S0036142999350929).  For affine functions b and phi are hat functions and c1 the values
-at the nodes; for quadratic ones c1 are the control values (:class:`~contact_locking.fem.trace.
-Trace`).  The b_i have the sum 1, and so have the psi_i: a constant pressure on side 1 is one on
-side 2.  All integrals are over the part of side 1 that side 2 covers, and the dual basis is that
-of this part (Popp et al., doi:10.1016/j.cma.2010.11.004).  The facets of side 2 are projected into
-the plane of each facet of side 1 and cut there, so that integrals of polynomials are exact.  The
-functions of quadrilaterals that are no parallelograms are no polynomials: their integrals have
-errors of some 1e-11, and larger ones where the Jacobians at two corners have a quotient below 1/6.
+doi:10.1137/S0036142999350929), so that l is the identity.  For affine functions b and phi are hat
+functions and c1 the values at the nodes; for quadratic ones c1 are the control values
+(:class:`~contact_locking.fem.trace.Trace`).  chi(x) is the point of side 2 that the ray from x
+along the outward normal n of the facet meets, at the height ``h(x) = (chi(x) - x) . n``, which is
+negative where the sides overlap.  The b_i have the sum 1, and so have the psi_i: a constant
+pressure on side 1 is one on side 2.  All integrals are over the part of side 1 that side 2 covers,
+and the dual basis is that of this part (Popp et al., doi:10.1016/j.cma.2010.11.004).  The facets of
+side 2 are projected into the plane of each facet of side 1 and cut there, so that integrals of
+polynomials are exact.  The functions of quadrilaterals that are no parallelograms are no
+polynomials: their integrals have errors of some 1e-11, and larger ones where the Jacobians at two
+corners have a quotient below 1/6.
+
+A node of which side 2 covers only a sliver has no condition: its pressure would be a force over
+next to nothing.  Its function b is added to that of the nearest node with a condition, and the dual
+basis is that of these sums.  Constant pressures still are the same on both sides.
+
+The gap of a node is the distance of the point ``sum_j l_ij x_j``, the node itself without slivers,
+to side 2 along the contact normal, which is the mean of the normals of both sides.  Where the ray
+misses side 2, the facet that it passes nearest to is continued.
 
 A quadrilateral of side 1 whose corners are not in one plane is projected into its mean plane, as
-are those of side 2 that it faces.  The gap has the heights of both over this plane.  Integrals are
-those over the projection, whose area is too small by a share of the order of the square of the
-height of a corner over the length of the facet.
+are those of side 2 that it faces.  Integrals are those over the projection, whose area is too small
+by a share of the order of the square of the height of a corner over the length of the facet.
 
-The facets are chords of curved sides, and so the distance between two meshes of one circle is not
-zero.  The gap is therefore that between the curved sides which the averaged normals at the nodes
-describe: beside the chord from 1 to 2 a side is ``|x_2 - x_1| (nu_2 - nu_1) . t/2`` times the
-product of both hat functions farther out, with the tangent t.
-
-A point of a plane quadrilateral is ``x = a + b s + c t + d s t`` with s and t from 0 to 1.  With
-the cross product, y = x - a, and the Jacobian J there,
-
-    s = 2 (y x c)/(b x c - y x d + J),   t = 2 (b x y)/(b x c + y x d + J),
-    J^2 = (b x c - y x d)^2 + 4 (b x d)(y x c),
-
-whose denominators are twice the Jacobian at the sides s = 0 and t = 0.
+The facets are chords of curved sides.  Beside the chord from 1 to 2 of side 2 the side is
+``|x_2 - x_1| (nu_2 - nu_1) . t/2`` times the product of both hat functions farther out, with the
+normals nu at the nodes and the tangent t, if it bends by at least half as much beside the chord:
+where a flat side goes over into a fillet it has no bulge.
 """
 
 from __future__ import annotations
@@ -42,10 +43,20 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import basix
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
+from contact_locking.contact.overlap import (
+    EDGES,
+    bernstein,
+    boxes_meet,
+    degree_of,
+    functions,
+    nodal,
+    overlaps,
+    quadrature,
+    summed,
+)
 from contact_locking.mesh.cell_kind import CellKind, facet_normals, unit_normals
 
 if TYPE_CHECKING:
@@ -56,21 +67,23 @@ if TYPE_CHECKING:
 _FACING = -0.3
 # A ray meets side 2 within this multiple of the least distance, by the angle above, or not at all.
 _REACH = 3.3
+# A node has a condition if in one of its facets this share of the integral of its function, or
+# more, is over the covered part.
+_SLIVER = 0.6
 # A facet is covered if this share of it is: a lesser share is rounding, or the rim of side 2.
 _COVERED = 1e-3
 # A facet may be covered by this share more than once: rounding.
 _TWICE = 1e-6
 # Points nearer to the axis than this share of the extent are on it.
 _ON_AXIS = 1e-9
-# By this factor the integrals of functions over quadrilaterals become more accurate than by a rule
-# that is exact for parallelograms, which these are up to a factor of rounding.  The last factor is
-# that of quadrilaterals with Jacobians of 1 and 1/6; more bent ones have the rule of these.
-_SMALL, _PARALLEL, _MOST_BENT = 1e-12, 1e-16, 0.42
+# A ray through a common corner of facets meets them up to this share of their length.
+_INSIDE = 1e-9
 # The cosine of 15 degrees.
 _SMOOTH = 0.966
-
-# The edges of facets, as their corners, by the number of corners, in the order of DOLFINx.
-_EDGES = {2: [(0, 1)], 3: [(1, 2), (0, 2), (0, 1)], 4: [(0, 1), (0, 2), (1, 3), (2, 3)]}
+# A side is round where its curvature changes by no more than this factor from edge to edge.
+_ALIKE = 0.4
+# The cosine of 37 degrees, by which the edges of a mesh of triangles turn from one to the next.
+_GOES_ON = 0.8
 
 
 @dataclass(frozen=True)
@@ -111,13 +124,13 @@ class Side:
 
     def nodal_normals(self) -> FloatArray:
         """The unit normals (k, d) at the points, averaged over the facets around each."""
-        found = np.zeros_like(self.points)
+        normals = np.zeros_like(self.points)
         for corner in self.facets.T:
-            np.add.at(found, corner, self.sizes()[:, None] * self.outward)
+            np.add.at(normals, corner, self.sizes()[:, None] * self.outward)
         if self.revolves:
             # The facets around a point of the axis are those of a whole circle.
-            found[np.abs(self.points[:, 0]) <= _ON_AXIS * np.ptp(self.points[:, 0]), 0] = 0.0
-        return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])
+            normals[np.abs(self.points[:, 0]) <= _ON_AXIS * np.ptp(self.points[:, 0]), 0] = 0.0
+        return np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])
 
     def sizes(self) -> FloatArray:
         """The lengths (m,) or areas of the facets."""
@@ -128,14 +141,17 @@ class Side:
 class Pairing:
     """How side 2 faces the k nodes of side 1.
 
-    ``shares`` (k, k2) are the m_ik, whose rows have the sum 1.  ``gap`` (k,) is
-    ``int psi_i h / int b_i``, and ``weights`` (k,) are ``int b_i``.  ``faces`` (k,) marks the
-    nodes that face side 2; the others have zeros.  ``twice`` is a point (d,) whose ray meets side 2
-    several times, None without such a point.
+    ``near`` (k, k) are the l_ij and ``shares`` (k, k2) the m_ik, whose rows have the sum 1.
+    ``gap`` (k,) is the distance, for quadratic functions its control values, ``normals`` (k, d) are
+    the contact normals, and ``weights`` (k,) the w_i.  ``faces`` (k,) marks the nodes with a
+    condition; the others have zeros.  ``twice`` is a point (d,) whose ray meets side 2 several
+    times, None without such a point.
     """
 
+    near: csr_matrix
     shares: csr_matrix
     gap: FloatArray
+    normals: FloatArray
     weights: FloatArray
     faces: BoolArray
     twice: FloatArray | None
@@ -158,56 +174,193 @@ def pair(one: Side, other: Side) -> Pairing:
         facet, facing = facet[kept], facing[kept]
     away = other.corners[facing] - middles[facet]
     flat = np.einsum("pcd,ptd->pct", away, frames[facet])
-    heights = np.einsum("pcd,pd->pc", away, one.outward[facet])
-    own = np.einsum("mcd,mtd->mct", one.corners - middles, frames)
-    own_heights = np.einsum("mcd,md->mc", one.corners - middles, one.outward)
-    meet = _boxes_meet(own[facet], flat)
-    facet, facing, flat, heights = facet[meet], facing[meet], flat[meet], heights[meet]
-    number, pieces = _overlaps(own[facet], flat, one.kind)
-    places, weights = _quadrature(pieces, max(_degree(one), _degree(other)))
-    at_one = _functions(one.kind, own[facet[number]], places)
-    at_other = _functions(other.kind, flat[number], places)
-    covered = _summed(facet[number], len(one.facets), weights[:, :, None]).sum(axis=(1, 2))
+    plane = np.einsum("mcd,mtd->mct", one.corners - middles, frames)
+    meet = boxes_meet(plane[facet], flat)
+    facet, facing, flat = facet[meet], facing[meet], flat[meet]
+    number, pieces = overlaps(plane[facet], flat, one.kind)
+    degree = max(degree_of(side.kind, side.corners, side.is_quadratic) for side in (one, other))
+    places, weights = quadrature(pieces, degree)
+    at_one = functions(one.kind, plane[facet[number]], places)
+    at_other = functions(other.kind, flat[number], places)
+    covered = summed(facet[number], len(one.facets), weights[:, :, None]).sum(axis=(1, 2))
     if one.revolves:
         radii = np.einsum("qni,qi->qn", at_one, one.corners[facet[number], :, 0])
         weights = 2.0 * math.pi * radii * weights
-    of_one = _bernstein(at_one) if one.is_quadratic else at_one
-    of_other = _nodal(at_other) if other.is_quadratic else at_other
+    of_one = bernstein(at_one) if one.is_quadratic else at_one
+    of_other = nodal(at_other) if other.is_quadratic else at_other
 
     # Sums over the pieces of each pair, then over the pairs of each facet.
-    mixed = _summed(number, len(facet), np.einsum("qn,qni,qnk->qik", weights, of_one, of_other))
-    bulge = _bulge(one)[facet[number]], _bulge(other)[facing[number]]
-    away = np.einsum("qnk,qk->qn", at_other, heights[number])
-    away -= np.einsum("qnk,qk->qn", at_one, own_heights[facet[number]])
-    for part, at in zip(bulge, (at_one, at_other), strict=True):
-        away -= np.einsum("qij,qni,qnj->qn", part, at, at)
-    height = np.einsum("qn,qni,qn->qi", weights, of_one, away)
-    height = _summed(number, len(facet), height[:, :, None])[:, :, 0]
+    mixed = summed(number, len(facet), np.einsum("qn,qni,qnk->qik", weights, of_one, of_other))
     mass = np.einsum("qn,qni,qnj->qij", weights, of_one, of_one)
-    mass = _summed(facet[number], len(one.facets), mass)
-    integral = mass.sum(axis=2)
+    mass = summed(facet[number], len(one.facets), mass)
     sizes = one.sizes()
     is_covered = covered > _COVERED * sizes
+    mass[~is_covered] = 0.0
+    target, faces = _targets(one, mass.sum(axis=2), _integrals(one, plane))
+    nodes = target[one.facets]
+    # The functions of nodes with one target are added to that of the first of them in the facet.
+    same = nodes[:, :, None] == nodes[:, None, :]
+    first = np.argmax(same, axis=2)[:, None, :] == np.arange(nodes.shape[1])[None, :, None]
+    joined = first.astype(float)
+    joined_mass = joined @ mass
     dual = np.zeros_like(mass)
-    dual[is_covered] = _dual_basis(mass[is_covered])
-    mixed, height = dual[facet] @ mixed, np.einsum("pij,pj->pi", dual[facet], height)
+    dual[is_covered] = (
+        _dual_basis((joined_mass @ joined.transpose(0, 2, 1))[is_covered]) @ joined[is_covered]
+    )
 
     count = len(one.points)
-    nodes = one.facets[facet]
-    every: FloatArray = np.bincount(
-        one.facets[is_covered].reshape(-1), integral[is_covered].reshape(-1), count
-    ).astype(float)
-    faces = every > 0.0
-    total = np.where(faces, every, 1.0)
-    rows = np.repeat(nodes, other.facets.shape[1], axis=1).reshape(-1)
-    columns = np.tile(other.facets[facing], (1, nodes.shape[1])).reshape(-1)
-    entries = mixed.reshape(-1) / total[rows]
-    shares = csr_matrix((entries, (rows, columns)), shape=(count, len(other.points)))
-    shares.eliminate_zeros()
-    gap = np.bincount(nodes.reshape(-1), height.reshape(-1), count) / total
+    weight = np.bincount(nodes.reshape(-1), joined_mass.sum(axis=2).reshape(-1), count)
+    total = np.where(faces, weight, 1.0)
+
+    def rows(at: IntArray, entries: FloatArray, columns: IntArray, size: int) -> csr_matrix:
+        """The matrix (k, size) of entries (p, n, c) at facets ``at`` and columns (p, c)."""
+        where = np.repeat(nodes[at], columns.shape[1], axis=1).reshape(-1)
+        across = np.tile(columns, (1, nodes.shape[1])).reshape(-1)
+        values = entries.reshape(-1) / total[where]
+        matrix = csr_matrix((values, (where, across)), shape=(count, size))
+        matrix.eliminate_zeros()
+        return matrix
+
+    near = rows(np.arange(len(one.facets)), dual @ mass, one.facets, count)
+    shares = rows(facet, dual[facet] @ mixed, other.facets[facing], len(other.points))
+    gap, normals = _distances(one, other, near @ one.points, nodes[facet], facing)
+    if one.is_quadratic:
+        gap = _control_values(one, gap, faces)
     several = np.flatnonzero(covered > (1.0 + _TWICE) * sizes)
     twice = one.corners[several[0]].mean(axis=0) if len(several) else None
-    return Pairing(shares, gap, every, faces, twice)
+    return Pairing(
+        near, shares, np.where(faces, gap, 0.0), normals, np.where(faces, weight, 0.0), faces, twice
+    )
+
+
+def _integrals(side: Side, plane: FloatArray) -> FloatArray:
+    """(m, n) the integrals of the functions of the nodes over whole facets (m, c, d - 1)."""
+    number, pieces = overlaps(plane, plane, side.kind)
+    places, weights = quadrature(pieces, degree_of(side.kind, side.corners, side.is_quadratic))
+    values = functions(side.kind, plane[number], places)
+    if side.revolves:
+        radii = np.einsum("qni,qi->qn", values, side.corners[number, :, 0])
+        weights = 2.0 * math.pi * radii * weights
+    of_nodes = bernstein(values) if side.is_quadratic else values
+    each = np.einsum("qn,qni->qi", weights, of_nodes)
+    return summed(number, len(plane), each[:, :, None])[:, :, 0]
+
+
+def _targets(one: Side, covered: FloatArray, whole: FloatArray) -> tuple[IntArray, BoolArray]:
+    """(k,) the node whose condition takes the function of each node, and which nodes have one.
+
+    ``covered`` and ``whole`` (m, n) are the integrals of the functions over covered parts of
+    facets, and over facets.  A node without a condition has the target of its nearest neighbour
+    that has one, in a covered facet.  In a covered part of side 1 that is smaller than its facets
+    the node that is covered most has one.
+    """
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    count, width = len(one.points), one.facets.shape[1]
+    share = np.zeros(count)
+    np.maximum.at(share, one.facets, covered / whole)
+    faces = share > _SLIVER
+    is_covered = covered.sum(axis=1) > 0.0
+    within = one.facets[is_covered]
+    ends = [within[:, each].reshape(-1) for each in np.indices([width] * 2).reshape(2, -1)]
+    start, end = ends
+    part = connected_components(csr_matrix((np.ones(len(start)), (start, end)), (count, count)))[1]
+    integral = np.bincount(one.facets.reshape(-1), covered.reshape(-1), count)
+    order = np.lexsort((*one.points.T, integral))
+    most = np.full(count, -1)
+    most[part[order]] = order
+    is_alone = ~np.isin(part, part[faces]) & (integral > 0.0)
+    faces[most[part[is_alone]]] = True
+    target = np.where(faces, np.arange(count), -1)
+    lengths = np.linalg.norm(one.points[start] - one.points[end], axis=1)
+    # The nearest comes last; of several equally near ones, that whose coordinates are the largest.
+    rounded = np.round(lengths / lengths.max(initial=np.finfo(float).tiny), 9)
+    order = np.lexsort((*one.points[end].T, -rounded))
+    start, end = start[order], end[order]
+    while True:
+        step = (target[start] < 0) & (target[end] >= 0)
+        if not step.any():
+            return np.where(target < 0, np.arange(count), target), faces
+        target[start[step]] = target[end[step]]
+
+
+def _distances(
+    one: Side, other: Side, points: FloatArray, nodes: IntArray, facing: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """The distances (k,) of points (k, d) of side 1 along the contact normals, and these (k, d).
+
+    ``nodes`` (p, n) are those of a facet of side 1, and ``facing`` (p,) a facet of side 2 that it
+    faces.
+    """
+    pairs = np.column_stack([nodes.reshape(-1), np.repeat(facing, nodes.shape[1])])
+    node, facing = np.unique(pairs, axis=0).T
+    bulge, of_side, of_other = _bulge(other), one.nodal_normals(), _smooth_normals(other)
+    normals, gap = of_side.copy(), np.zeros(len(points))
+    for _ in range(2):
+        away = other.corners[facing] - points[node][:, None]
+        along = normals[node]
+        flat = np.einsum("pcd,ptd->pct", away, _across(along))
+        heights = np.einsum("pcd,pd->pc", away, along)
+        with np.errstate(all="ignore"):
+            basis = functions(other.kind, flat, np.zeros((len(flat), 1, flat.shape[2])))[:, 0]
+        # A point far outside of a quadrilateral may have no coordinates in it.
+        basis = np.where(
+            np.isfinite(basis).all(axis=1, keepdims=True), basis, np.eye(basis.shape[1])[0]
+        )
+        height = np.einsum("pc,pc->p", basis, heights)
+        height -= np.einsum("pij,pi,pj->p", bulge[facing], basis, basis)
+        outside = basis.min(axis=1) < -_INSIDE
+        nearest = np.maximum(basis, 0.0)
+        nearest /= nearest.sum(axis=1)[:, None]
+        # A ray that misses a facet is judged by how far, and meets the plane of the facet.
+        aside = np.linalg.norm(np.einsum("pc,pct->pt", nearest, flat), axis=1)
+        slope = np.sum(other.outward[facing] * along, axis=1)
+        plane = np.sum(other.outward[facing] * away.mean(axis=1), axis=1)
+        height = np.where(outside, plane / np.where(slope < 0.0, slope, -1.0), height)
+        order = np.lexsort((np.where(outside, aside, np.abs(height)), outside, node))
+        node_of, first = np.unique(node[order], return_index=True)
+        best = order[first]
+        gap[node_of] = height[best]
+        facing_normal = np.einsum("pc,pcd->pd", nearest[best], of_other[facing[best]])
+        mean = of_side[node_of] - facing_normal / np.linalg.norm(facing_normal, axis=1)[:, None]
+        normals[node_of] = mean / np.linalg.norm(mean, axis=1)[:, None]
+    return gap, normals
+
+
+def _across(normals: FloatArray) -> FloatArray:
+    """Orthonormal vectors (k, d - 1, d) across unit vectors (k, d)."""
+    if normals.shape[1] == 2:
+        return np.stack([-normals[:, 1], normals[:, 0]], axis=1)[:, None]
+    least = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    first = np.cross(normals, least)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return np.stack([first, np.cross(normals, first)], axis=1)
+
+
+def _smooth_normals(side: Side) -> FloatArray:
+    """The normals (m, c, d) at the corners of facets: the averaged ones, but at edges of a body."""
+    normals = side.nodal_normals()[side.facets[:, : side.kind.corners]]
+    off = np.sum(normals * side.outward[:, None], axis=2) < _SMOOTH
+    return np.where(off[:, :, None], side.outward[:, None], normals)
+
+
+def _control_values(one: Side, gap: FloatArray, faces: BoolArray) -> FloatArray:
+    """The control values (k,) of nodal values, between the least and the largest of an edge.
+
+    The control value of a gap that has a kink would be far off.  Nodes in the middle of
+    quadrilaterals keep their values.
+    """
+    values, count = gap.copy(), one.kind.corners
+    for number, edge in enumerate(EDGES[count]):
+        ends, middle = one.facets[:, edge], one.facets[:, count + number]
+        some = np.column_stack([gap[ends], gap[middle]])
+        control = np.clip(
+            2.0 * some[:, 2] - 0.5 * (some[:, 0] + some[:, 1]), some.min(axis=1), some.max(axis=1)
+        )
+        known = faces[ends].all(axis=1)
+        values[middle[known]] = control[known]
+    return values
 
 
 def _tangents(side: Side) -> FloatArray:
@@ -220,64 +373,18 @@ def _tangents(side: Side) -> FloatArray:
     return np.stack([along, np.cross(side.outward, along)], axis=1)
 
 
-def _degree(side: Side) -> int:
-    """The degree of a rule on the pieces of facets for products of the functions of their nodes.
+def _dual_basis(mass: FloatArray) -> FloatArray:
+    """The coefficients (m, n, n) of the dual functions in functions with these masses.
 
-    It is exact on simplices and parallelograms.  On another quadrilateral the functions are smooth
-    where the Jacobian is not zero, and the error falls from each degree to the next by a factor
-    near ``(1 - r)/(1 + r)``, where r^2 is the least quotient of the Jacobians at two corners.
+    A small covered part leaves functions of very different sizes, which are scaled first.  Rows of
+    zeros stand for no function.
     """
-    if side.kind.is_simplex:
-        return 4
-    normals = [facet_normals(side.corners[:, list(three)]) for three in side.kind.beside]
-    sizes = np.einsum("cmd,md->cm", np.array(normals), unit_normals(side.corners))
-    ratio = np.sqrt(np.maximum(sizes.min(axis=0) / sizes.max(axis=0), 0.0))
-    factor = float(((1.0 - ratio) / (1.0 + ratio)).max())
-    more = math.log(_SMALL) / math.log(min(max(factor, _PARALLEL), _MOST_BENT))
-    return (8 if side.is_quadratic else 4) + int(more)
-
-
-def _bulge(side: Side) -> FloatArray:
-    """The coefficients (m, c, c) of products of two functions, by which a side is farther out.
-
-    They have nonzero entries above the diagonal.  At a corner of the body, whose normal is more
-    than 15 degrees off that of the facet, the side is straight.  At an end of a curve the normal is
-    that of the facet, and turns half as far to the other end of the edge as the curve does.
-    """
-    count, areas = side.kind.corners, side.sizes()
-    normals = np.zeros_like(side.points)
-    corners = side.facets[:, :count]
-    for corner in corners.T:
-        np.add.at(normals, corner, areas[:, None] * side.outward)
-    sizes = np.linalg.norm(normals, axis=1)
-    normals = (normals / np.where(sizes > 0.0, sizes, 1.0)[:, None])[corners]
-    found = np.zeros((len(corners), count, count))
-    for (i, j), ends in zip(_EDGES[count], _ends(side), strict=True):
-        along = side.corners[:, j] - side.corners[:, i]
-        length = np.linalg.norm(along, axis=1)[:, None]
-        slopes = np.einsum("mci,mi->mc", normals[:, [i, j]], along / length)
-        off = np.sum(normals[:, [i, j]] * side.outward[:, None], axis=2)
-        slopes[off < _SMOOTH] = 0.0
-        turns = np.where(ends, 2.0, 1.0) * (slopes[:, 1] - slopes[:, 0])
-        found[:, i, j] = 0.5 * length[:, 0] * turns
-    if count == 4:
-        # The product is that of both diagonals, whose coefficients have the sum of all edges.
-        found[:, 0, 3] = found.sum(axis=(1, 2))
-    return found
-
-
-def _ends(side: Side) -> BoolArray:
-    """(e, m) whether a curve along each edge of the facets ends there: at a rim across the edge."""
-    corners = side.facets[:, : side.kind.corners]
-    rows = np.sort(side.kind.facets_of(corners), axis=1)
-    _, inverse, number = np.unique(rows, axis=0, return_inverse=True, return_counts=True)
-    is_rim = number[inverse.reshape(-1)] == 1
-    at_rim = np.isin(corners, rows[is_rim])
-    alone = np.bincount(corners.reshape(-1))[corners] == 1
-    # Along the rim a curve ends in a corner of the side, which has one facet.
-    edges = zip(_EDGES[side.kind.corners], is_rim.reshape(-1, len(corners)), strict=False)
-    ends = [(alone | at_rim & ~along[:, None])[:, list(edge)] for edge, along in edges]
-    return np.any(ends, axis=2)
+    sizes = np.einsum("mii->mi", mass)
+    scale = 1.0 / np.sqrt(np.where(sizes > 0.0, sizes, 1.0))
+    scaled = mass * scale[:, :, None] * scale[:, None]
+    np.einsum("mii->mi", scaled)[:] = 1.0
+    inverse = np.linalg.inv(scaled)
+    return np.asarray(mass.sum(axis=2)[:, :, None] * scale[:, :, None] * inverse * scale[:, None])
 
 
 def _candidates(one: Side, other: Side) -> tuple[IntArray, IntArray]:
@@ -321,147 +428,77 @@ def _balls(side: Side) -> tuple[FloatArray, FloatArray]:
     return middles, np.asarray(away.max(axis=1, initial=0.0))
 
 
-def _boxes_meet(own: FloatArray, flat: FloatArray) -> BoolArray:
-    """(p,) whether the boxes around facets (p, c, d - 1) have points in common."""
-    low = np.maximum(own.min(axis=1), flat.min(axis=1))
-    return np.all(low < np.minimum(own.max(axis=1), flat.max(axis=1)), axis=1)
+def _round_normals(side: Side) -> FloatArray:
+    """The unit normals (k, d) at the points, exact on a circle and on a sphere.
 
-
-def _overlaps(own: FloatArray, flat: FloatArray, kind: CellKind) -> tuple[IntArray, FloatArray]:
-    """The intersections of facets ``own`` and ``flat`` (p, c, d - 1) of a kind.
-
-    Returns simplices (q, d, d - 1), and the number (q,) of the pair of each.
+    The weights of the facets around a point are those of Max (doi:10.1080/10867651.1999.10487501).
     """
-    if own.shape[2] == 1:
-        low = np.maximum(own.min(axis=1), flat.min(axis=1))[:, 0]
-        high = np.minimum(own.max(axis=1), flat.max(axis=1))[:, 0]
-        number = np.flatnonzero(high > low)
-        return number, np.stack([low, high], axis=1)[number][:, :, None]
-    # Gmsh's order of corners goes around.
-    around = list(kind.gmsh_order)
-    return _common_triangles(_turned_left(own[:, around]), flat[:, around])
+    count, edges = side.kind.corners, EDGES[side.kind.corners]
+    normals = np.zeros_like(side.points)
+    for corner in range(count):
+        beside = [sum(edge) - corner for edge in edges if corner in edge]
+        away = side.corners[:, beside] - side.corners[:, [corner]]
+        lengths = np.linalg.norm(away, axis=2)
+        weight = 1.0 / lengths[:, 0]
+        if len(beside) == 2:
+            sine = np.linalg.norm(np.cross(away[:, 0], away[:, 1]), axis=1)
+            weight = sine / np.prod(lengths**2, axis=1)
+        np.add.at(normals, side.facets[:, corner], weight[:, None] * side.outward)
+    sizes = np.linalg.norm(normals, axis=1)
+    return np.asarray(normals / np.where(sizes > 0.0, sizes, 1.0)[:, None])
 
 
-def _turned_left(polygons: FloatArray) -> FloatArray:
-    """Convex polygons (p, v, 2) with their corners in mathematically positive order."""
-    edges = np.diff(polygons, axis=1)
-    left = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0] > 0.0
-    return np.where(left[:, None, None], polygons, polygons[:, ::-1])
+def _bulge(side: Side) -> FloatArray:
+    """The coefficients (m, c, c) of products of two functions, by which a side is farther out.
 
-
-def _common_triangles(own: FloatArray, polygons: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Triangles of the intersections of convex polygons ``own`` (p, n, 2) and (p, v, 2).
-
-    Each polygon is cut by the line of one edge of ``own`` after the other (Sutherland and Hodgman).
+    They have nonzero entries above the diagonal.  The curvature along an edge is the difference of
+    the normals at its ends over its length.  A side is round along an edge if the edges that
+    continue it bend at least half as much; at the rim, where the normals are those of one facet,
+    the curvature is that of the edge that continues it on the other side.  At a corner of the body,
+    whose normal is more than 15 degrees off that of the facet, the side is straight.
     """
-    inside = np.ones(polygons.shape[:2], dtype=bool)
-    for corner in range(own.shape[1]):
-        start, end = own[:, corner - 1], own[:, corner]
-        edge = end - start
-        away = polygons - start[:, None]
-        depth = edge[:, None, 0] * away[:, :, 1] - edge[:, None, 1] * away[:, :, 0]
-        polygons, inside = _cut(polygons, inside, depth)
-    fans = [
-        (np.stack([polygons[:, 0], polygons[:, i], polygons[:, i + 1]], axis=1), inside[:, i + 1])
-        for i in range(1, polygons.shape[1] - 1)
-    ]
-    number = np.concatenate([np.flatnonzero(there) for _, there in fans])
-    triangles = np.concatenate([triangles[there] for triangles, there in fans])
-    return number, triangles
+    count, corners = side.kind.corners, side.facets[:, : side.kind.corners]
+    pairs = np.array(EDGES[count])
+    edges, number = np.unique(
+        np.sort(corners[:, pairs].reshape(-1, 2), axis=1), axis=0, return_inverse=True
+    )
+    number = number.reshape(-1, len(pairs))
+    normals, along = _round_normals(side), np.diff(side.points[edges], axis=1)[:, 0]
+    lengths = np.linalg.norm(along, axis=1)
+    along = along / lengths[:, None]
+    turn = np.einsum("ei,ei->e", np.diff(normals[edges], axis=1)[:, 0], along)
+    curvature = turn / lengths
+    beyond = _continued(edges, along)
+    there = np.where(beyond >= 0, curvature[beyond], 0.0)
+    is_rim = (beyond < 0).sum(axis=1) == 1
+    # Beside the rim the normals turn half as much as the side does.
+    rim, mine = there.sum(axis=1), np.where(is_rim, 2.0, 1.0) * curvature
+    size, sign = np.abs(mine), np.sign(mine)[:, None]
+    is_round = np.all(sign * there >= _ALIKE * size[:, None], axis=1)
+    is_round |= is_rim & (sign[:, 0] * rim >= _ALIKE * size) & (_ALIKE * np.abs(rim) <= size)
+    curvature = np.where(is_round, np.where(is_rim, rim, curvature), 0.0)
+    off = np.einsum("meqi,mi->meq", normals[edges[number]], side.outward).min(axis=2)
+    bulges = np.where(off < _SMOOTH, 0.0, (0.5 * lengths**2 * curvature)[number])
+    products = np.zeros((len(corners), count, count))
+    products[:, pairs[:, 0], pairs[:, 1]] = bulges
+    if count == 4:
+        # The product is that of both diagonals, whose coefficients have the sum of all edges.
+        products[:, 0, 3] = bulges.sum(axis=1)
+    return products
 
 
-def _cut(
-    polygons: FloatArray, inside: BoolArray, depth: FloatArray
-) -> tuple[FloatArray, BoolArray]:
-    """The parts of polygons (p, v, 2) with ``depth >= 0``, whose corners (p, v) are first.
-
-    ``inside`` marks the corners that a polygon has, which are its first ones.
-    """
-    count = inside.sum(axis=1)
-    following = np.arange(inside.shape[1])[None] + 1
-    following = np.where(following < count[:, None], following, 0)
-    rows = np.arange(len(polygons))[:, None]
-    after, polygons_after = depth[rows, following], polygons[rows, following]
-    keeps = inside & (depth >= 0.0)
-    crosses = inside & ((depth > 0.0) & (after < 0.0) | (depth < 0.0) & (after > 0.0))
-    share = depth / np.where(crosses, depth - after, 1.0)
-    crossings = polygons + share[:, :, None] * (polygons_after - polygons)
-    size = polygons.shape[1]
-    both = np.stack([polygons, crossings], axis=2).reshape(len(polygons), 2 * size, 2)
-    there = np.stack([keeps, crosses], axis=2).reshape(len(polygons), 2 * size)
-    order = np.argsort(~there, axis=1, kind="stable")[:, : size + 1]
-    return both[rows, order], there[rows, order]
-
-
-def _quadrature(simplices: FloatArray, degree: int) -> tuple[FloatArray, FloatArray]:
-    """Points (q, n, d - 1) and weights (q, n) of a rule on simplices (q, d, d - 1)."""
-    cell = basix.CellType.interval if simplices.shape[2] == 1 else basix.CellType.triangle
-    places, weights = basix.make_quadrature(cell, degree)
-    edges = simplices[:, 1:] - simplices[:, :1]
-    sizes = np.abs(np.linalg.det(edges))
-    return simplices[:, :1] + places @ edges, sizes[:, None] * weights
-
-
-def _dual_basis(mass: FloatArray) -> FloatArray:
-    """The coefficients (m, n, n) of the dual functions in functions with these masses.
-
-    A small covered part leaves functions of very different sizes, which are scaled first.
-    """
-    scale = 1.0 / np.sqrt(np.einsum("mii->mi", mass))
-    scaled = np.linalg.inv(mass * scale[:, :, None] * scale[:, None])
-    return np.asarray(mass.sum(axis=2)[:, :, None] * scale[:, :, None] * scaled * scale[:, None])
-
-
-def _summed(numbers: IntArray, count: int, values: FloatArray) -> FloatArray:
-    """The sums (count, i, j) of values (q, i, j) with the same number (q,)."""
+def _continued(edges: IntArray, along: FloatArray) -> IntArray:
+    """(e, 2) the edges that go on at the ends of edges (e, 2) along (e, d), -1 at the rim."""
     from scipy.sparse import csr_matrix
 
-    ones = np.ones(len(numbers))
-    gather = csr_matrix((ones, (numbers, np.arange(len(numbers)))), shape=(count, len(numbers)))
-    sums = gather @ values.reshape(len(values), math.prod(values.shape[1:]))
-    return np.asarray(sums.reshape(count, *values.shape[1:]))
-
-
-def _functions(kind: CellKind, corners: FloatArray, points: FloatArray) -> FloatArray:
-    """The functions of degree 1 (q, n, c) of the corners (q, c, d) at points (q, n, d).
-
-    On simplices these are the barycentric coordinates; quadrilaterals are convex.
-    """
-    if kind.is_simplex:
-        edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
-        away = (points - corners[:, :1]).transpose(0, 2, 1)
-        places = np.asarray(np.linalg.solve(edges, away).transpose(0, 2, 1), dtype=float)
-    else:
-        a, b, c, d = (corners[:, i : i + 1] for i in range(4))
-        b, c, d, y = b - a, c - a, d - b - c + a, points - a
-        turn = np.sign(_cross(b, c))
-        area, bend, along = turn * _cross(b, c), turn * _cross(y, d), turn * _cross(y, c)
-        jacobian = np.sqrt(np.maximum((area - bend) ** 2 + 4.0 * turn * _cross(b, d) * along, 0.0))
-        s = 2.0 * along / (area - bend + jacobian)
-        t = 2.0 * turn * _cross(b, y) / (area + bend + jacobian)
-        places = np.stack([s, t], axis=2).astype(np.float64)
-    return kind.basis(places.reshape(-1, kind.dim)).reshape(*points.shape[:2], kind.corners)
-
-
-def _bernstein(linear: FloatArray) -> FloatArray:
-    """Bernstein's functions (..., n) of degree 2 at the values (..., c) of those of degree 1.
-
-    They are those of the corners, of the edges, and of the middle of a quadrilateral.
-    """
-    found = [linear**2]
-    found += [2.0 * linear[..., [i]] * linear[..., [j]] for i, j in _EDGES[linear.shape[-1]]]
-    if linear.shape[-1] == 4:
-        found.append(4.0 * linear[..., [0]] * linear[..., [3]])
-    return np.concatenate(found, axis=-1)
-
-
-def _nodal(linear: FloatArray) -> FloatArray:
-    """The functions (..., n) of degree 2 of the nodes, as :func:`_bernstein`."""
-    unit = np.eye(linear.shape[-1])
-    ends = [[i, j] for i, j in _EDGES[len(unit)]] + [[0, 1, 2, 3]] * (len(unit) == 4)
-    nodes = np.array([*unit, *(unit[some].mean(axis=0) for some in ends)])
-    return np.asarray(_bernstein(linear) @ np.linalg.inv(_bernstein(nodes)))
-
-
-def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
+    count = 2 * len(edges)
+    outgoing = np.stack([along, -along], axis=1).reshape(count, -1)
+    at = csr_matrix((np.ones(count), (np.arange(count), edges.reshape(-1))))
+    start, end = (at @ at.T).nonzero()
+    cosine = np.sum(outgoing[start] * outgoing[end], axis=1)
+    kept = cosine < -_GOES_ON
+    # The straightest comes last.
+    order = np.argsort(-cosine[kept], kind="stable")
+    following = np.full(count, -1)
+    following[start[kept][order]] = end[kept][order] // 2
+    return following.reshape(-1, 2)

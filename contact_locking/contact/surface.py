@@ -8,6 +8,7 @@ values, or the control values.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -30,6 +31,8 @@ from contact_locking.mesh.rank_sums import marked, summed
 from contact_locking.supports.conditions import Constraints
 
 if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
     from contact_locking.fem.jump import JumpValues
 
 #: The normal displacement is prescribed where the free directions hold less of the unit normal.
@@ -39,6 +42,24 @@ PRESCRIBED = 1e-6
 _TURNED, _FACING = 0.766, 0.5
 # The sine of 15 degrees, by which the normal of a smooth boundary is off that of a chord at most.
 _CORNER = 0.26
+
+
+@dataclass(frozen=True)
+class Frame:
+    """How the sides of two bodies face each other at a displacement, None for the mesh at rest.
+
+    ``rows`` (k, N) are the entries of the jump at the owned nodes of side 1, for all N blocks of
+    the displacement space; ``faces`` (k,) marks the nodes that have a condition.  ``normals``
+    (k, d) are the contact normals, ``distance`` (k,) the distances of the displaced sides, and
+    ``weights`` (k,) the shares of the nodes in the covered part.
+    """
+
+    displacement: FloatArray | None
+    rows: csr_matrix
+    faces: BoolArray
+    normals: FloatArray
+    distance: FloatArray
+    weights: FloatArray
 
 
 class ContactSurface:
@@ -86,6 +107,8 @@ class ContactSurface:
         self.limited = PointValues(
             element.trace, self.scalar_space, limited, self.nodes, to_vector // domain.dim
         )
+        #: Where the sides of two bodies face each other, None for a foundation.
+        self.frame: Frame | None = None
         #: The gap (k,) that the places of two sides leave.
         self.distance: FloatArray = np.zeros(len(self.nodes))
         self.ds = lengths
@@ -186,12 +209,12 @@ class ContactSurface:
         """Warnings about data that the user probably did not intend."""
         return []
 
-    def pair_at(self, displacement: FloatArray | None) -> bool:
-        """Pair bodies anew, where they are, at a displacement (local values); collective.
+    def frame_at(self, displacement: FloatArray | None) -> Frame | None:
+        """The frame of two sides at a displacement (local values); None without; collective."""
+        return None
 
-        None is the undeformed mesh.  Returns whether there is a new pairing.
-        """
-        return False
+    def take(self, frame: Frame) -> None:
+        """Let contact be in a frame; collective."""
 
     @property
     def facing_length(self) -> float:

@@ -191,24 +191,18 @@ def about_the_friction_used(used: float) -> list[str]:
     ]
 
 
-def about_the_sliding(key: str, slid: float, facet: float, each_step: bool) -> list[str]:
+def about_the_sliding(key: str, slid: float, facet: float) -> list[str]:
     """A warning about bodies that slide farther than the points that face each other allow.
 
-    ``slid`` is how far they have slid since they were paired, in ``each_step`` or once, and
-    ``facet`` is the length of a facet of side 2.
+    ``slid`` is how far they have slid since they were paired, and ``facet`` is the length of a
+    facet of side 2.
     """
     if slid <= facet:
         return []
-    if each_step:
-        advice = "each step pairs the bodies once, where it begins: take smaller steps"
-    else:
-        advice = (
-            "the points that face each other are those of the undeformed mesh: take steps and "
-            "contact.pair: each_step"
-        )
     return [
         f"{key}: the bodies slide by {slid:.3g} along each other, {slid / facet:.2g} facets of "
-        f"against; {advice}"
+        "against, and the points that face each other are those of the undeformed mesh: leave out "
+        "pair: once"
     ]
 
 

@@ -9,7 +9,7 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import IndexArray
+from contact_locking.arrays import BoolArray, IndexArray
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.free_motions import free_motions
 from contact_locking.contact.nodal_contact import (
@@ -159,6 +159,15 @@ class DiscreteProblem:
             contact.place()
         for tool in self.data.tools:
             tool.advance()
+
+    def follow(self, touching: Sequence[BoolArray]) -> bool:
+        """Let bodies face each other as they do at the solution u; collective.
+
+        ``touching`` are the nodes (k,) that touch at each contact.  Returns whether a frame has
+        changed, so that u is the solution in the frame before.
+        """
+        pairs = zip(self.contacts, touching, strict=True)
+        return any([contact.follow(self.u, touches) for contact, touches in pairs])
 
     def refresh(self) -> None:
         """Take the present values of all data but loads; collective.

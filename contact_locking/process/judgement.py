@@ -102,7 +102,7 @@ def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
         length = fields.surface.facing_length
         slid = fields.contact.slid(problem.u)[fields.state != OPEN]
         found += plausibility.about_the_sliding(
-            fields.contact.key, maximum(state.comm, slid), length, fields.contact.pairs_anew
+            fields.contact.key, maximum(state.comm, slid), length
         )
     for contact in data.contacts:
         depth, place = uncovered_entry(problem.domain, problem.u, contact)

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 
 from dolfinx import fem
+from numpy.linalg import norm
 
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError
@@ -14,6 +15,7 @@ from contact_locking.fem.compiled import integral
 from contact_locking.monitor import Monitor
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.results.derived import penalised
 from contact_locking.sensitivity.lazy import LazyDerivatives, require_derivatives
 from contact_locking.sensitivity.quantities import require_quantities
 from contact_locking.solver.equilibria.diagram import Diagram, diagram
@@ -22,6 +24,9 @@ from contact_locking.solver.linear.factorised import chosen
 from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.strategy import solve as solve_system
 from contact_locking.solver.task import SavedState, Settings, SolverReport, Target, Task
+
+# The frame of bodies that touch each other is that of the solution after one to three solves.
+_MOST_FRAMES = 8
 
 
 class ProblemSolver:
@@ -76,10 +81,37 @@ class ProblemSolver:
         ``follows_branch`` is that of :class:`Task`.
         """
         self.close()
-        task = dataclasses.replace(
-            self._task, is_unbalanced=self.is_unbalanced, follows_branch=follows_branch
+
+        def task() -> Task:
+            return dataclasses.replace(
+                self._task, is_unbalanced=self.is_unbalanced, follows_branch=follows_branch
+            )
+
+        report = solve_system(self._method, task(), saved)
+        for _ in range(_MOST_FRAMES):
+            start = self._follow(report) if report.converged else None
+            if start is None:
+                break
+            report = solve_system(self._method, task(), start).after(report)
+        return report
+
+    def _follow(self, report: SolverReport) -> SavedState | None:
+        """Let bodies face each other as they do at the solution; collective.
+
+        Returns where to go on from, None if they face each other so already.
+        """
+        problem, system = self.problem, self.system
+        forces = (report.multipliers or penalised(system)).contacts
+        if not problem.follow([item.touches for item in forces]):
+            return None
+        return SavedState(
+            displacement=problem.u.x.array.copy(),
+            pressures=tuple(item.pressure for item in forces),
+            penalty=problem.penalty,
+            slips=tuple(norm(item.increment(problem.u), axis=1) for item in problem.contacts),
+            travels=system.tools.travels,
+            last=report.last,
         )
-        return solve_system(self._method, task, saved)
 
     @property
     def _task(self) -> Task:

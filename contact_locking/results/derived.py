@@ -52,7 +52,8 @@ class ContactFields:
         # The slip of the step, the accumulated slip, and what friction remembers of earlier steps.
         self.increment, self.slip = contact.increment(u), contact.slips(u)
         self.old_place, self.old_slip = contact.references, contact.state.slip
-        self.paired_at = contact.state.displacement
+        frame = contact.surface.frame
+        self.paired_at = None if frame is None else frame.displacement
         domain = contact.surface.domain
         box = box_around(domain.bounding_box, domain.axisymmetric)
         shift = contact.travel.at(box.mean(axis=0))

@@ -139,6 +139,21 @@ class SolverReport(Outcome):
         known = {**vars(found), **vars(counts), **more}
         return cls(**known, converged=True, reason="every criterion held")
 
+    def after(self, before: SolverReport) -> SolverReport:
+        """The report of a solve that goes on from another one."""
+        counts = {
+            name: getattr(self, name) + getattr(before, name)
+            for name in ("tangents", "linear", "updates")
+        }
+        return dataclasses.replace(
+            self,
+            **counts,
+            contraction=self.contraction or before.contraction,
+            from_saved=before.from_saved,
+            stages=[*before.stages, *self.stages],
+            warnings=[*before.warnings, *self.warnings],
+        )
+
 
 def stage_of(penalty: Penalty, tangents: int) -> dict[str, float | int]:
     """A stage of a solve that took so many tangents."""

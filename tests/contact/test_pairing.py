@@ -103,7 +103,7 @@ def reproduces(found: Pairing, one: Side, two: Side, gap: float) -> None:
     """An affine field has the jump of its gradient over the gap, and the gap is the distance."""
     gradient = np.arange(1.0, one.points.shape[1] + 1.0)
     normal, here = one.outward[0], found.faces
-    jump = found.shares @ (two.points @ gradient) - one.points @ gradient
+    jump = found.shares @ (two.points @ gradient) - found.near @ (one.points @ gradient)
     assert jump[here] == pytest.approx(gap * gradient @ normal, abs=1e-12)
     assert found.gap[here] == pytest.approx(gap, abs=1e-13)
 

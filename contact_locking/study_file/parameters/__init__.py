@@ -250,11 +250,6 @@ class Parameters(Section):
                 "names no load; take friction.coefficient, loads, or the key of a load, such as "
                 "loads.tractions.0.value",
             )
-        if self.steps is None:
-            for place, given in self._contact_sections():
-                if given.pair == "each_step":
-                    needed = "needs steps; add a section such as steps: {to: 1, count: 20}"
-                    yield Fault((*place, "pair"), f"each_step {needed}")
         yield from self._mesh_faults()
         if self.sensitivities is not None and not self.sensitivities.to:
             yield Fault(("sensitivities", "to"), "name the numbers, as to: [friction.coefficient]")

@@ -100,8 +100,8 @@ class ContactSection(Section):
     )
     pair: Pair | None = entry(
         None,
-        "with against: find the points that face each other once, on the undeformed mesh, or at "
-        "the beginning of each_step, where they are; null: once",
+        "with against: find the points that face each other, and the normals, at the solution of "
+        "each_step, or once, on the undeformed mesh; null: each_step",
     )
     gap: TimedScalar = entry(
         0.0,
@@ -118,7 +118,7 @@ class ContactSection(Section):
             message = "the foundation defines the gap; give either gap or foundation"
             yield Fault(("gap",), message)
         if self.against is None:
-            if self.pair == "each_step":
+            if self.pair is not None:
                 message = "is about two bodies; name the other one in against, or leave out pair"
                 yield Fault(("pair",), message)
             return
@@ -137,7 +137,7 @@ class ContactSection(Section):
     def resolved(self, key: str, common: FrictionParameters) -> ContactParameters:
         """The section at ``key`` of the file, with its friction completed by ``common``."""
         own = self.friction or OwnFriction()
-        friction, against, pair = own.over(common), self.against or (), self.pair or "once"
+        friction, against, pair = own.over(common), self.against or (), self.pair or "each_step"
         return ContactParameters(
             key, self.on, self.gap, self.foundation, friction, own, against, pair
         )
