@@ -151,7 +151,7 @@ class _Lifts:
         for contact, mu, part in zip(self._rubbing, self._mu, parts, strict=True):
             g = np.zeros(len(mu))
             g[contact.free] = part
-            along = contact.acting(contact.friction.smoothing.adjoint(mu * g))
+            along = contact.rubbing(contact.friction.smoothing.adjoint(mu * g))
             values.append(along[:, None] * contact.normals)
         field = on_contacts(self._lift.function_space, surfaces, values)
         make_nodal(field, [surface.limited for surface in surfaces])

@@ -45,8 +45,6 @@ def check(given: Contact, dim: int) -> None:
     require(isinstance(smoothing, Kernel), "friction", wanted, smoothing)
     wanted = "must be once or each_step"
     require(given.pair in ("once", "each_step"), "pair", wanted, given.pair)
-    wanted = "is about two bodies; name the other one in against, or leave out pair"
-    require(given.pair == "once" or given.against is not None, "pair", wanted)
     if isinstance(given.motion, Motion):
         wanted = f"translation must have {dim} components in {dim}D"
         require(np.size(present(given.motion.translation)) == dim, "motion", wanted)

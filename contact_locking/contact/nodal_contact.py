@@ -62,7 +62,8 @@ class NodalContact:
     functions with the normal and the limited value of the gap at the nodes.  ``friction`` computes
     the friction bound of pressures and slips.  ``regularisation`` is the length that smooths
     friction in the problem that is to be solved.  ``free`` (k,) marks the nodes whose normal
-    displacement is not prescribed; neither pressure nor friction acts at the other nodes.
+    displacement is not prescribed; neither pressure nor friction acts at the other nodes.  No friction acts where conditions leave
+    the jump to another body no way to slide, which ``slides`` (k,) marks with False.
     ``against`` are the boundary parts of the other body that ``on`` touches, none for a foundation;
     displacements are jumps then.
 
@@ -90,6 +91,7 @@ class NodalContact:
         gap, normals = self.foundation.at_nodes(surface)
         self._first_gap = gap
         self.free = surface.free_nodes(normals, constraints)
+        self.slides = surface.sliding_nodes(constraints)
         self.against = tuple(given.against or ())
         self._sides: IntArray = surface.sides(normals)
         smoothing = given.friction.smoothing.on(surface, self.free, self._sides)
@@ -169,8 +171,9 @@ class NodalContact:
                 self.friction.smoothing.destroy()
                 self.friction.smoothing = self.given.friction.smoothing.on(surface, free, sides)
             self.free, self._sides = free, sides
+            self.slides = surface.sliding_nodes(self._constraints)
 
-    def follow(self, u: fem.Function, touches: BoolArray) -> bool:
+    def go_along(self, u: fem.Function, touches: BoolArray) -> bool:
         """Go over to the frame at the solution u, if that is another one; collective.
 
         Another frame has normals that turn by more than 1e-3 at a node that ``touches`` (k,), or
@@ -281,15 +284,19 @@ class NodalContact:
         return along, vectors - along[:, None] * normals
 
     def acting(self, values: FloatArray) -> FloatArray:
-        """Pressures or friction bounds (k,), zero at the nodes that are not free."""
+        """Pressures (k,), zero at the nodes that are not free."""
         return np.where(self.free, values, 0.0)
+
+    def rubbing(self, bounds: FloatArray) -> FloatArray:
+        """Friction bounds (k,), zero at the nodes that are not free, or can not slide."""
+        return np.where(self.free & self.slides, bounds, 0.0)
 
     def friction_bound(self, u: fem.Function, pressure: FloatArray) -> FloatArray:
         """The friction bound (k,) of a displacement and a pressure (k,); collective.
 
         It is zero at the nodes that are not free, where R gives the mean of the pressure around.
         """
-        return self.acting(self.friction.evaluate(pressure, self.slips(u)))
+        return self.rubbing(self.friction.evaluate(pressure, self.slips(u)))
 
     def increment(self, u: fem.Function) -> FloatArray:
         """The slip of the step, ``u_tau - u_{k-1,tau}`` (k, d), at the nodes.

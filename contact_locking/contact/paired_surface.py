@@ -134,6 +134,15 @@ class PairedSurface(ContactSurface):
 
         ``normal`` (k, d) is the contact normal; collective.
         """
+        sizes = np.einsum("ki,kij,kj->k", normal, self._freedom(constraints), normal)
+        return np.sqrt(np.maximum(sizes, 0.0)) > PRESCRIBED
+
+    def sliding_nodes(self, constraints: Constraints) -> BoolArray:
+        largest = np.linalg.eigvalsh(self._freedom(constraints))[:, -2:]
+        return np.asarray(largest[:, 0] > PRESCRIBED**2)
+
+    def _freedom(self, constraints: Constraints) -> FloatArray:
+        """The sums (k, d, d) of products of the directions that conditions leave a jump free in."""
         dim, index_map = self.domain.dim, self.vector_space.dofmap.index_map
         low, high = index_map.local_range
         own = self._blocks[(self._blocks >= low) & (self._blocks < high)] - low
@@ -143,9 +152,10 @@ class PairedSurface(ContactSurface):
         projections = np.concatenate(self.domain.comm.allgather(local))
         rows = self._jump.by_blocks.tocoo()
         at = projections[np.searchsorted(self._blocks, rows.col)]
-        parts = rows.data[:, None] * np.einsum("eai,ea->ei", at, normal[rows.row])
-        sizes = np.bincount(rows.row, np.sum(parts**2, axis=1), len(normal))
-        return np.sqrt(sizes) > PRESCRIBED
+        products = rows.data[:, None, None] ** 2 * (at @ at.transpose(0, 2, 1))
+        sums = np.zeros((rows.shape[0], dim, dim))
+        np.add.at(sums, rows.row, products)
+        return sums
 
     def warnings(self) -> list[str]:
         one, two = (float(np.median(side.sizes())) for side in (self._one, self._two))

@@ -95,7 +95,8 @@ class Side:
     first; behind them are the midpoints of its edges for quadratic functions, in the order of
     DOLFINx, and the middle of a quadrilateral.  ``bodies`` (m,) are the numbers of the bodies of
     the facets where several bodies touch each other.  If the side ``revolves``, about x = 0,
-    integrals have the factor 2 pi x.
+    integrals have the factor 2 pi x.  ``rest`` (k, d) are the nodes of a side that has moved: the
+    strains are small, and tractions are forces over the area at rest.
     """
 
     points: FloatArray
@@ -104,6 +105,7 @@ class Side:
     outward: FloatArray
     bodies: IntArray | None = None
     revolves: bool = False
+    rest: FloatArray | None = None
 
     @property
     def corners(self) -> FloatArray:
@@ -118,7 +120,7 @@ class Side:
     def moved(self, by: FloatArray) -> Side:
         """The side after its points have moved by (k, d)."""
         turn = np.sum(unit_normals(self.corners) * self.outward, axis=1)
-        there = replace(self, points=self.points + by)
+        there = replace(self, points=self.points + by, rest=self.points)
         outward = np.sign(turn)[:, None] * unit_normals(there.corners)
         return replace(there, outward=outward)
 
@@ -183,9 +185,7 @@ def pair(one: Side, other: Side) -> Pairing:
     at_one = functions(one.kind, plane[facet[number]], places)
     at_other = functions(other.kind, flat[number], places)
     covered = summed(facet[number], len(one.facets), weights[:, :, None]).sum(axis=(1, 2))
-    if one.revolves:
-        radii = np.einsum("qni,qi->qn", at_one, one.corners[facet[number], :, 0])
-        weights = 2.0 * math.pi * radii * weights
+    weights = weights * _density(one, facet[number], at_one)
     of_one = bernstein(at_one) if one.is_quadratic else at_one
     of_other = nodal(at_other) if other.is_quadratic else at_other
 
@@ -238,12 +238,19 @@ def _integrals(side: Side, plane: FloatArray) -> FloatArray:
     number, pieces = overlaps(plane, plane, side.kind)
     places, weights = quadrature(pieces, degree_of(side.kind, side.corners, side.is_quadratic))
     values = functions(side.kind, plane[number], places)
-    if side.revolves:
-        radii = np.einsum("qni,qi->qn", values, side.corners[number, :, 0])
-        weights = 2.0 * math.pi * radii * weights
+    weights = weights * _density(side, number, values)
     of_nodes = bernstein(values) if side.is_quadratic else values
     each = np.einsum("qn,qni->qi", weights, of_nodes)
     return summed(number, len(plane), each[:, :, None])[:, :, 0]
+
+
+def _density(side: Side, facet: IntArray, values: FloatArray) -> FloatArray:
+    """(q, n) the area at rest over that of plane facets (q,), at points with values (q, n, c)."""
+    rest = side if side.rest is None else replace(side, points=side.rest)
+    ratio = (rest.sizes() / side.sizes())[facet, None]
+    if side.revolves:
+        ratio = ratio * 2.0 * math.pi * np.einsum("qni,qi->qn", values, rest.corners[facet, :, 0])
+    return np.asarray(ratio)
 
 
 def _targets(one: Side, covered: FloatArray, whole: FloatArray) -> tuple[IntArray, BoolArray]:

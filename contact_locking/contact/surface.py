@@ -205,6 +205,10 @@ class ContactSurface:
         free = constraints.free_part(normals).reshape(-1, self.domain.dim)[self.blocks]
         return np.asarray(np.linalg.norm(free, axis=1) > PRESCRIBED)
 
+    def sliding_nodes(self, constraints: Constraints) -> BoolArray:
+        """(k,) the nodes whose jump conditions leave free along the other body; collective."""
+        return np.ones(len(self.nodes), dtype=bool)
+
     def warnings(self) -> list[str]:
         """Warnings about data that the user probably did not intend."""
         return []

@@ -160,14 +160,14 @@ class DiscreteProblem:
         for tool in self.data.tools:
             tool.advance()
 
-    def follow(self, touching: Sequence[BoolArray]) -> bool:
+    def go_along(self, touching: Sequence[BoolArray]) -> bool:
         """Let bodies face each other as they do at the solution u; collective.
 
         ``touching`` are the nodes (k,) that touch at each contact.  Returns whether a frame has
         changed, so that u is the solution in the frame before.
         """
         pairs = zip(self.contacts, touching, strict=True)
-        return any([contact.follow(self.u, touches) for contact, touches in pairs])
+        return any([contact.go_along(self.u, touches) for contact, touches in pairs])
 
     def refresh(self) -> None:
         """Take the present values of all data but loads; collective.

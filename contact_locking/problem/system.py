@@ -300,7 +300,7 @@ class PenalisedSystem:
     def hold(self, stress: float) -> None:
         """Set every friction bound to a stress, whether anything presses or not; collective."""
         for contact in self.rubbing:
-            self.bounds[contact] = contact.acting(np.full(len(contact.free), stress))
+            self.bounds[contact] = contact.rubbing(np.full(len(contact.free), stress))
 
     def clear(self) -> None:
         """``u = 0`` at free dofs, all friction bounds and travels zero; collective."""

@@ -89,20 +89,20 @@ class ProblemSolver:
 
         report = solve_system(self._method, task(), saved)
         for _ in range(_MOST_FRAMES):
-            start = self._follow(report) if report.converged else None
+            start = self._next_start(report) if report.converged else None
             if start is None:
                 break
             report = solve_system(self._method, task(), start).after(report)
         return report
 
-    def _follow(self, report: SolverReport) -> SavedState | None:
+    def _next_start(self, report: SolverReport) -> SavedState | None:
         """Let bodies face each other as they do at the solution; collective.
 
         Returns where to go on from, None if they face each other so already.
         """
         problem, system = self.problem, self.system
         forces = (report.multipliers or penalised(system)).contacts
-        if not problem.follow([item.touches for item in forces]):
+        if not problem.go_along([item.touches for item in forces]):
             return None
         return SavedState(
             displacement=problem.u.x.array.copy(),
@@ -111,6 +111,7 @@ class ProblemSolver:
             slips=tuple(norm(item.increment(problem.u), axis=1) for item in problem.contacts),
             travels=system.tools.travels,
             last=report.last,
+            in_step=True,
         )
 
     @property

@@ -66,6 +66,7 @@ class ContactFields:
         self.smoothed_stress = -contact.friction.smoothing.apply(self.pressure)
         self.bound, self.regularisation = bounds[contact], float(bounds.lengths[contact].value)
         slips = np.linalg.norm(self.traction, axis=1) >= _SLIP_SHARE * self.bound
+        slips &= contact.slides
         self.state = np.where(forces.touches, np.where(slips, SLIP, STICK), OPEN)
         # The nodes that stick, without a slip that the regularisation needs.
         self.holds = (self.state == STICK) & (self.regularisation == 0.0)

@@ -131,7 +131,7 @@ class Equations:
         slips = contact.slips(self.system.u)
         nodes.enter(nodes.of_all(contact.state.slip) + norm(points[1 : 1 + nodes.dim]), slips)
         pressure = nodes.at_all(bound.pressing.z)
-        return nodes.of_all(contact.acting(contact.friction.evaluate(pressure, slips)))
+        return nodes.of_all(contact.rubbing(contact.friction.evaluate(pressure, slips)))
 
     def close(self) -> None:
         """Free the PETSc objects; collective."""

@@ -163,7 +163,9 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
     """
     penalty, proofs = task.target.penalty, Proofs(task)
     task.monitor.stage(1, 1, penalty.n, penalty.epsilon)
-    if saved is not None and (arrived := _newton_from(saved, task)) is not None:
+    # In another frame the pieces of the laws lead on in fewer steps than Newton's method.
+    by_newton = saved is not None and not (saved.in_step and saved.last)
+    if saved and by_newton and (arrived := _newton_from(saved, task)) is not None:
         return _solved(task, arrived, from_saved=True)
     attempt = _attempted(task, None if saved is None else saved.last, proofs.leave_hope)
     if attempt.failure is not None:

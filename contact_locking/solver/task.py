@@ -230,7 +230,8 @@ class SavedState:
     ``displacement`` holds local values, ghosts included, ``pressures`` those (k,) at the owned
     nodes of each contact; without any, nothing is known of them.  ``slips`` holds the lengths (k,)
     of the slip in the step of a process that ended with this state, and ``travels`` those of the
-    tools.  ``last`` is the last iterate that led to this state, if it is known.
+    tools.  ``last`` is the last iterate that led to this state, if it is known.  ``in_step`` says
+    that the state solves the problem of this step in another frame of bodies that touch.
     """
 
     displacement: FloatArray
@@ -239,6 +240,7 @@ class SavedState:
     slips: tuple[FloatArray, ...] = ()
     travels: tuple[float, ...] = ()
     last: LastIterate | None = None
+    in_step: bool = False
 
     def enter(self, system: PenalisedSystem) -> None:
         """Put displacement, travels and friction bounds into ``system``; collective."""

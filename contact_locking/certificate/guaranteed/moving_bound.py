@@ -107,7 +107,7 @@ def _residual(tractions: ContactTractions) -> FloatArray:
     work = summed(surface.scalar_space.dofmap.index_map, tractions.nodes, shares)[:, 0]
     pressure = contact.acting(work[surface.nodes] / surface.weights)
     moved = bound.evaluate(pressure, np.zeros(len(pressure)))
-    return contact.acting(moved - tractions.fields.bound)
+    return contact.rubbing(moved - tractions.fields.bound)
 
 
 def slip_constant(

@@ -81,7 +81,7 @@ class MovingBound:
     def hold(self, stress: float) -> None:
         """Let a bound without slip hold tractions up to ``stress`` everywhere; collective."""
         if isinstance(self.law, NoSlip):
-            self.set(self.contact.acting(self.law.on_all(stress)))
+            self.set(self.contact.rubbing(self.law.on_all(stress)))
 
     def start(self, moves: bool, least: float) -> None:
         """Give the cones a bound: where it ``moves`` that of the pressure; collective."""
@@ -112,7 +112,7 @@ class MovingBound:
         """``mu |R p|`` at all nodes of the contact for a pressure (k,) at those of the cones."""
         at_all = self.pressing.nodes.at_all(pressure)
         slips = self.contact.slips(self.system.u)
-        new = self.share * self.contact.acting(self.law.evaluate(at_all, slips))
+        new = self.share * self.contact.rubbing(self.law.evaluate(at_all, slips))
         least = self.least * maximum(self.pressing.comm, new)
         return self.contact.acting(np.maximum(new, least))
 
