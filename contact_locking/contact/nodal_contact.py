@@ -24,6 +24,8 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.supports.conditions import Constraints
 
+# The share of the friction bound that acts at nodes that cannot slide.
+_TINY = 1e-4
 # The frame of two sides is that at the solution if normals and gaps agree to this.
 _SAME = 1e-3
 
@@ -62,8 +64,8 @@ class NodalContact:
     functions with the normal and the limited value of the gap at the nodes.  ``friction`` computes
     the friction bound of pressures and slips.  ``regularisation`` is the length that smooths
     friction in the problem that is to be solved.  ``free`` (k,) marks the nodes whose normal
-    displacement is not prescribed; neither pressure nor friction acts at the other nodes.  No friction acts where conditions leave
-    the jump to another body no way to slide, which ``slides`` (k,) marks with False.
+    displacement is not prescribed; neither pressure nor friction acts at the other nodes.
+    ``slides`` (k,) marks those where conditions leave the jump to another body a way to slide.
     ``against`` are the boundary parts of the other body that ``on`` touches, none for a foundation;
     displacements are jumps then.
 
@@ -288,8 +290,11 @@ class NodalContact:
         return np.where(self.free, values, 0.0)
 
     def rubbing(self, bounds: FloatArray) -> FloatArray:
-        """Friction bounds (k,), zero at the nodes that are not free, or can not slide."""
-        return np.where(self.free & self.slides, bounds, 0.0)
+        """Friction bounds (k,), zero at the nodes that are not free, tiny where nothing slides.
+
+        A cone under a bound of zero has no interior.
+        """
+        return self.acting(np.where(self.slides, bounds, _TINY * bounds))
 
     def friction_bound(self, u: fem.Function, pressure: FloatArray) -> FloatArray:
         """The friction bound (k,) of a displacement and a pressure (k,); collective.

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from dolfinx import fem
-from scipy.sparse import csr_matrix, diags, vstack
+from scipy.sparse import coo_matrix, csr_matrix, diags, vstack
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
@@ -134,14 +134,21 @@ class PairedSurface(ContactSurface):
 
         ``normal`` (k, d) is the contact normal; collective.
         """
-        sizes = np.einsum("ki,kij,kj->k", normal, self._freedom(constraints), normal)
+        freedom = self._freedom(constraints, self._jump.by_blocks.tocoo())
+        sizes = np.einsum("ki,kij,kj->k", normal, freedom, normal)
         return np.sqrt(np.maximum(sizes, 0.0)) > PRESCRIBED
 
     def sliding_nodes(self, constraints: Constraints) -> BoolArray:
-        largest = np.linalg.eigvalsh(self._freedom(constraints))[:, -2:]
-        return np.asarray(largest[:, 0] > PRESCRIBED**2)
+        # The nodes of both sides that have the largest shares in the jump decide.
+        rows = self._jump.by_blocks.tocoo()
+        order = np.lexsort((rows.data, rows.row))
+        ends = np.diff(rows.row[order], prepend=-1, append=-1) != 0
+        most = order[ends[:-1] | ends[1:]]
+        main = coo_matrix((rows.data[most], (rows.row[most], rows.col[most])), shape=rows.shape)
+        freedom = np.linalg.eigvalsh(self._freedom(constraints, main))
+        return np.asarray(freedom[:, -2] > PRESCRIBED**2)
 
-    def _freedom(self, constraints: Constraints) -> FloatArray:
+    def _freedom(self, constraints: Constraints, rows: coo_matrix) -> FloatArray:
         """The sums (k, d, d) of products of the directions that conditions leave a jump free in."""
         dim, index_map = self.domain.dim, self.vector_space.dofmap.index_map
         low, high = index_map.local_range
@@ -150,7 +157,6 @@ class PairedSurface(ContactSurface):
         axes = [constraints.free_part(np.tile(axis, high - low)) for axis in np.eye(dim)]
         local = np.stack([values.reshape(-1, dim)[own] for values in axes], axis=1)
         projections = np.concatenate(self.domain.comm.allgather(local))
-        rows = self._jump.by_blocks.tocoo()
         at = projections[np.searchsorted(self._blocks, rows.col)]
         products = rows.data[:, None, None] ** 2 * (at @ at.transpose(0, 2, 1))
         sums = np.zeros((rows.shape[0], dim, dim))

@@ -123,7 +123,7 @@ class MovingBound:
             return np.zeros(len(nodes.weights))
         smoothed = bound.smoothing.apply(nodes.at_all(self.pressing.z))
         slope = self.share * bound.slope(self.contact.slips(self.system.u))
-        return nodes.of_all(slope * np.abs(smoothed))
+        return nodes.of_all(self.contact.rubbing(slope * np.abs(smoothed)))
 
     def used(self, elsewhere: FloatArray) -> FloatArray:
         """The bound at all nodes of the contact: of the cones, or ``elsewhere`` without cones."""
@@ -302,8 +302,8 @@ class BoundLaw:
         wanted = mu * np.abs(smoothed)
         if not bound.is_coulomb:
             wanted = moving.share * bound.evaluate(pressure, slips)
-        self._wanted = self._nodes.of_all(wanted)
-        self._mu = float(bound.is_coulomb) * self._nodes.of_all(mu)
+        self._wanted = self._nodes.of_all(contact.rubbing(wanted))
+        self._mu = float(bound.is_coulomb) * self._nodes.of_all(contact.rubbing(mu))
         slip = self.friction.seen
         self._along = slip / np.maximum(norm(slip), np.finfo(float).tiny)
         self._slope = moving.slope()
