@@ -14,7 +14,7 @@ optional = ./in-env sh -c 'if command -v $(1) >/dev/null; then $(2); \
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo test test-all lint sandbox serial serial-all parallel parallel-all bench peers sweep derivatives verification studies docs format image image-test clean
+.PHONY: help demo test test-all lint sandbox serial serial-all parallel parallel-all bench peers sweep punches derivatives verification studies docs format image image-test clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 13
@@ -64,6 +64,9 @@ sweep: ## solve and judge random problems of many families (SEEDS=20 FIRST=0 FAM
 		--linear $(LINEAR) $(if $(N),--n $(N)) --families $(FAMILIES)
 
 PROBLEMS = 300
+punches: ## compare random bodies with edges on a block with nodes against segments (PROBLEMS=300 FIRST=0 JOBS=2): ten minutes
+	./in-env env PYTHONPATH=tests:tests/support OMP_NUM_THREADS=1 python3 -m sweep.by_segments --count $(PROBLEMS) --first $(FIRST) --jobs $(JOBS)
+
 derivatives: ## compare derivatives of random problems with differences of solves (PROBLEMS=300 FIRST=0): half an hour
 	./in-env env PYTHONPATH=tests:tests/support OMP_NUM_THREADS=1 python3 -m sweep.derivatives $(PROBLEMS) --first $(FIRST)
 
