@@ -53,6 +53,74 @@ def test_parts_in_space(comm: MPI.Intracomm) -> None:
     assert 0.25 < measures["round"] < 1.0
 
 
+def hollow(
+    folder: Path, comm: MPI.Intracomm, counts: tuple[int, ...], hole: tuple[int, ...], parts: Any
+) -> dict[str, tuple[int, Any]]:
+    """The facets and mean normals of parts of a lattice of unit boxes with a box missing."""
+    path = comm.bcast(folder) / "hollow.msh"
+    if comm.rank == 0:
+        points = [*np.ndindex(*(count + 1 for count in counts))]
+        numbers = {point: number for number, point in enumerate(points, start=1)}
+        around = {2: [(0, 0), (1, 0), (1, 1), (0, 1)]}
+        around[3] = [(*corner, z) for z in (0, 1) for corner in around[2]]
+        cells = [
+            [numbers[tuple(np.add(box, corner))] for corner in around[len(counts)]]
+            for box in np.ndindex(*counts)
+            if box != hole
+        ]
+        write_msh(path, points, {"body": cells})
+    comm.Barrier()
+    mesh = {"file": str(path), "parts": parts, "axisymmetric": counts[0] == 2}
+    domain = mesh_of(from_mapping({"mesh": mesh, "contact": {"on": []}}), comm)
+    return {group.name: (group.count, group.normal) for group in groups(domain)}
+
+
+SKINS: dict[str, Any] = {"cavity": {"skin": "inner"}, "outside": {"skin": "outer"}}
+
+
+def test_the_skin_of_a_cavity_is_a_part(tmp_path: Path, comm: MPI.Intracomm) -> None:
+    parts = SKINS | {"floor": {"skin": "inner", "facing": [0, 0, 2]}}
+    found = hollow(tmp_path, comm, (3, 3, 3), (1, 1, 1), parts)
+    assert {name: found[name][0] for name in parts} == {"cavity": 6, "outside": 54, "floor": 1}
+    assert found["floor"][1] == pytest.approx((0.0, 0.0, 1.0))
+    assert found["cavity"][1] == pytest.approx((0.0, 0.0, 0.0))
+
+
+def test_a_cavity_on_the_axis_of_revolution_has_a_skin_of_its_own(
+    tmp_path: Path, comm: MPI.Intracomm
+) -> None:
+    found = hollow(tmp_path, comm, (2, 3), (0, 1), SKINS)
+    assert (found["cavity"][0], found["outside"][0]) == (3, 7)
+
+
+def test_an_open_cavity_is_no_inner_skin(tmp_path: Path, comm: MPI.Intracomm) -> None:
+    outside = {"outside": {"skin": "outer"}}
+    assert hollow(tmp_path, comm, (3, 3), (1, 0), outside)["outside"][0] == 14
+    with pytest.raises(InputError) as caught:
+        hollow(tmp_path, comm, (3, 3), (1, 0), SKINS)
+    assert caught.value.key == "mesh.parts.cavity" and "outer skin" in str(caught.value)
+
+
+def test_each_of_two_bodies_has_an_outer_skin(comm: MPI.Intracomm) -> None:
+    mesh = {"builder": "disc_in_ring", "h": 0.5, "parts": SKINS}
+    domain = mesh_of(from_mapping({"mesh": mesh, "contact": {"on": []}}), comm)
+    found = {group.name: group.count for group in groups(domain)}
+    sides = [name for name in found if name not in (*SKINS, *domain.cell_names)]
+    assert found["cavity"] == found["inner"]
+    assert found["outside"] + found["cavity"] == sum(found[name] for name in sides)
+
+
+def test_facets_face_a_direction_within_other_places(comm: MPI.Intracomm) -> None:
+    parts = {
+        "up": {"facing": [0, 1]},
+        "slanting": {"facing": [1, 1]},
+        "tip": {"on": "slanting", "box": [[0.5, 0.5], [1, 1]], "facing": [1, -1]},
+    }
+    domain = mesh_of(placed(parts), comm)
+    found = {group.name: group.count for group in groups(domain)}
+    assert {name: found[name] for name in parts} == {"up": 8, "slanting": 16, "tip": 4}
+
+
 def test_loads_and_contact_on_parts_that_overlap_add_up(comm: MPI.Intracomm) -> None:
     by_name = solve(block(h=0.125, mesh__structured=True), comm)
     loads = {
@@ -91,7 +159,10 @@ def test_a_finer_mesh_keeps_the_parts_and_a_checkpoint_knows_them(
 @pytest.mark.parametrize(
     ("part", "key", "words"),
     [
-        ({}, "mesh.parts.new", "needs a place: on, plane, box or expression"),
+        ({}, "mesh.parts.new", "needs a place: on, plane, box, expression, facing or skin"),
+        ({"facing": [0, 0, 1]}, "mesh.parts.new.facing", "must have 2 components in 2D"),
+        ({"facing": [0, 0]}, "mesh.parts.new.facing", "must not be the zero vector"),
+        ({"skin": "both"}, "mesh.parts.new.skin", "inner"),
         (
             {"box": [[1, 0], [0, 1]]},
             "mesh.parts.new.box",
