@@ -28,7 +28,7 @@ from contact_locking.mesh.named_parts import Place, Test, with_parts
 from contact_locking.mesh.skins import area_normals
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.study.contacts import contact_of, friction_warnings
-from contact_locking.study.loads import build_loads, springs_of
+from contact_locking.study.loads import build_loads, open_pressures, springs_of
 from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.probe_points import locate
 from contact_locking.study_file.named_numbers import resolved
@@ -88,6 +88,7 @@ class StudyProblem(DiscreteProblem):
         for item in parameters.contacts:
             told += friction_warnings(domain, item, clock)
         told += self.loads.warnings(self.material.stiffness)
+        told += open_pressures(domain, parameters.loads.pressures)
         told += parameters.idle_friction()
         for key, text in parameters.timed():
             expression = parse(text, (*AXES, TIME), tables=tables)

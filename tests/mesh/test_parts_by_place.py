@@ -53,24 +53,35 @@ def test_parts_in_space(comm: MPI.Intracomm) -> None:
     assert 0.25 < measures["round"] < 1.0
 
 
-def hollow(
-    folder: Path, comm: MPI.Intracomm, counts: tuple[int, ...], hole: tuple[int, ...], parts: Any
-) -> dict[str, tuple[int, Any]]:
-    """The facets and mean normals of parts of a lattice of unit boxes with a box missing."""
+def lattice(
+    folder: Path, comm: MPI.Intracomm, counts: tuple[int, ...], holes: list[tuple[int, ...]]
+) -> str:
+    """The file of a lattice of unit boxes, of two triangles in 2D, without some boxes."""
     path = comm.bcast(folder) / "hollow.msh"
     if comm.rank == 0:
         points = [*np.ndindex(*(count + 1 for count in counts))]
         numbers = {point: number for number, point in enumerate(points, start=1)}
-        around = {2: [(0, 0), (1, 0), (1, 1), (0, 1)]}
-        around[3] = [(*corner, z) for z in (0, 1) for corner in around[2]]
+        square = [(0, 0), (1, 0), (1, 1), (0, 1)]
+        around: Any = [square[:3], [*square[2:], square[0]]]
+        if len(counts) == 3:
+            around = [[(*corner, z) for z in (0, 1) for corner in square]]
         cells = [
-            [numbers[tuple(np.add(box, corner))] for corner in around[len(counts)]]
+            [numbers[tuple(np.add(box, corner))] for corner in corners]
             for box in np.ndindex(*counts)
-            if box != hole
+            for corners in around
+            if box not in holes
         ]
         write_msh(path, points, {"body": cells})
     comm.Barrier()
-    mesh = {"file": str(path), "parts": parts, "axisymmetric": counts[0] == 2}
+    return str(path)
+
+
+def hollow(
+    folder: Path, comm: MPI.Intracomm, counts: tuple[int, ...], hole: tuple[int, ...], parts: Any
+) -> dict[str, tuple[int, Any]]:
+    """The facets and mean normals of parts of a lattice of unit boxes with a box missing."""
+    path = lattice(folder, comm, counts, [hole])
+    mesh = {"file": path, "parts": parts, "axisymmetric": counts[0] == 2}
     domain = mesh_of(from_mapping({"mesh": mesh, "contact": {"on": []}}), comm)
     return {group.name: (group.count, group.normal) for group in groups(domain)}
 
@@ -108,6 +119,76 @@ def test_each_of_two_bodies_has_an_outer_skin(comm: MPI.Intracomm) -> None:
     sides = [name for name in found if name not in (*SKINS, *domain.cell_names)]
     assert found["cavity"] == found["inner"]
     assert found["outside"] + found["cavity"] == sum(found[name] for name in sides)
+
+
+def pressure_warnings(
+    folder: Path, comm: MPI.Intracomm, on: Any, parts: Any, size: int = 4, **mesh: Any
+) -> list[str]:
+    """What is said of a pressure in a plate with a hole of three squares and one of one square.
+
+    With ``size`` 2 the plate is a body of revolution with a cavity at the axis.
+    """
+    holes: list[tuple[int, ...]] = [(1, 1), (1, 2), (2, 1), (5, 1)]
+    counts: tuple[int, ...] = (7, 4)
+    if size == 2:
+        holes, counts = [(0, 1)], (2, 3)
+    end = {"plane": {"point": [0, 0], "normal": [0, 1]}}
+    given = {
+        "mesh": {"file": lattice(folder, comm, counts, holes), "parts": {"end": end} | parts}
+        | mesh,
+        "loads": {
+            "displacements": [{"on": "end", "value": [0, 0]}],
+            "pressures": [{"on": on, "value": 0.01}],
+        },
+        "contact": {"on": []},
+        "friction": {"coefficient": 0},
+    }
+    problem = assemble(from_mapping(given), comm)
+    problem.close()
+    return [text for text in problem.warnings if "pressures" in text]
+
+
+# Five of the eight facets of a hole, and all of them with three of the outside.
+OPEN: dict[str, Any] = {
+    "cavity": {"box": [[0.5, 0.5], [3.5, 3.5]]},
+    "roof": {"plane": {"point": [0, 4], "normal": [0, 1]}},
+    "most": {"on": "cavity", "expression": "x < 2.9"},
+    "both": {"expression": "x > 0.5 and y > 0.5 and (x < 3.5 and y < 3.5 or x < 4 and y > 3.9)"},
+}
+
+
+@pytest.mark.parametrize(
+    ("on", "words"),
+    [
+        ("most", "lacks 3 of its facets, so that a pressure p has the resultant -p (1, 0)"),
+        ("both", "has 3 facets of another skin, so that a pressure p has the resultant -p (0, 3)"),
+    ],
+)
+def test_a_pressure_on_most_of_a_cavity_is_warned_of(
+    on: str, words: str, tmp_path: Path, comm: MPI.Intracomm
+) -> None:
+    (warning,) = pressure_warnings(tmp_path, comm, on, OPEN)
+    assert warning.startswith("loads.pressures.0.on: ") and words in warning
+
+
+@pytest.mark.parametrize(
+    "on", ["cavity", "roof", "few", "skins", ["cavity", "roof"], ["most", "rest"]]
+)
+def test_other_pressures_are_not_warned_of(on: Any, tmp_path: Path, comm: MPI.Intracomm) -> None:
+    more: dict[str, Any] = {
+        "few": {"on": "cavity", "facing": [0, 1]},
+        "rest": {"on": "cavity", "expression": "x > 2.5"},
+        "skins": {"skin": "inner"},
+    }
+    assert pressure_warnings(tmp_path, comm, on, OPEN | more) == []
+
+
+def test_a_pressure_in_a_cavity_at_the_axis_is_closed(tmp_path: Path, comm: MPI.Intracomm) -> None:
+    parts = SKINS | {"floor and wall": {"on": "cavity", "facing": [-0.1, 1]}}
+    arguments = {"size": 2, "axisymmetric": True}
+    assert pressure_warnings(tmp_path, comm, "cavity", parts, **arguments) == []
+    (warning,) = pressure_warnings(tmp_path, comm, "floor and wall", parts, **arguments)
+    assert "the resultant -p (0, 3.14), " in warning
 
 
 def test_facets_face_a_direction_within_other_places(comm: MPI.Intracomm) -> None:
