@@ -10,7 +10,7 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import BoolArray, IndexArray
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.foundation import GivenGap
 from contact_locking.contact.free_motions import free_motions
@@ -195,7 +195,7 @@ def _overlap_warnings(contact: NodalContact) -> list[str]:
     friction, surface = contact.friction, contact.surface
     if contact.moves or surface.jump or isinstance(contact.foundation, GivenGap):
         return []
-    mu = np.ones(len(surface.nodes))
+    mu: FloatArray = np.ones(len(surface.nodes))
     if friction.is_coulomb:
         mu = friction.coefficient(np.zeros_like(mu))
     depths = np.where(contact.free, -contact.gaps, 0.0)

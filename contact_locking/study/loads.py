@@ -84,7 +84,9 @@ def open_pressures(domain: Domain, given: Sequence[Pressure]) -> list[str]:
         found = open_part(domain, skins, item.on)
         if found is not None:
             key = f"loads.pressures.{i}.on"
-            told += about_an_open_part(key, found.missing, found.strange, found.resultant.tolist())
+            told += about_an_open_part(
+                key, found.missing, found.strange, [*map(float, found.resultant)]
+            )
     return told
 
 

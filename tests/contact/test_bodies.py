@@ -250,7 +250,7 @@ def test_the_lips_of_a_closed_crack_that_sticks_are_one_body(tmp_path: Path) -> 
         folder.mkdir()
     comm.Barrier()
     # Gmsh's plugin Crack leaves both lips in one group.
-    path = shared(comm, folder, cut, {**sides, "crack": upper + lower, "body": body})
+    path = shared(comm, folder, cut, {**sides, "crack": [*upper, *lower], "body": body})
     with pytest.raises(InputError, match="both lips of a cut") as caught:
         solve(from_file(path, {"on": "crack", "against": "crack"}))
     assert caught.value.key == "contact.against"

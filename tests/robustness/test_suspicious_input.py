@@ -176,10 +176,13 @@ def test_a_leaf_that_turns_far_is_warned_of_with_the_strain_that_is_neglected(
         "steps": {"to": 1, "count": 4},
     }
     told: list[str] = []
-    listener = Monitor()
-    listener.message = told.append  # type: ignore[method-assign]
+
+    class Listener(Monitor):
+        def message(self, text: str) -> None:
+            told.append(text)
+
     study = study_file.load(changed(tmp_path, changes)).parameters
-    found = [*solving.solve_steps(study, MPI.COMM_SELF, listener)]
+    found = [*solving.solve_steps(study, MPI.COMM_SELF, Listener())]
     turns = [step.summary["rotation_max"] for step in found]
     assert turns == pytest.approx([0.225, 0.45, 0.675, 0.9], rel=0.02)
     assert [len(step.summary["warnings"]) for step in found] == [1] * 4
