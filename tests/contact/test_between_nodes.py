@@ -259,7 +259,7 @@ def test_a_roller_that_slides_from_node_to_node_stops_where_it_is_missed() -> No
     forces = []
     for solution in solve_steps(parameters):
         assert solution.converged, solution.summary["reason"]
-        assert solution.summary["warnings"] == []
+        assert not any("between the nodes" in text for text in solution.summary["warnings"])
         forces.append(solution.summary["contact_force"][1])
     assert len(forces) == 3
     assert max(forces) / min(forces) > 0.8
