@@ -40,8 +40,8 @@ PRESCRIBED = 1e-6
 # The cosines of the angles by which contact normals turn between two sides of Gamma_C, and by which
 # they are off the normals of the body: 40 and 60 degrees.
 _TURNED, _FACING = 0.766, 0.5
-# The sine of 15 degrees, by which the normal of a smooth boundary is off that of a chord at most.
-_CORNER = 0.26
+#: The sine of 15 degrees, by which the normal of a smooth boundary is off that of a chord at most.
+CORNER = 0.26
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ class ContactSurface:
         along = x[:, 1] - x[:, 0]
         length = np.linalg.norm(along, axis=1)
         slopes = np.einsum("mni,mi->mn", normals[ends], along / length[:, None])
-        slopes[np.abs(slopes) > _CORNER] = 0.0
+        slopes[np.abs(slopes) > CORNER] = 0.0
         slopes = np.where(self._is_end(nodes), -slopes[:, ::-1], slopes)
         sagitta = length * (slopes[:, 1] - slopes[:, 0]) / 8.0
         off = self.vector_function(np.zeros_like(found))

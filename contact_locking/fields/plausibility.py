@@ -11,10 +11,13 @@ from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum
 
-# The theory neglects squares of the displacement gradient, which exceed the gradient from here on.
-_LARGE_STRAIN = 1.0
+# The theory neglects squares of the displacement gradient: a tenth of a strain of this size, and of
+# a rotation its half square.  Strains above 1 come from a mistake.
+_LARGE_STRAIN, _LARGE_ROTATION, _ABSURD_STRAIN = 0.1, 0.1, 1.0
 # No body can bear loads of this multiple of its stiffness.
 _ABSURD = 1e30
+# An overlap below this share of the extent of the body is rounding.
+_TOUCHING = 1e-9
 # A foundation is not so many times as long or as short as the body, but in other units.
 _LARGE_RATIO = 200.0
 # A warning gives a larger excess as a multiple and a smaller excess in per cent.
@@ -45,6 +48,39 @@ def about_the_gap(domain: Domain, gap: FloatArray, key: str) -> list[str]:
         f"{key}: all of the body lies inside the foundation, Gamma_C at least {depth:.3g} deep; a "
         "gap is positive where there is a distance to the foundation: is its sign right, and the "
         "foundation in its place?"
+    ]
+
+
+def about_an_overlap_at_rest(
+    domain: Domain,
+    depths: FloatArray,
+    normals: FloatArray,
+    outward: FloatArray,
+    mu: FloatArray,
+    key: str,
+) -> list[str]:
+    """A warning about a curved foundation with friction that rests at its end; collective.
+
+    ``depths`` (k,) are how far nodes of Gamma_C are inside of the foundation at rest, with the
+    normals of the foundation and of the body (k, d) and the friction coefficients ``mu`` (k,).
+    Where depths and normals differ the foundation has come with a part of its way along the body,
+    which would be slip.  A press fit on a shaft has the normals of the body and one depth.
+    """
+    nearly = _TOUCHING * domain.extent
+    inside = [values[depths > nearly] for values in (depths, normals, outward, mu)]
+    depths, normals, outward, mu = (np.concatenate(domain.comm.allgather(part)) for part in inside)
+    if not len(depths):
+        return []
+    turn = float(np.linalg.norm(normals - normals.mean(axis=0), axis=1).max())
+    tilt = float(np.linalg.norm(normals - outward, axis=1).max())
+    least = _NOTABLE * min(float(mu.max()), 1.0)
+    is_even = tilt <= least and depths.min() > 0.5 * depths.max()
+    if least == 0.0 or turn <= least or is_even:
+        return []
+    return [
+        f"{key}: it overlaps the body at rest by up to {depths.max():.3g}, along normals that are "
+        f"up to {turn:.2g} rad off their mean, and friction does not know of the way on which it "
+        f"came: take {key}.motion from where it touches, and steps"
     ]
 
 
@@ -84,14 +120,48 @@ def about_a_load(stress: float, stiffness: float, key: str) -> list[str]:
     return [f"{key}: {text}"]
 
 
+def about_an_open_part(
+    key: str, missing: int, strange: int, resultant: Sequence[float]
+) -> list[str]:
+    """A warning about a pressure in a cavity on a part that is not the whole skin of the cavity."""
+    faults = [f"lacks {missing} of its facets"] * bool(missing)
+    faults += [f"has {strange} facets of another skin"] * bool(strange)
+    size = max(map(abs, resultant))
+    sums = ", ".join(f"{0.0 if abs(x) < 1e-9 * size else x:.3g}" for x in resultant)
+    return [
+        f"{key}: has most of a cavity and {' and '.join(faults)}, so that a pressure p has the "
+        f"resultant -p ({sums}), which is 0 in a closed cavity; take a part of mesh.parts with "
+        "skin: inner"
+    ]
+
+
 def about_the_strain(largest: float) -> list[str]:
     """A warning about strains too large for the theory of small strains."""
-    if largest <= _LARGE_STRAIN:
+    # The strain may be at a limit of this size, to the tolerance of the solver.
+    if largest <= _LARGE_STRAIN * (1.0 + 1e-6):
         return []
+    why = f"stresses there are uncertain by about {100.0 * largest:.0f} %"
+    if largest > _ABSURD_STRAIN:
+        why = (
+            "do the units of loads, elasticity and lengths agree, and do displacement conditions "
+            "or contact hold the body?"
+        )
+    return [f"the largest strain is {largest:.3g}, and this theory is of small strains: {why}"]
+
+
+def about_the_rotation(angle: float, place: Sequence[float] | None, strain: float) -> list[str]:
+    """A warning about rotations whose half square is not small beside the largest strain.
+
+    ``angle`` is the largest rotation, at ``place``.
+    """
+    neglected = 0.5 * angle**2
+    if place is None or angle <= _LARGE_ROTATION or neglected <= _NOTABLE * strain:
+        return []
+    at = ", ".join(f"{x:.3g}" for x in place)
     return [
-        f"the largest strain is {largest:.3g}, and this theory is of small strains: do the units "
-        "of loads, elasticity and lengths agree, and do displacement conditions or contact hold "
-        "the body?"
+        f"the body turns by {angle:.2g} rad near ({at}), and this theory is of small rotations: it "
+        f"neglects strains of {neglected:.2g}, half of the square, beside the largest strain of "
+        f"{strain:.2g}; take a smaller load, or a program for large rotations"
     ]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -320,20 +320,22 @@ def from_geometry(
 
 
 def from_file(
-    path: Path, comm: MPI.Intracomm, touching: Touching = (), curved: bool = False
+    path: Path, comm: MPI.Intracomm, touching: Touching = (), curved: bool | None = None
 ) -> Domain:
     """Read a Gmsh file with named physical groups on rank 0 and distribute it; collective.
 
     ``touching`` are pairs of boundary parts that may touch each other without shared nodes.
-    ``curved`` keeps the curved sides of cells of second order, which are straight otherwise; those
-    of hexahedra are straight.
+    ``curved`` keeps the curved sides of cells of second order, which are straight otherwise, with a
+    warning unless it is False; those of hexahedra are straight.
     Raises InputError if the file cannot be read, if the cells are not of one kind and of first or
     second order, and if the mesh is not a body.
     """
 
     def make() -> MeshData:
         mesh = read(path)
-        return mesh if curved else mesh.straight
+        if curved:
+            return mesh
+        return replace(mesh.straight, straightened=None) if curved is False else mesh.straight
 
     def made() -> Domain:
         return from_arrays(on_first_rank(comm, make), comm, str(path), touching)

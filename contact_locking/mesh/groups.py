@@ -8,7 +8,8 @@ import numpy as np
 
 from contact_locking import _compat
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.lagrange import mean_normals, measures
+from contact_locking.mesh.lagrange import measures
+from contact_locking.mesh.skins import area_normals
 
 # A boundary part is plane if the mean normal is longer, and closed if the mean normal is shorter.
 _FLAT, _CLOSED = 1.0 - 1e-6, 1e-2
@@ -68,12 +69,7 @@ def _region(domain: Domain, name: str) -> Group:
 def _boundary(domain: Domain, name: str, dim: int) -> Group:
     facets = domain.facets((name,))
     facets = facets[facets < domain.mesh.topology.index_map(dim).size_local]
-    x = domain.mesh.geometry.x[:, : domain.dim]
-    nodes = x[_compat.facet_nodes(domain.mesh, facets)]
-    normals, areas = mean_normals(domain.kind.facet, nodes)
-    cells = _compat.cell_corners(domain.mesh)[domain.owners(facets)]
-    inward = x[cells].mean(axis=1) - nodes[:, : domain.kind.facet.corners].mean(axis=1)
-    normals *= -np.sign(np.einsum("ki,ki->k", normals, inward))[:, None]
+    normals, areas = area_normals(domain, facets)
     count, measure, total = (
         domain.comm.allreduce(x) for x in (len(facets), float(areas.sum()), normals.sum(axis=0))
     )

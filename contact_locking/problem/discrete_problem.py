@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import BoolArray, IndexArray
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.contact.contact import Contact
+from contact_locking.contact.foundation import GivenGap
 from contact_locking.contact.free_motions import free_motions
 from contact_locking.contact.nodal_contact import (
     BoundsInForce,
@@ -20,6 +22,7 @@ from contact_locking.contact.nodal_contact import (
 )
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
+from contact_locking.fields.plausibility import about_an_overlap_at_rest
 from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh.domain import Domain
 from contact_locking.problem import forms
@@ -92,7 +95,9 @@ class DiscreteProblem:
             NodalContact(item, places[i], [*places[:i], *places[i + 1 :]], body.constraints, slip)
             for i, item in enumerate(contacts)
         )
-        self.warnings = [text for contact in nodal for text in contact.warnings()]
+        self.warnings = [
+            text for contact in nodal for text in (*contact.warnings(), *_overlap_warnings(contact))
+        ]
         slips = tuple(contact.regularisation for contact in nodal)
         self.penalty = Penalty(n, epsilon, slips)
         origin = _origin(body, self.material)
@@ -183,6 +188,25 @@ class DiscreteProblem:
         for contact in self.contacts:
             contact.friction.smoothing.destroy()
             contact.surface.limited.destroy()
+
+
+def _overlap_warnings(contact: NodalContact) -> list[str]:
+    """The warning about a foundation with friction that overlaps the body at rest; collective."""
+    friction, surface = contact.friction, contact.surface
+    if contact.moves or surface.jump or isinstance(contact.foundation, GivenGap):
+        return []
+    mu: FloatArray = np.ones(len(surface.nodes))
+    if friction.is_coulomb:
+        mu = friction.coefficient(np.zeros_like(mu))
+    depths = np.where(contact.free, -contact.gaps, 0.0)
+    return about_an_overlap_at_rest(
+        surface.domain,
+        depths,
+        contact.normals,
+        surface.body_normals(),
+        mu,
+        f"{contact.key}.foundation",
+    )
 
 
 def _elastic(body: Body, material: Material) -> Callable[[Expr, Expr], ufl.Form]:

@@ -85,7 +85,11 @@ def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
     depths = [(fields.u_normal - fields.gap, fields.free) for fields in state.contacts]
     entering = [maximum(state.comm, depth[free]) for depth, free in depths]
     held = [maximum(state.comm, depth[~free]) for depth, free in depths]
-    found = plausibility.about_the_strain(numbers["strain_norm_max"])
+    largest = numbers["strain_norm_max"]
+    found = plausibility.about_the_strain(largest)
+    found += plausibility.about_the_rotation(
+        numbers["rotation_max"], numbers["rotation_max_at"], largest
+    )
     used = body.largest(body.strain_norm, body.locking_limit)
     found += plausibility.about_the_overstrain(used - 1.0, target.penalty.n, target.young)
     found += plausibility.about_strains_between_points(used, numbers["overstrain_max"] + 1.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
@@ -32,6 +33,8 @@ from contact_locking.results.solution import StudySolution
 from contact_locking.study import assembly
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters
+
+_NUMBERS = re.compile(r"(?<![\w.])[-+]?\d[\d.e+-]*")
 
 
 def solve(
@@ -84,9 +87,14 @@ def solve_steps(
     fingerprint = on_root(comm, lambda: study_file.fingerprint(parameters))
     for warning in problem.warnings:
         monitor.message(f"warning: {warning}")
+    told = set[str]()
     for solution in _solutions(problem, monitor, petsc_options, restart, most):
         for warning in solution.summary["warnings"]:
-            monitor.message(f"warning: {warning}")
+            # Steps differ in the numbers of a warning; those in keys, as contact.1, tell it apart.
+            words = _NUMBERS.sub("", warning)
+            if words not in told:
+                told.add(words)
+                monitor.message(f"warning: {warning}")
         if parameters.certificate.limit and solution.converged:
             measured = _distance_to_limit(solution, monitor, petsc_options)
             solution = with_errors(solution, penalty_measured=measured)

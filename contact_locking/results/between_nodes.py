@@ -3,7 +3,8 @@
 On a facet with the moved points y(s) the depth is ``d(s) = -phi(y(s))``, with the distance phi of
 the foundation, or ``u_nu - gap`` of a given gap.  The entry between the nodes is the largest
 ``d(s) - sum_i N_i(s) [d_i]^+``: the depth beyond that of the nodes of the facet, where penalties,
-held nodes and the linearisation of the gap leave some.  Sought is the largest over a lattice of
+held nodes and the linearisation of the gap leave some, and beyond what the chord of a hollow
+boundary explains.  Sought is the largest over a lattice of
 points of each facet and, from the best of them, by a search with steps that halve, which finds the
 deepest point where the foundation is convex.  The corners and sharp edges of a foundation that is
 made of facets are looked for behind the facets of the body.
@@ -21,7 +22,7 @@ from dolfinx import mesh as dmesh
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.contact.nodal_contact import NodalContact
-from contact_locking.contact.surface import ContactSurface
+from contact_locking.contact.surface import CORNER, ContactSurface
 from contact_locking.mesh.cell_kind import facet_normals, unit_normals
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.lagrange import nodal_functions
@@ -143,7 +144,9 @@ class _Facets:
         self._radius = np.linalg.norm(away, axis=2).max(axis=1, initial=0.0)
         eye = np.eye(dim)[None].repeat(len(nodes), axis=0)
         self._at_corners = np.maximum(self._depth(eye, np.arange(len(nodes))), 0.0)
-        self._known = self._known_curvature(normals[:, :dim], nodes[:, :dim], touches)
+        self._known = np.maximum(
+            self._known_curvature(normals[:, :dim], nodes[:, :dim], touches), self._chords(blocks)
+        )
 
     @property
     def rounding(self) -> FloatArray:
@@ -302,6 +305,26 @@ class _Facets:
             length = np.linalg.norm(self._x[:, i] - self._x[:, j], axis=1)
             known = np.maximum(known, np.where(turn < _KNOWN, 0.25 * length * turn, 0.0))
         return np.where(marks.min(axis=1, initial=1.0) > 0.0, known, 0.0)
+
+    def _chords(self, blocks: IndexArray) -> FloatArray:
+        """How far (m,) facets are in front of a hollow boundary that they are chords of.
+
+        An edge of length h, along which the averaged normal of the body turns by a, is in front of
+        the arc by ``h a/8``, and the middle of a triangle by 4/3 of that.  At the rim, where the
+        normal is that of the last facet, the other end knows the turn.
+        """
+        surface, dim = self._contact.surface, self._dim
+        if surface.domain.is_curved:
+            return np.zeros(len(blocks))
+        normals = surface.vector_function(surface.body_normals()).x.array.reshape(-1, dim)
+        known = np.zeros(len(blocks))
+        for i, j in itertools.permutations(range(dim), 2):
+            edges = self._x[:, j] - self._x[:, i]
+            # Half of the turn, times the length.
+            hollow = np.sum(normals[blocks[:, i]] * edges, axis=1)
+            is_smooth = hollow < CORNER * np.linalg.norm(edges, axis=1)
+            known = np.maximum(known, np.where(is_smooth, hollow / 3.0, 0.0))
+        return known
 
 
 def _outward(surface: ContactSurface, corners: FloatArray, parts: int) -> FloatArray:

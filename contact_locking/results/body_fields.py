@@ -28,6 +28,11 @@ def _norm(eps: Expr) -> Expr:
     return ufl.sqrt(ufl.inner(eps, eps))
 
 
+def _angle(u: Expr) -> Expr:
+    turn = ufl.skew(ufl.grad(u))
+    return ufl.sqrt(0.5 * ufl.inner(turn, turn))
+
+
 class BodyFields:
     """Fields of the body in the space of strains, with the values at the points of the strains.
 
@@ -99,6 +104,13 @@ class BodyFields:
         function.interpolate(values)
         function.x.scatter_forward()
         return function
+
+    @functools.cached_property
+    def rotation(self) -> fem.Function:
+        """The angle ``|skew grad u|/sqrt(2)`` at the points of the strains; collective."""
+        return self._at_points(
+            self._element, functools.partial(_angle, self.displacement), "rotation"
+        )
 
     def share(self, marks: FloatArray) -> float:
         """The share of the body where ``marks`` (k,) of the space of strains are 1; collective."""

@@ -212,6 +212,12 @@ def strain_norm_max_in_cells(body: BodyFields) -> Any:
     return body.peaks[0]
 
 
+@quantity("body", "largest rotation", "1", trend=None, at="at", detail=True)
+def rotation_max(body: BodyFields) -> Any:
+    """Largest angle |skew ∇u|/√2, in radians, at the points of the strains."""
+    return body.peak(body.rotation)
+
+
 @quantity("body", "excess over the limit", "1", trend=None, detail=True)
 def overstrain_max(body: BodyFields) -> Any:
     """Largest |ε(u)|/M − 1 anywhere, at least 0; the largest of all sets of strains."""

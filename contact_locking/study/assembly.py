@@ -10,7 +10,7 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from contact_locking.arrays import AXES, BoolArray, FloatArray
+from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.expressions import TIME, parse
 from contact_locking.fem.spaces import Element, element_of
@@ -25,9 +25,10 @@ from contact_locking.mesh.file.xdmf_grids import is_xdmf
 from contact_locking.mesh.groups import groups
 from contact_locking.mesh.half_section import half_section, require_surface
 from contact_locking.mesh.named_parts import Place, Test, with_parts
+from contact_locking.mesh.skins import area_normals
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.study.contacts import contact_of, friction_warnings
-from contact_locking.study.loads import build_loads, springs_of
+from contact_locking.study.loads import build_loads, open_pressures, springs_of
 from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.probe_points import locate
 from contact_locking.study_file.named_numbers import resolved
@@ -87,6 +88,7 @@ class StudyProblem(DiscreteProblem):
         for item in parameters.contacts:
             told += friction_warnings(domain, item, clock)
         told += self.loads.warnings(self.material.stiffness)
+        told += open_pressures(domain, parameters.loads.pressures)
         told += parameters.idle_friction()
         for key, text in parameters.timed():
             expression = parse(text, (*AXES, TIME), tables=tables)
@@ -171,7 +173,10 @@ def assemble(
 
 def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
     """The mesh of the study, which is the first mesh where meshes are adapted; collective."""
-    return with_placed_parts(_given_mesh(parameters, comm), parameters.mesh)
+    domain = _given_mesh(parameters, comm)
+    if parameters.mesh.axisymmetric:
+        domain = half_section(domain)
+    return with_placed_parts(domain, parameters.mesh)
 
 
 def _given_mesh(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
@@ -183,8 +188,10 @@ def _given_mesh(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
     assert parameters.mesh.file is not None
     path = Path(parameters.mesh.file)
     if not is_xdmf(path):
-        curved = parameters.mesh.curved is not False and parameters.discretisation.degree == 2
-        return domains.from_file(path, comm, parameters.touching, curved)
+        is_curved = parameters.mesh.curved
+        if is_curved is None and parameters.discretisation.degree == 2:
+            is_curved = True
+        return domains.from_file(path, comm, parameters.touching, is_curved)
     # SciPy, which these meshes need, would take a tenth of the time of `check` for others.
     from contact_locking.mesh.xdmf_mesh import from_xdmf
 
@@ -202,6 +209,9 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
         surfaces += [(item.on, f"loads.{kind}.{i}.on") for i, item in items]
     for on, key in surfaces:
         require_surface(domain, on, key)
+    for part, facets in zip(parameters.contacts, contacts, strict=True):
+        if part.against and set(part.on) == set(part.against):
+            _require_bodies(domain, part.on, facets, f"{part.key}.against")
     for place, condition in parameters.loads.held():
         key = dotted("loads", *place, "on")
         facets = domain.facets(condition.on, key)
@@ -212,6 +222,26 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
                 f"{', '.join(map(repr, condition.on))}",
                 key,
             )
+
+
+def _require_bodies(domain: Domain, on: tuple[str, ...], facets: IndexArray, key: str) -> None:
+    """Raise InputError for parts of one body that are to touch each other; collective."""
+    comm, name = domain.comm, ", ".join(on)
+    if len(set().union(*comm.allgather(domain.parts[domain.owners(facets)].tolist()))) > 1:
+        return
+    owned = domain.mesh.topology.index_map(domain.dim - 1).size_local
+    normals, _ = area_normals(domain, facets[facets < owned])
+    across = np.linalg.eigh(comm.allreduce(normals.T @ normals))[1][:, -1]
+    across *= np.sign(across[np.argmax(np.abs(across))])
+    lips = [
+        f"{on[0]}_{number}: {{on: [{name}], facing: {(np.round(way, 2) + 0.0).tolist()}}}"
+        for number, way in enumerate((across, -across), start=1)
+    ]
+    raise InputError(
+        f"{name} belongs to one body, so that it holds both lips of a cut, which need a name each: "
+        f"mesh.parts: {{{', '.join(lips)}}} and contact: {{on: {on[0]}_1, against: {on[0]}_2}}",
+        key,
+    )
 
 
 def _held(
@@ -261,7 +291,7 @@ def with_placed_parts(domain: Domain, given: MeshParameters) -> Domain:
         raise InputError(fault.message, dotted("mesh", *fault.place))
     rounding = _ROUNDING * float(np.ptp(domain.bounding_box, axis=0).max())
     places = {
-        name: Place(_tests(part, domain.dim, rounding), part.on)
+        name: Place(_tests(part, domain.dim, rounding), part.on, part.facing, part.skin)
         for name, part in given.parts.items()
     }
     return with_parts(domain, places, "mesh.parts")

@@ -237,6 +237,10 @@ def test_the_lips_of_a_closed_crack_that_sticks_are_one_body(tmp_path: Path) -> 
         "right": [(last - i, last - i - 1) for i in range(n)],
     }
     contact = {"on": "upper", "against": "lower"}
+    lips = {
+        "lower": {"on": "crack", "facing": [0, 1]},
+        "upper": {"on": "crack", "facing": [0, -1]},
+    }
     # Here left is the bottom, and right the top.
     load = [{"on": "right", "value": [0.001, -0.01]}]
     whole = shared(comm, tmp_path, points, {**sides, "body": cells})
@@ -245,12 +249,17 @@ def test_the_lips_of_a_closed_crack_that_sticks_are_one_body(tmp_path: Path) -> 
     if comm.rank == 0:
         folder.mkdir()
     comm.Barrier()
-    groups: Groups = {**sides, "upper": upper, "lower": lower, "body": body}
-    path = shared(comm, folder, cut, groups)
-    two = solved(from_file(path, contact, loads__tractions=load))
+    # Gmsh's plugin Crack leaves both lips in one group.
+    path = shared(comm, folder, cut, {**sides, "crack": [*upper, *lower], "body": body})
+    with pytest.raises(InputError, match="both lips of a cut") as caught:
+        solve(from_file(path, {"on": "crack", "against": "crack"}))
+    assert caught.value.key == "contact.against"
+    assert all(f"{{on: [crack], facing: [0.0, {way}.0]}}" in str(caught.value) for way in (1, -1))
+    load_and_lips = {"loads__tractions": load, "mesh__parts": lips}
+    two = solved(from_file(path, contact, **load_and_lips))
     for key in ("displacement_max", "elastic_energy"):
         assert two.summary[key] == pytest.approx(one.summary[key], rel=1e-6)
-    slips = solved(from_file(path, contact, loads__tractions=load, friction__coefficient=0.0))
+    slips = solved(from_file(path, contact, friction__coefficient=0.0, **load_and_lips))
     assert slips.summary["elastic_energy"] > (1.0 + 1e-4) * one.summary["elastic_energy"]
 
 

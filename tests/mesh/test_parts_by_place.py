@@ -53,6 +53,155 @@ def test_parts_in_space(comm: MPI.Intracomm) -> None:
     assert 0.25 < measures["round"] < 1.0
 
 
+def lattice(
+    folder: Path, comm: MPI.Intracomm, counts: tuple[int, ...], holes: list[tuple[int, ...]]
+) -> str:
+    """The file of a lattice of unit boxes, of two triangles in 2D, without some boxes."""
+    path = comm.bcast(folder) / "hollow.msh"
+    if comm.rank == 0:
+        points = [*np.ndindex(*(count + 1 for count in counts))]
+        numbers = {point: number for number, point in enumerate(points, start=1)}
+        square = [(0, 0), (1, 0), (1, 1), (0, 1)]
+        around: Any = [square[:3], [*square[2:], square[0]]]
+        if len(counts) == 3:
+            around = [[(*corner, z) for z in (0, 1) for corner in square]]
+        cells = [
+            [numbers[tuple(np.add(box, corner))] for corner in corners]
+            for box in np.ndindex(*counts)
+            for corners in around
+            if box not in holes
+        ]
+        write_msh(path, points, {"body": cells})
+    comm.Barrier()
+    return str(path)
+
+
+def hollow(
+    folder: Path, comm: MPI.Intracomm, counts: tuple[int, ...], hole: tuple[int, ...], parts: Any
+) -> dict[str, tuple[int, Any]]:
+    """The facets and mean normals of parts of a lattice of unit boxes with a box missing."""
+    path = lattice(folder, comm, counts, [hole])
+    mesh = {"file": path, "parts": parts, "axisymmetric": counts[0] == 2}
+    domain = mesh_of(from_mapping({"mesh": mesh, "contact": {"on": []}}), comm)
+    return {group.name: (group.count, group.normal) for group in groups(domain)}
+
+
+SKINS: dict[str, Any] = {"cavity": {"skin": "inner"}, "outside": {"skin": "outer"}}
+
+
+def test_the_skin_of_a_cavity_is_a_part(tmp_path: Path, comm: MPI.Intracomm) -> None:
+    parts = SKINS | {"floor": {"skin": "inner", "facing": [0, 0, 2]}}
+    found = hollow(tmp_path, comm, (3, 3, 3), (1, 1, 1), parts)
+    assert {name: found[name][0] for name in parts} == {"cavity": 6, "outside": 54, "floor": 1}
+    assert found["floor"][1] == pytest.approx((0.0, 0.0, 1.0))
+    assert found["cavity"][1] == pytest.approx((0.0, 0.0, 0.0))
+
+
+def test_a_cavity_on_the_axis_of_revolution_has_a_skin_of_its_own(
+    tmp_path: Path, comm: MPI.Intracomm
+) -> None:
+    found = hollow(tmp_path, comm, (2, 3), (0, 1), SKINS)
+    assert (found["cavity"][0], found["outside"][0]) == (3, 7)
+
+
+def test_an_open_cavity_is_no_inner_skin(tmp_path: Path, comm: MPI.Intracomm) -> None:
+    outside = {"outside": {"skin": "outer"}}
+    assert hollow(tmp_path, comm, (3, 3), (1, 0), outside)["outside"][0] == 14
+    with pytest.raises(InputError) as caught:
+        hollow(tmp_path, comm, (3, 3), (1, 0), SKINS)
+    assert caught.value.key == "mesh.parts.cavity" and "outer skin" in str(caught.value)
+
+
+def test_each_of_two_bodies_has_an_outer_skin(comm: MPI.Intracomm) -> None:
+    mesh = {"builder": "disc_in_ring", "h": 0.5, "parts": SKINS}
+    domain = mesh_of(from_mapping({"mesh": mesh, "contact": {"on": []}}), comm)
+    found = {group.name: group.count for group in groups(domain)}
+    sides = [name for name in found if name not in (*SKINS, *domain.cell_names)]
+    assert found["cavity"] == found["inner"]
+    assert found["outside"] + found["cavity"] == sum(found[name] for name in sides)
+
+
+def pressure_warnings(
+    folder: Path, comm: MPI.Intracomm, on: Any, parts: Any, size: int = 4, **mesh: Any
+) -> list[str]:
+    """What is said of a pressure in a plate with a hole of three squares and one of one square.
+
+    With ``size`` 2 the plate is a body of revolution with a cavity at the axis.
+    """
+    holes: list[tuple[int, ...]] = [(1, 1), (1, 2), (2, 1), (5, 1)]
+    counts: tuple[int, ...] = (7, 4)
+    if size == 2:
+        holes, counts = [(0, 1)], (2, 3)
+    end = {"plane": {"point": [0, 0], "normal": [0, 1]}}
+    given = {
+        "mesh": {"file": lattice(folder, comm, counts, holes), "parts": {"end": end} | parts}
+        | mesh,
+        "loads": {
+            "displacements": [{"on": "end", "value": [0, 0]}],
+            "pressures": [{"on": on, "value": 0.01}],
+        },
+        "contact": {"on": []},
+        "friction": {"coefficient": 0},
+    }
+    problem = assemble(from_mapping(given), comm)
+    problem.close()
+    return [text for text in problem.warnings if "pressures" in text]
+
+
+# Five of the eight facets of a hole, and all of them with three of the outside.
+OPEN: dict[str, Any] = {
+    "cavity": {"box": [[0.5, 0.5], [3.5, 3.5]]},
+    "roof": {"plane": {"point": [0, 4], "normal": [0, 1]}},
+    "most": {"on": "cavity", "expression": "x < 2.9"},
+    "both": {"expression": "x > 0.5 and y > 0.5 and (x < 3.5 and y < 3.5 or x < 4 and y > 3.9)"},
+}
+
+
+@pytest.mark.parametrize(
+    ("on", "words"),
+    [
+        ("most", "lacks 3 of its facets, so that a pressure p has the resultant -p (1, 0)"),
+        ("both", "has 3 facets of another skin, so that a pressure p has the resultant -p (0, 3)"),
+    ],
+)
+def test_a_pressure_on_most_of_a_cavity_is_warned_of(
+    on: str, words: str, tmp_path: Path, comm: MPI.Intracomm
+) -> None:
+    (warning,) = pressure_warnings(tmp_path, comm, on, OPEN)
+    assert warning.startswith("loads.pressures.0.on: ") and words in warning
+
+
+@pytest.mark.parametrize(
+    "on", ["cavity", "roof", "few", "skins", ["cavity", "roof"], ["most", "rest"]]
+)
+def test_other_pressures_are_not_warned_of(on: Any, tmp_path: Path, comm: MPI.Intracomm) -> None:
+    more: dict[str, Any] = {
+        "few": {"on": "cavity", "facing": [0, 1]},
+        "rest": {"on": "cavity", "expression": "x > 2.5"},
+        "skins": {"skin": "inner"},
+    }
+    assert pressure_warnings(tmp_path, comm, on, OPEN | more) == []
+
+
+def test_a_pressure_in_a_cavity_at_the_axis_is_closed(tmp_path: Path, comm: MPI.Intracomm) -> None:
+    parts = SKINS | {"floor and wall": {"on": "cavity", "facing": [-0.1, 1]}}
+    arguments = {"size": 2, "axisymmetric": True}
+    assert pressure_warnings(tmp_path, comm, "cavity", parts, **arguments) == []
+    (warning,) = pressure_warnings(tmp_path, comm, "floor and wall", parts, **arguments)
+    assert "the resultant -p (0, 3.14), " in warning
+
+
+def test_facets_face_a_direction_within_other_places(comm: MPI.Intracomm) -> None:
+    parts = {
+        "up": {"facing": [0, 1]},
+        "slanting": {"facing": [1, 1]},
+        "tip": {"on": "slanting", "box": [[0.5, 0.5], [1, 1]], "facing": [1, -1]},
+    }
+    domain = mesh_of(placed(parts), comm)
+    found = {group.name: group.count for group in groups(domain)}
+    assert {name: found[name] for name in parts} == {"up": 8, "slanting": 16, "tip": 4}
+
+
 def test_loads_and_contact_on_parts_that_overlap_add_up(comm: MPI.Intracomm) -> None:
     by_name = solve(block(h=0.125, mesh__structured=True), comm)
     loads = {
@@ -91,7 +240,10 @@ def test_a_finer_mesh_keeps_the_parts_and_a_checkpoint_knows_them(
 @pytest.mark.parametrize(
     ("part", "key", "words"),
     [
-        ({}, "mesh.parts.new", "needs a place: on, plane, box or expression"),
+        ({}, "mesh.parts.new", "needs a place: on, plane, box, expression, facing or skin"),
+        ({"facing": [0, 0, 1]}, "mesh.parts.new.facing", "must have 2 components in 2D"),
+        ({"facing": [0, 0]}, "mesh.parts.new.facing", "must not be the zero vector"),
+        ({"skin": "both"}, "mesh.parts.new.skin", "inner"),
         (
             {"box": [[1, 0], [0, 1]]},
             "mesh.parts.new.box",

@@ -14,6 +14,8 @@ from mpi4py import MPI
 
 from contact_locking import study_file
 from contact_locking.command import cli
+from contact_locking.fields import plausibility
+from contact_locking.monitor import Monitor
 from contact_locking.process import solving
 from contact_locking.study.assembly import assemble
 
@@ -109,3 +111,100 @@ def test_radius_not_above_the_mesh_size_is_a_warning_only(
     assert cli.main(["check", str(file), "--set", f"output.directory={tmp_path}/out"]) == 0
     warning = capsys.readouterr().err
     assert "friction.smoothing.radius" in warning and "on bottom, so R hardly smooths" in warning
+
+
+def _pressed_from_above(foundation: dict[str, Any], **more: Any) -> dict[str, Any]:
+    """A layer below a ball."""
+    return {
+        "mesh": {"size": [3, 3], "h": 0.4, "h_contact": 0.05, "axisymmetric": True},
+        "material.elasticity": {"young": 1, "poisson": 0.2},
+        "loads": {"displacements": [{"on": "bottom", "value": [0, 0]}]},
+        "contact": {"on": "top", "foundation": foundation},
+        "friction": {"coefficient": 0.2, "smoothing": {"kernel": "none"}},
+    } | more
+
+
+def _ball(height: float, **more: Any) -> dict[str, Any]:
+    return {"sphere": {"centre": [0, height], "radius": 1}} | more
+
+
+def test_friction_on_a_ball_that_is_drawn_at_its_last_place_is_warned_of(tmp_path: Path) -> None:
+    """Its friction force is 0.00477, and that of the ball that came there 0.00240."""
+    (warning,) = _warnings(tmp_path, _pressed_from_above(_ball(3.94)))
+    assert warning.startswith("contact.foundation: it overlaps the body at rest by up to 0.06, ")
+    assert "contact.foundation.motion" in warning
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        _pressed_from_above(_ball(4.0, motion=[0, -0.06])),
+        _pressed_from_above(_ball(3.94), friction={"coefficient": 0.0}),
+        _pressed_from_above(_ball(3.9999)),
+        _pressed_from_above({"half_space": {"point": [0, 2.94], "normal": [0, -1]}}),
+        {
+            "mesh": {"builder": "annulus", "inner_radius": 1, "outer_radius": 2, "h": 0.3},
+            "loads": {"displacements": [{"on": "outer", "value": [0, 0]}]},
+            "contact": {
+                "on": "inner",
+                "foundation": {"cylinder": {"centre": [0, 0], "radius": 1.01}},
+            },
+        },
+    ],
+    ids=["it comes there", "without friction", "a touch", "a plane", "a press fit"],
+)
+def test_other_foundations_with_friction_are_not_warned_of(
+    changes: dict[str, Any], tmp_path: Path
+) -> None:
+    assert _warnings(tmp_path, changes) == []
+
+
+def test_a_leaf_that_turns_far_is_warned_of_with_the_strain_that_is_neglected(
+    tmp_path: Path,
+) -> None:
+    """By theory without the square of rotations the tip comes down by 60, by elastica by 46.3."""
+    changes = {
+        "mesh": {"size": [100, 2], "h": 2.0, "structured": True, "cells": "box"},
+        "discretisation": {"degree": 2},
+        "material": {"elasticity": {"young": 210000, "poisson": 0.3}, "plane": "stress"},
+        "loads": {
+            "displacements": [{"on": "left", "value": [0, 0]}],
+            "forces": [{"on": "right", "value": [0, "-25.2*t"]}],
+        },
+        "contact": {"on": "bottom", "gap": 70},
+        "friction": {"coefficient": 0.0},
+        "steps": {"to": 1, "count": 4},
+    }
+    told: list[str] = []
+
+    class Listener(Monitor):
+        def message(self, text: str) -> None:
+            told.append(text)
+
+    study = study_file.load(changed(tmp_path, changes)).parameters
+    found = [*solving.solve_steps(study, MPI.COMM_SELF, Listener())]
+    turns = [step.summary["rotation_max"] for step in found]
+    assert turns == pytest.approx([0.225, 0.45, 0.675, 0.9], rel=0.02)
+    assert [len(step.summary["warnings"]) for step in found] == [1] * 4
+    (warning,) = [text for text in told if text.startswith("warning")]
+    assert "turns by 0.22 rad near (" in warning and "strains of 0.025, " in warning
+
+
+@pytest.mark.parametrize(("angle", "strain", "count"), [(0.2, 0.01, 1), (0.2, 0.3, 0), (0.1, 0, 0)])
+def test_rotations_count_beside_strains(angle: float, strain: float, count: int) -> None:
+    assert len(plausibility.about_the_rotation(angle, (0.0, 0.0), strain)) == count
+
+
+@pytest.mark.parametrize(("strain", "words"), [(0.15, "about 15 %"), (3.0, "do the units")])
+def test_strains_above_a_tenth_are_warned_of(strain: float, words: str) -> None:
+    assert plausibility.about_the_strain(0.1 + 1e-9) == []
+    (warning,) = plausibility.about_the_strain(strain)
+    assert words in warning
+
+
+def test_a_body_that_slides_as_a_whole_turns_by_nothing(tmp_path: Path) -> None:
+    moved = {"displacements": [{"on": "left", "value": [5.0, 0.0]}]}
+    study = changed(tmp_path, {"loads": moved, "contact": {"on": []}, "friction.coefficient": 0})
+    summary = solving.solve(study_file.load(study).parameters, MPI.COMM_SELF).summary
+    assert summary["displacement_max"] == pytest.approx(5.0)
+    assert summary["rotation_max"] < 1e-9 and summary["warnings"] == []

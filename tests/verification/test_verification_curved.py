@@ -33,7 +33,7 @@ def solved(data: dict[str, Any]) -> StudySolution:
         )
     )
     assert solution.converged, solution.summary["reason"]
-    assert solution.summary["warnings"] == []
+    assert all("small strains" in text for text in solution.summary["warnings"])
     return solution
 
 

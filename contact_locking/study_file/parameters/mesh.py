@@ -6,7 +6,7 @@ import types
 from collections.abc import Iterator
 from dataclasses import asdict, fields
 from functools import cache
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError, model_serializer, model_validator
 
@@ -56,10 +56,22 @@ class BoundaryPart(Section):
     expression: Condition | None = entry(
         None, "a condition on x, y, z that holds on the facets, such as x < 0.5 and y > 0"
     )
+    facing: Direction | None = entry(
+        None,
+        "a vector along which the outward normals of the facets have a positive component: one lip "
+        "of a cut",
+        "1",
+    )
+    skin: Literal["inner", "outer"] | None = entry(
+        None,
+        "the facets of a connected boundary: inner, one that does not reach the outside of its "
+        "body, as of a cavity or a crack, or outer",
+    )
 
     def _faults(self) -> Iterator[Fault]:
-        if not (self.on or self.plane or self.box or self.expression):
-            yield Fault((), "needs a place: on, plane, box or expression")
+        places = ("on", "plane", "box", "expression", "facing", "skin")
+        if not any(getattr(self, place) for place in places):
+            yield Fault((), f"needs a place: {', '.join(places[:-1])} or {places[-1]}")
         if self.box is not None:
             low, high = self.box
             if any(a > b for a, b in zip(low, high, strict=False)):

@@ -1,0 +1,136 @@
+"""Outward normals of facets, and the skins of the bodies: the connected parts of their boundary."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import mesh as dmesh
+
+from contact_locking import _compat
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.file.topology import components
+from contact_locking.mesh.half_section import is_on_axis
+from contact_locking.mesh.lagrange import mean_normals
+
+# A skin encloses a body if the body is thicker than this share of its length.
+_THIN = 1e-9
+# A part that has more than this share of a cavity is meant to be the cavity.
+_MOST = 0.5
+# A part is closed if its mean normal is shorter.
+_CLOSED = 1e-6
+
+
+def area_normals(domain: Domain, facets: IndexArray) -> tuple[FloatArray, FloatArray]:
+    """``int nu`` (k, d) with the outward normal nu, and ``int 1`` (k,) of local facets (k,)."""
+    x = domain.mesh.geometry.x[:, : domain.dim]
+    nodes = x[_compat.facet_nodes(domain.mesh, facets)]
+    normals, areas = mean_normals(domain.kind.facet, nodes)
+    cells = _compat.cell_corners(domain.mesh)[domain.owners(facets)]
+    inward = x[cells].mean(axis=1) - nodes[:, : domain.kind.facet.corners].mean(axis=1)
+    normals *= -np.sign(np.einsum("ki,ki->k", normals, inward))[:, None]
+    return normals, areas
+
+
+@dataclass(frozen=True)
+class Skins:
+    """The skins of the bodies: parts of the boundary whose facets are joined, by edges in 3D.
+
+    ``facets`` (k,) are the owned facets of the boundary, ``numbers`` (k,) those of their skins,
+    ``normals`` (k, d) and ``areas`` (k,) as :func:`area_normals`.  ``is_inner`` (s,) marks the
+    skins that enclose no body: ``int x . nu <= 0``, as of a cavity or a crack.  A cavity that a
+    plane of symmetry cuts is a part of the outer skin; one on the axis of a body of revolution
+    is a skin, as the axis is no boundary.
+    """
+
+    facets: IndexArray
+    numbers: IntArray
+    normals: FloatArray
+    areas: FloatArray
+    is_inner: BoolArray
+
+    @classmethod
+    def of(cls, domain: Domain) -> Skins:
+        """The skins of a domain; collective."""
+        mesh, comm, dim = domain.mesh, domain.comm, domain.dim
+        for other in (dim - 2, dim):
+            mesh.topology.create_connectivity(dim - 1, other)
+        facets = np.asarray(dmesh.exterior_facet_indices(mesh.topology), dtype=np.int32)
+        facets = facets[facets < mesh.topology.index_map(dim - 1).size_local]
+        nodes = mesh.geometry.x[_compat.facet_nodes(mesh, facets), :dim]
+        if domain.axisymmetric:
+            on_axis = is_on_axis(domain, nodes.reshape(-1, dim).T)
+            kept = ~on_axis.reshape(nodes.shape[:2]).all(axis=1)
+            facets, nodes = facets[kept], nodes[kept]
+        ends = mesh.topology.connectivity(dim - 1, dim - 2).array
+        ends = ends.reshape(-1, 2 if dim == 2 else domain.kind.facet.corners)[facets]
+        ridges = mesh.topology.index_map(dim - 2).local_to_global(ends.reshape(-1))
+        numbers = _joined(np.concatenate(comm.allgather(ridges.reshape(ends.shape))))
+        own = numbers[sum(comm.allgather(len(facets))[: comm.rank]) :][: len(facets)]
+        normals, areas = area_normals(domain, facets)
+        # A skin is closed, or ends on the axis, where x = 0: the origin changes nothing.
+        middle = domain.bounding_box.mean(axis=0)
+        middle[0] *= not domain.axisymmetric
+        heights = np.sum((nodes.mean(axis=1) - middle) * normals, axis=1)
+        count = int(numbers.max(initial=-1)) + 1
+        inside, size = (
+            comm.allreduce(np.bincount(own, values, count)) for values in (heights, areas)
+        )
+        return cls(facets, own, normals, areas, inside <= _THIN * domain.extent * size)
+
+    def of_kind(self, kind: str) -> IndexArray:
+        """The owned facets of the skins of a kind, inner or outer."""
+        return self.facets[self.is_inner[self.numbers] == (kind == "inner")]
+
+
+@dataclass(frozen=True)
+class OpenPart:
+    """A part of the boundary that has most of a cavity and is open.
+
+    ``missing`` facets of the cavity are not in it, and ``strange`` facets of other skins, which it
+    has in part, are.  ``resultant`` (d,) is its ``int nu``, which is zero for closed skins.
+    """
+
+    missing: int
+    strange: int
+    resultant: FloatArray
+
+
+def open_part(domain: Domain, skins: Skins, names: tuple[str, ...]) -> OpenPart | None:
+    """The named parts together, if they are such a part; collective.
+
+    Facets are strange if one name has them and facets of the cavity.
+    """
+    comm, count = domain.comm, len(skins.is_inner)
+
+    def of_skins(weights: FloatArray | BoolArray) -> FloatArray:
+        found: FloatArray = comm.allreduce(np.bincount(skins.numbers, weights, count))
+        return found
+
+    by_name = [np.isin(skins.facets, domain.facets((name,))) for name in names]
+    has = np.any(by_name, axis=0)
+    facets, own = of_skins(np.ones(len(has))), of_skins(has)
+    is_cavity = skins.is_inner & (of_skins(has * skins.areas) > _MOST * of_skins(skins.areas))
+    missing, is_strange = (facets - own)[is_cavity].sum(), np.zeros(len(has), dtype=bool)
+    for named in by_name:
+        if of_skins(named)[is_cavity].any():
+            is_strange |= named & (~is_cavity & (own < facets))[skins.numbers]
+    strange = comm.allreduce(int(is_strange.sum()))
+    normals, areas = skins.normals[has], skins.areas[has]
+    if domain.axisymmetric:
+        nodes = _compat.facet_nodes(domain.mesh, skins.facets[has])
+        circles = 2.0 * np.pi * domain.mesh.geometry.x[nodes, 0].mean(axis=1)
+        normals, areas = circles[:, None] * normals * [0.0, 1.0], circles * areas
+    resultant, size = comm.allreduce(normals.sum(axis=0)), comm.allreduce(areas.sum())
+    if missing + strange == 0 or np.linalg.norm(resultant) <= _CLOSED * size:
+        return None
+    return OpenPart(int(missing), strange, resultant)
+
+
+def _joined(ridges: IntArray) -> IntArray:
+    """The component (k,) of each facet with the ridges (k, n)."""
+    count, (names, rows) = len(ridges), np.unique(ridges, return_inverse=True)
+    facets = np.repeat(np.arange(count), ridges.shape[1])
+    pairs = np.column_stack([facets, count + rows.reshape(-1)])
+    return components(pairs, count + len(names))[1][:count]
