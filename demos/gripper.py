@@ -46,16 +46,16 @@ write(held, held.parameters.output.directory)
 history = held.history
 time = history.column("t")
 if comm.rank == 0:
-    for number in (1, 2):
-        force = held.summary["contacts"][number - 1]["tool"]["force"]
-        travel = history.column(f"tool_travel_{number}")
-        print(f"finger {number}: pushed by {force:g}, moved by {travel[-1]:.4f}")
+    for finger in held.summary["contacts"]:
+        force = finger["tool"]["force"]
+        travel = history.column(f"tool_travel_{finger['name']}")
+        print(f"finger {finger['name']}: pushed by {force:g}, moved by {travel[-1]:.4f}")
     print(f"friction bears {history.column('friction_force_y')[-1]:.4f}")
     print(f"balance of the tools: {held.summary['certificate']['criteria']['tool_balance']}")
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
-    left.plot(time, history.column("tool_travel_1"), marker=".", color="#0072b2", label="left")
-    left.plot(time, history.column("tool_travel_2"), marker=".", color="#d55e00", label="right")
+    left.plot(time, history.column("tool_travel_left"), marker=".", color="#0072b2", label="left")
+    left.plot(time, history.column("tool_travel_right"), marker=".", color="#d55e00", label="right")
     left.set(xlabel="t", ylabel="travel of the fingers")
     left.legend()
     right.plot(time, history.column("friction_force_y"), marker=".", label="friction force")

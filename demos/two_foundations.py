@@ -51,7 +51,7 @@ assert np.allclose(totals, [-0.03, 0.05], rtol=1e-5)
 if comm.rank == 0:
     for entry in summary["contacts"]:
         pressing, rubbing = np.round([entry["contact_force"], entry["friction_force"]], 5)
-        print(f"{', '.join(entry['on'])}: pressure {pressing}, friction {rubbing}")
+        print(f"{entry['name']}: pressure {pressing}, friction {rubbing}")
 
 # %% [markdown]
 # The load pushes the block downwards along the wall and to the right along the floor. Friction acts

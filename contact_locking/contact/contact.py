@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 import numpy as np
@@ -146,6 +147,9 @@ class Contact:
     press, as in a press fit.  ``pair`` says where these points and the contact normals are found:
     "each_step" at the solution of each step, or "once" on the undeformed mesh, as the linear theory
     has them.
+
+    ``name`` stands for the contact in summary, history and charts; without one it is the first of
+    ``on``.
     """
 
     on: Where
@@ -158,8 +162,31 @@ class Contact:
     pair: Literal["once", "each_step"] = "each_step"
     spring: FoundationSpring | None = None
     tilt: Tilt | None = None
+    name: str = ""
 
     @property
     def is_free(self) -> bool:
         """Whether the place of the foundation is unknown: forces and moments decide."""
         return any(item is not None for item in (self.force, self.spring, self.tilt))
+
+
+def named(contacts: Sequence[Contact]) -> list[Contact]:
+    """The contacts, each with a name of its own: that of its first boundary part if it has none.
+
+    Raises InputError for a name that two contacts have.
+    """
+    taken: set[str] = set()
+    for contact in contacts:
+        if contact.name in taken:
+            raise InputError(f"'{contact.name}' is the name of another contact", contact.key)
+        taken |= {contact.name} - {""}
+    found = []
+    for contact in contacts:
+        # The names are parts of dotted keys.
+        first = str(next(iter(contact.on))).replace(".", "_")
+        others = (f"{first}_{number}" for number in itertools.count(2))
+        free = (name for name in itertools.chain([first], others) if name not in taken)
+        name = contact.name or next(free)
+        taken.add(name)
+        found.append(replace(contact, name=name))
+    return found

@@ -11,7 +11,7 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
-from contact_locking.contact.contact import Contact
+from contact_locking.contact.contact import Contact, named
 from contact_locking.contact.foundation import GivenGap
 from contact_locking.contact.free_motions import free_motions
 from contact_locking.contact.nodal_contact import (
@@ -90,6 +90,7 @@ class DiscreteProblem:
         # The paper uses the compliance epsilon also for the regularisation length in (22): here
         # Young's modulus converts the compliance to a length.
         slip = self.material.young * epsilon
+        contacts = named(contacts)
         places = [place_of(item, domain, space, element, limited) for item in contacts]
         nodal = tuple(
             NodalContact(item, places[i], [*places[:i], *places[i + 1 :]], body.constraints, slip)

@@ -18,7 +18,7 @@ from contact_locking.results.between_nodes import uncovered_entry
 from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import Contacts, gather_contacts, on_gamma_c
-from contact_locking.results.quantities import computed
+from contact_locking.results.quantities import QUANTITIES, computed
 from contact_locking.results.solution import Differentiable, Solution, State
 from contact_locking.solver.task import SavedState
 
@@ -179,10 +179,19 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
             for item, size in zip(tools, tools.travels, strict=True)
             if item.contact is fields.contact
         ]
-        against = fields.contact.against
-        places = {"on": list(fields.contact.on), **({"against": list(against)} if against else {})}
-        entries.append({**places, **found, **dict(moved)})
-    return computed("contact", Contacts(domain, state.contacts)) | {"contacts": entries}
+        contact, against = fields.contact, fields.contact.against
+        places = {"on": list(contact.on), **({"against": list(against)} if against else {})}
+        entry = {"name": contact.given.name, **places, **found, **dict(moved)}
+        if contact.foundation.moves:
+            entry["motion"] = contact.foundation.motion().translation.tolist()
+        entries.append(entry)
+    whole = computed("contact", Contacts(domain, state.contacts))
+    if len(entries) > 1:
+        alone = tuple(item for item in state.contacts if not item.contact.against)
+        sums = computed("contact", Contacts(domain, alone))
+        resultants = [key for key, item in QUANTITIES.items() if item.is_resultant]
+        whole |= {key: sums[key] if alone else None for key in resultants}
+    return whole | {"contacts": entries}
 
 
 def _judged(

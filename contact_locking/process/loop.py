@@ -3,9 +3,11 @@
 1. Put the problem to the next time: loads, prescribed displacements, gaps.
 2. Solve the problem of the step, from the state before if that helps.
    A time that proofs for other times exclude is not tried: go back to 1 with half the step.
+   Where the solve fails, and a proof says that a time a little later is out of reach, the limit of
+   the strain is the cause, and no other way of solving is tried.
 3. Judge the solution: the certificate, and the energy balance of the step.  If the solve or a
    criterion fails, or if a foundation has moved to where none can be, go back to 1 with half the
-   step, down to the least step.
+   step, down to the least step.  There the process fails, or stops with the last solution.
 4. Add the row to the history and hand out the solution.
 5. Friction remembers the displacement and the slip.  Go on with 1.
 """
@@ -13,15 +15,17 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from collections.abc import Generator, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from contact_locking.certificate.energy import EnergyBalance, Moment, energy_balance
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.errors import InputError, Misplaced, ProcessEnded
+from contact_locking.errors import InputError, Misplaced, ProcessEnded, with_key
 from contact_locking.monitor import Monitor
 from contact_locking.process.checkpoint.restart import restored_step
 from contact_locking.process.of_study import certified, of_study, solver_of
@@ -29,12 +33,15 @@ from contact_locking.process.out_of_reach import AdmissibilityData, OutOfReach
 from contact_locking.process.sensitivities import Sensitivities
 from contact_locking.process.timeline import Timeline
 from contact_locking.results.history import History, Row
+from contact_locking.results.history_values import values_of
 from contact_locking.results.probe_table import ProbeSample
 from contact_locking.results.quantities import columns, components
 from contact_locking.results.solution import State, StudySolution
 from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem
 
+# How much later, as a share of the time, a proof is asked for where a step fails.
+_BEYOND = 0.03
 #: The columns of a step that add up over the steps.
 SUMMED = ("work", "dissipated", "numerical")
 
@@ -51,13 +58,15 @@ def row_of(
     for name, force in summary["reactions"].items():
         row |= components(f"reaction_{name}", force)
     several = len(summary["contacts"]) > 1
-    for number, entry in enumerate(summary["contacts"], start=1):
-        ending = f"_{number}" if several else ""
+    for entry in summary["contacts"]:
+        ending = f"_{entry['name']}" if several else ""
         row |= columns(entry, dim, ending) if several else {}
         for name in ("force", "travel") if "tool" in entry else ():
             row[f"tool_{name}{ending}"] = entry["tool"][name]
         for name in ("angle", "moment") if "tilt" in entry else ():
             row |= components(f"tilt_{name}{ending}", entry["tilt"][name])
+        if "motion" in entry:
+            row |= components(f"motion{ending}", entry["motion"])
     row |= {
         "stored": energy.stored,
         "work": energy.work,
@@ -92,6 +101,7 @@ def totals(history: History, halvings: int, planned: int) -> dict[str, Any]:
         "tangents": int(sum(row["tangents"] for row in history)),
         "seconds": sum(row["seconds"] for row in history),
         **last,
+        "ended": None,
     }
 
 
@@ -125,7 +135,8 @@ class Steps(Iterator[StudySolution]):
         self._planned = self._timeline.left
         self._halved: tuple[str, ...] = ()
         self._out_of_reach, self._is_unbalanced = OutOfReach(), False
-        self._follows_branch = True
+        self._follows_branch, self._seconds = True, 0.0
+        self._failed: dict[float, str] = {}
         self._probes: tuple[ProbeSample, ...] = ()
         self._saved = saved
         self._solutions = self._solve()
@@ -161,13 +172,20 @@ class Steps(Iterator[StudySolution]):
                     self.problem.advance(at)
                     self._solver.begin()
                     data = AdmissibilityData.of(self._solver.system, at)
+                    # Near what is out of reach a time that failed is not tried from nearer either.
+                    if at in self._failed or self._out_of_reach.excludes(data):
+                        if timeline.fail(at_limit=True):
+                            continue
+                        if solution is not None and self._stops:
+                            reason = self._failed.get(at, "")
+                            told = self._out_of_reach.explained(reason, at, -math.inf)
+                            yield self._stopped(solution, told["reason"])
+                            return
                     # The proofs of balance are asked for where a solve has failed before.
-                    excluded = self._out_of_reach.excludes(data) or (
-                        self._is_unbalanced and self._solver.is_unbalanced()
-                    )
-                    if excluded and timeline.fail():
+                    is_unbalanced = self._is_unbalanced and self._solver.is_unbalanced()
+                    if is_unbalanced and timeline.fail():
                         continue
-                    report = self._solve_at(at, last)
+                    report = self._solve_at(at, last, data)
                 except InputError as error:
                     is_misplaced = isinstance(error, Misplaced)
                     if is_misplaced and self._halve(
@@ -177,10 +195,15 @@ class Steps(Iterator[StudySolution]):
                     text = f"at t = {at:.6g} {error}" if is_misplaced else str(error)
                     if solution is None:
                         raise InputError(text, error.key) from error
+                    if is_misplaced and self._stops:
+                        yield self._stopped(solution, text)
+                        return
                     entries = self._end(solution, f"{error.key}: {text}")
                     raise ProcessEnded(text, error.key, entries) from error
                 reached = at == timeline.planned
-                self._out_of_reach.add(data, report, reached)
+                self._out_of_reach.add(data, report)
+                if not report.converged and self._out_of_reach.are_after(at):
+                    self._failed[at] = report.reason
                 self._is_unbalanced |= report.is_unbalanced
                 # The branch is followed once at most on the way to a planned time.
                 self._follows_branch = report.converged and (reached or self._follows_branch)
@@ -201,15 +224,22 @@ class Steps(Iterator[StudySolution]):
                     )
                 ):
                     continue
+                if not found.converged:
+                    # Where the process stops, its words begin with the last time.
+                    last_time = solution.time if solution and not self._stops else -math.inf
+                    told = self._out_of_reach.explained(found.summary["reason"], at, last_time)
+                    found = found.telling(**told)
+                    if solution is not None and self._stops:
+                        yield self._stopped(solution, found.summary["reason"])
+                        return
                 solution, before = found, after
                 if sensitivities is not None and solution.converged:
                     made = self._solver.derivatives(report).made
                     solution = solution.telling(**sensitivities.of(made, state.contacts, at))
-                seconds = time.perf_counter() - began
+                seconds = self._seconds = time.perf_counter() - began
                 self.history.rows.append(row_of(solution, self.history, at, energy, seconds))
+                self._require_columns()
                 solution = self._with_history(solution)
-                if not (solution.converged or report.is_infeasible):
-                    solution = self._out_of_reach.explained(solution, at)
                 yield solution
                 if not solution.converged:
                     return
@@ -233,6 +263,13 @@ class Steps(Iterator[StudySolution]):
             )
         return Sensitivities(self.problem, self._solver)
 
+    def _require_columns(self) -> None:
+        """Raise InputError, after the first step, for charts of columns that there are not."""
+        for number, chart in enumerate(self.problem.parameters.output.charts):
+            for key, text in (("x", chart.x), ("y", chart.y)):
+                key = f"output.charts.{number}.{key}"
+                with_key(key, partial(values_of, text, self.history))
+
     def _remember(self, state: State, time: float) -> None:
         """End a step; collective."""
         # A displacement that exceeds a limit or a gap by a penalty is not admissible.
@@ -240,17 +277,59 @@ class Steps(Iterator[StudySolution]):
             self._out_of_reach.reach(AdmissibilityData.of(self._solver.system, time))
         self.problem.enter(state.contacts)
 
-    def _solve_at(self, at: float, last: State | None) -> SolverReport:
-        """Solve at the present time; collective."""
+    def _solve_at(self, at: float, last: State | None, data: AdmissibilityData) -> SolverReport:
+        """Solve at the present time, with these data; collective."""
         left = self._timeline.left
         planned, taken = self._to_solve - left, time.perf_counter() - self._began
-        seconds = left * taken / planned if planned else None
+        # Nothing tells how long it takes to find out how far the process can go.
+        is_known = planned and not self._timeline.is_halved
+        seconds = left * max(taken / planned, self._seconds) if is_known else None
         self._monitor.step(len(self.history) + 1, left, at, seconds)
-        return self._solver.solve(None if last is None else last.saved, self._follows_branch)
+        saved = None if last is None else last.saved
+        is_near = self._out_of_reach.are_after(at)
+        asks = not is_near and at == self._timeline.planned and self._solver.may_lock_up
+        searches = not (is_near or asks)
+        report = self._solver.solve(saved, self._follows_branch, searches)
+        if report.converged or report.is_infeasible or not asks or self._locks_up_after(data):
+            return report
+        self.problem.advance(at)
+        self._solver.begin()
+        return self._solver.solve(saved, self._follows_branch)
+
+    def _locks_up_after(self, data: AdmissibilityData) -> bool:
+        """Whether a proof shows that nothing is admissible a little later; collective."""
+        beyond = data.time + _BEYOND * (data.time - self.problem.clock.start)
+        try:
+            self.problem.advance(beyond)
+            self._solver.begin()
+            verdict = self._solver.verdict()
+            later = AdmissibilityData.of(self._solver.system, beyond)
+        except InputError:
+            return False
+        finally:
+            self.problem.advance(data.time)
+            self._solver.begin()
+        if verdict is None:
+            return False
+        told = SolverReport(is_infeasible=True, reason=verdict.reason, suggestion=verdict.way_out)
+        self._out_of_reach.add(later, told)
+        return True
+
+    @property
+    def _stops(self) -> bool:
+        given = self.problem.parameters.steps
+        return given is not None and given.on_failure == "stop"
+
+    def _stopped(self, last: StudySolution, reason: str) -> StudySolution:
+        """The last solution, which is that of a process that goes no farther."""
+        ended = f"the process ends at t = {last.time:.6g} ({reason})"
+        steps = {**last.summary["steps"], "halvings": len(self._halved), "ended": ended}
+        told = [ended, *last.summary["warnings"], *self._halved[len(last.halved) :]]
+        return last.telling(steps=steps, warnings=told)
 
     def _halve(self, failure: str) -> bool:
         """Halve the step after a failure, if it may be halved, and say so."""
-        if not self._timeline.fail():
+        if not self._timeline.fail(self._out_of_reach.are_after(self._timeline.target)):
             return False
         # The line about the failed solve comes before the line that says why.
         self._monitor.finish()
@@ -269,7 +348,7 @@ class Steps(Iterator[StudySolution]):
         return dataclasses.replace(found, time=at)
 
     def _end(self, last: StudySolution, reason: str) -> dict[str, Any]:
-        """The entries by which the last solution says why the process ends with it."""
+        """The entries by which the last solution says why the process fails with it."""
         new = self._halved[len(last.halved) :]
         return {
             "converged": False,

@@ -66,5 +66,7 @@ def of_study(
     fields = (problem.u, found.strain_norm, found.elastic_stress, found.locking_stress)
     probes = (sample(problem.probes, *fields),) if len(problem.probes) else ()
     given = {item.name: getattr(found, item.name) for item in dataclasses.fields(found)}
-    given["summary"] = {"title": parameters.title, **found.summary}
+    units, is_plane = parameters.output.units, found.domain.dim == 2
+    labels = units and units.labels(is_plane and not found.domain.axisymmetric)
+    given["summary"] = {"title": parameters.title, "units": labels or {}, **found.summary}
     return StudySolution(**given, parameters=parameters, probes=probes)

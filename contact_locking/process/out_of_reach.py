@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,7 +12,6 @@ from mpi4py import MPI
 from contact_locking.arrays import FloatArray
 from contact_locking.parallel import maximum
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.results.solution import StudySolution
 from contact_locking.solver.task import SolverReport
 
 # Values that differ by less than this share of the largest are the same.
@@ -86,42 +86,44 @@ class OutOfReach:
     """
 
     def __init__(self) -> None:
-        self._refused: list[AdmissibilityData] = []
+        self._refused: list[tuple[AdmissibilityData, SolverReport]] = []
         self._reached: AdmissibilityData | None = None
-        # The first planned time among those refused.
-        self._planned: tuple[float, SolverReport] | None = None
 
-    def add(self, data: AdmissibilityData, report: SolverReport, is_planned: bool) -> None:
+    def add(self, data: AdmissibilityData, report: SolverReport) -> None:
         """Note a time if the report of its solve says that no displacement is admissible."""
-        if not report.is_infeasible:
-            return
-        self._refused.append(data)
-        if is_planned and self._planned is None:
-            self._planned = data.time, report
+        if report.is_infeasible:
+            self._refused.append((data, report))
 
     def reach(self, data: AdmissibilityData) -> None:
         """Note a time at which a solution was found that is admissible."""
         self._reached = data
+
+    def are_after(self, time: float) -> bool:
+        """Whether there is such a time, at ``time`` or later."""
+        return any(data.time >= time for data, _ in self._refused)
 
     def excludes(self, data: AdmissibilityData) -> bool:
         """Whether the proofs for other times exclude all displacements; collective."""
         reached = self._reached
         return any(
             data.repeats(refused) or (reached is not None and data.is_beyond(refused, reached))
-            for refused in self._refused
+            for refused, _ in self._refused
         )
 
-    def explained(self, last: StudySolution, at: float) -> StudySolution:
-        """The last solution, which failed to get to a time, naming the planned time, if any.
+    def explained(self, reason: str, at: float, reached: float) -> dict[str, str]:
+        """The reason and the suggestion of a process that ends before a time that is out of reach.
 
-        Halved steps then end close to the largest load that can be followed, where a solve may
-        fail for reasons that say little.
+        Its last step failed to get to the time ``at``, where a solve may fail for a ``reason`` that
+        says little, as this is close to the largest load that can be followed.  ``reached`` is the
+        time of the last solution, -inf without one.  Empty if no later time is out of reach.
         """
-        if self._planned is None:
-            return last
-        time, report = self._planned
-        reason = (
-            f"{report.reason}; so at t = {time:.6g}, and the last step that was tried, to "
-            f"t = {at:.6g}, did not converge: {last.summary['reason']}"
-        )
-        return last.telling(reason=reason, suggestion=report.suggestion)
+        ahead = [pair for pair in self._refused if pair[0].time > reached]
+        if not ahead:
+            return {}
+        data, report = min(ahead, key=lambda pair: pair[0].time)
+        told = [f"{report.reason}, at t = {data.time:.6g}"]
+        if reached > -math.inf:
+            told.append(f"the last time that was reached is t = {reached:.6g}")
+        if data.time > at:
+            told.append(f"the step to t = {at:.6g} did not converge: {reason}")
+        return {"reason": "; ".join(told), "suggestion": report.suggestion}

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
 
+import numpy as np
 from dolfinx import fem
 from numpy.linalg import norm
 
@@ -13,6 +14,7 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
 from contact_locking.monitor import Monitor
+from contact_locking.parallel import maximum
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.derived import penalised
@@ -20,6 +22,7 @@ from contact_locking.sensitivity.lazy import LazyDerivatives, require_derivative
 from contact_locking.sensitivity.quantities import require_quantities
 from contact_locking.solver.equilibria.diagram import Diagram, diagram
 from contact_locking.solver.equilibria.search import Equilibrium, equilibria
+from contact_locking.solver.interior_point.feasibility import Verdict, judge
 from contact_locking.solver.linear.factorised import chosen
 from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.strategy import solve as solve_system
@@ -75,16 +78,24 @@ class ProblemSolver:
         self.system.assemble_loads()
         self.system.clear()
 
-    def solve(self, saved: SavedState | None = None, follows_branch: bool = True) -> SolverReport:
+    def solve(
+        self,
+        saved: SavedState | None = None,
+        follows_branch: bool = True,
+        searches: bool = True,
+    ) -> SolverReport:
         """Solve at present, from a saved state if that helps; collective.
 
-        ``follows_branch`` is that of :class:`Task`.
+        ``follows_branch`` and ``searches`` are those of :class:`Task`.
         """
         self.close()
 
         def task() -> Task:
             return dataclasses.replace(
-                self._task, is_unbalanced=self.is_unbalanced, follows_branch=follows_branch
+                self._task,
+                is_unbalanced=self.is_unbalanced,
+                follows_branch=follows_branch,
+                searches=searches,
             )
 
         report = solve_system(self._method, task(), saved)
@@ -117,6 +128,17 @@ class ProblemSolver:
     @property
     def _task(self) -> Task:
         return Task(self.system, self.target, self.settings, self._monitor)
+
+    @property
+    def may_lock_up(self) -> bool:
+        """Whether limits of the strain may leave nothing admissible; collective."""
+        sets = self.system.data.sets
+        limits = np.concatenate([np.zeros(1), *(item.inverse_limit.x.array for item in sets)])
+        return self.target.penalty.is_strict and maximum(self.system.comm, limits) > 0.0
+
+    def verdict(self) -> Verdict | None:
+        """Whether nothing is admissible at present, None without a proof; collective."""
+        return judge(dataclasses.replace(self._task, monitor=Monitor()))
 
     def is_unbalanced(self) -> bool:
         """Whether a proof shows that no forces balance the present loads; collective."""

@@ -13,6 +13,7 @@ from contact_locking.parallel import maximum
 from contact_locking.process.of_study import settings_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.derived import ContactFields
+from contact_locking.results.quantities import look_up
 from contact_locking.results.solution import StudySolution
 from contact_locking.sensitivity.derivatives import Derivatives, Table
 from contact_locking.sensitivity.equations import Equations
@@ -219,6 +220,4 @@ def value_of(name: str, solution: StudySolution) -> float:
     part, _, axis = rest.rpartition(".")
     if kind == "reactions":
         return float(value[kind][part][int(axis)])
-    for key in name.split("."):
-        value = value[int(key)] if isinstance(value, list) else value[key]
-    return float(value)
+    return float(look_up(value, name))

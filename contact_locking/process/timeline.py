@@ -60,10 +60,18 @@ class Timeline:
             self._interval_start = self._planned.popleft()
             self._longest = math.inf
 
-    def fail(self) -> bool:
-        """The solve at the target has failed; False if the step must not be halved."""
+    @property
+    def is_halved(self) -> bool:
+        """Whether failures have come between the last planned time and the next."""
+        return self._longest < math.inf
+
+    def fail(self, at_limit: bool = False) -> bool:
+        """The solve at the target has failed; False if the step must not be halved.
+
+        ``at_limit`` says that a proof excludes the whole step.
+        """
         half = 0.5 * (self.target - self.done)
-        least = self._given.least_after(self._planned[0] - self._interval_start)
+        least = self._given.least_after(self._planned[0] - self._interval_start, at_limit)
         if not half > 0.0 or half < least * (1.0 - _ROUNDING):
             return False
         self._longest = half

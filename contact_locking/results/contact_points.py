@@ -91,11 +91,8 @@ def facets_within(facets: IntArray, rows: slice) -> IntArray:
 
 
 def contact_name(summary: Mapping[str, Any], number: int) -> str:
-    """The boundary parts of a contact from the summary, or "contact 1" if it names none."""
+    """The name of a contact from the summary, or its number from 0 if it has none."""
     listed = summary.get("contacts")
     entry = listed[number] if isinstance(listed, list) and number < len(listed) else None
-    on = entry.get("on") if isinstance(entry, Mapping) else None
-    names = [on] if isinstance(on, str) else on
-    if isinstance(names, list | tuple) and names:
-        return ", ".join(str(name) for name in names)
-    return f"contact {number + 1}"
+    name = entry.get("name") if isinstance(entry, Mapping) else None
+    return f"contact {number}" if name is None else str(name)

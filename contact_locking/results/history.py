@@ -43,6 +43,10 @@ class History:
         """The value of a column in the last step, 0 before the first step."""
         return self.rows[-1][name] if self.rows else 0.0
 
+    def converged(self) -> History:
+        """The steps without one that did not converge."""
+        return History([row for row in self.rows if row.get("converged", 1)])
+
     def text(self) -> str:
         """The table as CSV, numbers with all their digits."""
         return csv_text(self.columns, (row.values() for row in self.rows))

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from contact_locking.plain_text import count, per_cent
-from contact_locking.results.quantities import QUANTITIES, Quantity, look_up
+from contact_locking.results.quantities import QUANTITIES, Quantity, look_up, of_result
 from contact_locking.results.read import number
 
 # A result whose weakest number is above this share of the solution is a rough one.
 ROUGH = 0.1
 NOT_USEFUL = "there is no useful bound (below 100 %) of"
 
+_FORCES = ("contact_force", "friction_force")
 _CHANGE = "the penalty changes the solution on this mesh by"
 _UNIQUENESS = {
     "covered by theory": "proved: no other displacement solves the problem on this mesh",
@@ -53,6 +54,8 @@ def verdict(summary: Mapping[str, Any]) -> str:
     """Whether the run converged, with a reservation if the result is rough."""
     if not summary["converged"]:
         return "no"
+    if ended := (summary.get("steps") or {}).get("ended"):
+        return f"yes, but {ended}"
     weak = weakest(summary)
     return f"yes, but the result is rough: {weak.words}" if weak and weak.is_rough else "yes"
 
@@ -94,12 +97,20 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _quantities(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
-    """The computed quantities that the summary knows, those of contacts only if there are any."""
-    for key, quantity in QUANTITIES.items():
-        is_known = summary.get(key) is not None and summary.get(quantity.beside or key) is not None
-        is_there = quantity.of == "body" or (quantity.of == "contact" and summary["contacts"])
-        if is_there and is_known and not quantity.detail:
-            yield quantity.name, value_in_words(quantity, summary[key], summary.get(f"{key}_at"))
+    """The computed quantities that the summary knows, of several contacts those of each."""
+    units, contacts = summary.get("units", {}), summary["contacts"]
+    for key, item in of_result((), units).items():
+        if item.compute is None or item.detail:
+            continue
+        of_each = item.of == "contact" and len(contacts) != 1
+        told = [
+            value_in_words(item, entry[key], entry.get(f"{key}_at"))
+            + (f" on {entry['name']}" if of_each else "")
+            for entry in (contacts if of_each else [summary])
+            if entry.get(key) is not None and entry.get(item.beside or key) is not None
+        ]
+        if told:
+            yield item.name, ", ".join(told)
 
 
 def _if_known(
@@ -120,10 +131,12 @@ def _critical_friction(found: Mapping[str, Any]) -> str:
 
 
 def value_in_words(quantity: Quantity, value: Any, place: Sequence[float] | None = None) -> str:
-    """A value of a quantity in words, with its place if it has one."""
+    """A value of a quantity in words, with the label of its unit and its place if it has some."""
     if quantity.share_of:
         return f"{per_cent(value)} of {quantity.share_of}"
     words = _vector(value) if isinstance(value, list) else f"{value:.4g}"
+    if quantity.unit not in ("1", QUANTITIES[quantity.key].unit):
+        words = f"{words} {quantity.unit}"
     return words if place is None else f"{words} {quantity.at} {_vector(place)}"
 
 
@@ -149,8 +162,7 @@ def equilibria(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
     rows = [
         (
             entry["folder"],
-            _vector(entry["contact_force"]),
-            _vector(entry["friction_force"]),
+            *(_vector(entry[key] or ()) for key in _FORCES),
             f"{entry['elastic_energy']:.4g}",
             f"{entry['index']:+d}",
         )
@@ -240,13 +252,14 @@ def _tools(contacts: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
             shown = _vector(angle) if isinstance(angle, Sequence) else f"{angle:.6g}"
             told.append(f"turned by {shown} rad about {_vector(tilt['about'])}")
         if told:
-            found.append((f"foundation on {', '.join(entry['on'])}", ", ".join(told)))
+            found.append((f"foundation on {entry['name']}", ", ".join(told)))
     return found
 
 
 def _reactions(summary: Mapping[str, Any]) -> str:
     reactions = summary["reactions"]
-    forces = [summary["contact_force"], summary["friction_force"], *reactions.values()]
+    each = [entry.get(key) for entry in (summary, *summary["contacts"]) for key in _FORCES]
+    forces = [*filter(None, each), *reactions.values()]
     largest = max((abs(value) for force in forces for value in force), default=0.0)
     parts = [f"{_vector(force, largest)} on {name}" for name, force in reactions.items()]
     return ", ".join(parts)

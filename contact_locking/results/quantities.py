@@ -7,8 +7,8 @@ read this registry.  It needs no DOLFINx, so that reports are made without.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -38,6 +38,8 @@ class Quantity:
     One that ``derives`` has derivatives (`contact_locking.sensitivity.quantities`).  One that
     ``is_place`` has coordinates, or None; history.csv has columns for all axes in both cases, and
     reports a chart of places.  Other vectors have the same number of components in every step.
+    An ``is_resultant`` of several contacts is that of those with foundations, as the bodies have
+    opposite forces where they touch each other.
 
     A study plots a quantity with a ``trend`` over the keys that vary.  The differences of one that
     ``settles`` have a rate, one that ``vanishes`` has a rate itself, and counts of cells, points
@@ -57,6 +59,7 @@ class Quantity:
     beside: str = ""
     derives: bool = False
     is_place: bool = False
+    is_resultant: bool = False
 
 
 def touches(fields: ContactFields) -> FloatArray:
@@ -102,14 +105,14 @@ def pressure_max(contacts: Contacts) -> Any:
     return contacts.peak(lambda fields: fields.pressure)
 
 
-@quantity("contact", "contact force", "force", derives=True)
+@quantity("contact", "contact force", "force", derives=True, is_resultant=True)
 def contact_force(contacts: Contacts) -> Any:
     """Resultant of the contact pressure on the body."""
     dim = contacts.domain.dim
     return contacts.integral(lambda fields: -fields.pressure[:, None] * fields.normal, dim)
 
 
-@quantity("contact", "friction force", "force", derives=True)
+@quantity("contact", "friction force", "force", derives=True, is_resultant=True)
 def friction_force(contacts: Contacts) -> Any:
     """Resultant of the friction on the body."""
     return contacts.integral(lambda fields: fields.traction, contacts.domain.dim)
@@ -137,7 +140,7 @@ def _mean_place(
     return np.where(np.abs(mean) <= _ROUNDING * size, 0.0, mean)
 
 
-@quantity("contact", "contact moment", "force · length", at="about")
+@quantity("contact", "contact moment", "force · length", at="about", is_resultant=True)
 def contact_moment(contacts: Contacts) -> Any:
     """Moment of pressure and friction on the body, about the centre of where it touches."""
     dim, area = contacts.domain.dim, contact_area(contacts)
@@ -155,7 +158,7 @@ def contact_moment(contacts: Contacts) -> Any:
     return total if dim == 3 else total[0], centre
 
 
-@quantity("contact", "centre of pressure", "length", trend=None, is_place=True)
+@quantity("contact", "centre of pressure", "length", trend=None, is_place=True, is_resultant=True)
 def pressure_centre(contacts: Contacts) -> Any:
     """∫ p x / ∫ p, the mean place of the contact pressure p."""
     total = contacts.integral(lambda fields: fields.pressure)
@@ -284,13 +287,31 @@ def computed(of: Of, fields: BodyFields | Contacts) -> dict[str, Any]:
     return found
 
 
+def of_result(contacts: Sequence[str], units: Mapping[str, str]) -> dict[str, Quantity]:
+    """The quantities of a result whose contacts have these names, by key, with labels of units.
+
+    Of several contacts each has its own: ``contacts.NAME.pressure_max`` for ``pressure_max``.
+    """
+    found: dict[str, Quantity] = {}
+    for key, item in QUANTITIES.items():
+        labelled = replace(item, unit=units.get(item.unit, item.unit))
+        if item.of == "contact" and len(contacts) > 1:
+            for name in contacts:
+                own = replace(labelled, key=f"contacts.{name}.{key}", name=f"{item.name} on {name}")
+                found[own.key] = own
+        else:
+            found[key] = labelled
+    return found
+
+
 def columns(found: Mapping[str, Any], dim: int, ending: str = "") -> dict[str, float]:
     """The columns of history.csv for the computed quantities of a summary or of a contact."""
     row: dict[str, float] = {}
     for key, item in QUANTITIES.items():
         if item.compute is not None and key in found:
             value = [math.nan] * dim if item.is_place and found[key] is None else found[key]
-            row |= components(f"{key}{ending}", value)
+            if not (item.is_resultant and value is None):
+                row |= components(f"{key}{ending}", value)
     return row
 
 
@@ -301,13 +322,22 @@ def components(name: str, value: Any) -> dict[str, float]:
     return {name: math.nan if value is None else value}
 
 
+def by_name(entries: Sequence[Any]) -> dict[str, Any]:
+    """The mappings of a list by their names; empty if they have none."""
+    return {
+        entry["name"]: entry for entry in entries if isinstance(entry, dict) and "name" in entry
+    }
+
+
 def look_up(data: Any, dotted: str) -> Any:
-    """The value of mappings and lists, or of the row of a study, under a dotted key; or None."""
+    """The value of mappings and lists, or of the row of a study, under a dotted key; or None.
+
+    An entry of a list goes by its number from 0, or by its ``name``.
+    """
     if isinstance(data, Mapping) and dotted in data:
         return data[dotted]
     for name in dotted.split("."):
         if isinstance(data, list):
-            data = data[int(name)] if name.isdecimal() and int(name) < len(data) else None
-        else:
-            data = data.get(name) if isinstance(data, Mapping) else None
+            data = {str(number): entry for number, entry in enumerate(data)} | by_name(data)
+        data = data.get(name) if isinstance(data, Mapping) else None
     return data

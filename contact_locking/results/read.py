@@ -99,6 +99,12 @@ def read_mapping(path: Path) -> dict[str, Any] | None:
         return None
 
 
+def history_in(folder: Path) -> History | None:
+    """The steps of the run in a folder; None without steps."""
+    path = folder / names.HISTORY
+    return read_history(_text(path), str(path)) if path.is_file() else None
+
+
 def _run(folder: Path) -> RunResults:
     path = folder / names.SUMMARY
     summary = _mapping(_text(path), str(path))
@@ -109,7 +115,7 @@ def _run(folder: Path) -> RunResults:
     for key, text in listed.items() if isinstance(listed, dict) else ():
         _restore(summary, key, text)
     picture, meshes, film = folder / names.PICTURE, folder / names.MESHES, folder / names.ANIMATION
-    contact, facets, history = folder / names.CONTACT, folder / names.FACETS, folder / names.HISTORY
+    contact, facets = folder / names.CONTACT, folder / names.FACETS
     points = contact_table.read_points(_text(contact), str(contact))
     return RunResults(
         folder,
@@ -118,7 +124,7 @@ def _run(folder: Path) -> RunResults:
         points,
         contact_table.read_facets(_text(facets), str(facets), points),
         picture if picture.is_file() else None,
-        read_history(_text(history), str(history)) if history.is_file() else History(),
+        history_in(folder) or History(),
         meshes if meshes.is_file() else None,
         film if film.is_file() else None,
         read_mapping(folder / names.FIT),

@@ -145,7 +145,10 @@ def _written(
         ended: ProcessEnded | None = None
         try:
             for solution in solutions:
+                is_told_again = last is not None and solution.time == last.time
                 last = solution
+                if is_told_again:
+                    continue
                 if series is not None:
                     series.add(solution)
                 film.add(solution)

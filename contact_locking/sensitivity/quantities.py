@@ -1,15 +1,18 @@
 """The quantities that have a derivative, with their gradients.
 
-========================== ====================================================================
+============================ ==================================================================
 compliance                 ``(f, u)``
 elastic_energy             ``a(u, u)/2``, that of ``eps(u) - eps_0`` with an eigenstrain
-contact_force.i            ``-int p nu_i`` over all contacts, or contacts.N.contact_force.i
-friction_force.i           ``int sigma_tau_i`` over all contacts, or contacts.N.friction_force.i
+contact_force.i            ``-int p nu_i``, or contacts.NAME.contact_force.i of one contact
+friction_force.i           ``int sigma_tau_i``, or contacts.NAME.friction_force.i of one contact
 reactions.PART.i           the resultant of the reactions and springs of a boundary part
 pressure_max               the pressure at the node where it is largest, and stays so
-contacts.N.tool.travel     the way of a tool that a force pushes
-contacts.N.tilt.angle      the angle of a tool that turns, in 2D
-========================== ====================================================================
+contacts.NAME.tool.travel     the way of a tool that a force pushes
+contacts.NAME.tilt.angle      the angle of a tool that turns, in 2D
+============================ ==================================================================
+
+The forces without a name are those of the summary: of several contacts, the sums over those with
+foundations.  NAME is the name of a contact, or its number from 0.
 """
 
 from __future__ import annotations
@@ -47,8 +50,8 @@ def known() -> list[str]:
     own = [item for item in QUANTITIES.values() if item.derives]
     forces = [f"{item.key}.0" for item in own if item.unit == "force"]
     scalars = [item.key for item in own if item.unit != "force"]
-    each = [f"contacts.0.{name}" for name in forces]
-    free = [f"contacts.0.{name}" for name in ("tool.travel", "tilt.angle")]
+    each = [f"contacts.NAME.{name}" for name in forces]
+    free = [f"contacts.NAME.{name}" for name in ("tool.travel", "tilt.angle")]
     return [*scalars, *forces, *each, *free, "reactions.PART.0"]
 
 
@@ -112,18 +115,18 @@ def _named(name: str, domain: Domain, system: PenalisedSystem) -> Quantity:
         return _Energy(name)
     if name == "pressure_max" and system.contacts:
         return _LargestPressure(name)
-    if found := re.fullmatch(r"(?:contacts\.(\d+)\.)?(contact|friction)_force\.(\d)", name):
-        contact, kind, axis = found[1], found[2], int(found[3])
-        count = len(system.contacts)
-        if axis < dim and (contact is None or int(contact) < count):
-            chosen = range(count) if contact is None else (int(contact),)
+    if found := re.fullmatch(r"(?:contacts\.([^.]+)\.)?(contact|friction)_force\.(\d)", name):
+        kind, axis = found[2], int(found[3])
+        chosen = _contacts_named(found[1], system)
+        if axis < dim and chosen:
             cones = ContactCones if kind == "contact" else FrictionCones
-            return _Resultant(name, tuple(chosen), cones, axis)
-    if found := re.fullmatch(r"contacts\.(\d+)\.(tool\.travel|tilt\.angle)", name):
+            return _Resultant(name, chosen, cones, axis)
+    if found := re.fullmatch(r"contacts\.([^.]+)\.(tool\.travel|tilt\.angle)", name):
         motion = Travel if found[2] == "tool.travel" else Turn
         for number, tool in enumerate(system.tools):
             is_wanted = isinstance(tool, motion) and (motion is Travel or dim == 2)
-            if is_wanted and system.contacts.index(tool.contact) == int(found[1]):
+            own = system.contacts.index(tool.contact)
+            if is_wanted and own in _contacts_named(found[1], system):
                 return _Travel(name, number)
     if found := re.fullmatch(r"reactions\.(.+)\.(\d)", name):
         reaction = _Reaction(name, found[1], int(found[2]), domain)
@@ -134,6 +137,16 @@ def _named(name: str, domain: Domain, system: PenalisedSystem) -> Quantity:
         f"{', '.join(known())}",
         "sensitivities.of",
     )
+
+
+def _contacts_named(name: str | None, system: PenalisedSystem) -> tuple[int, ...]:
+    """The numbers of the contacts of a resultant: of a name, or None for that of the summary."""
+    numbers = range(len(system.contacts))
+    if name is None:
+        of_foundations = [number for number in numbers if not system.contacts[number].against]
+        return tuple(of_foundations) if len(numbers) > 1 else tuple(numbers)
+    named = [number for number in numbers if system.contacts[number].given.name == name]
+    return tuple(named or [number for number in numbers if str(number) == name])
 
 
 def _nothing(equations: Equations) -> FloatArray:

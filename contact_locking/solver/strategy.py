@@ -191,7 +191,7 @@ class Proofs:
 
     def leave_hope(self, failure: NotConverged) -> bool:
         """Whether there may be a solution after a failure; collective."""
-        if isinstance(failure, Infeasible) or self.is_unbalanced:
+        if isinstance(failure, Infeasible) or self.is_unbalanced or not self._task.searches:
             return False
         # Penalised problems have solutions where nothing is admissible.
         return not self._task.target.penalty.is_strict or self.verdict is None
@@ -261,7 +261,7 @@ def _explained(report: SolverReport, verdict: Verdict | None, task: Task) -> Sol
             suggestion=verdict.way_out,
             admissible_factor=verdict.factor,
         )
-    share = share_of_friction(task)
+    share = share_of_friction(task) if task.searches else None
     if share is None:
         return report
     # Without slip the suggestion names a smaller coefficient already.

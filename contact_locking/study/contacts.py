@@ -149,7 +149,7 @@ def contact_of(
         coefficient = _friction_law(domain, given, clock)
     friction = Coulomb(coefficient, _kernel(domain, given), given.friction.regularisation)
     body, against = given.foundation, given.against or None
-    found = partial(Contact, given.on, friction=friction, key=given.key)
+    found = partial(Contact, given.on, friction=friction, key=given.key, name=given.name)
     if body is None:
         return found(GapOfStudy(domain, given, clock), against=against, pair=given.pair)
     force = None

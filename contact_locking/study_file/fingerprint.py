@@ -28,12 +28,12 @@ def file_digest(path: str) -> str:
 def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_digest) -> str:
     """16 hexadecimal digits of the parameters that define the results.
 
-    All parameters count except the title, the study, the fit and the folder of the results.  A file
-    of a mesh, a tool or a table counts by the ``digest`` of its content and not by its path.
-    Raises OSError if it cannot be read.
+    All parameters count except the title, the study, the fit, and the folder of the results and
+    the charts of their report.  A file of a mesh, a tool or a table counts by the ``digest`` of its
+    content and not by its path.  Raises OSError if it cannot be read.
     """
     data = parameters.model_dump(by_alias=True, exclude={"title", "study", "fit", "friction"})
-    del data["output"]["directory"]
+    del data["output"]["directory"], data["output"]["charts"]
     return _short(_normalised(data, parameters, digest))
 
 

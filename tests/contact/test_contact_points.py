@@ -80,11 +80,11 @@ def test_a_body_without_contact_has_an_empty_table_and_no_parts() -> None:
 @pytest.mark.parametrize(
     ("summary", "name"),
     [
-        ({"contacts": [{"on": ["a"]}, {"on": ["left", "right"]}]}, "left, right"),
-        ({"contacts": [{}, {"on": "left"}]}, "left"),
-        ({"contacts": [{"on": ["a"]}]}, "contact 2"),
-        ({"contacts": 3}, "contact 2"),
-        ({}, "contact 2"),
+        ({"contacts": [{"name": "a"}, {"name": "left", "on": ["b"]}]}, "left"),
+        ({"contacts": [{"name": "a"}, {}]}, "contact 1"),
+        ({"contacts": [{"name": "a"}]}, "contact 1"),
+        ({"contacts": 3}, "contact 1"),
+        ({}, "contact 1"),
     ],
 )
 def test_a_contact_is_named_by_the_summary_or_by_its_number(

@@ -142,7 +142,7 @@ def test_contacts_that_the_summary_does_not_name_have_numbers(tmp_path: Path) ->
     folder = run_folder(tmp_path, kind="with two contacts")
     change(folder / "summary.json", contacts=[{"on": 3}, None])
     text = page(folder)
-    assert "<h3>contact 1</h3>" in text and "<h3>contact 2</h3>" in text
+    assert "<h3>contact 0</h3>" in text and "<h3>contact 1</h3>" in text
 
 
 @quick

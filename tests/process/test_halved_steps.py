@@ -72,7 +72,7 @@ def test_a_process_that_ends_short_of_an_impossible_time_says_so(
     *before, last = solve_steps(sheared(1, penalty__n=1e3))
     assert before and all(found.converged for found in before)
     reason, suggestion = last.summary["reason"], last.summary["suggestion"]
-    assert reason.startswith("infeasible: too far; so at t = 1, and the last step")
+    assert reason.startswith("infeasible: too far, at t = 1; ") and "t = 0.25" in reason
     assert reason.endswith("did not converge: it is late") and suggestion == "pull less"
 
 

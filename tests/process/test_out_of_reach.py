@@ -108,11 +108,11 @@ def test_only_a_straight_way_leads_from_one_proof_to_another(
     assert not reached.is_beyond(refused, reached)
     assert not refused.is_beyond(beyond, reached)
     out_of_reach = OutOfReach()
-    out_of_reach.add(refused, SolverReport(is_infeasible=True), is_planned=False)
+    out_of_reach.add(refused, SolverReport(is_infeasible=True))
     assert out_of_reach.excludes(refused) and not out_of_reach.excludes(beyond)
     out_of_reach.reach(reached)
     assert out_of_reach.excludes(beyond) == is_straight
-    out_of_reach.add(beyond, SolverReport(reason="too few iterations"), is_planned=True)
+    out_of_reach.add(beyond, SolverReport(reason="too few iterations"))
     assert not out_of_reach.excludes(reached)
 
 

@@ -114,8 +114,8 @@ def test_several_contacts_remember_on_their_own() -> None:
         )
     )
     row = found[-1].history.rows[-1]
-    total = row["contact_force_1_x"] + row["contact_force_2_x"]
-    assert total == pytest.approx(row["contact_force_x"]) and row["contact_force_2_x"] < 0.0
+    total = row["contact_force_bottom_x"] + row["contact_force_right_x"]
+    assert total == pytest.approx(row["contact_force_x"]) and row["contact_force_right_x"] < 0.0
     for fields in found[-1].contacts:
         assert np.all(fields.slip >= np.linalg.norm(fields.increment, axis=1))
 

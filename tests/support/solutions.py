@@ -154,8 +154,8 @@ def _with_two_contacts(solution: StudySolution) -> StudySolution:
     force = {"contact_force": [0.0] * dim, "friction_force": [0.0] * dim, "penetration_max": 1e-9}
     areas = {"contact_area": 0.375, "slip_area": 0.0625}
     entries = [
-        {"on": ["bottom"], **force, **areas},
-        {"on": ["left", "a $part$"], **force, **areas},
+        {"name": "bottom", "on": ["bottom"], **force, **areas},
+        {"name": "left, a $part$", "on": ["left", "a $part$"], **force, **areas},
     ]
     swapped = [dim - 1, *range(1, dim - 1), 0]
     turned = {name: getattr(points, name)[:, swapped] for name in ("x", "normal", "u_tangent")}

@@ -1,8 +1,7 @@
-"""Charts of a run: of each contact, of the history of a process, and of adapted meshes."""
+"""Charts of a run: of each contact, of adapted meshes, derivatives, branches and fits."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,9 +16,7 @@ from contact_locking.extras.pictures import contact_map, plane, style
 from contact_locking.extras.pictures.views import camera
 from contact_locking.results.adapted_meshes import AdaptedMesh, load
 from contact_locking.results.contact_points import ContactPoints, contact_name, facets_within
-from contact_locking.results.history import History
 from contact_locking.results.ordering import curves
-from contact_locking.results.quantities import QUANTITIES
 from contact_locking.results.read import RunResults
 from contact_locking.results.read import number as finite
 
@@ -107,59 +104,6 @@ def _state_map(figure: Figure, contact: ContactPoints, facets: IntArray) -> None
     axes = figure.add_subplot(aspect="equal")
     contact_map.colour_states(axes, contact, facets, rasterized=True)
     figure.legend(handles=style.state_patches(), loc="outside lower center", ncols=3)
-
-
-_WORK = {
-    "work_total": "work of the loads",
-    "stored": "stored",
-    "dissipated_total": "dissipated by friction",
-    "numerical_total": "lost by the method",
-}
-# The names of files for units that are no words.
-_FILES = {"1": "strain", "force · length": "moment"}
-_COLOURS = (style.BLUE, style.VERMILION, style.BLACK, style.ORANGE)
-
-
-def history_charts(history: History) -> list[Chart]:
-    """The charts of a process, without a step that did not converge; none without two steps."""
-    history = History([row for row in history if row.get("converged", 1)])
-    if len(history) < 2:
-        return []
-    drawn: dict[str, dict[str, str]] = {}
-    for column in history.columns:
-        is_scalar = column in QUANTITIES
-        quantity = QUANTITIES.get(column if is_scalar else column[:-2])
-        if quantity and not quantity.detail and np.isfinite(history.column(column)).any():
-            label = "place" if quantity.is_place else quantity.unit
-            label = "share" if quantity.share_of else label
-            name = quantity.name if is_scalar else f"{quantity.name}, {column[-1]}"
-            drawn.setdefault(label, {})[column] = name
-    drawn["energy"] = _WORK
-    return [
-        chart(
-            f"history-{_FILES.get(label) or re.sub('[^a-z]+', '-', label)}",
-            f"{', '.join(lines.values())} over the time",
-            2.4 + 0.1 * len(lines),
-            _curves,
-            history,
-            label,
-            lines,
-        )
-        for label, lines in drawn.items()
-    ]
-
-
-def _curves(figure: Figure, history: History, label: str, lines: Mapping[str, str]) -> None:
-    axes = figure.add_subplot()
-    time = history.column("t")
-    for number, (column, name) in enumerate(lines.items()):
-        dashes = "-" if number < len(_COLOURS) else "--"
-        colour = _COLOURS[number % len(_COLOURS)]
-        axes.plot(time, history.column(column), dashes, color=colour, label=name)
-    # From zero on, so that rounding in a constant is not seen.
-    axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
-    axes.set(xlabel="t", ylabel="" if label == "1" else label)
-    figure.legend(loc="outside upper center", ncols=2, fontsize="small")
 
 
 _COLUMNS, _MOST = 3, 12

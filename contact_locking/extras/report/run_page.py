@@ -7,12 +7,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from contact_locking.results.contact_points import STATE_NAMES, ContactPoints, contact_name
+from contact_locking.results.contact_points import STATE_NAMES, ContactPoints
 from contact_locking.results.in_words import weakest
-from contact_locking.results.quantities import QUANTITIES, Quantity, look_up
+from contact_locking.results.names import PARAMETERS
+from contact_locking.results.quantities import Quantity, by_name, look_up, of_result
 from contact_locking.results.read import RunResults
+from contact_locking.study_file import source
 
 from .charts import Chart
+from .history_charts import Process, history_charts, wanted_charts
 from .pictures import frames, picture
 from .run_charts import (
     adapt_charts,
@@ -21,7 +24,6 @@ from .run_charts import (
     contact_charts,
     derivative_charts,
     fit_chart,
-    history_charts,
     rows_of_derivatives,
 )
 from .templates import render
@@ -74,9 +76,12 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     """The HTML document of a run and its charts."""
     summary = run.summary
     charts, adapt = contact_charts(run), adapt_charts(run)
-    steps = history_charts(run.history)
+    contacts, units = [*by_name(summary.get("contacts", []))], summary.get("units", {})
+    wanted = look_up(source.read(run.folder / PARAMETERS).data, "output.charts") or []
+    steps = wanted_charts(wanted, [Process(run.history)], "", contacts, units)
+    steps += history_charts(run.history, contacts, units)
     stages = summary.get("stages", [])
-    contact_names, contact_quantities = _by_contact(summary)
+    contact_quantities = _by_contact(summary)
     parts, numbers = certificate(summary), _quantities(summary)
     holds = [entry["holds"] for part in parts for entry in part.judged.values()]
     branches, derivatives = branch_charts(summary.get("branches")), rows_of_derivatives(summary)
@@ -89,7 +94,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         quantities=[row for row in numbers if not row[0].detail],
         details=[row for row in numbers if row[0].detail],
         internals=dict(_flat({key: summary[key] for key in _OF_SOLVER if key in summary})),
-        contact_names=contact_names,
+        contact_names=contacts,
         contact_quantities=contact_quantities,
         contact=run.contact,
         states=_states(run.contact),
@@ -151,26 +156,30 @@ _Row = tuple[Quantity, list[tuple[Any, Any]]]
 
 
 def _quantities(summary: Mapping[str, Any]) -> list[_Row]:
+    several = len(summary.get("contacts", [])) > 1
+    units = summary.get("units", {})
     found = [
         (quantity, [(value, summary.get(f"{key}_at"))])
-        for key, quantity in QUANTITIES.items()
+        for key, quantity in of_result((), units).items()
         if quantity.of != "solver" and (value := look_up(summary, key)) is not None
+        # The table of contacts has those of each.
+        if not (several and quantity.of == "contact")
     ]
     reactions, meaning = summary.get("reactions", {}), "resultant of the reactions on the body"
+    force = units.get("force", "force")
     return found + [
-        (Quantity(f"reactions.{name}", f"reaction on {name}", meaning, "force"), [(value, None)])
+        (Quantity(f"reactions.{name}", f"reaction on {name}", meaning, force), [(value, None)])
         for name, value in reactions.items()
     ]
 
 
-def _by_contact(summary: Mapping[str, Any]) -> tuple[list[str], list[_Row]]:
-    """The names of the contacts, and each quantity with its values for them; empty for one."""
+def _by_contact(summary: Mapping[str, Any]) -> list[_Row]:
+    """Each quantity of contacts with its values for them; empty for one."""
     contacts = [entry or {} for entry in summary.get("contacts", [])]
-    contacts = contacts if len(contacts) > 1 else []
-    return [contact_name(summary, number) for number in range(len(contacts))], [
+    return [
         (quantity, [(contact.get(key), contact.get(f"{key}_at")) for contact in contacts])
-        for key, quantity in QUANTITIES.items()
-        if any(key in contact for contact in contacts)
+        for key, quantity in of_result((), summary.get("units", {})).items()
+        if len(contacts) > 1 and any(key in contact for contact in contacts)
     ]
 
 

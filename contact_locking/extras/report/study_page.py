@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
+import re
 import textwrap
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from contact_locking.results.in_words import weakest
 from contact_locking.results.names import PARAMETERS, PICTURE
-from contact_locking.results.quantities import QUANTITIES
-from contact_locking.results.read import Row, StudyResults, number
+from contact_locking.results.quantities import Quantity, look_up, of_result
+from contact_locking.results.read import Row, StudyResults, history_in, number
 from contact_locking.study_file import source
 
 from .charts import Chart
+from .history_charts import Process, wanted_charts
 from .pictures import thumbnail
 from .templates import render
 from .trends import Trend, VariedTexts, axes, differ, trend_charts, trends, varied
@@ -59,7 +61,11 @@ class CaseTable(NamedTuple):
 
 
 def cases(
-    rows: Sequence[Row], keys: Sequence[str], linked: Collection[str], texts: VariedTexts
+    rows: Sequence[Row],
+    keys: Sequence[str],
+    linked: Collection[str],
+    texts: VariedTexts,
+    quantities: Mapping[str, Quantity],
 ) -> CaseTable:
     """All rows; ``keys`` vary, and ``linked`` cases have a picture on the page."""
     # The state, which says whether a case converged, comes first: it is seen on a phone too.
@@ -67,7 +73,7 @@ def cases(
     names = dict.fromkeys(name for row in rows for name in row)
     order = [*front, *(name for name in names if name not in (*front, *_NOT_BETWEEN)), "case"]
     columns = [
-        Column(name, texts.titles.get(name) or title(name), _kind(name, front, rows))
+        Column(name, texts.titles.get(name) or title(name), _kind(name, front, rows, quantities))
         for name in order
     ]
     remarks = [remark(row) for row in rows]
@@ -103,13 +109,15 @@ def _text(row: Row, key: str) -> str:
     return value if isinstance(value, str) else ""
 
 
-def _kind(name: str, front: Sequence[str], rows: Sequence[Row]) -> str | None:
+def _kind(
+    name: str, front: Sequence[str], rows: Sequence[Row], quantities: Mapping[str, Quantity]
+) -> str | None:
     if name == REMARKS:
         return "why"
     vector = name.rpartition(".")[0] if name[-1:].isdecimal() else ""
     if name in front or name == "case":
         return None
-    found = QUANTITIES.get(name) or QUANTITIES.get(vector)
+    found = quantities.get(name) or quantities.get(vector)
     is_main = found is not None and found.trend is not None and found.of != "solver"
     return None if is_main and _tells_apart(name, rows) else "more"
 
@@ -150,10 +158,20 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
     keys = [*what.zip, *what.vary]
     texts = VariedTexts(study.rows, titles_in(keys, data))
     pictures = _pictures(study, keys, texts)
+    contacts, units = _contact_names(study.rows), _labels_of_units(study.rows)
+    quantities = of_result(contacts, units)
+    wanted = look_up(data, "output.charts") or []
+    over_steps = wanted_charts(
+        wanted,
+        _processes(study, keys, texts),
+        ", ".join(texts.titles[key] for key in keys),
+        contacts,
+        units,
+    )
     found = [
         trend
         for axis in axes(what, study.rows, texts.titles)
-        for trend in trends(axis, study.rows, texts)
+        for trend in trends(axis, study.rows, texts, quantities)
     ]
     drawn = [(trend, trend_charts(trend)) for trend in found]
     over: dict[str, list[tuple[Trend, list[Chart]]]] = {}
@@ -166,7 +184,8 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
         varied=[(texts.titles[key], key, _values(texts.all_of(key))) for key in keys],
         rough=sum(_is_rough(row) for row in study.rows),
         side_by_side=len(what.zip) > 1,
-        table=cases(study.rows, keys, pictures, texts),
+        table=cases(study.rows, keys, pictures, texts, quantities),
+        over_steps=over_steps,
         trends=list(over.items()),
         internals=[pair for pair in drawn if pair[0].quantity.of == "solver"],
         rates=any(trend.differences for trend in found),
@@ -175,7 +194,33 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
         parameter_file=study.parameters,
         **_states(study.rows),
     )
-    return html, [chart for _, charts in drawn for chart in charts]
+    return html, [*over_steps, *(chart for _, charts in drawn for chart in charts)]
+
+
+def _contact_names(rows: Sequence[Row]) -> list[str]:
+    """The names of the contacts if the cases have several, by the columns of their table."""
+    found = (re.fullmatch(r"contacts\.([^.]+)\.name", name) for row in rows for name in row)
+    return list(dict.fromkeys(one[1] for one in found if one))
+
+
+def _labels_of_units(rows: Sequence[Row]) -> dict[str, str]:
+    """The labels of units, which are those of all cases."""
+    row: Row = next((row for row in rows if row.get("units.length")), {})
+    return {k.removeprefix("units."): str(row[k]) for k in row if k.startswith("units.")}
+
+
+def _processes(study: StudyResults, keys: Sequence[str], texts: VariedTexts) -> list[Process]:
+    """The steps of each case, with the values that vary."""
+    found = []
+    for row in study.rows:
+        folder = study.case_folder(row)
+        history = None if folder is None else history_in(folder)
+        if history is not None:
+            values = [texts.of(key, row) for key in keys]
+            pairs = zip(keys, values, strict=True)
+            label = ", ".join(f"{texts.titles[key]} = {text}" for key, text in pairs)
+            found.append(Process(history, label, ", ".join(values)))
+    return found
 
 
 def _states(rows: Sequence[Row]) -> dict[str, Any]:

@@ -7,23 +7,21 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from pydantic import ValidationError
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.extras.pictures import style
-from contact_locking.results.quantities import QUANTITIES, Quantity
+from contact_locking.results.quantities import Quantity
 from contact_locking.results.read import Row, number
 from contact_locking.study_file.parameters.study import StudyParameters
 from contact_locking.study_file.parameters.wording import told_apart
 
 from .charts import Chart, chart
+from .curves import Curve, drawing, has_bar, name_curves, plain
 from .words import shown
 
 
@@ -74,20 +72,6 @@ class Axis:
     one_ratio: bool
     title: str
     other_titles: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A quantity over an axis: x ascending and finite, ``limit`` is its value at x = inf.
-
-    ``label`` names the other keys with their values, ``values`` are these values alone.
-    """
-
-    label: str
-    x: FloatArray
-    y: FloatArray
-    limit: float | None = None
-    values: str = ""
 
 
 @dataclass(frozen=True)
@@ -160,8 +144,10 @@ def axes(study: StudyParameters, rows: Sequence[Row], titles: Mapping[str, str])
     return sorted(found, key=lambda axis: not axis.geometric)
 
 
-def trends(axis: Axis, rows: Iterable[Row], texts: VariedTexts) -> list[Trend]:
-    """All quantities that change along an axis, from the converged cases."""
+def trends(
+    axis: Axis, rows: Iterable[Row], texts: VariedTexts, quantities: Mapping[str, Quantity]
+) -> list[Trend]:
+    """Those of the quantities that change along an axis, from the converged cases."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         if row.get("converged") is True:
@@ -172,7 +158,7 @@ def trends(axis: Axis, rows: Iterable[Row], texts: VariedTexts) -> list[Trend]:
         for group in groups
     }
     found = []
-    for quantity in (quantity for quantity in QUANTITIES.values() if quantity.trend):
+    for quantity in (quantity for quantity in quantities.values() if quantity.trend):
         curves = [
             curve
             for group, members in groups.items()
@@ -248,12 +234,7 @@ def _has_one_ratio(values: Sequence[float]) -> bool:
     return bool(np.abs(steps - steps.mean()).max() <= _SAME_RATIO * steps.mean())
 
 
-_COLOURS = (style.BLUE, style.VERMILION, "#009E73", "#CC79A7", style.ORANGE, style.SKY)
-_MARKS = "osD^vP"
-_MOST_NAMED = len(_COLOURS)
 _MOST_TICKS = 6
-# The largest number of values at a bar of colours.
-_MOST_AT_BAR = 12
 # A shorter range has few powers of ten for marks, and values of equal ratio.
 _SHORT = 50.0
 _PLOT, _ROW = 2.5, 0.19
@@ -266,10 +247,10 @@ def trend_charts(trend: Trend) -> list[Chart]:
     about = f"{quantity.name} over the"
     found = []
     if not trend.differences or compared != "zero":
-        rows = 0 if _has_bar(trend) else 1 + sum(bool(curve.label) for curve in trend.curves)
+        rows = 0 if has_bar(trend.curves) else 1 + sum(bool(curve.label) for curve in trend.curves)
         found.append(chart(stem, f"{about} {over}", _PLOT + _ROW * rows, _values, trend))
     if trend.differences:
-        rows = 1 if _has_bar(trend) else 1 + len(trend.differences)
+        rows = 1 if has_bar(trend.curves) else 1 + len(trend.differences)
         about = f"{about} {over}: distance from {compared}"
         found.append(chart(f"{stem}-rate", about, _PLOT + _ROW * rows, _rates, trend))
     return found
@@ -282,14 +263,14 @@ def _values(figure: Figure, trend: Trend) -> None:
     if positive and values.max() > 30.0 * values.min():
         axes.set_yscale("log")
     for curve in trend.curves:
-        drawing = _drawing(trend, curve.label)
-        axes.plot(curve.x, curve.y, label=_plain(curve.label), **drawing)
+        look = drawing(trend.curves, curve.label)
+        axes.plot(curve.x, curve.y, label=plain(curve.label), **look)
         if curve.limit is not None:
-            axes.axhline(curve.limit, color=drawing["color"], lw=1.0, ls=(0, (5, 3)), zorder=0.5)
+            axes.axhline(curve.limit, color=look["color"], lw=1.0, ls=(0, (5, 3)), zorder=0.5)
     if any(curve.limit is not None for curve in trend.curves):
         at = f"at {trend.axis.title} = ∞"
-        axes.plot([], [], color=style.GREY, lw=1.0, ls=(0, (5, 3)), label=_plain(at))
-    _name_curves(figure, trend)
+        axes.plot([], [], color=style.GREY, lw=1.0, ls=(0, (5, 3)), label=plain(at))
+    name_curves(figure, trend.curves, ", ".join(trend.axis.other_titles))
 
 
 def _rates(figure: Figure, trend: Trend) -> None:
@@ -298,24 +279,24 @@ def _rates(figure: Figure, trend: Trend) -> None:
     axes.set_yscale("log")
     rates = []
     for differences in trend.differences:
-        drawing = _drawing(trend, differences.label)
+        look = drawing(trend.curves, differences.label)
         law = differences.power_law()
-        label = _plain(differences.label) or trend.quantity.name
+        label = plain(differences.label) or trend.quantity.name
         if law is None:
-            axes.plot(differences.x, differences.y, label=label, **drawing)
+            axes.plot(differences.x, differences.y, label=label, **look)
             continue
         rate, factor = law
         rates.append(rate)
-        label, drawing = f"{label}: rate {_signed(rate)}", drawing | {"ls": ""}
+        label, look = f"{label}: rate {_signed(rate)}", look | {"ls": ""}
         x, y, reliable = differences.x, differences.y, differences.reliable
-        axes.plot(x[reliable], y[reliable], label=label, **drawing)
-        axes.plot(x[~reliable], y[~reliable], markerfacecolor="none", **drawing)
+        axes.plot(x[reliable], y[reliable], label=label, **look)
+        axes.plot(x[~reliable], y[~reliable], markerfacecolor="none", **look)
         ends = x[reliable][[0, -1]]
-        axes.plot(ends, factor * ends**rate, color=drawing["color"], lw=1.2)
-    if rates and _has_bar(trend):
+        axes.plot(ends, factor * ends**rate, color=look["color"], lw=1.2)
+    if rates and has_bar(trend.curves):
         spread = f"rates {_signed(min(rates))} to {_signed(max(rates))}"
         axes.set_title(f"{len(trend.differences)} curves, {spread}", loc="left", fontsize=8.5)
-    _name_curves(figure, trend)
+    name_curves(figure, trend.curves, ", ".join(trend.axis.other_titles))
 
 
 def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
@@ -328,7 +309,7 @@ def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
             axes.minorticks_off()
     elif len(x) <= _MOST_TICKS:
         axes.set_xticks(x)
-    axes.set_xlabel(_plain(trend.axis.title))
+    axes.set_xlabel(plain(trend.axis.title))
     axes.set_ylabel(label)
     axes.grid(color=style.PALE, lw=0.6)
     axes.set_axisbelow(True)
@@ -338,49 +319,6 @@ def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
 def _label(trend: Trend) -> str:
     unit = trend.quantity.unit
     return trend.quantity.name if unit == "1" else f"{trend.quantity.name} [{unit}]"
-
-
-def _has_bar(trend: Trend) -> bool:
-    """Whether a bar of colours names the curves, which are too many for a legend."""
-    return len(trend.curves) > _MOST_NAMED
-
-
-def _drawing(trend: Trend, label: str) -> dict[str, Any]:
-    """The colour and the mark of a curve, the same in all charts of a trend."""
-    labels = [curve.label for curve in trend.curves]
-    number, count = labels.index(label), len(labels)
-    colour: Any = _scale(count)(number) if _has_bar(trend) else _COLOURS[number]
-    mark = _MARKS[number % len(_MARKS)]
-    return {"color": colour, "lw": 1.4, "marker": mark, "ms": 4.0}
-
-
-def _scale(count: int) -> ListedColormap:
-    return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.93, count)))
-
-
-def _name_curves(figure: Figure, trend: Trend) -> None:
-    """Name every curve in a legend, or many curves by their values at a bar of colours."""
-    axes = figure.axes[0]
-    if not _has_bar(trend):
-        handles, labels = axes.get_legend_handles_labels()
-        named = [(handle, label) for handle, label in zip(handles, labels, strict=True) if label]
-        if named:
-            figure.legend(*zip(*named, strict=True), loc="outside upper left")
-        return
-    count = len(trend.curves)
-    norm = BoundaryNorm(np.arange(count + 1) - 0.5, count)
-    bar = figure.colorbar(ScalarMappable(norm, _scale(count)), ax=axes, pad=0.02)
-    marked = range(0, count, -(-count // _MOST_AT_BAR))
-    values = [_plain(trend.curves[number].values) for number in marked]
-    bar.set_ticks(list(marked), labels=values)
-    bar.minorticks_off()
-    bar.set_label(_plain(", ".join(trend.axis.other_titles)))
-
-
-def _plain(text: str) -> str:
-    """A text without formulas for Matplotlib, short enough for a narrow chart."""
-    short = text if len(text) <= 60 else f"{text[:59]}…"
-    return short.replace("$", r"\$")
 
 
 def _signed(rate: float) -> str:

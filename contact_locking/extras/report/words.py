@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -140,6 +141,8 @@ def title(key: str) -> str:
         return QUANTITIES[key].name
     if key in _TITLES:
         return _TITLES[key]
+    if (of_contact := re.fullmatch(r"contacts\.([^.]+)\.(.+)", key)) is not None:
+        return f"{title(of_contact[2])} on {of_contact[1]}"
     above, _, last = key.rpartition(".")
     if last.isdecimal() and int(last) < len(AXES):
         of = above.removesuffix("_at")

@@ -32,6 +32,7 @@ from contact_locking.results.names import (
     TABLE_CSV,
     TABLE_LINES,
 )
+from contact_locking.results.quantities import by_name
 from contact_locking.results.read import Row, read_mapping
 from contact_locking.study_file import StudyFile
 from contact_locking.study_file.parameters import Parameters
@@ -230,8 +231,9 @@ def write_table(directory: Path, cases: Sequence[Case], outcomes: Sequence[Outco
 def row_of(case: Case, outcome: Outcome) -> Row:
     """The values that vary, the name and state of the case, and its summary under dotted keys.
 
-    Lists of mappings, such as the stages, are left out.  The texts "inf" and "nan" stand for
-    infinity and NaN, which JSON does not have.
+    Lists of mappings go by their names, and those without names, such as the stages, are left out.
+    Contacts are listed if there are several, as the summary has the numbers of one itself.  The
+    texts "inf" and "nan" stand for infinity and NaN, which JSON does not have.
     """
     entry: Row = {key: _plain(value) for key, value in case.values.items()}
     entry |= {"case": case.name, "state": outcome.state}
@@ -253,7 +255,8 @@ def _flat(value: Any, key: str) -> list[tuple[str, Any]]:
         case list() if all(isinstance(item, str) for item in value):
             return [(key, "; ".join(value))]
         case list() if any(isinstance(item, dict) for item in value):
-            return []
+            named = by_name(value)
+            return _flat(named, key) if len(named) > 1 else []
         case list():
             below = [_flat(item, f"{key}.{index}") for index, item in enumerate(value)]
             return [pair for pairs in below for pair in pairs]

@@ -232,6 +232,13 @@ class Parameters(Section):
                     f"'{both[0]}' is in {keys[both[0]]}.on as well; "
                     "Gamma_D and Gamma_C must not overlap",
                 )
+        named = [(place, item.name) for place, item in self._contact_sections() if item.name]
+        for number, (place, name) in enumerate(named):
+            if name in [other for _, other in named[:number]]:
+                yield Fault((*place, "name"), f"'{name}' is the name of another contact")
+        if self.output.charts and self.steps is None:
+            message = "are of the steps of a process, and the file has no steps; leave them out"
+            yield Fault(("output", "charts"), message)
         if self.adapt is not None and self.adapt.by == "bound" and not self.certificate.error_bound:
             yield Fault(
                 ("adapt", "by"),

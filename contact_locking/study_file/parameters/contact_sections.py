@@ -17,6 +17,7 @@ from .values import (
     NonNegative,
     NonNegativeSlipScalar,
     Positive,
+    Text,
     TimedScalar,
     list_or,
 )
@@ -112,8 +113,16 @@ class ContactSection(Section):
     friction: OwnFriction | None = entry(
         None, "friction on this part; what it leaves out is as under friction"
     )
+    name: Text | None = entry(
+        None,
+        "the name of the contact in results, as in contact_force_NAME_x of history.csv; null: the "
+        "first of on",
+    )
 
     def _faults(self) -> Iterator[Fault]:
+        if self.name is not None and (not self.name.strip() or "." in self.name):
+            message = "must be a word without dots, as it is a part of keys such as contacts.NAME"
+            yield Fault(("name",), message)
         if self.foundation is not None and self.gap != 0:
             message = "the foundation defines the gap; give either gap or foundation"
             yield Fault(("gap",), message)
@@ -139,7 +148,7 @@ class ContactSection(Section):
         own = self.friction or OwnFriction()
         friction, against, pair = own.over(common), self.against or (), self.pair or "each_step"
         return ContactParameters(
-            key, self.on, self.gap, self.foundation, friction, own, against, pair
+            key, self.on, self.gap, self.foundation, friction, own, against, pair, self.name or ""
         )
 
 
@@ -150,6 +159,7 @@ class ContactParameters:
     ``key`` is that of its section in the study file: ``contact``, or ``contact.1`` in a list.
     ``own`` holds the keys of friction that the section gives itself.  ``against`` are the parts of
     another body that it touches, empty for a foundation; ``pair`` says when they are paired.
+    ``name`` is empty where the section gives none.
     """
 
     key: str
@@ -160,6 +170,7 @@ class ContactParameters:
     own: OwnFriction
     against: tuple[str, ...] = ()
     pair: Pair = "once"
+    name: str = ""
 
     def friction_key(self, name: str) -> str:
         """Where the study file defines a value of the friction, such as ``smoothing.radius``.

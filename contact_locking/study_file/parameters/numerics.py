@@ -203,6 +203,41 @@ class BranchesParameters(Section):
         return self.over == "friction.coefficient"
 
 
+_MOST_CHARTS = 20
+
+
+class UnitLabels(Section):
+    """What the units of the file are called in terminal, report and charts; nothing is converted.
+
+    Those of stress, area, moment and energy follow from length and force.
+    """
+
+    length: Text = entry(..., "the label of lengths, as mm")
+    force: Text = entry(..., "the label of forces, as N, also in 2D, where results are N/mm")
+    stress: Text | None = entry(None, "the label of stresses, as MPa; null: force/length²")
+    time: Text | None = entry(None, "the label of the time t of steps")
+
+    def labels(self, per_thickness: bool) -> dict[str, str]:
+        """The label of each unit; ``per_thickness`` says that results are those of a plane body."""
+        length, force = self.length, self.force
+        found = {
+            "length": length,
+            "force": f"{force}/{length}" if per_thickness else force,
+            "stress": self.stress or f"{force}/{length}²",
+            "area": length if per_thickness else f"{length}²",
+            "energy": force if per_thickness else f"{force}·{length}",
+            "force · length": force if per_thickness else f"{force}·{length}",
+        }
+        return found if self.time is None else {**found, "time": self.time}
+
+
+class ChartParameters(Section):
+    """A chart of the report: a column of history.csv over another, a curve for each case."""
+
+    x: Text = entry(..., "a column of history.csv, or an expression of columns, as 1.2*t")
+    y: Text = entry(..., "a column of history.csv, or an expression, as -contact_force_top_y")
+
+
 class OutputParameters(Section):
     """The files with the results."""
 
@@ -222,6 +257,10 @@ class OutputParameters(Section):
     )
     probes: tuple[Probe, ...] = entry(
         (), "points where probes.csv has displacement, strain norm and stresses"
+    )
+    units: UnitLabels | None = entry(None, "labels of the units, as {length: mm, force: N}")
+    charts: Annotated[tuple[ChartParameters, ...], Field(max_length=_MOST_CHARTS)] = entry(
+        (), "charts of history.csv in the report, such as {x: motion_top_y, y: contact_force_top_y}"
     )
 
     def _faults(self) -> Iterator[Fault]:
@@ -256,8 +295,9 @@ class AdaptParameters(Section):
 
 
 _MOST_STEPS = 100_000
-# A step may be halved so often, unless the file gives the least step.
-_HALVINGS = 6
+# A step may be halved so often, unless the file gives the least step: less often where a proof
+# says that the body cannot follow the whole step.
+_HALVINGS, _HALVINGS_AT_LIMIT = 6, 3
 
 
 class StepParameters(Section):
@@ -271,8 +311,13 @@ class StepParameters(Section):
     least: Positive | None = entry(
         None,
         "the shortest step: a step that does not converge is halved down to this length; "
-        "null: 1/64 of the step",
+        "null: 1/64 of the step, and 1/8 where a proof says that nothing can follow the step",
         "time",
+    )
+    on_failure: Literal["fail", "stop"] = entry(
+        "fail",
+        "where the least step fails: fail (the state that it reached, exit code 3), or stop (the "
+        "last step that was solved is the result)",
     )
 
     @property
@@ -288,9 +333,10 @@ class StepParameters(Section):
         """The time before the first step: 0, or ``t_1`` if that is earlier."""
         return min(0.0, self.planned[0])
 
-    def least_after(self, length: float) -> float:
+    def least_after(self, length: float, at_limit: bool) -> float:
         """The shortest step that halving may make of a step of the given length."""
-        return length / 2**_HALVINGS if self.least is None else self.least
+        halvings = _HALVINGS_AT_LIMIT if at_limit else _HALVINGS
+        return length / 2**halvings if self.least is None else self.least
 
     def _faults(self) -> Iterator[Fault]:
         if self.times is None:

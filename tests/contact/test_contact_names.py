@@ -1,0 +1,82 @@
+"""Contacts have names, and their forces stand by them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from seal import seal, two_bodies
+
+from contact_locking import Contact, Gap, InputError, solve
+from contact_locking.contact.contact import named
+from contact_locking.results.in_words import rows
+from contact_locking.results.quantities import look_up
+from contact_locking.study_file import from_mapping
+
+
+def test_a_contact_without_a_name_has_that_of_its_first_part_and_no_two_have_the_same() -> None:
+    given = [
+        ("grains", ""),
+        ("grains", "wall"),
+        ("grains", ""),
+        ("a.b", ""),
+        ("grains", "grains_2"),
+    ]
+    found = named([Contact([part], Gap(), name=name) for part, name in given])
+    assert [one.name for one in found] == ["grains", "wall", "grains_3", "a_b", "grains_2"]
+
+
+def test_the_name_of_another_contact_is_refused() -> None:
+    with pytest.raises(InputError) as caught:
+        named(
+            [Contact(["a"], name="x", key="contacts.0"), Contact(["b"], name="x", key="contacts.1")]
+        )
+    assert caught.value.key == "contacts.1"
+    with pytest.raises(InputError) as caught:
+        from_mapping({"contact": [{"on": "bottom", "name": "x"}, {"on": "left", "name": "x"}]})
+    assert str(caught.value).startswith("contact.1.name: ")
+
+
+@pytest.mark.parametrize("name", ["", "a.b"])
+def test_a_name_is_a_part_of_dotted_keys(name: str) -> None:
+    with pytest.raises(InputError) as caught:
+        from_mapping({"contact": {"on": "bottom", "name": name}})
+    assert str(caught.value).startswith("contact.name: ")
+
+
+def test_the_forces_of_two_foundations_stand_by_their_names() -> None:
+    """Plate and groove press against each other, so that their sum says nothing."""
+    kinds = ("contacts.plate", "contacts.1", "contacts.bottom")
+    of = [*(f"{kind}.contact_force.1" for kind in kinds), "contact_force.1"]
+    to = ["material.elasticity.young"]
+    found = solve(seal(sensitivities={"of": of, "to": to}))
+    groove, plate = (found.summary["contacts"][number]["contact_force"][1] for number in (0, 1))
+    rubbed = found.summary["friction_force"][1]
+    assert groove + rubbed == pytest.approx(-plate, rel=1e-5) and plate < -5.0
+    assert look_up(found.summary, of[0]) == plate == look_up(found.summary, of[1])
+    assert found.summary["contact_force"][1] == pytest.approx(plate + groove)
+    row = found.history.rows[-1]
+    assert row["contact_force_plate_y"] == plate and row["contact_force_bottom_y"] == groove
+    np.testing.assert_allclose(found.history.column("motion_plate_y"), [-0.4, -0.8])
+    (force,) = (words for name, words in rows(found.summary) if name == "contact force")
+    assert force.endswith(f"{plate:.4g}) on plate") and f"{groove:.4g}) on bottom" in force
+    one, same, other, total = (
+        found.summary["sensitivities"][name][to[0]]["derivative"] for name in of
+    )
+    assert one == same < 0.0 and total == pytest.approx(one + other, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("on", "against"), [("upper_bottom", "lower_top"), ("lower_top", "upper_bottom")]
+)
+def test_no_sum_counts_the_force_between_two_bodies(on: str, against: str) -> None:
+    """Either side may be on: the sum is the force of the floor, which the support balances."""
+    summary = solve(two_bodies(on, against), MPI.COMM_WORLD).summary
+    floor, between = (
+        np.add(entry["contact_force"], entry["friction_force"]) for entry in summary["contacts"]
+    )
+    assert [entry["name"] for entry in summary["contacts"]] == ["bottom", on]
+    assert summary["contact_force"] == summary["contacts"][0]["contact_force"]
+    assert floor[1] > 5.0
+    assert abs(between[1]) == pytest.approx(floor[1], rel=1e-5)
+    assert floor[1] == pytest.approx(-summary["reactions"]["top"][1], rel=1e-5)
