@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -140,6 +141,11 @@ def raise_callback_error(error: Exception) -> None:
 def is_full(error: OSError) -> bool:
     """Whether the system has no room, on the disk, for the user or in one file."""
     return error.errno in _FULL
+
+
+def tells_of_full_disk(text: str) -> bool:
+    """Whether an error that another process has printed is one of `is_full`."""
+    return any(os.strerror(number) in text for number in _FULL)
 
 
 def not_written(

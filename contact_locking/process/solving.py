@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
@@ -32,6 +33,9 @@ from contact_locking.results.solution import StudySolution
 from contact_locking.study import assembly
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters
+
+# A number of a message, but not the index in a key such as contact.1.gap.
+_NUMBER = re.compile(r"(?<![\w.])-?\d[\d.e+-]*")
 
 
 def solve(
@@ -84,9 +88,13 @@ def solve_steps(
     fingerprint = on_root(comm, lambda: study_file.fingerprint(parameters))
     for warning in problem.warnings:
         monitor.message(f"warning: {warning}")
+    said: set[str] = set()
     for solution in _solutions(problem, monitor, petsc_options, restart, most):
         for warning in solution.summary["warnings"]:
-            monitor.message(f"warning: {warning}")
+            # The steps of a process repeat a warning with other numbers.
+            if (kind := _NUMBER.sub("", warning)) not in said:
+                said.add(kind)
+                monitor.message(f"warning: {warning}")
         if parameters.certificate.limit and solution.converged:
             measured = _distance_to_limit(solution, monitor, petsc_options)
             solution = with_errors(solution, penalty_measured=measured)

@@ -23,24 +23,6 @@ from .dump import dump
 from .schema import rows
 from .source import MAX_BYTES, Source, assign, read, tell
 
-# The symbols of the formulas, which users may take for keys.
-_SYMBOLS = {
-    "M": "material.locking_limit",
-    "E": "material.elasticity.young",
-    "nu": "material.elasticity.poisson",
-    "mu": "friction.coefficient",
-    "f0": "loads.body_force",
-    "g": "contact.gap",
-    "r": "friction.smoothing.radius",
-}
-
-# Keys that users look for and that there are not, with what to do instead.
-_ABSENT = {
-    "periodic": "there are no periodic pairs: mirror planes are rollers in loads.displacements",
-    "spread": "a force is spread evenly: for a rigid plate see contact.foundation.force and tilt",
-}
-
-
 def faults_of(error: ValidationError) -> list[Fault]:
     """The faults with their places in the file; at most some 20 of them."""
     found: list[Fault] = []
@@ -80,11 +62,7 @@ def _message(details: Any, place: tuple[str | int, ...]) -> str:
 
 
 def _elsewhere(name: str) -> str:
-    """The hint at a key of another section with this name, or for this symbol."""
-    if name in _ABSENT:
-        return f" ({_ABSENT[name]})"
-    if name in _SYMBOLS:
-        return f" (did you mean '{_SYMBOLS[name]}'?)"
+    """The hint at a key of another section with this name."""
     # A key in an entry of a list or a mapping is no single key of the file.
     keys = [row.key for row in rows() if "INDEX" not in row.key and "NAME" not in row.key]
     matches = [key for key in keys if key.rpartition(".")[2] == name]
@@ -121,12 +99,16 @@ class StudyFile:
 def load(path: str | Path, overrides: Sequence[str] = ()) -> StudyFile:
     """Read and check a study file, with ``overrides`` such as ``penalty.n=1e6`` applied to it.
 
-    Paths in the file are relative to its folder. Raises InputError with one line for each fault:
+    Paths in the file are relative to its folder; without ``output.directory`` the results go to
+    ``results/`` and the name of the file, in the current folder. Raises InputError with one line for each fault:
     ``FILE:LINE: key: what was given, what is allowed``.
     """
     source = read(path)
     for override in overrides:
         source.set(override)
+    output = source.data.setdefault("output", {})
+    if isinstance(output, dict):
+        output.setdefault("directory", f"results/{Path(path).stem}")
     parameters, faults = _check(source.data, Path(path).parent)
     if parameters is None:
         keyed = [(_key(fault), fault.message) for fault in faults]
@@ -145,11 +127,20 @@ def from_mapping(data: Mapping[str, Any], folder: str | Path = ".") -> Parameter
 
     Raises InputError with one line for each fault: ``key: what was given, what is allowed``.
     """
-    parameters, faults = _check(dict(data), Path(folder))
+    if not isinstance(data, Mapping):
+        raise InputError(f"the study must be a mapping of keys such as mesh and loads, not {show(data)}", "data")
+    parameters, faults = _check(_with_on(data), Path(folder))
     if parameters is None:
         lines = [tell(fault.message, _key(fault)) for fault in faults]
         raise InputError(_listed(lines, _MORE))
     return parameters
+
+
+def _with_on(data: Any) -> Any:
+    """The data with the key on where PyYAML, which reads YAML 1.1, has the key True."""
+    if isinstance(data, Mapping):
+        return {"on" if key is True else key: _with_on(value) for key, value in data.items()}
+    return [_with_on(value) for value in data] if isinstance(data, list | tuple) else data
 
 
 def _key(fault: Fault) -> str:

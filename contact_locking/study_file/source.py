@@ -237,8 +237,11 @@ class _Reader:
                 self.refuse("a key must be a name", line)
             if name_node.tag == f"{_TAG}merge":
                 self.refuse("merging (<<) is not supported; write it out", line)
-            # The name as it is written, also if it looks like a number or a truth value.
+            # The name as it is written, also if it looks like a number; but programs of YAML 1.1,
+            # such as PyYAML, write true for the key on.
             name = self.text(name_node, line)
+            if name_node.tag == f"{_TAG}bool" and name.lower() == "true":
+                name = "on"
             below = f"{key}.{name}" if key else name
             if name in entries:
                 self.refuse(f"{below}: is given twice", line)
