@@ -10,6 +10,7 @@ import errno
 import os
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import UnionType
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -173,6 +174,12 @@ def explained(
         raise  # The reader of the output has gone; no file is concerned.
     except OSError as error:
         raise not_written(what, error, place, key, more) from error
+
+
+def require_kind(value: object, kind: type[Any] | UnionType, wanted: str, key: str) -> None:
+    """Raise InputError for a ``value`` of another kind than the one in words, ``wanted``."""
+    if not isinstance(value, kind):
+        raise InputError(f"must be {wanted}, not {type(value).__name__}", key)
 
 
 def with_key(key: str, work: Callable[[], T]) -> T:

@@ -109,7 +109,9 @@ class LastingOutput(io.FileIO):
             raise
         except OSError as error:
             self.refused = True
-            complain(f"error: standard output cannot be written to: {error.strerror}; it is left out")
+            complain(
+                f"error: standard output cannot be written to: {error.strerror}; it is left out"
+            )
             os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
             return memoryview(data).nbytes
 

@@ -30,6 +30,7 @@ from contact_locking.study.contacts import contact_of, friction_warnings
 from contact_locking.study.loads import build_loads, springs_of
 from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.probe_points import locate
+from contact_locking.study_file import require_parameters
 from contact_locking.study_file.named_numbers import resolved
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.base import BodyKind, dimension_faults, dotted
@@ -149,6 +150,7 @@ def assemble(
     ``domain`` replaces the mesh of the study and ``element`` its element, if given.  Raises
     InputError for data that do not fit the mesh or the element.
     """
+    require_parameters(parameters)
     domain = domain or mesh_of(parameters, comm)
     if parameters.mesh.axisymmetric:
         domain = half_section(domain)

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from contact_locking.errors import InputError
+from contact_locking.errors import InputError, require_kind
 from contact_locking.plain_text import nearest
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.base import MOST_FAULTS, Fault, FaultsError
@@ -22,6 +22,7 @@ from contact_locking.study_file.parameters.wording import labels, show, unknown_
 from .dump import dump
 from .schema import rows
 from .source import MAX_BYTES, Source, assign, read, tell
+
 
 def faults_of(error: ValidationError) -> list[Fault]:
     """The faults with their places in the file; at most some 20 of them."""
@@ -100,15 +101,12 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> StudyFile:
     """Read and check a study file, with ``overrides`` such as ``penalty.n=1e6`` applied to it.
 
     Paths in the file are relative to its folder; without ``output.directory`` the results go to
-    ``results/`` and the name of the file, in the current folder. Raises InputError with one line for each fault:
-    ``FILE:LINE: key: what was given, what is allowed``.
+    ``results/`` and the name of the file, in the current folder. Raises InputError with one line
+    for each fault: ``FILE:LINE: key: what was given, what is allowed``.
     """
     source = read(path)
     for override in overrides:
         source.set(override)
-    output = source.data.setdefault("output", {})
-    if isinstance(output, dict):
-        output.setdefault("directory", f"results/{Path(path).stem}")
     parameters, faults = _check(source.data, Path(path).parent)
     if parameters is None:
         keyed = [(_key(fault), fault.message) for fault in faults]
@@ -119,7 +117,15 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> StudyFile:
     if size > _SHORT and len(dump(parameters)) > MAX_BYTES:
         what = f"with every default written out, is larger than {MAX_BYTES // 1000} kB"
         raise InputError(source.explain(what, ""))
+    if "directory" not in parameters.output.model_fields_set:
+        output = parameters.output.model_copy(update={"directory": f"results/{Path(path).stem}"})
+        parameters = parameters.model_copy(update={"output": output})
     return StudyFile(parameters, source)
+
+
+def require_parameters(given: object) -> None:
+    """Raise InputError for what are no parameters of a study, such as the name of its file."""
+    require_kind(given, Parameters, "parameters, as load('study.yml').parameters", "parameters")
 
 
 def from_mapping(data: Mapping[str, Any], folder: str | Path = ".") -> Parameters:
@@ -127,8 +133,7 @@ def from_mapping(data: Mapping[str, Any], folder: str | Path = ".") -> Parameter
 
     Raises InputError with one line for each fault: ``key: what was given, what is allowed``.
     """
-    if not isinstance(data, Mapping):
-        raise InputError(f"the study must be a mapping of keys such as mesh and loads, not {show(data)}", "data")
+    require_kind(data, Mapping, "a mapping of keys such as mesh and loads", "data")
     parameters, faults = _check(_with_on(data), Path(folder))
     if parameters is None:
         lines = [tell(fault.message, _key(fault)) for fault in faults]

@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from contact_locking import study_file
 from contact_locking.command import cli
+from contact_locking.monitor import Monitor
 from contact_locking.process import solving
 from contact_locking.study.assembly import assemble
 
@@ -109,3 +110,32 @@ def test_radius_not_above_the_mesh_size_is_a_warning_only(
     assert cli.main(["check", str(file), "--set", f"output.directory={tmp_path}/out"]) == 0
     warning = capsys.readouterr().err
     assert "friction.smoothing.radius" in warning and "on bottom, so R hardly smooths" in warning
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_foundation_at_right_angles_to_the_contact_is_warned_of_unless_it_moves(
+    moves: bool, tmp_path: Path
+) -> None:
+    foundation = {"expression": "x + 1"} | ({"motion": [0, 0]} if moves else {})
+    found = _warnings(tmp_path, {"contact": {"on": "bottom", "foundation": foundation}})
+    told = [text for text in found if "at right angles" in text]
+    assert len(told) == (0 if moves else 1)
+    assert all(text.startswith("contact.foundation.expression: ") for text in told)
+
+
+def test_steps_repeat_no_warning_with_other_numbers(tmp_path: Path) -> None:
+    said: list[str] = []
+
+    class Listener(Monitor):
+        def message(self, text: str) -> None:
+            said.append(text)
+
+    changes = {
+        "mesh.h": 0.25,
+        "loads.tractions": [{"on": "top", "value": [0, "-5e8*t"]}],
+        "steps": {"to": 1, "count": 3},
+    }
+    parameters = study_file.load(changed(tmp_path, changes)).parameters
+    last = solving.solve(parameters, MPI.COMM_WORLD, Listener())
+    kinds = [text.partition(" it reaches")[0] for text in said if text.startswith("warning")]
+    assert last.summary["warnings"] and len(kinds) == len(set(kinds))

@@ -1,8 +1,8 @@
 """Stands for the program in tests of studies: writes a summary without solving anything.
 
 What it does follows from penalty.n: 3 does not converge, 2 is bad input, 9 is killed, 5 crashes, 6
-too, as PETSc tells it, 1 is a defect, 7 leaves nothing, 8 finds the disk full.  Each call leaves a line in the file
-FAKE_LOG; FAKE_SECONDS is how long it takes.
+too, as PETSc tells it, 1 is a defect, 7 leaves nothing, 8 finds the disk full.
+Each call leaves a line in the file FAKE_LOG; FAKE_SECONDS is how long it takes.
 """
 
 from __future__ import annotations
