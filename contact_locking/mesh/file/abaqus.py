@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import chain, takewhile
@@ -31,8 +31,8 @@ _FACES = {
     ),
 }
 _SIDE = re.compile(r"[SE]([1-6])")
-# Cards that make nodes or elements out of others, and options that turn coordinates.
-_GENERATORS = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SUBMODEL")
+# Cards that make nodes or elements out of others.
+_GENERATORS = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY")
 _DEEPEST = 10
 
 # The names of sets are those of an instance, or of the whole deck.
@@ -90,15 +90,15 @@ def _cards(path: Path, depth: int = 0) -> Iterator[Card]:
     except UnicodeDecodeError:
         text = raw.decode("latin-1")
     card: Card | None = None
-    lines = iter(text.splitlines())
+    lines = map(str.strip, text.splitlines())
     for line in lines:
-        if line.startswith("**") or not line.strip():
+        if line.startswith("**") or not line:
             continue
         if not line.startswith("*"):
             if card is not None:
                 card.lines.append(line)
             continue
-        while line.rstrip().endswith(","):
+        while line.endswith(","):
             line += next(lines, "")
         if card is not None:
             yield card
@@ -156,12 +156,28 @@ def _placed(cards: Iterable[Card]) -> list[tuple[_Instance, Card]]:
     return found
 
 
+def _elements(card: Card, size: int) -> list[list[int]]:
+    """Number and nodes of each element, on one line or several; CalculiX writes more nodes."""
+    found: list[list[int]] = []
+    row: list[int] = []
+    for entries in card.rows:
+        row += [int(entry) for entry in entries if entry]
+        if len(row) >= size:
+            found.append(row[:size])
+            row = []
+    if row or not found:
+        raise ValueError(f"an element of the type {card.options['TYPE']} takes {size - 1} nodes")
+    return found
+
+
 class _Deck:
     """What the cards have told so far; nodes and elements are numbered in their order."""
 
     def __init__(self) -> None:
         self._points: list[FloatArray] = []
         self._count = 0
+        # The nodes that were told of in the whole deck, and in each instance.
+        self._size_of: Counter[str] = Counter()
         self._nodes: dict[str, dict[int, int]] = defaultdict(dict)
         self._elements: dict[str, dict[int, int]] = defaultdict(dict)
         self._blocks: list[Block] = []
@@ -199,6 +215,7 @@ class _Deck:
         places = range(self._count, self._count + len(numbers))
         self._nodes[instance.name.upper()].update(zip(numbers, places, strict=True))
         self._count += len(numbers)
+        self._size_of[self._name(instance, "")[0]] += len(numbers)
         if "NSET" in card.options:
             name = self._name(instance, card.options["NSET"])
             self._of_nodes.add(name)
@@ -214,7 +231,7 @@ class _Deck:
         numbers: list[int] = []
         first = sum(len(block.nodes) for block in self._blocks)
         if (dim, count) in KINDS:
-            rows = np.array([int(entry) for entry in card.entries]).reshape(-1, count + 1)
+            rows = np.array(_elements(card, count + 1))
             nodes, numbers = self._nodes[instance.name.upper()], rows[:, 0].tolist()
             try:
                 found = np.array([nodes[number] for number in rows[:, 1:].ravel().tolist()])
@@ -223,7 +240,7 @@ class _Deck:
             self._blocks.append(Block(kind, dim, found.reshape(-1, count)))
         else:
             # A line that ends with a comma goes on.
-            ends = sum(not line.rstrip().endswith(",") for line in card.lines)
+            ends = sum(not line.endswith(",") for line in card.lines)
             self._mesh.left_out[kind] += ends
         places = range(first, first + len(numbers))
         self._elements[instance.name.upper()].update(zip(numbers, places, strict=True))
@@ -312,7 +329,7 @@ class _Deck:
         ):
             for name, members in sets.items():
                 # The set of all nodes, which every preprocessor writes, is no part of the boundary.
-                is_whole = name in self._of_nodes and len(members) == self._count
+                is_whole = name in self._of_nodes and len(members) == self._size_of[name[0]]
                 if name not in self._internal and not is_whole:
                     found[self._shown(name, sets)] = np.unique(np.array(members, dtype=np.int64))
         for name, facets in self._facets.items():
