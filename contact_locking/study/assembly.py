@@ -32,7 +32,7 @@ from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.probe_points import locate
 from contact_locking.study_file import require_parameters
 from contact_locking.study_file.named_numbers import resolved
-from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters import HOLD_ALONG, Parameters
 from contact_locking.study_file.parameters.base import BodyKind, dimension_faults, dotted
 from contact_locking.study_file.parameters.boundary import LoadParameters
 from contact_locking.study_file.parameters.mesh import BoundaryPart, MeshParameters
@@ -211,7 +211,7 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
         if domain.comm.allreduce(both):
             raise InputError(
                 "Gamma_C and Gamma_D overlap: contact and a displacement condition share facets of "
-                f"{', '.join(map(repr, condition.on))}",
+                f"{', '.join(map(repr, condition.on))}; {HOLD_ALONG}",
                 key,
             )
 

@@ -139,8 +139,8 @@ def _placed(cards: Iterable[Card]) -> list[tuple[_Instance, Card]]:
     stream = iter(cards)
     for card in stream:
         if card.keyword == "PART":
-            inside = takewhile(lambda one: one.keyword != "END PART", stream)
-            parts[card.options["NAME"].upper()] = list(inside)
+            of_part = takewhile(lambda one: one.keyword != "END PART", stream)
+            parts[card.options["NAME"].upper()] = list(of_part)
         elif card.keyword == "INSTANCE":
             own = takewhile(lambda one: one.keyword != "END INSTANCE", stream)
             part = card.options.get("PART", "").upper()
@@ -231,13 +231,13 @@ class _Deck:
         numbers: list[int] = []
         first = sum(len(block.nodes) for block in self._blocks)
         if (dim, count) in KINDS:
-            rows = np.array(_elements(card, count + 1))
-            nodes, numbers = self._nodes[instance.name.upper()], rows[:, 0].tolist()
+            rows = _elements(card, count + 1)
+            nodes, numbers = self._nodes[instance.name.upper()], [row[0] for row in rows]
             try:
-                found = np.array([nodes[number] for number in rows[:, 1:].ravel().tolist()])
+                found = np.array([[nodes[number] for number in row[1:]] for row in rows])
             except KeyError as error:
                 raise ValueError(f"node {error} of an element is not there") from None
-            self._blocks.append(Block(kind, dim, found.reshape(-1, count)))
+            self._blocks.append(Block(kind, dim, found))
         else:
             # A line that ends with a comma goes on.
             ends = sum(not line.endswith(",") for line in card.lines)

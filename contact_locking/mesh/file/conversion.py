@@ -6,7 +6,7 @@ Sets of cells become regions; sets of nodes, surfaces and sets of facets parts o
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -119,11 +119,11 @@ def _parts(
     mesh: ForeignMesh, facets: IntArray, kind: CellKind
 ) -> tuple[dict[str, IntArray], list[str]]:
     """The facets of each part of the boundary, and the names of those that have none."""
-    place = {tuple(sorted(row)): number for number, row in enumerate(facets.tolist())}
+    place = {key: number for number, key in enumerate(_keys(facets))}
 
     def on_boundary(found: Iterable[IntArray]) -> list[int]:
-        rows = (row for some in found if some.shape[1] == kind.corners for row in some.tolist())
-        return sorted({place[key] for row in rows if (key := tuple(sorted(row))) in place})
+        keys = {key for some in found if some.shape[1] == kind.corners for key in _keys(some)}
+        return sorted(place[key] for key in keys if key in place)
 
     parts: dict[str, IntArray] = {}
     empty: list[str] = []
@@ -153,6 +153,11 @@ def _parts(
     return parts, empty
 
 
+def _keys(facets: IntArray) -> list[tuple[int, ...]]:
+    """The corners of each facet (f, c), in an order that does not depend on the cell."""
+    return [tuple(map(int, row)) for row in np.sort(facets, axis=1)]
+
+
 def _write(
     target: Path,
     mesh: ForeignMesh,
@@ -172,18 +177,26 @@ def _write(
         rows.append((kind.facet.gmsh, np.full(len(facets), number), facets))
     count = 0
     with explained(f"cannot write {target}", target), staging(target.parent) as folder:
-        with (folder / "mesh.msh").open("w", encoding="utf-8") as file:
-            file.write(f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n{len(groups)}\n")
-            for dim, number, name in groups:
-                file.write(f'{dim} {number} "{name.replace(chr(34), chr(39))}"\n')
-            file.write(f"$EndPhysicalNames\n$Nodes\n{len(space)}\n")
+        with (folder / "mesh.msh").open("wb") as file:
+            file.write(_head(groups, len(space)))
             numbered = np.column_stack([np.arange(1, len(space) + 1), space])
             np.savetxt(file, numbered, fmt=["%d", *["%.17g"] * 3])
-            file.write(f"$EndNodes\n$Elements\n{sum(len(found) for *_, found in rows)}\n")
+            total = sum(len(found) for *_, found in rows)
+            file.write(f"$EndNodes\n$Elements\n{total}\n".encode())
             for number, tags, found in rows:
                 ids = np.arange(count + 1, count + len(found) + 1)
                 kinds, two = np.full(len(found), number), np.full(len(found), 2)
                 np.savetxt(file, np.column_stack([ids, kinds, two, tags, tags, place[found]]), "%d")
                 count += len(found)
-            file.write("$EndElements\n")
+            file.write(b"$EndElements\n")
         (folder / "mesh.msh").replace(target)
+
+
+def _head(groups: Sequence[tuple[int, int, str]], nodes: int) -> bytes:
+    """A file of Gmsh's format 2.2 up to its nodes."""
+    names = [f'{dim} {number} "{name.replace(chr(34), chr(39))}"' for dim, number, name in groups]
+    lines = [
+        *("$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", str(len(groups)), *names),
+        *("$EndPhysicalNames", "$Nodes", str(nodes), ""),
+    ]
+    return "\n".join(lines).encode()
