@@ -8,7 +8,7 @@ RUN apt-get update \
         | DEBIAN_FRONTEND=noninteractive xargs apt-get install -y --no-install-recommends \
     && rm -rf /var/lib/apt/lists/* /tmp/debian-packages.txt
 
-# One thread per MPI rank, more ranks than cores allowed, ranks on one machine. HOME is where compiled forms are kept: open to any user, as
+# One thread per MPI rank, more ranks than cores allowed, ranks on one machine that yield the core while they wait. HOME is where compiled forms are kept: open to any user, as
 # docker run --user may be given one that the image does not know.
 ENV LC_ALL=C.UTF-8 \
     HOME=/home/solver \
@@ -16,6 +16,7 @@ ENV LC_ALL=C.UTF-8 \
     OMPI_ALLOW_RUN_AS_ROOT=1 \
     OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 \
     OMPI_MCA_btl=self,sm \
+    OMPI_MCA_mpi_yield_when_idle=1 \
     PRTE_MCA_rmaps_default_mapping_policy=:oversubscribe
 RUN useradd --create-home --home-dir /home/solver solver && chmod 1777 /home/solver
 

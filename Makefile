@@ -4,9 +4,8 @@ RANKS = 2
 # So many tests on one rank go on at a time, the tests of one file after each other.
 WORKERS = 2
 SEVERAL = -n $(WORKERS) --dist loadfile
-# The time limit ends a deadlock.  Open MPI's ranks wait by spinning, which takes several times as long
-# where other programs need the cores as well.
-PARALLEL = env OMPI_MCA_mpi_yield_when_idle=1 timeout --kill-after=30 3600 mpirun -n $(RANKS)
+# The time limit ends a deadlock.
+PARALLEL = timeout --kill-after=30 3600 mpirun -n $(RANKS)
 
 # $(call optional,TOOL,COMMANDS): a Python of the user's own need not have the tool.
 optional = ./in-env sh -c 'if command -v $(1) >/dev/null; then $(2); \

@@ -32,7 +32,9 @@ if TYPE_CHECKING:
     from contact_locking.contact.coulomb import Coulomb as Coulomb
     from contact_locking.contact.coulomb import FrictionBound as FrictionBound
     from contact_locking.contact.coulomb import Helmholtz as Helmholtz
+    from contact_locking.contact.coulomb import Kernel as Kernel
     from contact_locking.contact.coulomb import Local as Local
+    from contact_locking.contact.smoothing import Smoothing as Smoothing
     from contact_locking.contact_problem import ContactProblem as ContactProblem
     from contact_locking.errors import ContactLockingError as ContactLockingError
     from contact_locking.errors import InputError as InputError
@@ -74,7 +76,8 @@ if TYPE_CHECKING:
 _NAMES = {
     "certificate.verdict": "Extras",
     "contact.contact": "Contact Force FoundationSpring Gap Motion Tilt",
-    "contact.coulomb": "Convolution Coulomb FrictionBound Helmholtz Local",
+    "contact.coulomb": "Convolution Coulomb FrictionBound Helmholtz Kernel Local",
+    "contact.smoothing": "Smoothing",
     "contact_problem": "ContactProblem",
     "errors": "ContactLockingError InputError NotConverged",
     "laws.faceted": "Polyline TriangulatedSurface",

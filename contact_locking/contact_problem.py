@@ -20,7 +20,7 @@ from contact_locking.arrays import values_at
 from contact_locking.certificate import Extras, certify
 from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
-from contact_locking.errors import InputError
+from contact_locking.errors import InputError, require_kind
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.domain import Domain
@@ -92,9 +92,9 @@ class ContactProblem:
         settings: Settings | None = None,
         monitor: Monitor | None = None,
     ) -> None:
-        _check(a, L, n, compliance)
+        _check(a, L, n, compliance, settings)
         _check_lists(bcs=bcs, limits=limits, contacts=contacts)
-        space = space or _space_of(a, L)
+        space = _space_of(a, L, space)
         if axisymmetric and not isinstance(a, Elasticity):
             raise InputError("must be an Elasticity for an axisymmetric body", "a")
         if limits_of not in ("total", "elastic"):
@@ -134,6 +134,7 @@ class ContactProblem:
         self._discrete = DiscreteProblem(body, placed, n, compliance)
         self._check_friction()
         self._solver = ProblemSolver(self._discrete, settings or Settings(), monitor)
+        self._is_closed = False
 
     @property
     def displacement(self) -> fem.Function:
@@ -229,10 +230,14 @@ class ContactProblem:
         return solution_of(state, judged, derivatives)
 
     def _solve(self, after: Solution | None, begin: Solution | None) -> SolverReport:
+        for key, item in (("after", after), ("start", begin)):
+            require_kind(item, Solution | None, "a solution of this problem", key)
         self._begin(after)
         return self._solver.solve(None if begin is None else begin.state.saved)
 
     def _begin(self, after: Solution | None) -> None:
+        if self._is_closed:
+            raise InputError("the problem is closed; solve before close(), or make another one")
         problem = self._discrete
         problem.enter(problem.at_rest() if after is None else after.state.contacts)
         problem.refresh()
@@ -251,7 +256,8 @@ class ContactProblem:
             contact_checks.check_friction(contact)
 
     def close(self) -> None:
-        """Destroy the PETSc objects."""
+        """Destroy the PETSc objects, after the last solve."""
+        self._is_closed = True
         self._solver.close()
         self._discrete.close()
 
@@ -260,37 +266,44 @@ def _in_script(solution: Solution) -> Solution:
     return solution.telling(**in_script(solution.summary))
 
 
-def _check(a: Any, L: Any, n: Any, compliance: float | None) -> None:
-    is_form = isinstance(a, ufl.Form)
-    if not (is_form or isinstance(a, Elasticity)):
-        wanted = "a form, such as inner(sigma(u), eps(v))*dx, or an Elasticity"
-        raise InputError(f"must be {wanted}, not {type(a).__name__}", "a")
+def _check(a: Any, L: Any, n: Any, compliance: float | None, settings: Any) -> None:
+    wanted = "a form, such as inner(sigma(u), eps(v))*dx, or an Elasticity"
+    require_kind(a, ufl.Form | Elasticity, wanted, "a")
     if L is not None and not (isinstance(L, ufl.Form) and len(L.arguments()) == 1):
         raise InputError("must be a linear form, with a test function alone: inner(f, v)*dx", "L")
-    if not isinstance(n, Real):
-        raise InputError(f"must be a number or infinity, not {type(n).__name__}", "n")
+    require_kind(n, Real, "a number or infinity", "n")
     if not float(n) > 0.0:
         raise InputError(f"must be > 0, not {n}", "n")
     if compliance is not None and not compliance >= 0.0:
         raise InputError(f"must be >= 0, not {compliance}", "compliance")
+    require_kind(settings, Settings | None, "Settings, as Settings(tolerance=1e-9)", "settings")
 
 
 def _check_lists(**lists: Any) -> None:
     for key, items in lists.items():
-        if not isinstance(items, Sequence):
-            raise InputError(f"must be a list, not {type(items).__name__}", key)
+        require_kind(items, Sequence, "a list", key)
     for item in lists["limits"]:
         if not callable(getattr(item, "on", None)):
             wanted = "limits of the strain, such as StrainBall(0.02)"
             raise InputError(f"must be {wanted}, not {type(item).__name__}", "limits")
 
 
-def _space_of(a: ufl.Form | Elasticity, L: ufl.Form | None) -> fem.FunctionSpace:
-    """The space of the arguments of a form."""
-    for form in (a, L):
-        if isinstance(form, ufl.Form):
-            return form.arguments()[0].ufl_function_space()
-    raise InputError("needs the space of displacements: give L, a form for a, or space", "space")
+def _space_of(
+    a: ufl.Form | Elasticity, L: ufl.Form | None, given: fem.FunctionSpace | None
+) -> fem.FunctionSpace:
+    """The space of the arguments of a form, or the one that is given, on the same mesh."""
+    forms = {key: form for key, form in (("a", a), ("L", L)) if isinstance(form, ufl.Form)}
+    spaces = {key: form.arguments()[0].ufl_function_space() for key, form in forms.items()}
+    if given is None and not spaces:
+        raise InputError(
+            "needs the space of displacements: give L, a form for a, or space", "space"
+        )
+    for key, space in spaces.items():
+        if given is not None and space.mesh is not given.mesh:
+            raise InputError(
+                f"is on another mesh than {key}; give a space on the same one", "space"
+            )
+    return given or next(iter(spaces.values()))
 
 
 def _element_of(space: fem.FunctionSpace, limit_at: str | None, axisymmetric: bool) -> Element:

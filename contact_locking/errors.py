@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import UnionType
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -142,6 +144,11 @@ def is_full(error: OSError) -> bool:
     return error.errno in _FULL
 
 
+def tells_of_full_disk(text: str) -> bool:
+    """Whether an error that another process has printed is one of `is_full`."""
+    return any(os.strerror(number) in text for number in _FULL)
+
+
 def not_written(
     what: str, error: OSError, place: str | Path, key: str | None = None, more: str = ""
 ) -> ContactLockingError:
@@ -167,6 +174,12 @@ def explained(
         raise  # The reader of the output has gone; no file is concerned.
     except OSError as error:
         raise not_written(what, error, place, key, more) from error
+
+
+def require_kind(value: object, kind: type[Any] | UnionType, wanted: str, key: str) -> None:
+    """Raise InputError for a ``value`` of another kind than the one in words, ``wanted``."""
+    if not isinstance(value, kind):
+        raise InputError(f"must be {wanted}, not {type(value).__name__}", key)
 
 
 def with_key(key: str, work: Callable[[], T]) -> T:

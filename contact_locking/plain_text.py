@@ -10,6 +10,8 @@ from collections.abc import Iterable
 # A spreadsheet takes these for formulas, which can start programs; -2*x and the like are texts.
 _FORMULA = re.compile(r"[=@\t\r]|[-+].*[|!]", re.DOTALL)
 
+_ROUNDING = 1e-9
+
 
 def printable(text: str, keep: str = "\n") -> str:
     """The text with escapes for control characters and characters that a terminal does not show.
@@ -42,6 +44,13 @@ def per_cent(share: float) -> str:
     if abs(value) < 0.01:
         return f"{value:.0e} %"
     return f"{value:.2g} %" if abs(value) < 1.0 else f"{value:.1f} %".replace(".0 %", " %")
+
+
+def coordinates(point: Iterable[float]) -> str:
+    """The coordinates of a point, ``14, 0``; those that are rounding beside the others are 0."""
+    found = [float(x) for x in point]
+    rounding = _ROUNDING * max(map(abs, found), default=0.0)
+    return ", ".join(f"{0.0 if abs(x) <= rounding else x:.3g}" for x in found)
 
 
 def duration(seconds: float) -> str:

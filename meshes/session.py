@@ -102,7 +102,7 @@ def write(
 
     target = Path(path)
     if target.suffix != ".msh":
-        raise ValueError(f"path: the name of a Gmsh file ends in .msh, {target.name} does not")
+        raise ValueError(f"the name of a Gmsh file ends in .msh, {target.name} does not")
     with staging(target.parent) as folder:
         unfinished = folder / target.name
         unfinished.touch()

@@ -215,8 +215,10 @@ def test_the_guide_to_laws_caps_friction() -> None:
         assert points.bound.min() < strength
 
 
-def test_the_guide_to_laws_states_constants() -> None:
-    exec(blocks("docs/guides/law.md", "python")[0], {})
+def test_the_guide_to_laws_states_constants_and_smooths_by_a_mean() -> None:
+    names: dict[str, object] = {}
+    exec(blocks("docs/guides/law.md", "python")[0], names)
+    exec(blocks("docs/guides/law.md", "python")[1], names)
 
 
 @pytest.mark.parametrize("number", range(5))

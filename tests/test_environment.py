@@ -277,3 +277,13 @@ def wait_for(condition: Callable[[], bool]) -> None:
     while not condition():
         assert time.monotonic() < end, "timed out"
         time.sleep(0.02)
+
+
+def test_ranks_that_wait_yield_their_core() -> None:
+    name = "OMPI_MCA_mpi_yield_when_idle"
+    variables = {key: value for key, value in os.environ.items() if key != name}
+    told = subprocess.run(
+        [CHECKOUT / "in-env", "printenv", name], env=variables, capture_output=True, timeout=60
+    )
+    assert told.stdout == b"1\n"
+    assert f"{name}=1" in (CHECKOUT / "Dockerfile").read_text()

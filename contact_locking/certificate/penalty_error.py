@@ -10,11 +10,7 @@ from dolfinx import fem
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import Lifting, NotApplicable, require_still_foundations
 from contact_locking.certificate.solved_state import PrincipalAtPoints, SetAtPoints, SolvedState
-from contact_locking.fem import compiled
-from contact_locking.laws.convex import squared_norm
-from contact_locking.parallel import maximum, minimum, on_every_rank
-from contact_locking.problem import forms
-from contact_locking.problem.forms import ProblemData
+from contact_locking.parallel import maximum, minimum
 
 # The rounding in w_nu - gap after the penetration is subtracted, relative to the body.
 _ROUNDING = 1e-10
@@ -50,35 +46,6 @@ def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
         "energy_norm": found,
         "relative": state.relative(found),
         "displacement_norm": found / float(np.sqrt(state.problem.material.ellipticity)),
-    }
-
-
-def distance(u: fem.Function, other: fem.Function, data: ProblemData) -> dict[str, float]:
-    """The distance of two displacements on one mesh; collective.
-
-    Returns ``energy_norm`` and ``displacement_norm`` of the difference, and ``relative``, the
-    energy norm of the difference over the energy norm of u.  Raises ValueError if the meshes differ
-    or have different distributions.
-    """
-    mesh = u.function_space.mesh
-    comm = mesh.comm
-    here, there = mesh.geometry.x, other.function_space.mesh.geometry.x
-    if not on_every_rank(comm, np.array_equal(here, there)):
-        raise ValueError("the two displacements do not live on the same mesh")
-    difference = fem.Function(u.function_space)
-    difference.x.array[:] = u.x.array - other.x.array
-
-    def total(form: Any) -> float:
-        return float(np.sqrt(comm.allreduce(fem.assemble_scalar(compiled.form(form)))))
-
-    energy = total(forms.elastic_form(difference, difference, data))
-    size = total(forms.elastic_form(u, u, data))
-    return {
-        "energy_norm": energy,
-        "relative": energy / size if size > 0.0 else energy,
-        "displacement_norm": total(
-            squared_norm(data.strain(difference)) * data.element.elastic_dx(data.dx)
-        ),
     }
 
 

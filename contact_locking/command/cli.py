@@ -178,6 +178,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     ``argv`` are the words after the program's name, those it was started with by default.
     """
     words = list(sys.argv[1:] if argv is None else argv)
+    output = terminal.lasting_output() if argv is None else None
     arguments = argparse.Namespace()
     try:
         arguments = parse(words)
@@ -203,6 +204,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             return terminal.abort(UNEXPECTED, text, error)
         return terminal.abort(UNEXPECTED, f"{text}\n{hint}")
     terminal.leave_together()
+    if output is not None and output.refused and code == 0:
+        code = UNEXPECTED
     if argv is None:
         # The interpreter would look for garbage among all objects before it frees them.
         gc.freeze()

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from contact_locking.study_file.parameters import Parameters
 
 CONVERGED, NOT_CONVERGED = 0, 3
+# Gmsh takes some seconds for more cells.
+_MANY_CELLS = 50_000
 
 
 def new(arguments: argparse.Namespace) -> int:
@@ -227,6 +229,9 @@ def check(arguments: argparse.Namespace) -> int:
             from contact_locking.process.sensitivities import require_known
 
             judged.append(require_known)
+        cells = getattr(parameters.mesh.geometry, "estimated_cells", lambda: 0.0)()
+        if comm.rank == 0 and cells > _MANY_CELLS:
+            print(f"meshing, about {cells:.0e} cells", flush=True)
         facts = assembly.check(parameters, comm, *judged)
         facts = forecast.completed(facts, parameters, comm)
     for warning in facts.pop("warnings"):
@@ -265,15 +270,26 @@ def mesh(arguments: argparse.Namespace) -> int:
 def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
     """Write the mesh to ``place``, and return the warnings about it."""
     from contact_locking.mesh.file import conversion
-    from contact_locking.mesh.file.xdmf_grids import is_xdmf
+    from contact_locking.mesh.file.xdmf_grids import data_file, is_xdmf
+
+    def require_new() -> None:
+        for path in (place, *([data_file(place)] if is_xdmf(place) else [])):
+            if path.exists() or path.is_symlink():
+                raise InputError(f"{path}: there is a file already; -o FILE names another one")
 
     if arguments.file.suffix.lower() in conversion.ENDINGS:
-        return conversion.convert(arguments.file, place) if terminal.is_root() else ()
+        if not terminal.is_root():
+            return ()
+        require_new()
+        return conversion.convert(arguments.file, place)
     study = _load(arguments.file, arguments.set)
     if is_xdmf(place):
         comm = world_with_dolfinx(arguments)
         from contact_locking.mesh import xdmf_mesh
+        from contact_locking.parallel import on_root
         from contact_locking.study import assembly
+
+        on_root(comm, require_new)
 
         with _explained(study):
             domain = assembly.mesh_of(study.parameters, comm)
@@ -286,6 +302,7 @@ def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
     if terminal.is_root():
         from contact_locking.meshes import write
 
+        require_new()
         try:
             with explained(f"cannot write {place}", place):
                 order = 2 if study.parameters.mesh.curved else 1

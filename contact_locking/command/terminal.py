@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import io
 import os
 import pwd
 import shutil
@@ -13,7 +14,7 @@ import time
 import traceback
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.plain_text import printable
@@ -90,6 +91,50 @@ def warn_of_separate_tasks() -> None:
         "srun --mpi=pmix connects those of Open MPI, and srun --mpi=pmi2 those of MPICH; "
         "or start them by mpirun"
     )
+
+
+class LastingOutput(io.FileIO):
+    """Standard output of a program that solves on where it cannot be written to.
+
+    One line on standard error tells of the first refusal, such as that of a full disk, and what
+    follows is left out.  A reader that has left is no refusal: BrokenPipeError passes.
+    """
+
+    refused = False
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data)
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            self.refused = True
+            complain(
+                f"error: standard output cannot be written to: {error.strerror}; it is left out"
+            )
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+            return memoryview(data).nbytes
+
+
+def lasting_output() -> LastingOutput:
+    """Standard output as `LastingOutput`, and what the caller closed as an output to nowhere.
+
+    A descriptor of standard output that stayed closed would be that of the next file, such as one
+    of results.
+    """
+    while (spare := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(spare)
+    raw, before = LastingOutput(1, "w", closefd=False), sys.stdout
+    sys.stdout = io.TextIOWrapper(
+        io.BufferedWriter(raw),
+        encoding=getattr(before, "encoding", None),
+        errors=getattr(before, "errors", None),
+        line_buffering=getattr(before, "line_buffering", True),
+        write_through=getattr(before, "write_through", False),
+    )
+    sys.stderr = sys.stderr or open(2, "w", closefd=False)  # noqa: SIM115
+    return raw
 
 
 def leave_together() -> None:

@@ -41,7 +41,7 @@ def check(given: Contact, dim: int) -> None:
     require(isinstance(friction, Coulomb), "friction", wanted, friction)
     _check_coefficient(friction.coefficient, require)
     smoothing: Any = friction.smoothing
-    wanted = "smoothing must be Convolution(radius), Helmholtz(radius) or Local()"
+    wanted = "smoothing must be Convolution(radius), Helmholtz(radius), Local() or a Kernel"
     require(isinstance(smoothing, Kernel), "friction", wanted, smoothing)
     wanted = "must be once or each_step"
     require(given.pair in ("once", "each_step"), "pair", wanted, given.pair)
@@ -143,6 +143,8 @@ def _of_foundation(body: Any, dim: int) -> Iterator[tuple[bool, str]]:
         if isinstance(vector, tuple | list):
             wanted = f"its {name} must have {dim} components in {dim}D, not {len(vector)}"
             yield len(vector) == dim, wanted
+            wanted = f"its {name} gives a direction, and must not be zero"
+            yield name not in ("normal", "axis") or any(vector), wanted
 
 
 def _check_coefficient(mu: Any, require: Callable[..., None]) -> None:

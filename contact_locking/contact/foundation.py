@@ -56,6 +56,8 @@ _TOO_FAR_IN = (
 # The nearest side of a foundation is no way out if the normal of the side has a smaller component
 # along that of the body: it is the side of an edge, or lies behind the body.
 _SIDEWAYS = 0.2
+# Normals of foundation and body are orthogonal where their product is smaller.
+_ALONG = 1e-9
 # A gradient that is shorter, or longer by the inverse, is not that of a distance.
 _LEAST_SLOPE = 0.8
 # The slope of an own gap is its difference over this share of the extent of the body.
@@ -315,7 +317,7 @@ class RigidFoundation(PlacedFoundation):
         elif on_any_rank(comm, inside & (facing <= 0.0)):
             raise Misplaced(_TOO_DEEP + _TURN_NORMAL.get(self._kind, ""), self._key)
         # A foundation with several sides may come from where nothing faces it yet.
-        if not turn and on_every_rank(comm, facing <= 0.0):
+        if not turn and on_every_rank(comm, facing <= _ALONG):
             behind = _BEHIND.format(on=self._key.removesuffix("foundation") + "on")
             raise Misplaced(behind + _TURN_NORMAL.get(self._kind, ""), self._key)
         return gap, normals
@@ -389,6 +391,15 @@ class RigidFoundation(PlacedFoundation):
         """Warnings about the present gap (k,) at the nodes; collective."""
         found, comm = [*self._shape_warnings], self._comm
         body = self._body
+        if not self.moves:
+            normals = self._evaluated(body.contact_normal, surface.points.T).T
+            facing = np.sum(normals * surface.body_normals(), axis=1)
+            if on_every_rank(comm, np.abs(facing) <= _ALONG):
+                found.append(
+                    f"{self._place}: the surface of the foundation is at right angles to Gamma_C "
+                    "everywhere, so that it cannot press; turn it, or name a boundary part that "
+                    "faces the foundation"
+                )
         if isinstance(body, LevelSet):
             low, high = self._slopes(body, surface)
             if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:

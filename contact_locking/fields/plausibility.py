@@ -10,6 +10,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum
+from contact_locking.plain_text import coordinates
 
 # The theory neglects squares of the displacement gradient: a tenth of a strain of this size, and of
 # a rotation its half square.  Strains above 1 come from a mistake.
@@ -222,7 +223,7 @@ def about_an_entry(key: str, depth: float, share: float, place: Sequence[float])
     """
     if share <= _NOTABLE:
         return []
-    at = ", ".join(f"{x:.3g}" for x in place)
+    at = coordinates(place)
     return [
         f"{key}: between the nodes near ({at}) the foundation enters the body by {depth:.3g}, "
         f"{100.0 * share:.0f} % of its indentation; the conditions of contact hold at the nodes "
@@ -240,7 +241,7 @@ def about_uncovered_boundary(
     """
     if depth <= _NOTABLE * displacement:
         return []
-    at = ", ".join(f"{x:.3g}" for x in place)
+    at = coordinates(place)
     return [
         f"{key}: the boundary outside of {key}.on enters the foundation by {depth:.3g} near "
         f"({at}), where no contact acts; add the boundary part there to {key}.on, unless the "

@@ -69,6 +69,9 @@ class NamedFacets:
                 "dolfinx.mesh.locate_entities_boundary finds facets by a function",
                 key,
             )
+        if not hasattr(where, "__len__"):
+            wanted = "must be names, facets or (mesh tags, value)"
+            raise InputError(f"{wanted}, not {type(where).__name__}", key)
         if len(where) and all(isinstance(name, str) for name in where):
             for name in where:
                 self._put(name, self._named(name, key), key)

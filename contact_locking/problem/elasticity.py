@@ -240,7 +240,8 @@ class Material:
 
         def lame() -> FloatArray:
             values = first(), second()
-            return np.array(law.lame_from_young(*values) if are_moduli else values)
+            with np.errstate(all="ignore"):
+                return np.array(law.lame_from_young(*values) if are_moduli else values)
 
         return lame
 
@@ -331,6 +332,8 @@ def elasticity_of(a: ufl.Form) -> Elasticity:
     ``a`` is the first form of :func:`split`.  ``rotational`` is the density at rotations, which no
     stress has.
     """
+    if a.empty():
+        raise InputError("has no energy of strains, such as inner(sigma(u), eps(v))*dx", "a")
     v, u = a.arguments()
     mesh = u.ufl_function_space().mesh
     size = mesh.topology.dim
@@ -376,7 +379,9 @@ def _on_subdomain(integral: Any, mesh: Any) -> Expr:
 
 def _eigenvalue_range(points: Points, eigenvalues: FloatArray, key: str) -> tuple[float, float]:
     lowest, highest = least(points.domain, eigenvalues), -least(points.domain, -eigenvalues)
-    if not lowest > 0.0 or not np.isfinite(highest):
+    if lowest > 0.0 and not np.isfinite(highest):
+        raise InputError("the elasticity is not finite: Poisson's ratio must be below 0.5", key)
+    if not lowest > 0.0:
         raise InputError(
             f"the elasticity is not elliptic: its smallest eigenvalue is {lowest:g}, it must be "
             "positive everywhere",

@@ -59,6 +59,7 @@ def solution_of(
         contact_facets=facets,
         summary=_summary(state, certificate),
         differentiable=differentiable,
+        data=problem.data,
         state=state_of(state),
         **on_gamma_c(state.contacts, problem.u),
     )

@@ -16,6 +16,7 @@ from contact_locking.results.solution import Differentiable, StudySolution
 from contact_locking.solver.linear.options import UserOptions, require_usable
 from contact_locking.solver.task import Settings
 from contact_locking.study.assembly import StudyProblem
+from contact_locking.study_file import require_parameters
 from contact_locking.study_file.parameters import Parameters
 
 
@@ -24,6 +25,7 @@ def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None 
 
     Raises InputError for a harmful PETSc option, or one that is no option.
     """
+    require_parameters(parameters)
     given, others = parameters.solver, petsc_options or {}
     for options, section in ((given.petsc, "solver.petsc"), (others, None)):
         require_usable(options, section)

@@ -13,10 +13,10 @@ from mpi4py import MPI
 
 from contact_locking import study_file
 from contact_locking._version import __version__
-from contact_locking.certificate.penalty_error import distance
 from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
+from contact_locking.problem.distance import distance
 from contact_locking.process import forecast, several
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.checkpoint.restart import solved_already, start_in_words
@@ -118,6 +118,7 @@ def find_equilibria(
     that none is.  Without the section ``equilibria`` there is one solution.  Raises InputError
     for data that cannot be used, or where there is no map of the friction bounds.
     """
+    study_file.require_parameters(parameters)
     given = parameters.equilibria
     most = None if given is None else given.find
     found = list(solve_steps(parameters, comm, monitor, petsc_options, most=most))

@@ -12,6 +12,7 @@ import numpy as np
 
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
+from contact_locking.problem.distance import distance
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.history import History
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from contact_locking.contact.nodal_contact import ContactState
     from contact_locking.fem.spaces import Element
     from contact_locking.mesh.domain import Domain
+    from contact_locking.problem.forms import ProblemData
     from contact_locking.results.derived import ContactFields
     from contact_locking.results.probe_table import ProbeSample
     from contact_locking.solver.multipliers import Multipliers
@@ -53,37 +55,66 @@ class Differentiable(Protocol):
 class Solution:
     """The result of a solve: each rank has a share of the fields, rank 0 all contact points.
 
-    The comments name the spaces of linear displacements; in general P1 stands for the space of
-    displacements and P0 for the space of strains.  The fields on Gamma_C are functions on the whole
-    mesh, zero off Gamma_C.  For a body without contact the tables of contact points and contact
-    facets are empty.
+    P1 stands for the space of displacements, and P0 for that of strains.  The fields on Gamma_C are
+    functions on the whole mesh, zero off Gamma_C.  Without contact its tables are empty.
+
+    ``displacement`` (P1, vector) is u, and ``strain_norm`` (P0) is |eps(u)|, or |eps(u) - eps_0|
+    where ``limits_of`` is "elastic".  ``locking_limit`` (P0) is M, with other sets the largest
+    |eps| along eps(u), and ``locked`` (P0) is 1 where |eps| >= M (1 - 1e-6), else 0.
+    ``elastic_stress`` (P0, (d, d)) is A eps(u), ``locking_stress`` (P0, (d, d)) is Z, and
+    ``locking_parts`` (P0) are the multipliers of the sets of strains.  ``von_mises`` (P0) is that
+    of both stresses, None if sigma_zz is not known.
+
+    ``contact_pressure`` (P1) is -sigma_nu >= 0, ``smoothed_stress`` (P1) is R sigma_nu, without
+    friction sigma_nu, ``tangential_traction`` (P1, vector) is sigma_tau, ``friction_bound`` (P1) is
+    mu |R sigma_nu|, and ``contact_state`` (P1) is OPEN, STICK or SLIP.  ``contacts`` have the nodal
+    fields of each contact, on every rank; ``contact_points`` are all points of contact, and
+    ``contact_facets`` (m, d) the facets by numbers of these points; both are None on ranks other
+    than 0.
+
+    ``error_indicator`` (P0) is eta_K, the error in h by recovery, ``elastic_error_indicator`` (P0)
+    the same for the elastic stress, and ``error_bound`` (P0) the cells' shares in the guaranteed
+    bound; each is None where it was not computed.  ``summary`` has all numbers, by the names of
+    summary.json.  ``state`` is all that the next solve may take from this one, ``domain`` and
+    ``element`` are the mesh with its names and the element, and ``data`` the forms of the problem.
     """
 
     domain: Domain
     element: Element
-    displacement: fem.Function  # P1, vector
-    strain_norm: fem.Function  # P0, |eps(u)|
-    locking_limit: fem.Function  # P0, M; with other sets the largest |eps| along eps(u)
-    locked: fem.Function  # P0, 1 where |eps| >= locking_limit (1 - 1e-6), else 0
-    elastic_stress: fem.Function  # P0, (d, d): A eps(u)
-    locking_stress: fem.Function  # P0, (d, d): Z
-    von_mises: fem.Function | None  # P0, of both stresses; None if sigma_zz is not known
-    locking_parts: tuple[fem.Function, ...]  # P0, the multiplier of each set of strains
-    error_indicator: fem.Function | None  # P0, eta_K, the error in h by recovery
-    elastic_error_indicator: fem.Function | None  # P0, the same for the elastic stress
-    error_bound: fem.Function | None  # P0, the cells' shares in the guaranteed bound, if any
-    contact_pressure: fem.Function  # P1, -sigma_nu >= 0
-    smoothed_stress: fem.Function  # P1, R sigma_nu, without friction sigma_nu
-    tangential_traction: fem.Function  # P1, vector, sigma_tau
-    contact_state: fem.Function  # P1, OPEN, STICK or SLIP
-    friction_bound: fem.Function  # P1, mu |R sigma_nu|
-    contacts: tuple[ContactFields, ...]  # the nodal fields of each contact, on every rank
-    contact_points: ContactPoints | None  # None on the ranks other than 0
-    contact_facets: IntArray | None  # (m, d), corners as numbers of the points; None likewise
-    state: State  # all that the next solve may take from this one
+    displacement: fem.Function
+    strain_norm: fem.Function
+    locking_limit: fem.Function
+    locked: fem.Function
+    elastic_stress: fem.Function
+    locking_stress: fem.Function
+    von_mises: fem.Function | None
+    locking_parts: tuple[fem.Function, ...]
+    error_indicator: fem.Function | None
+    elastic_error_indicator: fem.Function | None
+    error_bound: fem.Function | None
+    contact_pressure: fem.Function
+    smoothed_stress: fem.Function
+    tangential_traction: fem.Function
+    contact_state: fem.Function
+    friction_bound: fem.Function
+    contacts: tuple[ContactFields, ...]
+    contact_points: ContactPoints | None
+    contact_facets: IntArray | None
+    state: State
     summary: Mapping[str, Any]
     differentiable: Differentiable | None = None
-    limits_of: str = "total"  # whether strain_norm is |eps(u)|, or "elastic" |eps(u) - eps_0|
+    limits_of: str = "total"
+    data: ProblemData | None = None
+
+    def distance(self, other: Solution) -> dict[str, float]:
+        """``sqrt(a(u - w, u - w))`` as ``energy_norm`` for the displacement w of ``other``.
+
+        ``relative`` is this norm over ``sqrt(a(u, u))``, and ``displacement_norm`` is the L2 norm
+        of eps(u - w).  Collective.  Raises InputError for another mesh or degree.
+        """
+        if self.data is None:
+            raise InputError("a solution that was read has no forms", "self")
+        return distance(self.displacement, other.displacement, self.data)
 
     def derivative(self, quantity: str, of: Any) -> Any:
         """``dJ/dp``, J being a quantity of the summary such as "contact_force.1" or "compliance".

@@ -13,7 +13,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from contact_locking import study_file
-from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom
+from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, require_kind
 from contact_locking.extras import pictures, report
 from contact_locking.files import atomic, ownership
 from contact_locking.files.lock import make_folders
@@ -22,6 +22,9 @@ from contact_locking.process.checkpoint import stored as checkpoints
 from contact_locking.results import adapted_meshes, contact_table, fields, names, probe_table, xdmf
 from contact_locking.results.output_folder import KEY, explained_in, on_root_of, require_own
 from contact_locking.results.solution import StudySolution, summary_text
+
+# The solution of a ContactProblem has no parameters that its files could tell.
+_OF_STUDY = "the solution of a study file"
 
 
 class FieldSeries(contextlib.AbstractContextManager["FieldSeries"]):
@@ -82,6 +85,7 @@ def write(
     these, and ContactLockingError for a full disk; if only the picture or the checkpoint has no
     room, all other files are written first.
     """
+    require_kind(solution, StudySolution, _OF_STUDY, "solution")
     comm, target = solution.domain.comm, Path(directory)
     wanted = solution.parameters.output
     warnings: list[str] = []
@@ -150,6 +154,7 @@ def save(solution: StudySolution, directory: str | Path) -> None:
     adios4dolfinx is missing, and InputError for a folder that cannot be written to or holds a
     checkpoint of others.
     """
+    require_kind(solution, StudySolution, _OF_STUDY, "solution")
     save_as(solution, Path(directory), names.CHECKPOINT)
 
 

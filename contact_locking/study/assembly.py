@@ -31,8 +31,9 @@ from contact_locking.study.contacts import contact_of, friction_warnings
 from contact_locking.study.loads import build_loads, open_pressures, springs_of
 from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.probe_points import locate
+from contact_locking.study_file import require_parameters
 from contact_locking.study_file.named_numbers import resolved
-from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters import HOLD_ALONG, Parameters
 from contact_locking.study_file.parameters.base import BodyKind, dimension_faults, dotted
 from contact_locking.study_file.parameters.boundary import LoadParameters
 from contact_locking.study_file.parameters.mesh import BoundaryPart, MeshParameters
@@ -151,6 +152,7 @@ def assemble(
     ``domain`` replaces the mesh of the study and ``element`` its element, if given.  Raises
     InputError for data that do not fit the mesh or the element.
     """
+    require_parameters(parameters)
     domain = domain or mesh_of(parameters, comm)
     if parameters.mesh.axisymmetric:
         domain = half_section(domain)
@@ -219,7 +221,7 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
         if domain.comm.allreduce(both):
             raise InputError(
                 "Gamma_C and Gamma_D overlap: contact and a displacement condition share facets of "
-                f"{', '.join(map(repr, condition.on))}",
+                f"{', '.join(map(repr, condition.on))}; {HOLD_ALONG}",
                 key,
             )
 

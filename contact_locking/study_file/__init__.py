@@ -8,7 +8,7 @@ from .fingerprint import (
     mesh_identity,
     problem_fingerprint,
 )
-from .load import StudyFile, from_mapping, load
+from .load import StudyFile, from_mapping, load, require_parameters
 from .schema import schema, schema_text
 from .starter import names as demo_names
 from .starter import starter
@@ -24,6 +24,7 @@ __all__ = [
     "load",
     "mesh_identity",
     "problem_fingerprint",
+    "require_parameters",
     "schema",
     "schema_text",
     "starter",

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from contact_locking.errors import InputError
+from contact_locking.errors import InputError, require_kind
 from contact_locking.plain_text import nearest
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.base import MOST_FAULTS, Fault, FaultsError
@@ -22,23 +22,6 @@ from contact_locking.study_file.parameters.wording import labels, show, unknown_
 from .dump import dump
 from .schema import rows
 from .source import MAX_BYTES, Source, assign, read, tell
-
-# The symbols of the formulas, which users may take for keys.
-_SYMBOLS = {
-    "M": "material.locking_limit",
-    "E": "material.elasticity.young",
-    "nu": "material.elasticity.poisson",
-    "mu": "friction.coefficient",
-    "f0": "loads.body_force",
-    "g": "contact.gap",
-    "r": "friction.smoothing.radius",
-}
-
-# Keys that users look for and that there are not, with what to do instead.
-_ABSENT = {
-    "periodic": "there are no periodic pairs: mirror planes are rollers in loads.displacements",
-    "spread": "a force is spread evenly: for a rigid plate see contact.foundation.force and tilt",
-}
 
 
 def faults_of(error: ValidationError) -> list[Fault]:
@@ -80,11 +63,7 @@ def _message(details: Any, place: tuple[str | int, ...]) -> str:
 
 
 def _elsewhere(name: str) -> str:
-    """The hint at a key of another section with this name, or for this symbol."""
-    if name in _ABSENT:
-        return f" ({_ABSENT[name]})"
-    if name in _SYMBOLS:
-        return f" (did you mean '{_SYMBOLS[name]}'?)"
+    """The hint at a key of another section with this name."""
     # A key in an entry of a list or a mapping is no single key of the file.
     keys = [row.key for row in rows() if "INDEX" not in row.key and "NAME" not in row.key]
     matches = [key for key in keys if key.rpartition(".")[2] == name]
@@ -121,8 +100,9 @@ class StudyFile:
 def load(path: str | Path, overrides: Sequence[str] = ()) -> StudyFile:
     """Read and check a study file, with ``overrides`` such as ``penalty.n=1e6`` applied to it.
 
-    Paths in the file are relative to its folder. Raises InputError with one line for each fault:
-    ``FILE:LINE: key: what was given, what is allowed``.
+    Paths in the file are relative to its folder; without ``output.directory`` the results go to
+    ``results/`` and the name of the file, in the current folder. Raises InputError with one line
+    for each fault: ``FILE:LINE: key: what was given, what is allowed``.
     """
     source = read(path)
     for override in overrides:
@@ -137,7 +117,15 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> StudyFile:
     if size > _SHORT and len(dump(parameters)) > MAX_BYTES:
         what = f"with every default written out, is larger than {MAX_BYTES // 1000} kB"
         raise InputError(source.explain(what, ""))
+    if "directory" not in parameters.output.model_fields_set:
+        output = parameters.output.model_copy(update={"directory": f"results/{Path(path).stem}"})
+        parameters = parameters.model_copy(update={"output": output})
     return StudyFile(parameters, source)
+
+
+def require_parameters(given: object) -> None:
+    """Raise InputError for what are no parameters of a study, such as the name of its file."""
+    require_kind(given, Parameters, "parameters, as load('study.yml').parameters", "parameters")
 
 
 def from_mapping(data: Mapping[str, Any], folder: str | Path = ".") -> Parameters:
@@ -145,11 +133,19 @@ def from_mapping(data: Mapping[str, Any], folder: str | Path = ".") -> Parameter
 
     Raises InputError with one line for each fault: ``key: what was given, what is allowed``.
     """
-    parameters, faults = _check(dict(data), Path(folder))
+    require_kind(data, Mapping, "a mapping of keys such as mesh and loads", "data")
+    parameters, faults = _check(_with_on(data), Path(folder))
     if parameters is None:
         lines = [tell(fault.message, _key(fault)) for fault in faults]
         raise InputError(_listed(lines, _MORE))
     return parameters
+
+
+def _with_on(data: Any) -> Any:
+    """The data with the key on where PyYAML, which reads YAML 1.1, has the key True."""
+    if isinstance(data, Mapping):
+        return {"on" if key is True else key: _with_on(value) for key, value in data.items()}
+    return [_with_on(value) for value in data] if isinstance(data, list | tuple) else data
 
 
 def _key(fault: Fault) -> str:

@@ -20,7 +20,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from contact_locking.errors import InputError
+from contact_locking.errors import InputError, require_kind
 from contact_locking.plain_text import nearest, printable
 
 # A sweep of 10 000 cases over several keys is smaller. Text that is made to take long takes 4 s.
@@ -31,6 +31,8 @@ _MOST_NAMES = 1000
 # Lengths of a message and of the key before it.
 _MAX_MESSAGE, _MAX_KEY = 1000, 200
 _TAG = "tag:yaml.org,2002:"
+# The sections with keys on.
+_WITH_ON = ("contact", "loads.")
 
 
 @dataclass
@@ -87,6 +89,7 @@ def tell(message: str, key: str) -> str:
 
 def read(path: str | Path) -> Source:
     """The study file as data. Raises InputError for anything but a YAML mapping in UTF-8."""
+    require_kind(path, str | os.PathLike, "the name of a study file", "path")
     path = Path(path)
     name = str(path)
     try:
@@ -239,6 +242,9 @@ class _Reader:
                 self.refuse("merging (<<) is not supported; write it out", line)
             # The name as it is written, also if it looks like a number or a truth value.
             name = self.text(name_node, line)
+            # Programs of YAML 1.1, such as PyYAML, write true for the key on.
+            if name_node.tag == f"{_TAG}bool" and name.lower() == "true":
+                name = "on" if key.startswith(_WITH_ON) else name
             below = f"{key}.{name}" if key else name
             if name in entries:
                 self.refuse(f"{below}: is given twice", line)

@@ -11,7 +11,7 @@ from problems import block
 from test_kappa import block as clamped_on_top
 
 from contact_locking import StudySolution, solve
-from contact_locking.certificate.penalty_error import distance
+from contact_locking.problem.distance import distance
 from contact_locking.process.adaptivity.sharper_bound import on_mesh_of
 from contact_locking.results.in_words import rows
 from contact_locking.study.assembly import assemble

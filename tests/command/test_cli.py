@@ -11,7 +11,7 @@ from mpi4py import MPI
 from problems import UNDRAWN_BLOCK
 
 from contact_locking import meshes, study_file
-from contact_locking.command import cli
+from contact_locking.command import cli, commands
 from contact_locking.errors import InputError
 from contact_locking.process import solving
 
@@ -275,3 +275,39 @@ def test_an_interrupt_returns_130_without_a_traceback(
 def test_schema_is_json_on_demand(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["schema", "--json"]) == 0
     assert "penalty" in json.loads(capsys.readouterr().out)["properties"]
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("name", ["body.msh", "body.xdmf"])
+def test_mesh_replaces_no_file_and_no_link(
+    name: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["mesh", str(folder / "study.yml"), "-o", str(folder / name)]
+    theirs = (folder / name).with_suffix(".h5" if name.endswith("xdmf") else ".msh")
+    theirs.write_text("mine")
+    assert cli.main(words) == 2
+    assert f"{theirs}: there is a file already" in capsys.readouterr().err
+    assert theirs.read_text() == "mine"
+    theirs.unlink()
+    (folder / name).symlink_to(folder / "nowhere")
+    assert cli.main(words) == 2
+
+
+@pytest.mark.serial
+def test_the_name_of_a_mesh_that_is_no_mesh_file_is_told_without_a_key(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["mesh", str(folder / "study.yml"), "-o", str(folder / "x.png")]) == 2
+    assert capsys.readouterr().err.startswith("error: the name of a Gmsh file ends in .msh")
+
+
+@pytest.mark.serial
+def test_check_tells_that_it_makes_many_cells(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ["check", str(folder / "study.yml"), "--set", "mesh.h=0.25"]
+    assert cli.main(words) == 0
+    assert "meshing" not in capsys.readouterr().out
+    monkeypatch.setattr(commands, "_MANY_CELLS", 10)
+    assert cli.main(words) == 0
+    assert capsys.readouterr().out.startswith("meshing, about ")

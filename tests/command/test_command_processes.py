@@ -155,3 +155,29 @@ def test_bad_input_under_mpirun_is_told_once(tmp_path: Path) -> None:
     result = launched(tmp_path, "raise InputError('too steep', 'penalty.n')")
     assert result.returncode == 2
     assert result.stderr.count("error: study.yml:10: penalty.n: too steep") == 1
+
+
+@pytest.mark.serial
+def test_a_run_goes_on_where_its_output_is_closed_or_full(tmp_path: Path) -> None:
+    """A descriptor that stayed closed would be that of the next file, such as one of results."""
+    study, out = tmp_path / "study.yml", tmp_path / "out"
+    study.write_text(UNDRAWN_BLOCK)
+    command = [sys.executable, "-m", "contact_locking"]
+    with Path("/dev/full").open("w") as full:
+        run = subprocess.run(
+            [*command, "run", str(study), "--output", str(out)],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=120,
+        )
+    assert run.returncode == 1 and (out / "summary.json").exists()
+    assert run.stderr.count("\n") == 1 and "standard output" in run.stderr
+    closed = subprocess.run(
+        [*command, "check", str(study)],
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=120,
+        preexec_fn=lambda: os.close(1),
+    )
+    assert (closed.returncode, closed.stderr) == (0, "")

@@ -235,3 +235,9 @@ sys.exit(code or any(name.split(".")[0] in ("dolfinx", "mpi4py") for name in sys
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, ""), done
     assert done.stdout == f"{own_run / 'report.html'}: written\n"
+
+
+@quick
+def test_the_page_of_a_run_without_a_certificate_is_written(tmp_path: Path) -> None:
+    run_folder(tmp_path, certificate=None)
+    assert "<h2>" in report.write(tmp_path)[0].read_text()

@@ -17,11 +17,11 @@ from mpi4py import MPI
 from problems import block
 from test_verification_manufactured import PLANE
 
-from contact_locking.certificate.penalty_error import distance
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
 from contact_locking.fem.spaces import P1, P2, Element
 from contact_locking.laws.elasticity import strain
+from contact_locking.problem.distance import distance
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mpi4py import MPI
 
-from contact_locking import InputError
+from contact_locking import InputError, _compat
 from contact_locking.command import cli
 from contact_locking.mesh.domain import Domain, from_file
 from contact_locking.mesh.file.conversion import convert
+from contact_locking.mesh.groups import groups
 
-pytest.importorskip("meshio")
 pytestmark = pytest.mark.serial
 
 PLATE = """*HEADING
@@ -69,7 +71,7 @@ def test_sets_of_cells_are_regions_and_sets_of_nodes_are_boundary_parts(tmp_path
         "SOLE": 2,
         "SKIN": 6,
     }
-    assert "the set MIDDLE of nodes has no facet on the boundary" in warning
+    assert warning.endswith("these sets have no facet on the boundary: MIDDLE")
 
 
 def test_a_deck_without_sets_of_cells_is_one_region(tmp_path: Path) -> None:
@@ -95,21 +97,219 @@ def test_quadrilaterals_and_hexahedra_are_taken(dim: int, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("deck", "message"),
     [
-        (PLATE.replace("S3", "UNKNOWN"), "cannot be read by meshio: .*UNKNOWN"),
-        ("*NODE\n1, 0., 0.\n2, 1., 0.\n*ELEMENT, TYPE=T2D2\n1, 1, 2\n", "has the cells line;"),
-        (
-            PLATE.replace("*ELSET, E", "*ELEMENT, TYPE=S4\n9, 1, 2, 5, 4\n*ELSET, E"),
-            "quad, triangle;",
-        ),
-        (
-            TETRAHEDRON.replace("C3D4", "C3D10").replace("3, 4\n*N", "3, 4, 1, 2, 3, 4, 1, 2\n*N"),
-            "tetra10",
-        ),
+        (PLATE.replace("S3", "UNKNOWN"), "has the cells 4 UNKNOWN;"),
+        ("*NODE\n1, 0., 0.\n2, 1., 0.\n*ELEMENT, TYPE=T2D2\n1, 1, 2\n", "has the cells 1 T2D2;"),
+        (PLATE.replace("*ELSET, E", "*ELEMENT, TYPE=S4\n9, 1, 2, 5, 4\n*ELSET, E"), "4 S3, 1 S4;"),
+        (TETRAHEDRON.replace("C3D4", "C3D6"), "ELEMENT is wrong"),
+        (TETRAHEDRON.replace("1, 2, 3, 4", "1, 2, 3, 9"), "node 9 of an element is not there"),
+        (TETRAHEDRON.replace("*NODE", "*NODE, SYSTEM=C"), "Cartesian"),
+        (TETRAHEDRON.replace("*NSET, N", "*NGEN\n1, 3, 1\n*NSET, N"), "preprocessor write all"),
+        (TETRAHEDRON.replace("*NSET, N", "*INCLUDE, INPUT=none.inp\n*NSET, N"), "No such file"),
+        (TETRAHEDRON.replace("*NSET, N", "*INCLUDE, INPUT=part.inp\n*NSET, N"), "includes itself"),
     ],
 )
-def test_decks_with_other_cells_are_refused(tmp_path: Path, deck: str, message: str) -> None:
+def test_decks_that_are_no_body_are_refused(tmp_path: Path, deck: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         converted(tmp_path, deck)
+
+
+SQUARE_NODES = "1, 0., 0.\n2, 1., 0.\n3, 1., 1.\n4, 0., 1.\n"
+MIDDLES = "5, .5, 0.\n6, 1., .5\n7, .5, 1.\n8, 0., .5\n"
+CUBE_NODES = "".join(
+    f"{number}, {x}, {y}, {z}\n"
+    for number, (x, y, z) in enumerate(
+        ((x, y, z) for z in (0.0, 1.0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))), start=1
+    )
+)
+CUBE = f"*NODE, NSET=NALL\n{CUBE_NODES}*ELEMENT, TYPE=C3D8R, ELSET=BODY\n1, 1,2,3,4,5,6,7,8\n"
+
+
+def sizes(domain: Domain) -> dict[str, int]:
+    return {name: len(domain.facets((name,))) for name in domain.facet_names}
+
+
+@pytest.mark.parametrize("kind", ["CPS3", "CPE3", "CAX3", "CPS6", "CPE6M", "CAX6", "S3R", "STRI65"])
+@pytest.mark.parametrize("label", ["S1", "E1"])
+def test_triangles_of_every_name_are_read_with_their_surfaces(
+    kind: str, label: str, tmp_path: Path
+) -> None:
+    second = "6" in kind
+    cell = "1, 1,2,4,5,9,8" if second else "1, 1,2,4"
+    nodes = f"{SQUARE_NODES}{MIDDLES}9, .5, .5\n"
+    deck = f"*NODE\n{nodes}*ELEMENT, TYPE={kind}, ELSET=BODY\n{cell}\n"
+    deck += f"*SURFACE, NAME=SOLE\nBODY, {label}\n"
+    domain, warnings = converted(tmp_path, deck)
+    assert domain.dim == 2 and domain.num_cells == 1 and sizes(domain) == {"SOLE": 1}
+    assert len(warnings) == second and all("of second order" in text for text in warnings)
+
+
+@pytest.mark.parametrize("kind", ["CPS4R", "CPE4H", "CAX4", "CPS8R", "CPE8", "CAX8R", "S4", "S8R5"])
+def test_quadrilaterals_of_every_name_are_read_with_their_surfaces(
+    kind: str, tmp_path: Path
+) -> None:
+    second = "8" in kind
+    cell = "1, 1,2,3,4,\n5,6,7,8" if second else "1, 1,2,3,4"
+    deck = f"*NODE\n{SQUARE_NODES}{MIDDLES}*ELEMENT, TYPE={kind}, ELSET=BODY\n{cell}\n"
+    deck += "*SURFACE, NAME=SOLE, TYPE=ELEMENT\n1, S1\n*SURFACE, NAME=ROUND\nBODY\n"
+    domain, warnings = converted(tmp_path, deck)
+    assert sizes(domain) == {"SOLE": 1, "ROUND": 4} and len(warnings) == second
+
+
+@pytest.mark.parametrize("side", range(1, 7))
+def test_each_side_of_a_hexahedron_is_that_of_abaqus(side: int, tmp_path: Path) -> None:
+    domain, _ = converted(tmp_path, f"{CUBE}*SURFACE, NAME=ONE\nBODY, S{side}\n")
+    places = ("z = 0", "z = 1", "y = 0", "x = 1", "y = 1", "x = 0")
+    (group,) = (one for one in groups(domain) if one.name == "ONE")
+    axis, value = places[side - 1].split(" = ")
+    normal = [0.0, 0.0, 0.0]
+    normal["xyz".index(axis)] = 2.0 * float(value) - 1.0
+    assert group.normal == pytest.approx(normal)
+
+
+def test_each_side_of_a_tetrahedron_is_that_of_abaqus(tmp_path: Path) -> None:
+    sides = "".join(f"*SURFACE, NAME=F{side}\n1, S{side}\n" for side in range(1, 5))
+    domain, _ = converted(tmp_path, TETRAHEDRON.replace("*END", f"{sides}*END"))
+    normals = {one.name: one.normal for one in groups(domain) if one.name.startswith("F")}
+    for name, expected in {"F1": (0, 0, -1), "F2": (0, -1, 0), "F4": (-1, 0, 0)}.items():
+        assert normals[name] == pytest.approx(expected)
+    assert normals["F3"] == pytest.approx([3**-0.5] * 3)
+
+
+def test_elements_of_second_order_are_taken_by_their_corners_with_one_warning(
+    tmp_path: Path,
+) -> None:
+    """C3D20 on two lines of data, the first of which ends with a comma."""
+    nodes = "".join(f"{number}, .5, .5, .5\n" for number in range(9, 21))
+    cell = "1, 1,2,3,4,5,6,7,8, 9,10,11,12,13,14,15,\n16,17,18,19,20"
+    deck = f"*Node\n{CUBE_NODES}{nodes}*Element, type=C3D20R, elset=Body\n{cell}\n"
+    domain, (warning,) = converted(tmp_path, f"{deck}*Nset, nset=Sole\n1,2,3,4,9,10,11,12\n")
+    assert domain.num_cells == 1 and sizes(domain) == {"Sole": 1}
+    assert "of second order" in warning and list(domain.cell_names) == ["Body"]
+
+
+def test_elements_of_other_kinds_are_left_out_and_counted(tmp_path: Path) -> None:
+    deck = CUBE + (
+        "*ELEMENT, TYPE=SPRINGA, ELSET=SP\n2, 1, 2\n3, 2, 3\n*ELEMENT, TYPE=MASS, ELSET=M\n4, 1\n"
+        "*ELEMENT, TYPE=S4, ELSET=SKIN\n5, 1,2,3,4\n*ELEMENT, TYPE=DCOUP3D\n6, 1\n"
+        "*ELSET, ELSET=ALL\nBODY, SP, M\n"
+    )
+    domain, (warning,) = converted(tmp_path, deck)
+    assert warning.endswith("left out: 1 DCOUP3D, 1 MASS, 1 S4, 2 SPRINGA")
+    assert domain.num_cells == 1 and sizes(domain) == {"SKIN": 1}
+
+
+def test_sets_are_generated_with_and_without_their_step_and_name_other_sets(tmp_path: Path) -> None:
+    deck = CUBE + (
+        "*NSET, NSET=SOLE, GENERATE\n1, 4\n*NSET, NSET=FRONT, GENERATE\n1, 2, 1\n5, 6\n"
+        "*NSET, NSET=ODD, GENERATE\n1, 7, 2\n*NSET, NSET=BOTH\nSOLE, 5, 6\nODD\n"
+        "*ELSET, ELSET=E, GENERATE\n1, 1\n*NSET, NSET=OF_E, ELSET=E\n"
+        "*SURFACE, NAME=NODES, TYPE=NODE\nSOLE,\n"
+    )
+    domain, (warning,) = converted(tmp_path, deck)
+    # BOTH has the nodes 1 to 7.
+    expected = {"SOLE": 1, "FRONT": 1, "BOTH": 3, "OF_E": 6, "NODES": 1}
+    assert sizes(domain) == expected and warning.endswith("no facet on the boundary: ODD")
+
+
+def test_parts_stand_where_their_instances_do_and_assemblies_name_their_sets(
+    tmp_path: Path,
+) -> None:
+    """The second cube turns about an edge of its translated place."""
+    part = f"*Part, name=Cube\n{CUBE}*NSET, NSET=SOLE\n1, 2, 3, 4\n*End Part\n"
+    deck = (
+        f"*HEADING\n{part}*Assembly, name=A\n*Instance, name=One, part=Cube\n*End Instance\n"
+        "*Instance, name=Two, part=Cube\n3., 0., 0.\n3., 0., 0., 3., 0., 1., 90.\n*End Instance\n"
+        "*Nset, nset=Top, instance=Two\n5, 6, 7, 8\n"
+        "*Elset, elset=_Wall_S4, internal, instance=One\n1,\n"
+        "*Surface, type=ELEMENT, name=Wall\n_Wall_S4, S4\n*End Assembly\n"
+    )
+    domain, warnings = converted(tmp_path, deck)
+    assert not warnings and domain.num_cells == 2
+    assert sizes(domain) == {"ONE.SOLE": 1, "TWO.SOLE": 1, "Top": 1, "Wall": 1}
+    assert set(domain.cell_names) == {"ONE.BODY", "TWO.BODY"}
+    low, high = domain.bounding_box
+    assert np.allclose(low, 0.0) and np.allclose(high, [3.0, 1.0, 1.0])
+    walls = domain.mesh.geometry.x[_compat.facet_nodes(domain.mesh, domain.facets(("Wall",)))]
+    assert np.allclose(walls[..., 0], 1.0)
+
+
+def test_a_part_without_an_assembly_and_a_file_that_is_included_are_read(tmp_path: Path) -> None:
+    (tmp_path / "nodes.inp").write_text(f"*NODE\n{CUBE_NODES}")
+    cells = "*ELEMENT,\nTYPE=C3D8, ELSET=BODY\n1, 1,2,3,4,5,6,7,8\n"
+    sets = "*NSET, NSET=SOLE\n1,2,3,4\n"
+    deck = f"*PART, NAME=P\n*INCLUDE, INPUT=nodes.inp\n{cells}{sets}*END PART\n"
+    domain, warnings = converted(tmp_path, deck)
+    assert sizes(domain) == {"SOLE": 1} and list(domain.cell_names) == ["BODY"] and not warnings
+
+
+def test_groups_of_salome_are_regions_and_parts(tmp_path: Path) -> None:
+    """MED keeps groups as families of cells and of nodes, facets as cells of their own."""
+    meshio = pytest.importorskip("meshio")
+    pytest.importorskip("h5py")
+    points = np.array([(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))])
+    mesh = meshio.Mesh(
+        points.astype(float),
+        [("hexahedron", [[0, 1, 2, 3, 4, 5, 6, 7]]), ("quad", [[0, 1, 2, 3], [4, 5, 6, 7]])],
+        point_data={"point_tags": np.array([0, 0, 0, 0, 2, 2, 2, 2])},
+        cell_data={"cell_tags": [np.array([-1]), np.array([-2, 0])]},
+    )
+    mesh.cell_tags, mesh.point_tags = {-1: ["steel"], -2: ["sole", "held"]}, {2: ["top"]}
+    mesh.write(tmp_path / "part.med")
+    warnings = convert(tmp_path / "part.med", tmp_path / "part.msh")
+    domain = from_file(tmp_path / "part.msh", MPI.COMM_SELF)
+    assert sizes(domain) == {"top": 1, "sole": 1, "held": 1}
+    assert list(domain.cell_names) == ["steel"] and len(warnings) == 1
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_blocks_and_sets_of_sides_of_exodus_are_regions_and_parts(
+    order: int, tmp_path: Path
+) -> None:
+    netcdf = pytest.importorskip("netCDF4")
+    with netcdf.Dataset(tmp_path / "part.e", "w") as data:
+        corners = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+        more = 12 * (order - 1)
+        for name, size in {
+            **{"num_nodes": 8 + more, "num_elem": 2, "num_el_blk": 2, "num_el_in_blk1": 1},
+            **{"num_el_in_blk2": 1, "nodes1": 8 + more, "nodes2": 2, "len_name": 33},
+            **{"num_side_sets": 1, "num_side_ss1": 2, "num_node_sets": 1, "num_nod_ns1": 4},
+        }.items():
+            data.createDimension(name, size)
+        for axis, values in zip("xyz", np.array(corners + [(0.5,) * 3] * more).T, strict=True):
+            data.createVariable(f"coord{axis}", "f8", ("num_nodes",))[:] = values
+        hexahedron = data.createVariable("connect1", "i4", ("num_el_in_blk1", "nodes1"))
+        hexahedron.elem_type = "HEX8" if order == 1 else "HEX20"
+        hexahedron[:] = np.arange(1, 9 + more)
+        bar = data.createVariable("connect2", "i4", ("num_el_in_blk2", "nodes2"))
+        bar.elem_type = "BAR2"
+        bar[:] = [[1, 2]]
+        for kind, count, names in (
+            ("eb", "num_el_blk", ["steel", ""]),
+            ("ss", "num_side_sets", ["sole and top"]),
+            ("ns", "num_node_sets", [""]),
+        ):
+            table = data.createVariable(f"{kind}_names", "S1", (count, "len_name"))
+            for row, name in enumerate(names):
+                table[row, : len(name)] = [letter.encode() for letter in name]
+            data.createVariable(f"{kind}_prop1", "i4", (count,))[:] = 7
+        data.createVariable("elem_ss1", "i4", ("num_side_ss1",))[:] = [1, 1]
+        data.createVariable("side_ss1", "i4", ("num_side_ss1",))[:] = [5, 6]
+        data.createVariable("node_ns1", "i4", ("num_nod_ns1",))[:] = [1, 2, 5, 6]
+    warnings = convert(tmp_path / "part.e", tmp_path / "part.msh")
+    domain = from_file(tmp_path / "part.msh", MPI.COMM_SELF)
+    assert sizes(domain) == {"sole and top": 2, "7": 1} and list(domain.cell_names) == ["steel"]
+    assert len(warnings) == order and warnings[-1].endswith("left out: 1 BAR2")
+
+
+@pytest.mark.parametrize(("ending", "module"), [(".med", "h5py"), (".e", "netCDF4")])
+def test_the_package_of_a_format_is_named_where_it_is_missing(
+    ending: str, module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("meshio")
+    monkeypatch.setitem(sys.modules, module, None)
+    (tmp_path / f"part{ending}").touch()
+    with pytest.raises(InputError, match=f"apt-get install python3-{module.lower()}"):
+        convert(tmp_path / f"part{ending}", tmp_path / "part.msh")
 
 
 def test_the_command_writes_the_file_and_a_study_tells_of_the_command(

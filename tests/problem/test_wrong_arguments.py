@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import traceback
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -50,6 +52,15 @@ def stiffening(space: fem.FunctionSpace) -> Any:
     """A density that grows with the square of the trial function."""
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     return (1.0 + ufl.tr(eps(u))) * ufl.inner(eps(u), eps(v))
+
+
+def elastic(space: fem.FunctionSpace) -> Any:
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    return ufl.inner(eps(u), eps(v)) * ufl.dx
+
+
+def elsewhere() -> fem.FunctionSpace:
+    return fem.functionspace(mesh.create_unit_square(MPI.COMM_WORLD, 3, 3), ("Lagrange", 1, (2,)))
 
 
 def x(space: fem.FunctionSpace) -> Any:
@@ -202,6 +213,28 @@ WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str, str]]
         "must be a linear form",
         "L",
     ),
+    "a without strains": (
+        lambda space: {"a": ufl.inner(ufl.TrialFunction(space), ufl.TestFunction(space)) * ufl.dx},
+        "has no energy of strains",
+        "a",
+    ),
+    "no place": (lambda space: {"on": None}, "not NoneType", "contacts.0"),
+    "normal of no direction": (
+        lambda space: {"foundation": cl.HalfSpace((0.0, 0.0), (0.0, 0.0))},
+        "normal gives a direction",
+        "contacts.0.foundation",
+    ),
+    "incompressible": (
+        lambda space: {"a": cl.Elasticity(young=1.0, poisson=0.5)},
+        "below 0.5",
+        "elasticity",
+    ),
+    "space of another mesh": (
+        lambda space: {"L": ufl.TestFunction(elsewhere())[1] * ufl.dx},
+        "on another mesh than L",
+        "space",
+    ),
+    "settings of a mapping": (lambda space: {"settings": {}}, "must be Settings", "settings"),
     "one condition alone": (
         lambda space: {"bcs": cl.Support(np.array([0]))},
         "must be a list, not Support",
@@ -336,3 +369,69 @@ def test_constants_of_dolfinx_move_foundations_and_change_gap_and_friction(
     assert pushed["contact_force"] == pytest.approx(smooth["contact_force"], abs=1e-9)
     moving.close()
     standing.close()
+
+
+@pytest.mark.parametrize("key", ["after", "start"])
+def test_a_solve_begins_with_a_solution_alone(key: str, space: fem.FunctionSpace) -> None:
+    problem = pressed(space)
+    with pytest.raises(cl.InputError, match="a solution of this problem, not str") as caught:
+        problem.solve(**{key: "results"})  # type: ignore[arg-type]
+    assert caught.value.key == key
+    problem.close()
+
+
+def test_a_closed_problem_is_solved_no_more(space: fem.FunctionSpace) -> None:
+    problem = pressed(space)
+    problem.close()
+    with pytest.raises(cl.InputError, match="closed"):
+        problem.solve()
+
+
+@pytest.mark.parametrize(
+    ("call", "key"),
+    [
+        (lambda: cl.load(None), "path"),  # type: ignore[arg-type]
+        (lambda: cl.from_mapping(None), "data"),  # type: ignore[arg-type]
+        (lambda: cl.solve("study.yml"), "parameters"),  # type: ignore[arg-type]
+        (lambda: cl.check("study.yml"), "parameters"),  # type: ignore[arg-type]
+        (lambda: cl.assemble("study.yml", MPI.COMM_WORLD), "parameters"),  # type: ignore[arg-type]
+        (lambda: cl.write(None, "results"), "solution"),  # type: ignore[arg-type]
+    ],
+)
+def test_functions_of_studies_name_the_argument_of_another_kind(
+    call: Callable[[], object], key: str
+) -> None:
+    with pytest.raises(cl.InputError) as caught:
+        call()
+    assert caught.value.key == key
+
+
+def test_the_distance_of_two_solutions_is_that_of_their_displacements(
+    space: fem.FunctionSpace,
+) -> None:
+    """Under a load that doubles, u doubles too, and a(u, u) is the work of the load."""
+    load = fem.Constant(space.mesh, (0.0, -0.01))
+    work = ufl.inner(load, ufl.TestFunction(space)) * ufl.dx
+    floor = mesh.locate_entities_boundary(space.mesh, 1, lambda x: np.isclose(x[1], 0.0))
+    held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(space, 1, floor), space)
+    problem = cl.ContactProblem(elastic(space), work, [held])
+    one = problem.solve()
+    load.value *= 2.0
+    apart = problem.solve().distance(one)
+    assert one.distance(one)["energy_norm"] == 0.0
+    assert apart["relative"] == pytest.approx(0.5, rel=1e-8)
+    assert apart["energy_norm"] ** 2 == pytest.approx(one.summary["compliance"], rel=1e-6)
+    with pytest.raises(cl.InputError, match="on the same mesh") as caught:
+        one.distance(pressed(elsewhere()).solve())
+    assert caught.value.key == "other"
+    problem.close()
+
+
+def test_the_fields_of_a_solution_are_described() -> None:
+    told = cl.Solution.__doc__ or ""
+    fields = {item.name for item in dataclasses.fields(cl.Solution)} - {"differentiable"}
+    assert {name for name in fields if f"``{name}``" not in told} == set()
+
+
+def test_the_package_says_that_it_has_types() -> None:
+    assert Path(cl.__file__).with_name("py.typed").exists()

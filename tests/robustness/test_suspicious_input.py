@@ -208,3 +208,32 @@ def test_a_body_that_slides_as_a_whole_turns_by_nothing(tmp_path: Path) -> None:
     summary = solving.solve(study_file.load(study).parameters, MPI.COMM_SELF).summary
     assert summary["displacement_max"] == pytest.approx(5.0)
     assert summary["rotation_max"] < 1e-9 and summary["warnings"] == []
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_foundation_at_right_angles_to_the_contact_is_warned_of_unless_it_moves(
+    moves: bool, tmp_path: Path
+) -> None:
+    foundation = {"expression": "x + 1"} | ({"motion": [0, 0]} if moves else {})
+    found = _warnings(tmp_path, {"contact": {"on": "bottom", "foundation": foundation}})
+    told = [text for text in found if "at right angles" in text]
+    assert len(told) == (0 if moves else 1)
+    assert all(text.startswith("contact.foundation.expression: ") for text in told)
+
+
+def test_steps_repeat_no_warning_with_other_numbers(tmp_path: Path) -> None:
+    said: list[str] = []
+
+    class Listener(Monitor):
+        def message(self, text: str) -> None:
+            said.append(text)
+
+    changes = {
+        "mesh.h": 0.25,
+        "loads.tractions": [{"on": "top", "value": [0, "-5e8*t"]}],
+        "steps": {"to": 1, "count": 3},
+    }
+    parameters = study_file.load(changed(tmp_path, changes)).parameters
+    last = solving.solve(parameters, MPI.COMM_WORLD, Listener())
+    kinds = [text.partition(" it reaches")[0] for text in said if text.startswith("warning")]
+    assert last.summary["warnings"] and len(kinds) == len(set(kinds))

@@ -14,7 +14,7 @@ from study_folder import STUDY, Folder, solved
 from contact_locking import meshes, study_file
 from contact_locking.command import cli, terminal
 from contact_locking.command.cli import parse
-from contact_locking.errors import InputError
+from contact_locking.errors import InputError, NoRoom
 from contact_locking.files.lock import locked
 from contact_locking.running.studies.runner import Study, summary_rows
 
@@ -260,3 +260,13 @@ def test_a_study_is_not_started_under_mpirun(
     monkeypatch.setattr(terminal, "world", object)
     with pytest.raises(InputError, match="without mpirun: --ranks K"):
         cli._run_command(parse(["study", str(folder.file)]))
+
+
+def test_a_full_disk_ends_the_study_at_the_first_case_that_has_no_room(folder: Folder) -> None:
+    folder.write("{vary: {penalty.n: [10, 8, 20, 30]}}")
+    with pytest.raises(NoRoom, match="Finished cases are kept; make room"):
+        folder.run(jobs=1)
+    assert len(folder.started()) == 2
+    assert [row["state"] for row in folder.table()] == [
+        *("converged", "failed", "not run", "not run")
+    ]

@@ -142,3 +142,21 @@ def test_a_wrong_override_is_refused_by_its_key(file: Path, override: str, messa
     with pytest.raises(InputError) as caught:
         load(file, [override])
     assert message in str(caught.value)
+
+
+def test_results_go_to_a_folder_with_the_name_of_the_file(tmp_path: Path) -> None:
+    for name in ("base", "other"):
+        (tmp_path / f"{name}.yml").write_text("contact: {on: bottom}\noutput:\n")
+        parameters = load(tmp_path / f"{name}.yml").parameters
+        assert parameters.output.directory == f"results/{name}"
+        elsewhere = load(tmp_path / f"{name}.yml", ["output.directory=out"]).parameters
+        assert elsewhere.output.directory == "out"
+
+
+def test_the_key_on_is_read_as_programs_of_yaml_1_1_write_it(tmp_path: Path) -> None:
+    (tmp_path / "study.yml").write_text("contact:\n  true: left\n")
+    assert load(tmp_path / "study.yml").parameters.contacts[0].on == ("left",)
+    data = {"contact": {True: "left"}, "loads": {"tractions": [{True: "top", "value": [0, 1]}]}}
+    parameters = from_mapping(data)
+    assert parameters.contacts[0].on == ("left",)
+    assert parameters.loads.tractions[0].on == ("top",)

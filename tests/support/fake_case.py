@@ -1,12 +1,13 @@
 """Stands for the program in tests of studies: writes a summary without solving anything.
 
 What it does follows from penalty.n: 3 does not converge, 2 is bad input, 9 is killed, 5 crashes, 6
-too, as PETSc tells it, 1 is a defect, 7 leaves nothing.  Each call leaves a line in the file
-FAKE_LOG; FAKE_SECONDS is how long it takes.
+too, as PETSc tells it, 1 is a defect, 7 leaves nothing, 8 finds the disk full.
+Each call leaves a line in the file FAKE_LOG; FAKE_SECONDS is how long it takes.
 """
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -37,6 +38,9 @@ def main() -> int:
         return 59
     if n == 1:
         raise ZeroDivisionError
+    if n == 8:
+        print(f"error: no results: {os.strerror(errno.ENOSPC)} (out)", file=sys.stderr)
+        return 1
     if n == 7:
         return 0
     summary = {

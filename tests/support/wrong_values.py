@@ -148,6 +148,16 @@ WRONG = [
     ("contact", {"0": {"gap": 0}}, "contact is one section and not a list"),
     ("locking_limit", 1, r"unknown key \(did you mean 'material.locking_limit'\?\)"),
     ("material.elasticity.yung", 1, r"\(did you mean 'young'\?\); known here: young, poisson"),
+    # keys of other programs, and what is not modelled
+    ("steps", {"to": 1, "n": 3}, r"\(did you mean 'count'\?\)"),
+    ("contact.foundation", {"plane": 1}, r"\(did you mean 'half_space'\?\)"),
+    ("mesh.builder", "rectangle", r"\(did you mean 'block'\?\)"),
+    ("mesh.element_size", 0.1, r"\(did you mean 'h'\?\)"),
+    ("contact.foundation", {"polyline": [[1, 0]]}, "has 1 entries; at least 2 are needed"),
+    ("material.plasticity", {"yield_stress": 1}, "plasticity is not modelled"),
+    ("contact.tied", True, "tied contact is not modelled"),
+    ("contact.adhesion", 1, "adhesion is not modelled"),
+    ("large_strain", True, "large strain and turns are not modelled"),
     ("material.regions.body.limit", 1, "known here: elasticity, locking_limit"),
 ]
 
@@ -156,6 +166,7 @@ STUDIES_WRONG = [
     ({}, "give the keys to vary"),
     ({"vary": {"penalty.m": [1]}}, "no key 'm' in penalty; known: n, epsilon"),
     ({"vary": {"penalti.n": [1]}}, r"no key 'penalti' \(did you mean 'penalty'\?\)"),
+    ({"vary": {"mu": [1]}}, r"no key 'mu' \(did you mean 'friction.coefficient'\?\)"),
     ({"vary": {"penalty.n.x": [1]}}, "no key 'x' in penalty.n"),
     ({"vary": {"loads.tractions.first": [1]}}, "no key 'first'"),
     ({"vary": {"study.vary": [1]}}, "cannot vary itself"),

@@ -130,3 +130,19 @@ def test_a_wrong_mask_of_the_solver_is_caught_by_the_certificate(
     found = solve_assembled(_guided(n=1e4, solver__method=method))
     criteria = found.summary["certificate"]["criteria"]
     assert not criteria[caught]["holds"] and not found.converged
+
+
+def test_a_contact_part_on_stiff_springs_along_its_surface_is_held_there() -> None:
+    """The way that the refusal of a displacement condition on a contact part names."""
+    loads = {
+        "tractions": [{"on": "top", "value": [0.01, -0.05]}],
+        "springs": [{"on": "bottom", "stiffness": 1e6, "along": [1, 0]}],
+    }
+    contact = {"on": "bottom", "friction": {"coefficient": 0.0}}
+    found = solve(block(h=0.5, loads=loads, contact=contact))
+    assert found.converged, found.summary["reason"]
+    assert found.summary["contact_force"] == pytest.approx([0.0, 0.05], rel=1e-6, abs=1e-9)
+    assert found.summary["reactions"]["bottom"] == pytest.approx([-0.01, 0.0], rel=1e-6, abs=1e-9)
+    (fields,) = found.contacts
+    u = found.displacement.x.array.reshape(-1, 2)[fields.surface.blocks]
+    assert np.abs(u[:, 0]).max() < 1e-6

@@ -17,11 +17,11 @@ from problems import block
 
 from contact_locking import StudySolution
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.penalty_error import distance
 from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.fem.compiled import integral
 from contact_locking.laws.convex import squared_norm
 from contact_locking.mesh.domain import Domain
+from contact_locking.problem.distance import distance
 from contact_locking.process.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 

@@ -41,7 +41,8 @@ class Part(NamedTuple):
 def certificate(summary: Mapping[str, Any]) -> list[Part]:
     """The parts of a summary's certificate that hold anything, whatever their names."""
     found = []
-    for name, part in summary.get("certificate", {"bounds": summary.get("bounds")}).items():
+    parts = summary.get("certificate", {"bounds": summary.get("bounds")})
+    for name, part in parts.items() if isinstance(parts, dict) else ():
         if isinstance(part, dict):
             judged = {key: entry for key, entry in part.items() if _is_judged(entry)}
             others = {key: entry for key, entry in part.items() if key not in judged}

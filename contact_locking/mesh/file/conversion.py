@@ -1,138 +1,109 @@
-"""Meshes of other programs, such as Abaqus, CalculiX, Nastran and VTK, written as Gmsh files.
+"""Meshes of other programs, such as Abaqus, CalculiX, Salome, MOOSE and VTK, written as Gmsh files.
 
-meshio reads them.  Sets of cells become regions, and sets of nodes become parts of the boundary.
+Sets of cells become regions; sets of nodes, surfaces and sets of facets parts of the boundary.
 """
 
 from __future__ import annotations
 
-import contextlib
-import io
-import re
-import tempfile
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from contact_locking.arrays import BoolArray, IndexArray, IntArray
+from contact_locking.arrays import BoolArray, IntArray
 from contact_locking.errors import InputError, explained
 from contact_locking.files.atomic import staging
-from contact_locking.mesh.cell_kind import (
-    HEXAHEDRON,
-    QUADRILATERAL,
-    TETRAHEDRON,
-    TRIANGLE,
-    CellKind,
-)
+from contact_locking.mesh.cell_kind import CellKind
+from contact_locking.mesh.file import abaqus, exodus, foreign
+from contact_locking.mesh.file.foreign import ForeignMesh
 
-#: Of files of other programs that meshio reads.
+_READERS = {".inp": abaqus.read, ".e": exodus.read, ".exo": exodus.read}
+#: Of the files of other programs that can be read; meshio reads all but those above.
 ENDINGS = frozenset(
-    (".bdf", ".cgns", ".e", ".exo", ".fem", ".inp", ".med", ".mesh", ".nas", ".su2", ".vtk", ".vtu")
+    (".bdf", ".cgns", ".fem", ".med", ".mesh", ".nas", ".su2", ".vtk", ".vtu", *_READERS)
 )
-_INSTALL = "apt-get install python3-meshio, or pip install meshio"
-#: The kinds of cells by meshio's names, whose corners are in Gmsh's order, and those of facets.
-_CELL_KINDS = {
-    "triangle": TRIANGLE,
-    "quad": QUADRILATERAL,
-    "tetra": TETRAHEDRON,
-    "hexahedron": HEXAHEDRON,
-}
-_FACETS = {"triangle": "line", "quad": "line", "tetra": "triangle", "hexahedron": "quad"}
-# Elements of Abaqus in the plane; meshio knows those of plane stress alone.
-_TYPES = re.compile(rb"(TYPE\s*=\s*)(?:CP[ES]|CPEG|C?G?AX)([34])[A-Z]*\b", re.IGNORECASE)
-# The names of all cells with that many dimensions begin so, of any order.
-_CELLS = {3: ("tetra", "hexahedron", "wedge", "pyramid", "polyhedron"), 2: ("triangle", "quad")}
 
 
 def convert(source: Path, target: Path) -> list[str]:
-    """Write the mesh of ``source``, in a format of meshio, as a Gmsh file; returns warnings.
+    """Write the mesh of ``source``, of another program, as a Gmsh file; returns warnings.
 
-    A region is named after the sets that its cells are in, joined by +; a set of all cells names
-    those that are in no other set, which are else the region "body".  A set of nodes is the part of
-    the boundary whose facets have all their nodes in the set.
+    The cells of the highest dimension are the body, by their corners.  A region is named after the
+    sets that its cells are in, joined by +; a set of all cells names those that are in no other
+    set, which are else the region "body".  The parts of the boundary are the surfaces, the sets of
+    cells of its dimension, and the sets of nodes: the facets with all their nodes in the set.
 
-    Raises InputError for a file that meshio cannot read, and for cells that are not of one kind and
-    of first order.
+    Raises InputError for a file that cannot be read, and for cells that are not of one kind.
     """
-    mesh = _read(source)
-    dim, kind = _kind(sorted(mesh.cells_dict), source)
-    blocks = [(i, block.data) for i, block in enumerate(mesh.cells) if block.type == kind]
-    cells: IntArray = np.concatenate([data for _, data in blocks]).astype(np.int64)
-    others = sorted(set(mesh.cells_dict) - {kind})
-    warnings = [f"{source}: its cells of other kinds ({', '.join(others)}) are left out"] * bool(
-        others
-    )
-    regions, names = _regions(mesh, [i for i, _ in blocks], len(cells))
-    facets = _boundary(cells, _CELL_KINDS[kind])
-    parts: dict[str, IntArray] = {}
-    for name, nodes in mesh.point_sets.items():
-        inside = np.zeros(len(mesh.points), dtype=bool)
-        inside[nodes] = True
-        if len(found := facets[inside[facets].all(axis=1)]):
-            parts[str(name)] = found
-        else:
-            warnings.append(f"{source}: the set {name} of nodes has no facet on the boundary")
-    _write(target, mesh.points, dim, (kind, cells, regions, names), (_FACETS[kind], parts))
-    return warnings
-
-
-def _kind(there: list[str], source: Path) -> tuple[int, str]:
-    for dim, begins in _CELLS.items():
-        cells = [name for name in there if name.startswith(begins)]
-        if len(cells) == 1 and cells[0] in _CELL_KINDS:
-            return dim, cells[0]
-        if cells:
-            break
-    raise InputError(
-        f"{source} has the cells {', '.join(there) or 'none'}; a body has cells of one kind, "
-        f"{', '.join(_CELL_KINDS)}, of first order"
-    )
-
-
-def _read(source: Path) -> Any:
-    try:
-        import meshio
-    except ImportError as error:
-        raise InputError(f"meshes of other programs need meshio: {_INSTALL} ({error})") from None
     if not source.is_file():
         raise InputError(f"there is no such file: {source}")
-    # meshio prints why a file cannot be read, and then leaves the process.
-    told = io.StringIO()
-    try:
-        with (
-            tempfile.TemporaryDirectory(prefix="contact-locking-") as folder,
-            contextlib.redirect_stdout(told),
-            contextlib.redirect_stderr(told),
-        ):
-            readable = source
-            if source.suffix == ".inp":
-                readable = Path(folder, source.name)
-                readable.write_bytes(_TYPES.sub(rb"\1CPS\2", source.read_bytes()))
-            return meshio.read(readable)
-    except (Exception, SystemExit) as error:
-        why = " ".join(told.getvalue().split()) or str(error) or type(error).__name__
-        raise InputError(f"{source} cannot be read by meshio: {why}") from None
+    mesh = _READERS.get(source.suffix.lower(), foreign.read)(source)
+    dim = max((block.dim for block in mesh.blocks), default=0)
+    kind = _kind(mesh, dim, source)
+    cells, numbers = _of_dimension(mesh, dim)
+    regions, names = _regions(mesh.cell_sets, numbers)
+    facets = _boundary(cells, kind)
+    parts, empty = _parts(mesh, facets, kind.facet)
+    _write(target, mesh, (kind, cells, regions, names), parts)
+    warnings = []
+    if any(block.dim == dim and block.nodes.shape[1] > kind.corners for block in mesh.blocks):
+        warnings.append("its cells of second order are taken by their corners, with straight sides")
+    rest = mesh.left_out + Counter({b.name: len(b.nodes) for b in mesh.blocks if b.dim < dim})
+    if rest:
+        listed = ", ".join(f"{count} {name}" for name, count in sorted(rest.items()))
+        warnings.append(f"its elements of other kinds are left out: {listed}")
+    if empty:
+        warnings.append(f"these sets have no facet on the boundary: {', '.join(empty)}")
+    return [f"{source}: {text}" for text in warnings]
 
 
-def _regions(mesh: Any, blocks: list[int], count: int) -> tuple[IntArray, list[str]]:
-    """The number (count,) of each cell's region, from 1, and the names of the regions."""
+def _kind(mesh: ForeignMesh, dim: int, source: Path) -> CellKind:
+    """The kind of the body's cells."""
+    of_body = [block for block in mesh.blocks if block.dim == dim > 1]
+    kinds = {block.kind for block in of_body}
+    if len(kinds) == 1 and (kind := kinds.pop()) is not None:
+        return kind
+    counts = Counter[str]()
+    for block in of_body:
+        counts[block.name] += len(block.nodes)
+    listed = ", ".join(f"{count} {name}" for name, count in (counts or mesh.left_out).items())
+    raise InputError(
+        f"{source} has the cells {listed or 'none'}; a body has cells of one kind: triangles, "
+        "quadrilaterals, tetrahedra or hexahedra; mesh it again with one of them"
+    )
+
+
+def _of_dimension(mesh: ForeignMesh, dim: int) -> tuple[IntArray, IntArray]:
+    """The corners (k, c) of the cells, and for each element of the file its cell there, or -1."""
+    cells: list[IntArray] = []
+    numbers: list[IntArray] = [np.zeros(0, dtype=np.int64)]
+    count = 0
+    for block in mesh.blocks:
+        found = np.full(len(block.nodes), -1, dtype=np.int64)
+        if block.dim == dim:
+            found = np.arange(count, count + len(found))
+            count += len(found)
+            cells.append(block.corners)
+        numbers.append(found)
+    return np.concatenate(cells), np.concatenate(numbers)
+
+
+def _regions(sets: Mapping[str, IntArray], numbers: IntArray) -> tuple[IntArray, list[str]]:
+    """The number (k,) of each cell's region, from 1, and the names of the regions."""
+    count = int(numbers.max(initial=-1)) + 1
     member: dict[str, BoolArray] = {}
-    starts = np.cumsum([0, *(len(mesh.cells[i].data) for i in blocks)])
-    for name, found in mesh.cell_sets.items():
+    for name, elements in sets.items():
         inside = np.zeros(count, dtype=bool)
-        for start, block in zip(starts, blocks, strict=False):
-            if found[block] is not None:
-                inside[start + np.asarray(found[block], dtype=np.int64)] = True
+        inside[numbers[elements][numbers[elements] >= 0]] = True
         if inside.any():
-            member[str(name)] = inside
+            member[name] = inside
     parted = {name: inside for name, inside in member.items() if not inside.all()}
     rest = next((name for name in member if name not in parted), "body")
     if not parted:
         return np.ones(count, dtype=np.int64), [rest]
-    kinds, numbers = np.unique(np.column_stack(list(parted.values())), axis=0, return_inverse=True)
+    kinds, found = np.unique(np.column_stack(list(parted.values())), axis=0, return_inverse=True)
     names = ["+".join(np.array(list(parted))[kind]) or rest for kind in kinds]
-    return np.asarray(numbers).reshape(-1) + 1, names
+    return np.asarray(found).reshape(-1) + 1, names
 
 
 def _boundary(cells: IntArray, kind: CellKind) -> IntArray:
@@ -144,35 +115,88 @@ def _boundary(cells: IntArray, kind: CellKind) -> IntArray:
     return every[first[counts == 1]]
 
 
+def _parts(
+    mesh: ForeignMesh, facets: IntArray, kind: CellKind
+) -> tuple[dict[str, IntArray], list[str]]:
+    """The facets of each part of the boundary, and the names of those that have none."""
+    place = {key: number for number, key in enumerate(_keys(facets))}
+
+    def on_boundary(found: Iterable[IntArray]) -> list[int]:
+        keys = {key for some in found if some.shape[1] == kind.corners for key in _keys(some)}
+        return sorted(place[key] for key in keys if key in place)
+
+    parts: dict[str, IntArray] = {}
+    empty: list[str] = []
+    for name, nodes in mesh.point_sets.items():
+        inside = np.zeros(len(mesh.points), dtype=bool)
+        inside[nodes] = True
+        found = facets[inside[facets].all(axis=1)]
+        if len(found):
+            parts[name] = found
+        elif len(nodes):
+            empty.append(name)
+    starts = np.cumsum([0, *(len(block.nodes) for block in mesh.blocks)])
+    for name, elements in mesh.cell_sets.items():
+        chosen = [
+            block.corners[elements[(elements >= start) & (elements < end)] - start]
+            for block, start, end in zip(mesh.blocks, starts, starts[1:], strict=False)
+            if block.dim == kind.dim
+        ]
+        if rows := on_boundary(chosen):
+            parts[name] = facets[rows]
+    # A surface says more than a set of its nodes.
+    for name, given in mesh.facet_sets.items():
+        if rows := on_boundary(given):
+            parts[name] = facets[rows]
+        else:
+            empty.append(name)
+    return parts, empty
+
+
+def _keys(facets: IntArray) -> list[tuple[int, ...]]:
+    """The corners of each facet (f, c), in an order that does not depend on the cell."""
+    return [tuple(map(int, row)) for row in np.sort(facets, axis=1)]
+
+
 def _write(
     target: Path,
-    points: Any,
-    dim: int,
-    body: tuple[str, IntArray, IntArray, list[str]],
-    boundary: tuple[str, Mapping[str, IntArray]],
+    mesh: ForeignMesh,
+    body: tuple[CellKind, IntArray, IntArray, list[str]],
+    parts: Mapping[str, IntArray],
 ) -> None:
-    import meshio
-
     kind, cells, regions, names = body
-    facet, parts = boundary
-    blocks, tags = [(kind, cells)], [regions]
-    fields = {name: np.array([number, dim]) for number, name in enumerate(names, start=1)}
-    for number, (name, facets) in enumerate(parts.items(), start=len(names) + 1):
-        blocks.append((facet, facets))
-        tags.append(np.full(len(facets), number))
-        fields[name if name not in fields else f"{name} (nodes)"] = np.array([number, dim - 1])
-    numbered = [values.astype(np.int32) for values in tags]
-    used: IndexArray = np.unique(cells).astype(np.int32)
-    place = np.zeros(len(points), dtype=np.int64)
-    place[used] = np.arange(len(used))
+    used = np.unique(cells)
+    place = np.zeros(len(mesh.points), dtype=np.int64)
+    place[used] = np.arange(1, len(used) + 1)
     space = np.zeros((len(used), 3))
-    space[:, : points.shape[1]] = points[used]
-    written = meshio.Mesh(
-        space,
-        [(name, place[nodes]) for name, nodes in blocks],
-        cell_data={"gmsh:physical": numbered, "gmsh:geometrical": numbered},
-        field_data=fields,
-    )
+    space[:, : mesh.points.shape[1]] = mesh.points[used]
+    groups = [(kind.dim, number, name) for number, name in enumerate(names, start=1)]
+    rows = [(kind.gmsh, regions, cells)]
+    for number, (name, facets) in enumerate(parts.items(), start=len(names) + 1):
+        groups.append((kind.dim - 1, number, f"{name} (nodes)" if name in names else name))
+        rows.append((kind.facet.gmsh, np.full(len(facets), number), facets))
+    count = 0
     with explained(f"cannot write {target}", target), staging(target.parent) as folder:
-        written.write(folder / "mesh.msh", file_format="gmsh22", binary=False)
+        with (folder / "mesh.msh").open("wb") as file:
+            file.write(_head(groups, len(space)))
+            numbered = np.column_stack([np.arange(1, len(space) + 1), space])
+            np.savetxt(file, numbered, fmt=["%d", *["%.17g"] * 3])
+            total = sum(len(found) for *_, found in rows)
+            file.write(f"$EndNodes\n$Elements\n{total}\n".encode())
+            for number, tags, found in rows:
+                ids = np.arange(count + 1, count + len(found) + 1)
+                kinds, two = np.full(len(found), number), np.full(len(found), 2)
+                np.savetxt(file, np.column_stack([ids, kinds, two, tags, tags, place[found]]), "%d")
+                count += len(found)
+            file.write(b"$EndElements\n")
         (folder / "mesh.msh").replace(target)
+
+
+def _head(groups: Sequence[tuple[int, int, str]], nodes: int) -> bytes:
+    """A file of Gmsh's format 2.2 up to its nodes."""
+    names = [f'{dim} {number} "{name.replace(chr(34), chr(39))}"' for dim, number, name in groups]
+    lines = [
+        *("$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", str(len(groups)), *names),
+        *("$EndPhysicalNames", "$Nodes", str(nodes), ""),
+    ]
+    return "\n".join(lines).encode()

@@ -35,6 +35,7 @@ from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import mesh_of
+from contact_locking.study_file import require_parameters
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.numerics import AdaptParameters
 
@@ -53,6 +54,7 @@ def solve(
     ``certificate.bound_meshes`` sharpens the guaranteed bound, see `sharper_bound`.  For the
     arguments and the errors see `contact_locking.process.solving.solve`.
     """
+    require_parameters(parameters)
     if parameters.adapt is None:
 
         def attempt(domain: Domain | None) -> StudySolution:
@@ -90,6 +92,7 @@ def solve_adaptively(
     used.
     """
     monitor = Attentive(monitor or Monitor())
+    require_parameters(parameters)
     given = parameters.adapt or AdaptParameters()
     measure = MEASURES[given.by]
     sequence = MeshSequence(given)

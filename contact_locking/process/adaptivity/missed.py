@@ -18,6 +18,7 @@ import numpy as np
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import NotRefined
 from contact_locking.mesh.domain import Domain
+from contact_locking.plain_text import coordinates
 from contact_locking.process.adaptivity.marking import cells_at, entered_places, only_misses
 from contact_locking.process.adaptivity.refinement import finer_mesh
 from contact_locking.results.contact_points import OPEN
@@ -48,8 +49,8 @@ def solved_with_nodes(
     first, most = solution.domain, max(_GROWTH * int(solution.summary["dofs"]), _SMALL)
     around = np.array(entered_places(solution))
     reach = max(first.facet_diameter(fields.surface.facets) for fields in solution.contacts)
-    place = ", ".join(f"{x:.3g}" for x in around[0])
-    told = f"between the nodes near ({place}) a foundation enters the body: the mesh was refined"
+    near = coordinates(around[0])
+    told = f"between the nodes near ({near}) a foundation enters the body: the mesh was refined"
     for _ in range(_ROUNDS):
         points, is_near = _touching(solution, around, reach)
         entered, counts = entered_places(solution), is_near.sum(axis=0)

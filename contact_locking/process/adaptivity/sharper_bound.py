@@ -21,13 +21,13 @@ from dolfinx import fem
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray
-from contact_locking.certificate.penalty_error import distance
 from contact_locking.errors import NotRefined
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file.data import MeshData
 from contact_locking.mesh.whole_mesh import gather_cells
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum, on_any_rank
+from contact_locking.problem.distance import distance
 from contact_locking.process.adaptivity.marking import marked_cells
 from contact_locking.process.adaptivity.mesh_sequence import MEASURES
 from contact_locking.process.adaptivity.refinement import finer_mesh

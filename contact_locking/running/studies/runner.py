@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from contact_locking import study_file
-from contact_locking.errors import explained
+from contact_locking.errors import NoRoom, explained, tells_of_full_disk
 from contact_locking.files import ownership
 from contact_locking.files.atomic import remove_abandoned
 from contact_locking.files.lock import locked, make_folders
@@ -164,6 +164,8 @@ def _solve(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
                     result = conclude(ended.case, ended.why)
                     study.outcomes[ended.case.name] = result
                     view.ended(ended.case, result, ended.seconds)
+                    if tells_of_full_disk(result.reason):
+                        raise NoRoom(f"{result.reason}\n{_GO_ON}")
                 if time.monotonic() > written + _TABLE_SECONDS:
                     study.write_table()
                     written = time.monotonic()

@@ -16,6 +16,7 @@ from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import Kept
 from contact_locking.laws.elasticity import mandel_factor, mandel_vector
+from contact_locking.plain_text import coordinates
 from contact_locking.problem.forms import ProblemData
 from contact_locking.problem.strain_sets import StrainSet
 
@@ -145,7 +146,7 @@ class StrainOperator:
         largest, place = max(self.comm.allgather(found))
         if largest <= 1.0:
             return ""
-        at = ", ".join(f"{x:.3g}" for x in place)
+        at = coordinates(place)
         return f"{what} is forced to {largest:.2g} times its limit near ({at})"
 
     def nodes_at(self, points: BoolArray) -> IndexArray:

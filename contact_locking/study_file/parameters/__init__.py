@@ -50,6 +50,8 @@ from .numerics import (
 from .study import StudyParameters
 from .values import NAMED, Number, ScalarRule, Text
 
+#: What holds a part with contact along its surface.
+HOLD_ALONG = "stiff loads.springs with along: a tangent, such as [1, 0], hold it along its surface"
 # Values of friction that have no smooth law: the key, the value, its words, and another value.
 _NOT_BY_NEWTON = (
     ("coefficient", math.inf, ".inf, no slip,", "a finite coefficient"),
@@ -230,7 +232,7 @@ class Parameters(Section):
                 yield Fault(
                     ("loads", *place, "on"),
                     f"'{both[0]}' is in {keys[both[0]]}.on as well; "
-                    "Gamma_D and Gamma_C must not overlap",
+                    f"Gamma_D and Gamma_C must not overlap; {HOLD_ALONG}",
                 )
         named = [(place, item.name) for place, item in self._contact_sections() if item.name]
         for number, (place, name) in enumerate(named):

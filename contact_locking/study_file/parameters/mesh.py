@@ -14,7 +14,6 @@ from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, parse
 from contact_locking.mesh.file.xdmf_grids import is_xdmf
 from contact_locking.meshes import BUILDERS
-from contact_locking.plain_text import nearest
 
 from .base import PER_AXIS, BodyKind, Fault, FaultsError, Section, entry, refuse_if
 from .values import (
@@ -29,7 +28,7 @@ from .values import (
     Switch,
     Text,
 )
-from .wording import show, unknown_key, value_message
+from .wording import meant, show, unknown_key, value_message
 
 #: The keys that are no parameters of builders.
 _SHARED = ("builder", "file", "facets", "axisymmetric", "curved", "parts")
@@ -133,7 +132,7 @@ class MeshParameters(Section):
         if builder is None:
             builder = "block"
         if not isinstance(builder, str) or builder not in BUILDERS:
-            guess = nearest(builder, BUILDERS) if isinstance(builder, str) else ""
+            guess = meant(builder, tuple(BUILDERS)) if isinstance(builder, str) else ""
             known = ", ".join(sorted(BUILDERS))
             message = f"unknown geometry {show(builder)}{guess}; there are {known}"
             refuse_if([Fault(("builder",), message)])

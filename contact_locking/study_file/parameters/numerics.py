@@ -241,7 +241,9 @@ class ChartParameters(Section):
 class OutputParameters(Section):
     """The files with the results."""
 
-    directory: Text = entry("results", "folder of the results")
+    directory: Text = entry(
+        "results", "folder of the results; of a file without one results/ and the name of the file"
+    )
     fields: Switch = entry(True, "whether to write the fields for ParaView")
     formats: tuple[Literal["vtx", "xdmf"], ...] = entry(
         ("vtx",),

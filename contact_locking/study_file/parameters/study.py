@@ -10,11 +10,9 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, BeforeValidator
 
-from contact_locking.plain_text import nearest
-
 from .base import Fault, Section, entry
 from .keys import known_keys
-from .wording import show
+from .wording import meant, show
 
 MAX_CASES, MAX_KEYS = 10_000, 100
 _RANGES: dict[str, Any] = {"geometric": np.geomspace, "linear": np.linspace}
@@ -117,7 +115,7 @@ class StudyParameters(Section):
                     there = known_keys(model, above)
                     where = f" in {'.'.join(above)}" if above else ""
                     known = f"; known: {', '.join(there)}" if there else ""
-                    guess = nearest(parts[depth], there) or _numbered(model, parts, depth)
+                    guess = meant(parts[depth], there) or _numbered(model, parts, depth)
                     yield Fault((kind, key), f"no key '{parts[depth]}'{where}{guess}{known}")
 
     def cases(self) -> list[dict[str, Any]]:

@@ -13,12 +13,58 @@ from contact_locking.plain_text import nearest
 _PLAIN = re.compile(r"[^\W\d][\w ./*+^()-]*")
 _WORDS = {"null", "true", "false", "yes", "no", "on", "off"}
 
+# The symbols of the formulas, which users may take for keys.
+_SYMBOLS = {
+    "M": "material.locking_limit",
+    "E": "material.elasticity.young",
+    "nu": "material.elasticity.poisson",
+    "mu": "friction.coefficient",
+    "f0": "loads.body_force",
+    "g": "contact.gap",
+    "r": "friction.smoothing.radius",
+}
+# The names that other programs have for keys and builders, where there is one of the second name.
+_OTHER_NAMES = {
+    "n": "count",
+    "plane": "half_space",
+    "element_size": "h",
+    "mesh_size": "h",
+    "rectangle": "block",
+    "box": "block",
+}
+_NO_PLASTICITY = (
+    "plasticity is not modelled: the body is elastic up to its strain limit, "
+    "material.locking_limit, and no key bounds its stress"
+)
+_NO_ADHESION = "adhesion is not modelled: foundations and bodies press alone; leave it out"
+_NO_TIES = (
+    "tied contact is not modelled: mesh both bodies as one, so that they share the nodes of "
+    "their common side, with a region for each"
+)
+_NO_LARGE_STRAIN = (
+    "large strain and turns are not modelled: strains are linear in the displacement; leave it "
+    "out for small ones, and take another program for large ones"
+)
+# Keys that users look for and that there are not, with what to do instead.
+_ABSENT = {
+    "periodic": "there are no periodic pairs: mirror planes are rollers in loads.displacements",
+    "spread": "a force is spread evenly: for a rigid plate see contact.foundation.force and tilt",
+    **dict.fromkeys(("plasticity", "plastic", "yield_stress", "hardening"), _NO_PLASTICITY),
+    **dict.fromkeys(("adhesion", "adhesive", "cohesion", "cohesive"), _NO_ADHESION),
+    **dict.fromkeys(("tied", "tie", "glued", "bonded"), _NO_TIES),
+    **dict.fromkeys(
+        ("large_strain", "finite_strain", "large_deformation", "large_rotation", "nlgeom"),
+        _NO_LARGE_STRAIN,
+    ),
+}
+
 #: By pydantic's name of an error; the words in braces are from the error's context.
 _MESSAGES = {
     "greater_than": "must be > {gt}, not {given}",
     "greater_than_equal": "must be >= {ge}, not {given}",
     "less_than": "must be < {lt}, not {given}",
     "less_than_equal": "must be <= {le}, not {given}",
+    "too_short": "has {actual_length} entries; at least {min_length} are needed",
     "too_long": "has {actual_length} entries; at most {max_length} are allowed",
     "bool_type": "must be true or false, not {given}",
     "int_type": "must be an integer, not {given}",
@@ -84,6 +130,16 @@ def value_message(details: Any) -> str:
     return template.format(given=show(given), how_to_list=f" in [ ]{in_a_mapping}", **context)
 
 
+def meant(name: str, known: Sequence[str]) -> str:
+    """The hint at what a user may have meant by a name that is none of the known ones."""
+    if name in _ABSENT:
+        return f" ({_ABSENT[name]})"
+    if _OTHER_NAMES.get(name) in known:
+        return f" (did you mean '{_OTHER_NAMES[name]}'?)"
+    symbol = f" (did you mean '{_SYMBOLS[name]}'?)" if name in _SYMBOLS else ""
+    return nearest(name, known) or symbol
+
+
 def unknown_key(key: str, known: Sequence[str], elsewhere: str = "") -> str:
     """The message for an unknown key, with the nearest known key and all known keys.
 
@@ -95,7 +151,7 @@ def unknown_key(key: str, known: Sequence[str], elsewhere: str = "") -> str:
     elif key.isdecimal():
         hint = " (numbers take a decimal point, not a comma)"
     else:
-        hint = nearest(key, known) or elsewhere
+        hint = meant(key, known) or elsewhere
     return f"unknown key{hint}; known here: {', '.join(known)}"
 
 
