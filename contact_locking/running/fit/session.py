@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -19,7 +21,7 @@ from contact_locking.errors import InputError, NotConverged
 from contact_locking.files import atomic, ownership
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
-from contact_locking.plain_text import count
+from contact_locking.plain_text import count, per_cent
 from contact_locking.process.solving import solve
 from contact_locking.results.names import FIT, FIT_PICTURE
 from contact_locking.results.output_folder import KEY, on_root_of, reserved
@@ -30,9 +32,14 @@ from contact_locking.study_file.parameters import Parameters
 
 from . import words
 from .curves import Experiment, read_experiments
-from .estimate import Estimate, Residuals, Variable, estimate
+from .estimate import Estimate, estimate, idle
 from .model import Evaluation, Model
 from .starts import Begun, variables_of
+from .variables import Residuals, Variable
+
+# A start at which a strain limit is nowhere reached is lowered to below the largest strain, at most
+# so often where other limits are reached before it.
+_LIMIT, _BELOW, _LOWERINGS = "locking_limit", 0.95, 3
 
 
 def fit(
@@ -170,21 +177,50 @@ class Search:
 
     def run(self) -> Estimate:
         """The numbers of the least squares.  Raises NotConverged without a solution at first."""
+        at_start = self._begun()
         start = np.array([variable.start for variable in self._variables])
-        at_start = self._misfit(start)
-        if at_start is None:
-            raise NotConverged(
-                "the process has no solution at the start of the fit, and may have one at another "
-                f"start; {self._model.failure}"
-            )
         compared = self.compared(start)
         for one in compared:
             self._say(words.about_units(one.name, one.data, one.model))
-        used = [item.used for item in self._evaluations[_place(start)] if item.used is not None]
-        most = max(used, default=None)
-        self._say(words.before(at_start, start, self._keys, most, self._model.refusal))
+        self._say(words.before(at_start, start, self._keys, self._model.refusal))
         has_errors = all(one.sigma is not None for one in compared)
-        return estimate(self._variables, self._misfit, has_errors, self._model.derives)
+        found = estimate(self._variables, self._misfit, has_errors, self._model.derives)
+        if not np.isfinite(found.scatter):
+            self._say(["there are as many data as numbers, so that there is no standard error"])
+        return found
+
+    def _begun(self) -> Residuals:
+        """The residuals at the start, in which a strain limit that matters nowhere is lowered.
+
+        Raises NotConverged without a solution.
+        """
+        for lowerings in itertools.count():
+            start = np.array([variable.start for variable in self._variables])
+            found = self._misfit(start)
+            if found is None:
+                raise NotConverged(
+                    "the process has no solution at the start of the fit, and may have one at "
+                    f"another start; {self._model.failure}"
+                )
+            shares = [one.used for one in self._evaluations[_place(start)] if one.used is not None]
+            lowered = dict[str, Variable]()
+            if lowerings < _LOWERINGS and 0.0 < (used := max(shares, default=1.0)) < 1.0:
+                for variable, is_idle in zip(self._variables, idle(found, start), strict=True):
+                    number = max(_BELOW * used * variable.start, variable.least)
+                    if is_idle and variable.key.endswith(_LIMIT) and number < variable.start:
+                        lowered[variable.key] = dataclasses.replace(variable, start=number)
+            if not lowered:
+                return found
+            self._say(
+                [
+                    f"{key}: nothing locks at the start, where the strain reaches "
+                    f"{per_cent(used)} of the limit; the search begins at {one.start:.4g}, where "
+                    "the body begins to lock"
+                    for key, one in lowered.items()
+                ]
+            )
+            self._variables = [lowered.get(one.key, one) for one in self._variables]
+        raise AssertionError
 
     def _say(self, texts: Sequence[str]) -> None:
         for text in texts:
