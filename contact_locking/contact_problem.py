@@ -35,6 +35,7 @@ from contact_locking.problem.limits import Limit
 from contact_locking.problem.springs import OwnSupport
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.process.several import is_unique
 from contact_locking.results.solution import Solution
 from contact_locking.script_names import in_script, script_names
 from contact_locking.sensitivity.lazy import LazyDerivatives
@@ -177,8 +178,9 @@ class ContactProblem:
         The others are on the branch of solutions over the share of friction, or found by deflation;
         each has a certificate, and the ``index`` of its summary is +1, -1 or 0.  There is one
         solution in the list if no other was found, which does not say that there is none, or if
-        it has not converged.  Raises InputError for present data that cannot be used, or where
-        there is no map of the friction bounds.
+        it has not converged.  Beside a solution that kappa proves to be unique none is searched.
+        Raises InputError for present data that cannot be used, or where there is no map of the
+        friction bounds.
         """
         solver, report = self._solver, self._solve(after, after)
         if not report.converged:
@@ -187,6 +189,8 @@ class ContactProblem:
         for item in solver.equilibria(report, find):
             solution = self._solution(item.report, extras)
             found.append(_in_script(solution.telling(index=item.index)))
+            if is_unique(solution.summary):
+                break
         return found
 
     @script_names()

@@ -181,6 +181,7 @@ def _static(
     if most is None or not solution.converged:
         yield solution
     else:
+        most = 1 if several.is_unique(solution.summary) else most
         for number, other in enumerate(solver.equilibria(report, most)):
             if number > 0:
                 monitor.message(f"another solution: {number + 1} so far")

@@ -85,12 +85,11 @@ class Intervals:
         if not math.isfinite(self._rise) or reach <= _LEAST_ERROR:
             return self._numbers(number, -reach, reach)
         low, high = (self._end(number, side, reach, False) for side in (-1.0, 1.0))
-        # The linear model does not hold on the other side of a number that is open on one side.
-        if math.isinf(low) != math.isinf(high):
-            if math.isinf(high):
-                low = self._end(number, -1.0, reach, True)
-            else:
-                high = self._end(number, 1.0, reach, True)
+        # Where the linear model fails on one side, its end on the other side may be far too wide.
+        if low > reach == high:
+            high = self._end(number, 1.0, reach, True)
+        elif high > reach == low:
+            low = self._end(number, -1.0, reach, True)
         return self._numbers(number, -low, high)
 
     def _numbers(self, number: int, low: float, high: float) -> tuple[float, float]:

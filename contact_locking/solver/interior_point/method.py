@@ -222,7 +222,7 @@ class InteriorPoint:
         self._judge.friction_change, self._first = 0.0, None
         self._left = self._stiffest = math.inf
         self._crawled, self._gap = 0, 0.0
-        self._pieces, self.from_last = None, False
+        self._pieces, self.from_last, self.is_elastic = None, False, False
         try:
             is_found = start()
         except PETSc.Error as error:
@@ -331,7 +331,6 @@ class InteriorPoint:
 
     def _start_near(self, last: LastIterate) -> bool:
         """Newton's method on the pieces of the laws; raises NotConverged unless it arrives."""
-        self.is_elastic = False
         if self._tangent.direct is not None:
             pieces = self._all_pieces()
             if self._take(pieces, pieces.from_last(last)):
