@@ -135,7 +135,7 @@ def _branch(found: Mapping[str, Any] | None) -> str | None:
     if found is None:
         return None
     shares = ", ".join(f"{share:.4g}" for share in found["folds"])
-    folds = f"turns at the shares {shares}" if shares else "does not turn"
+    folds = f"turns at the shares {shares}" if shares else "no turn was found"
     count = len(found["points"]["share"])
     return f"over {found['over']}: {count} points; {folds}; it ends: {found['end']}"
 
