@@ -18,6 +18,7 @@ from ufl.core.expr import Expr
 from contact_locking import _compat
 from contact_locking.arrays import values_at
 from contact_locking.certificate import Extras, certify
+from contact_locking.certificate.constants import is_unique
 from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError
@@ -35,7 +36,6 @@ from contact_locking.problem.limits import Limit
 from contact_locking.problem.springs import OwnSupport
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.process.several import is_unique
 from contact_locking.results.solution import Solution
 from contact_locking.script_names import in_script, script_names
 from contact_locking.sensitivity.lazy import LazyDerivatives

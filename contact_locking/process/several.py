@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from contact_locking.certificate.constants import BY_KAPPA
+from contact_locking.certificate.constants import is_unique
 from contact_locking.files.csv_file import csv_text
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import StudySolution
@@ -39,13 +39,6 @@ def entry(found: Sequence[StudySolution]) -> dict[str, Any]:
     total = sum(int(solution.summary["index"]) for solution in found)
     missing = _NONE if is_unique(found[0].summary) else _missing(total)
     return {"found": len(found), "solutions": rows, "missing": missing}
-
-
-def is_unique(summary: Mapping[str, Any]) -> bool:
-    """Whether kappa proves that there is no other solution on this mesh."""
-    certificate = summary.get("certificate") or {}
-    verdict: str | None = certificate.get("constants", {}).get("uniqueness", {}).get("verdict")
-    return verdict == BY_KAPPA
 
 
 def branch_of_study(
