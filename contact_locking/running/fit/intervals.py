@@ -100,18 +100,21 @@ class Intervals:
     def _end(self, number: int, side: float, reach: float, is_sharp: bool) -> float:
         """The distance of the end on one side: the reach, or more where the misfit is flat.
 
-        A sharp end is searched within the reach, too.
+        A sharp end is searched within the reach, too, and so is one that a bound excludes.
         """
-        farthest = self._farthest(number, side)
+        far = self._far(number)
+        bound = float(self._bounds[int(side > 0.0), number])
+        farthest = min(side * (bound - float(self._best.x[number])), far)
         if farthest <= _LEAST_ERROR:
             return reach
         first, start = min(reach, farthest), self._best.misfit
         flat = start + _TOO_FLAT * self._rise * (first / reach) ** 2
-        place = self._at(number, side * first, self._best, flat)
+        goal = self._most if first < reach else flat
+        place = self._at(number, side * first, self._best, goal)
         misfit = math.inf if place is None else place.misfit
         is_beyond = misfit > self._most
-        if misfit >= flat and not (is_beyond and (is_sharp or math.isinf(reach))):
-            return reach
+        if misfit >= flat and not (is_beyond and (is_sharp or first < reach)):
+            return reach if reach <= far else math.inf
         if is_beyond or place is None:
             place, low, high = self._best, _NEAREST * first, first
         else:
@@ -128,18 +131,16 @@ class Intervals:
                 low, place = middle, found
             else:
                 high = middle
-        return high
+        # Only the bound itself is excluded, or the farthest number.
+        return math.inf if high == farthest else high
 
-    def _farthest(self, number: int, side: float) -> float:
-        """The distance of the bound, or of a number that is many times as large or as small."""
-        variable, x = self._variables[number], float(self._best.x[number])
-        bound = float(self._bounds[int(side > 0.0), number])
+    def _far(self, number: int) -> float:
+        """The distance of a number that is many times as large or as small."""
+        variable = self._variables[number]
         if variable.is_log:
-            far = abs(variable.searched(variable.start * _FARTHEST))
-        else:
-            size = abs(variable.number(x)) or abs(variable.start) or 1.0
-            far = (_FARTHEST - 1.0) * size / variable.rate(size)
-        return min(side * (bound - x), far)
+            return abs(variable.searched(variable.start * _FARTHEST))
+        size = abs(variable.number(float(self._best.x[number]))) or abs(variable.start) or 1.0
+        return (_FARTHEST - 1.0) * size / variable.rate(size)
 
     def _at(self, number: int, distance: float, known: _Place, goal: float) -> _Place | None:
         """The least squares at a distance, as near as it takes to tell whether they reach a goal.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -32,7 +31,7 @@ from contact_locking.study_file.parameters import Parameters
 
 from . import words
 from .curves import Experiment, read_experiments
-from .estimate import Estimate, estimate, idle
+from .estimate import Estimate, estimate
 from .model import Evaluation, Model
 from .starts import Begun, variables_of
 from .variables import Residuals, Variable
@@ -40,6 +39,8 @@ from .variables import Residuals, Variable
 # A start at which a strain limit is nowhere reached is lowered to below the largest strain, at most
 # so often where other limits are reached before it.
 _LIMIT, _BELOW, _LOWERINGS = "locking_limit", 0.95, 3
+# The share of the limit from which the body locks.
+_LOCKS = 0.999
 
 
 def fit(
@@ -178,8 +179,7 @@ class Search:
     def run(self) -> Estimate:
         """The numbers of the least squares.  Raises NotConverged without a solution at first."""
         at_start = self._begun()
-        start = np.array([variable.start for variable in self._variables])
-        compared = self.compared(start)
+        start, compared = self._start, self.compared(self._start)
         for one in compared:
             self._say(words.about_units(one.name, one.data, one.model))
         self._say(words.before(at_start, start, self._keys, self._model.refusal))
@@ -192,25 +192,25 @@ class Search:
     def _begun(self) -> Residuals:
         """The residuals at the start, in which a strain limit that matters nowhere is lowered.
 
-        Raises NotConverged without a solution.
+        It stays where the process has no solution with a lower one.  Raises NotConverged without a
+        solution.
         """
-        for lowerings in itertools.count():
-            start = np.array([variable.start for variable in self._variables])
-            found = self._misfit(start)
-            if found is None:
-                raise NotConverged(
-                    "the process has no solution at the start of the fit, and may have one at "
-                    f"another start; {self._model.failure}"
-                )
-            shares = [one.used for one in self._evaluations[_place(start)] if one.used is not None]
-            lowered = dict[str, Variable]()
-            if lowerings < _LOWERINGS and 0.0 < (used := max(shares, default=1.0)) < 1.0:
-                for variable, is_idle in zip(self._variables, idle(found, start), strict=True):
-                    number = max(_BELOW * used * variable.start, variable.least)
-                    if is_idle and variable.key.endswith(_LIMIT) and number < variable.start:
-                        lowered[variable.key] = dataclasses.replace(variable, start=number)
+        found = self._misfit(self._start)
+        if found is None:
+            raise NotConverged(
+                "the process has no solution at the start of the fit, and may have one at another "
+                f"start; {self._model.failure}"
+            )
+        for _ in range(_LOWERINGS):
+            before, (used, lowered) = self._variables, self._lowered()
             if not lowered:
-                return found
+                break
+            self._variables = [lowered.get(one.key, one) for one in before]
+            nearer = self._misfit(self._start)
+            if nearer is None:
+                self._variables = before
+                break
+            found = nearer
             self._say(
                 [
                     f"{key}: nothing locks at the start, where the strain reaches "
@@ -219,8 +219,22 @@ class Search:
                     for key, one in lowered.items()
                 ]
             )
-            self._variables = [lowered.get(one.key, one) for one in self._variables]
-        raise AssertionError
+        return found
+
+    def _lowered(self) -> tuple[float, dict[str, Variable]]:
+        """The largest share of the limit at the start, and the limits that are lowered to it."""
+        evaluations = self._evaluations[_place(self._start)]
+        used = max((one.used for one in evaluations if one.used is not None), default=1.0)
+        lowered = {}
+        for variable in self._variables if used < _LOCKS else ():
+            number = max(_BELOW * used * variable.start, variable.least)
+            if variable.key.endswith(_LIMIT) and number < variable.start:
+                lowered[variable.key] = dataclasses.replace(variable, start=number)
+        return used, lowered
+
+    @property
+    def _start(self) -> FloatArray:
+        return np.array([variable.start for variable in self._variables])
 
     def _say(self, texts: Sequence[str]) -> None:
         for text in texts:
