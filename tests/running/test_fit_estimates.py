@@ -126,7 +126,7 @@ def test_a_number_beyond_a_kink_of_the_misfit_has_one_bound(seed: int) -> None:
 
     def misfit(numbers: FloatArray) -> Residuals:
         values, slopes = forces(numbers)
-        return Residuals((values - data) / NOISE, slopes / NOISE)
+        return Residuals(np.asarray((values - data) / NOISE), np.asarray(slopes / NOISE))
 
     variables = [Variable("E", 1.0, 0.05, 20.0, True), Variable("mu", 0.1, 0.01, 2.0, False)]
     found = estimate(variables, misfit, has_errors=True, derives=True)

@@ -41,10 +41,11 @@ def combination_name(combination: Combination, keys: Sequence[str]) -> str:
 
 def undetermined(found: Estimate, keys: Sequence[str]) -> list[str]:
     """The numbers that the data bound on one side, and the combinations that they leave open."""
+    bounds = [one_bound(float(low), float(high)) for low, high in found.intervals]
     one_sided = {
         key: f"{key}: {bound}; beyond, the misfit is flat"
-        for key, ends in zip(keys, found.intervals, strict=True)
-        if (bound := one_bound(*ends))
+        for key, bound in zip(keys, bounds, strict=True)
+        if bound
     }
     names = [combination_name(one, keys) for one in found.combinations]
     told = [

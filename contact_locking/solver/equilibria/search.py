@@ -138,7 +138,8 @@ class Equilibria:
         # Near a fold the bounds of the interior point method are rougher than their tolerance.
         refined = self._solve(first)
         known = [first if refined is None else refined]
-        without, shares = self.map(np.zeros(vectors.size)), _SHARES
+        without: FloatArray = self.map(np.zeros(vectors.size))
+        shares: tuple[float, ...] = _SHARES
         if not vectors.norm(without) > 0.0:
             without, shares = self._of_mean_stress(), _SHARES_OF_STRESS
         deflation = Deflation(vectors, known, vectors.norm(first) or vectors.norm(without))
