@@ -18,6 +18,7 @@ from ufl.core.expr import Expr
 from contact_locking import _compat
 from contact_locking.arrays import values_at
 from contact_locking.certificate import Extras, certify
+from contact_locking.certificate.constants import is_unique
 from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError, require_kind
@@ -178,8 +179,9 @@ class ContactProblem:
         The others are on the branch of solutions over the share of friction, or found by deflation;
         each has a certificate, and the ``index`` of its summary is +1, -1 or 0.  There is one
         solution in the list if no other was found, which does not say that there is none, or if
-        it has not converged.  Raises InputError for present data that cannot be used, or where
-        there is no map of the friction bounds.
+        it has not converged.  Beside a solution that kappa proves to be unique none is searched.
+        Raises InputError for present data that cannot be used, or where there is no map of the
+        friction bounds.
         """
         solver, report = self._solver, self._solve(after, after)
         if not report.converged:
@@ -188,6 +190,8 @@ class ContactProblem:
         for item in solver.equilibria(report, find):
             solution = self._solution(item.report, extras)
             found.append(_in_script(solution.telling(index=item.index)))
+            if is_unique(solution.summary):
+                break
         return found
 
     @script_names()

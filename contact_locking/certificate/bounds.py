@@ -69,12 +69,23 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
 
 
 def _rounding(state: SolvedState) -> _Bounds:
-    """The rounding of each value, from that of the displacement, by strains and by the penalty."""
+    """The rounding of each value, from that of the displacement, by strains and by the penalty.
+
+    A body that nothing strains is judged by its gaps and its limits: else a bound of zero would be
+    kept, or broken, by the rounding of a rounding.
+    """
     alpha, epsilon = state.problem.material.ellipticity, state.target.penalty.epsilon
-    strain = ROUNDING * state.largest_displacement / state.target.length
+    length, points = state.target.length, state.points
+    moved = state.largest_displacement
+    for fields in state.contacts:
+        moved = max(moved, min(maximum(state.comm, np.abs(fields.gap)), length))
+    for item in points.sets:
+        limited = item.limit[np.isfinite(item.limit)]
+        moved = max(moved, length * maximum(state.comm, np.minimum(limited, 1.0)))
+    strain = ROUNDING * moved / length
     if state.contacts and epsilon > 0.0:
-        strain += ROUNDING * state.largest_displacement / (epsilon * alpha)
-    size = strain * float(np.sqrt(state.points.volume))
+        strain += ROUNDING * moved / (epsilon * alpha)
+    size = strain * float(np.sqrt(points.volume))
     work = alpha * size**2
     return _Bounds(size, work, work, work)
 

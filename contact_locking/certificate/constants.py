@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -179,6 +180,13 @@ def _uniqueness(
         f"(c_0 of the fields on this mesh, from below{sampled})"
     )
     return SAMPLED if covered else UNKNOWN, why
+
+
+def is_unique(summary: Mapping[str, Any]) -> bool:
+    """Whether kappa proves that there is no other solution on this mesh."""
+    certificate = summary.get("certificate") or {}
+    verdict: str | None = certificate.get("constants", {}).get("uniqueness", {}).get("verdict")
+    return verdict == BY_KAPPA
 
 
 def constant_supports(state: SolvedState) -> tuple[str, ...]:

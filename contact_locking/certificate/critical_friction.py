@@ -9,15 +9,17 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.contact.smoothing import Identity
 from contact_locking.errors import NotConverged
 from contact_locking.parallel import maximum, minimum
+from contact_locking.results.contact_points import OPEN
 from contact_locking.solver.equilibria.bound_map import BoundMap
 from contact_locking.solver.equilibria.search import has_map
 from contact_locking.solver.task import Counts, Task
 
 # An eigenvalue counts as real whose imaginary part is a smaller share of it, and as none that is a
-# smaller share of the norm.
-_REAL, _NONE = 1e-8, 1e-12
+# smaller share of the norm: the derivative comes from the end of a central path.
+_REAL, _NONE = 1e-8, 1e-6
 
 
 def critical_friction(state: SolvedState) -> dict[str, Any]:
@@ -43,7 +45,7 @@ def critical_friction(state: SolvedState) -> dict[str, Any]:
         try:
             vectors = problem.vectors
             problem(vectors.in_force())
-            found = critical_share(problem.derivative())
+            found = critical_share(_of_laws(problem, state))
         except NotConverged as failure:
             return {**none, "reason": str(failure)}
         finally:
@@ -61,6 +63,22 @@ def critical_friction(state: SolvedState) -> dict[str, Any]:
         "coefficient": None if mu is None else share * mu,
         "mode_peak": places[int(np.argmax(np.abs(mode)))].tolist(),
     }
+
+
+def _of_laws(problem: BoundMap, state: SolvedState) -> FloatArray:
+    """``Phi'`` (m, m) at the last value, without what a central path leaves; collective.
+
+    A node that sticks answers no change of its bound, and an open node without a smoothing R has
+    no bound, whatever the bounds of the others are.
+    """
+    vectors = problem.vectors
+    found = [item for item in state.contacts if item.contact in vectors.contacts]
+    answers = vectors.gather([np.where(item.holds, 0.0, 1.0) for item in found])
+    has_bound = []
+    for item in found:
+        is_local = isinstance(item.contact.friction.smoothing, Identity)
+        has_bound.append(np.where(is_local & (item.state == OPEN), 0.0, 1.0))
+    return vectors.gather(has_bound)[:, None] * problem.derivative() * answers
 
 
 def critical_share(derivative: FloatArray) -> tuple[float, FloatArray] | None:

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from contact_locking.certificate.constants import is_unique
 from contact_locking.files.csv_file import csv_text
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import StudySolution
@@ -14,6 +15,7 @@ from contact_locking.study.assembly import StudyProblem
 from contact_locking.study_file.named_numbers import with_load_share
 
 _COLUMNS = ("index", "contact_force", "friction_force", "elastic_energy", "compliance")
+_NONE = "there is no other on this mesh, as kappa is below 1, and none was searched"
 #: The folders of all further solutions, as a pattern.
 FOLDERS = "equilibrium_*"
 
@@ -35,7 +37,8 @@ def entry(found: Sequence[StudySolution]) -> dict[str, Any]:
         for number, solution in enumerate(found, start=1)
     ]
     total = sum(int(solution.summary["index"]) for solution in found)
-    return {"found": len(found), "solutions": rows, "missing": _missing(total)}
+    missing = _NONE if is_unique(found[0].summary) else _missing(total)
+    return {"found": len(found), "solutions": rows, "missing": missing}
 
 
 def branch_of_study(

@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 from contact_locking import study_file
 from contact_locking._version import __version__
+from contact_locking.certificate.constants import is_unique
 from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
@@ -190,6 +191,7 @@ def _static(
     if most is None or not solution.converged:
         yield solution
     else:
+        most = 1 if is_unique(solution.summary) else most
         for number, other in enumerate(solver.equilibria(report, most)):
             if number > 0:
                 monitor.message(f"another solution: {number + 1} so far")

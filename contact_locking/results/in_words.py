@@ -148,7 +148,7 @@ def _branch(found: Mapping[str, Any] | None) -> str | None:
     if found is None:
         return None
     shares = ", ".join(f"{share:.4g}" for share in found["folds"])
-    folds = f"turns at the shares {shares}" if shares else "does not turn"
+    folds = f"turns at the shares {shares}" if shares else "no turn was found"
     count = len(found["points"]["share"])
     return f"over {found['over']}: {count} points; {folds}; it ends: {found['end']}"
 
@@ -313,8 +313,8 @@ def _moving(entry: Mapping[str, Any]) -> str:
 def _limit_load(entry: Mapping[str, Any]) -> str:
     confirmed, excluded = entry["load_factor"]
     most = "any share" if excluded is None else f"more than {per_cent(excluded)}"
-    shares = f"{per_cent(confirmed)} can be followed, {most} on no mesh"
-    return f"of the prescribed displacements {shares}"
+    least = f"{per_cent(confirmed)} can" if confirmed else "no share is proved to"
+    return f"of the prescribed displacements {least} be followed, {most} on no mesh"
 
 
 def _estimated(summary: Mapping[str, Any]) -> str:

@@ -50,14 +50,17 @@ class Target:
         mean = math.sqrt(2.0 * max(energy, 0.0) / (self.ellipticity * self.volume))
         return max(mean, ROUNDING * displacement / (self.length * tolerance))
 
+    def mean_stress(self, mean_strain: float) -> float:
+        """The stress of :meth:`mean_strain`."""
+        return math.sqrt(self.stiffness * self.ellipticity) * mean_strain
+
     def least_bound(self, mean_strain: float) -> float:
         """The L2 norm on Gamma_C below which changes of the friction bound are judged absolutely.
 
-        It is a thousandth of the stress of :meth:`mean_strain` over a face of the body:
+        It is a thousandth of the :meth:`mean_stress` over a face of the body:
         where contact only grazes, relative changes of next to nothing say nothing.
         """
-        stress = math.sqrt(self.stiffness * self.ellipticity) * mean_strain
-        return 1e-3 * stress * math.sqrt(self.face)
+        return 1e-3 * self.mean_stress(mean_strain) * math.sqrt(self.face)
 
 
 @dataclass

@@ -146,3 +146,20 @@ def test_without_friction_or_without_a_support_the_entry_says_why() -> None:
     assert found["share"] is None
     assert "there is no friction" in found["reason"]
     assert not math.isnan(solution.summary["residual"])
+
+
+@pytest.mark.parametrize("poisson", [0.1, 0.3, 0.4])
+def test_no_friction_is_critical_where_all_points_stick(poisson: float) -> None:
+    """The map of friction bounds does not depend on them: its derivative is zero."""
+    data = study(
+        {"builder": "block", "dim": 2, "h": 0.25, "structured": True},
+        {"displacements": [{"on": "top", "value": [0.002, -0.01]}]},
+        poisson=poisson,
+        friction=1.0,
+        smoothing={"kernel": "none"},
+    )
+    data["certificate"] = {"critical_friction": True}
+    solution = solve_assembled(assemble(Parameters.model_validate(data), MPI.COMM_SELF))
+    (fields,) = solution.contacts
+    assert not np.any(fields.state == SLIP)
+    assert solution.summary["certificate"]["critical_friction"]["share"] is None

@@ -5,14 +5,19 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 import ufl
 from certified import solved
+from mpi4py import MPI
 from problems import block, column, under_a_plate, with_changes
 
 from contact_locking.certificate import elliptic
+from contact_locking.certificate.bounds import proved_bounds
 from contact_locking.fem.compiled import integral
+from contact_locking.process.of_study import solver_of
 from contact_locking.solver.linear.ksp import iterative_options
+from contact_locking.study.assembly import assemble
 
 
 def stretched(limit: float, n: float, **more: Any) -> dict[str, Any]:
@@ -168,3 +173,26 @@ def test_a_load_on_a_part_with_a_contact_is_not_lost() -> None:
     for entry in solved(given).summary["bounds"].values():
         assert entry["holds"] is None
         assert "not carried by a pressure all over Gamma_C" in entry["reason"]
+
+
+@pytest.mark.parametrize(("limit", "gap"), [(0.02, 0.0), (math.inf, 0.1)])
+def test_a_bound_of_zero_is_kept_by_rounding_at_the_scale_of_the_problem(
+    limit: float, gap: float
+) -> None:
+    """A body at rest whose displacement is rounding, beside its strain limit or its gap."""
+    held = {"displacements": [{"on": "left", "value": [0.0, 0.0]}]}
+    given = block(
+        h=0.5,
+        loads=held,
+        contact={"on": "bottom", "gap": gap},
+        material__locking_limit=limit,
+        penalty={"n": 1e3, "epsilon": 1e-3},
+    )
+    solver = solver_of(assemble(given, MPI.COMM_WORLD))
+    state = solver.state(solver.solve())
+    u = state.problem.u.x.array
+    u[:] = 1e-17 * max(gap, min(limit, 1.0)) * np.sin(np.arange(len(u)))
+    found = proved_bounds(state, elliptic.Lifting(state))
+    solver.close()
+    assert found["displacement_norm"]["value"] > found["displacement_norm"]["bound"] == 0.0
+    assert all(entry["holds"] for entry in found.values())

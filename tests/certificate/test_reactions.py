@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from pressed_square import BOTH_DEGREES, square
@@ -56,3 +58,32 @@ def test_the_history_has_the_reactions_of_each_part() -> None:
         parts = [last.history.column(f"reaction_{part}_{name}") for part in ("left", "right")]
         assert np.sum(parts, axis=0) == pytest.approx(last.history.column(f"reaction_{name}"))
         assert parts[1][-1] == last.summary["reactions"]["right"][axis]
+
+
+def test_a_sheet_that_locks_has_the_reactions_of_a_formula() -> None:
+    """Strain (-e_0, e) with ``e^2 = M^2 - e_0^2``, and ``A + zeta`` has no stress across it."""
+    young, nu, limit, swelling = 2.0, 0.3, 0.02, 0.0199
+    summary = solve(
+        square(
+            mesh={"builder": "block", "h": 0.4, "size": [1.0, 0.7]},
+            material={
+                "elasticity": {"young": young, "poisson": nu},
+                "plane": "stress",
+                "eigenstrain": {"value": swelling},
+                "limits_of": "elastic",
+                "locking_limit": limit,
+            },
+            loads={
+                "displacements": [
+                    {"on": ["left", "right"], "value": [0, None]},
+                    {"on": "bottom", "value": [None, 0]},
+                ]
+            },
+            contact=[],
+            penalty={"n": math.inf},
+        )
+    ).summary
+    along, stiffness = math.sqrt(limit**2 - swelling**2), young / (1.0 - nu**2)
+    multiplier = stiffness * (nu * swelling / along - 1.0)
+    wanted = 0.7 * abs(stiffness * (nu * along - swelling) - multiplier * swelling)
+    assert summary["reactions"]["left"][0] == pytest.approx(wanted, rel=1e-6)

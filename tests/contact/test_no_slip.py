@@ -157,6 +157,26 @@ def test_two_beams_without_slip_may_have_no_set_of_pressed_nodes() -> None:
         assert pulls.min(initial=0.0) < 0.0 or enters.max(initial=0.0) > 1e-6 * abs(alone).max()
 
 
+def test_a_body_that_is_not_found_to_hold_without_slip_is_told_nothing_of_a_coefficient() -> None:
+    """A pressure of 1e-5 beside a shear of 0.0035, which is in equilibrium without any slip."""
+    given = _given(
+        _BLOCK,
+        mesh={"builder": "block", "h": 0.25, "structured": True},
+        material__elasticity={"young": 1.0, "poisson": 0.0},
+        loads={
+            "tractions": [
+                {"on": "top", "value": [0.0035, -1e-5]},
+                {"on": "right", "value": [0.0, 0.0035]},
+                {"on": "left", "value": [0.0, -0.0035]},
+            ]
+        },
+    )
+    summary = solve(given, MPI.COMM_SELF).summary
+    assert not summary["converged"]
+    for text in (summary["reason"], summary["suggestion"]):
+        assert text and "friction" not in text and "coefficient" not in text
+
+
 @pytest.mark.parametrize(
     ("changes", "told"),
     [

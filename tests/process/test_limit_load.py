@@ -88,3 +88,27 @@ def test_displacements_that_nothing_resists_have_no_excluded_load_factor() -> No
     )
     found = certificate(shifted)["limit_load"]
     assert found["load_factor"] == [1.0, None] and found["infeasible"] is False
+
+
+@pytest.mark.parametrize(("gap", "share"), [(0.0, 0.0), (0.03, 1.0)])
+def test_displacements_of_held_nodes_into_the_foundation_are_not_said_to_be_possible(
+    gap: float, share: float
+) -> None:
+    """A right side that moves down by 0.02: without a gap its corner enters at once."""
+    brackets = []
+    for h in (0.5, 0.25):
+        sides = [{"on": "left", "value": [0.0, 0.0]}, {"on": "right", "value": [0.0, -0.02]}]
+        pushed = block(
+            h=h,
+            loads={"displacements": sides},
+            contact={"on": "bottom", "gap": gap},
+            friction__coefficient=0.0,
+            material__locking_limit=0.02,
+            penalty__n=math.inf,
+            certificate__error_bound=True,
+        )
+        brackets.append(solving.solve(pushed).summary["certificate"]["limit_load"]["load_factor"])
+    confirmed, excluded = np.transpose(brackets)
+    # The brackets of one polygon on two meshes meet.
+    assert confirmed.max() < excluded.min()
+    assert list(confirmed) == [share, share]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -10,8 +11,9 @@ import pytest
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.running.fit import words
-from contact_locking.running.fit.estimate import Residuals, Variable, estimate
+from contact_locking.running.fit.estimate import estimate
 from contact_locking.running.fit.starts import starts_of
+from contact_locking.running.fit.variables import Residuals, Variable
 
 pytestmark = pytest.mark.serial
 
@@ -96,16 +98,42 @@ def test_a_product_is_known_where_its_factors_are_not() -> None:
     assert np.all(np.isinf(found.errors))
     assert words.undetermined(found, ["a", "b"]) == ["a^0.71 b^-0.71: the data do not depend on it"]
     start = np.array([1.0, 2.0])
-    (told,) = words.before(misfit(start), start, ["a", "b"], None, "")
+    (told,) = words.before(misfit(start), start, ["a", "b"], "")
     assert told == "a^0.71 b^-0.71: the data do not determine it at the start"
 
 
-def test_a_limit_above_all_strains_is_told_before_the_search() -> None:
+def test_a_number_of_no_influence_is_told_before_the_search() -> None:
     at_start = Residuals(T, np.array([T, 1e-9 * T]).T)
     keys = ["material.elasticity.young", "material.locking_limit"]
-    (told,) = words.before(at_start, np.array([1.0, 1.0]), keys, 0.31, "")
-    assert told.startswith("material.locking_limit: nothing locks at the start, where the strain")
-    assert "31 % of the limit" in told
+    (told,) = words.before(at_start, np.array([1.0, 1.0]), keys, "")
+    assert told.startswith("material.locking_limit: the measured quantities do not depend")
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_number_beyond_a_kink_of_the_misfit_has_one_bound(seed: int) -> None:
+    """Friction ``min(mu, 0.19)``: above 0.19 nothing slips, and 0.35 made the data."""
+
+    def forces(numbers: FloatArray) -> tuple[FloatArray, FloatArray]:
+        young, mu = numbers
+        slips = np.minimum(mu, 0.19 + 1e-4 * np.tanh(mu - 0.19))
+        slope = np.where(mu < 0.19, 1.0, 1e-4 / np.cosh(mu - 0.19) ** 2)
+        values = np.concatenate([young * T, slips * young * T])
+        by_young = np.concatenate([T, slips * T])
+        return values, np.array([by_young, np.concatenate([0.0 * T, slope * young * T])]).T
+
+    noise = NOISE * np.random.default_rng(seed).standard_normal(2 * len(T))
+    data = forces(np.array([1.3, 0.35]))[0] + noise
+
+    def misfit(numbers: FloatArray) -> Residuals:
+        values, slopes = forces(numbers)
+        return Residuals(np.asarray((values - data) / NOISE), np.asarray(slopes / NOISE))
+
+    variables = [Variable("E", 1.0, 0.05, 20.0, True), Variable("mu", 0.1, 0.01, 2.0, False)]
+    found = estimate(variables, misfit, has_errors=True, derives=True)
+    low, high = found.intervals[1]
+    assert 0.18 < low < 0.2 and math.isinf(high) and math.isinf(found.errors[1])
+    (told,) = words.undetermined(found, ["E", "mu"])
+    assert told.startswith("mu: at least 0.1")
 
 
 def test_the_search_does_not_leave_what_matters() -> None:

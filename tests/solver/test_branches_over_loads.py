@@ -20,6 +20,7 @@ from contact_locking.mesh.domain import from_geometry
 from contact_locking.process import solving
 from contact_locking.results import in_words
 from contact_locking.running import writing
+from contact_locking.solver.equilibria.branch import Branch
 from contact_locking.study_file.parameters import Parameters
 
 # Friction of the stiff block on a spring, mu = TOP - DROP s/(s + LENGTH), and what acts on it.
@@ -53,6 +54,40 @@ def _pull(slip: float) -> float:
     """The share of the pull with which the block slips so far."""
     mu = TOP - DROP * slip / (slip + LENGTH)
     return (STIFFNESS * slip + mu * PRESSURE) / PULL
+
+
+@pytest.mark.serial
+def test_a_branch_leads_on_where_nodes_begin_to_slip() -> None:
+    """``k s + mu(s) P = T`` for a stiff block: a fold where it begins to slip, and another one."""
+    stiffness, pressure, pull = 0.05, 0.01, 0.0055
+    data = study(
+        {"builder": "block", "dim": 2, "h": 0.5, "structured": True},
+        {
+            "springs": [{"on": "left", "stiffness": stiffness, "along": [1.0, 0.0]}],
+            "tractions": [
+                {"on": "top", "value": [0.0, -pressure]},
+                {"on": "right", "value": [pull, 0.0]},
+            ],
+        },
+        young=1000.0,
+        poisson=0.2,
+        friction="0.2 + 0.5*exp(-s/0.01)",
+        smoothing={"kernel": "none"},
+    )
+    data["branches"] = {"over": "loads.tractions.1.value", "to": 1.6}
+    found = solving.solve(Parameters.model_validate(data), MPI.COMM_SELF).summary["branches"]
+    assert found["end"] == "the last share was reached"
+    # The second fold is where ``k = 50 P exp(-s/0.01)``.
+    slip = 0.01 * math.log(50.0 * pressure / stiffness)
+    turn = (stiffness * slip + (0.2 + stiffness / 50.0 / pressure * 0.5) * pressure) / pull
+    assert found["folds"] == pytest.approx([0.7 * pressure / pull, turn], rel=2e-4)
+
+
+def test_a_branch_that_stops_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Branch, "_correct", lambda *_: None)
+    solution = solving.solve(Parameters.model_validate(_on_a_spring(3.0)), MPI.COMM_SELF)
+    found = solution.summary["branches"]
+    assert len(found["points"]["share"]) == 1 and found["end"].startswith("it stopped")
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from sweep.case import Study, clamp, study
 
 from contact_locking import find_equilibria, study_file
 from contact_locking.arrays import FloatArray
+from contact_locking.certificate.constants import BY_KAPPA
 from contact_locking.errors import InputError, NotConverged
 from contact_locking.extras import report
 from contact_locking.process import solving
@@ -335,3 +336,73 @@ def test_the_method_of_the_solver_falls_back_on_the_branch(monkeypatch: Any) -> 
     assert report.friction_change is not None
     assert report.friction_change <= 1e-8
     solver.close()
+
+
+def _third_block(size: float, young: dict[str, float], mu: float, loads: dict[str, Any]) -> Study:
+    """A block of thirds on local friction, of which at most ten solutions are searched."""
+    mesh = {"builder": "block", "size": [1.0, size], "h": 1.0 / 3.0, "structured": True}
+    found = study(mesh, loads, friction=mu, smoothing={"kernel": "none"})
+    material = {"elasticity": {"young": 1.0, **young}, "locking_limit": math.inf}
+    return found | {"material": material, "penalty": {"n": math.inf}, "equilibria": {"find": 10}}
+
+
+def _pulled_third_block() -> Study:
+    """It touches nothing without friction."""
+    loads = {
+        "displacements": [clamp(2)],
+        "tractions": [{"on": "right", "value": [0.029443538154816293, 0.0003890180454922069]}],
+    }
+    return _third_block(1.0, {"poisson": 0.03303525011198971}, 6.7037315589007385, loads)
+
+
+def test_a_block_that_touches_nothing_has_two_further_solutions() -> None:
+    """All combinations of open, sticking and sliding nodes leave three: one node sticks or slides.
+
+    Its pressure is 0.01983 or 0.001514, and it has half of a third of the boundary.
+    """
+    found = find_equilibria(Parameters.model_validate(_pulled_third_block()))
+    forces = sorted(solution.summary["contact_force"][1] for solution in found)
+    np.testing.assert_allclose(forces, [0.0, 0.001514 / 6.0, 0.01983 / 6.0], rtol=1e-3, atol=1e-12)
+    assert sorted(solution.summary["index"] for solution in found) == [-1, 1, 1]
+
+
+def test_the_map_has_pressures_after_a_value_at_which_nothing_touches() -> None:
+    solver = _solver(_pulled_third_block())
+    problem = BoundMap(Task(solver.system, solver.target, solver.settings))
+    bounds: FloatArray = np.array([0.0, 0.0, 0.13])
+    known = problem(bounds)
+    assert known.max() > 0.1
+    for _ in range(2):
+        problem(0.0 * bounds)
+        np.testing.assert_allclose(problem(bounds), known, rtol=1e-6, atol=1e-6)
+    problem.destroy()
+    solver.close()
+
+
+def test_a_solution_that_is_the_only_one_is_not_found_again() -> None:
+    top = {"on": "top", "value": [0.005766154728078064, -0.0035503511531850725]}
+    right = {"on": "right", "value": [0.019467886730568002, -0.03410015127565173]}
+    loads = {"displacements": [top], "tractions": [right]}
+    data = _third_block(2.0 / 3.0, {"poisson": 0.11307192278048947}, 10.858313132829654, loads)
+    data["contact"] = {"on": "bottom", "gap": -0.004294269749203719}
+    assert len(find_equilibria(Parameters.model_validate(data))) == 1
+
+
+def test_nothing_is_searched_beside_a_solution_that_is_proved_to_be_unique(
+    monkeypatch: Any,
+) -> None:
+    loads = {
+        "displacements": [clamp(2)],
+        "tractions": [{"on": "right", "value": [0.009532586164096106, -0.04512764329765403]}],
+    }
+    data = _third_block(2.0 / 3.0, {"poisson": 0.3847669482775273}, 0.1256769803726298, loads)
+    parameters = Parameters.model_validate(data | {"certificate": {"constants": True}})
+
+    def search(*_: Any) -> Iterator[FloatArray]:
+        yield pytest.fail("a search beside a solution that is unique")
+
+    monkeypatch.setattr(Equilibria, "others", search)
+    (found,) = find_equilibria(parameters)
+    verdict = found.summary["certificate"]["constants"]["uniqueness"]
+    assert verdict["verdict"] == BY_KAPPA and found.summary["index"] == 1
+    assert "kappa is below 1" in found.summary["equilibria"]["missing"]

@@ -31,7 +31,8 @@ class ContactTractions:
 
     ``cells`` (m,) and ``sides`` (m,) say which side of which triangle each facet is.  ``normal``
     (m, 2) is the contact normal, ``gap``, ``pressure`` and ``bound`` are (m, r + 1), and ``along``
-    (m, r + 1) is the friction traction along the tangent ``(-nu_2, nu_1)``.
+    (m, r + 1) is the friction traction along the tangent ``(-nu_2, nu_1)``.  ``fixed`` (m, r + 1)
+    marks the held nodes.
     """
 
     fields: ContactFields
@@ -44,6 +45,7 @@ class ContactTractions:
     pressure: FloatArray
     along: FloatArray
     bound: FloatArray
+    fixed: BoolArray
 
     @property
     def tangent(self) -> FloatArray:
@@ -114,6 +116,7 @@ def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTra
         np.maximum(_continued(of(fields.pressure), fixed), 0.0),
         np.clip(_continued(along, fixed), -bound, bound),
         bound,
+        fixed,
     )
 
 

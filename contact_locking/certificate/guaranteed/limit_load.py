@@ -35,6 +35,8 @@ from contact_locking.parallel import maximum, on_any_rank
 
 # Reweighted steps, and the least weight over the largest.
 _STEPS, _LEAST = 8, 1e-4
+# The share of the displacements of the mean strain by which a held node may enter the foundation.
+_ADMISSIBLE = 1e-6
 # Rounding in the factor.
 _ROUNDING = 1e-8
 _PROVED = "proved for every displacement of the polygon of the mesh, up to rounding"
@@ -43,8 +45,10 @@ _PROVED = "proved for every displacement of the polygon of the mesh, up to round
 def limit_load(state: SolvedState) -> dict[str, Any] | None:
     """``load_factor`` is [confirmed, excluded], and ``infeasible`` says whether excluded < 1.
 
-    The multiples of the prescribed displacements up to ``confirmed`` have an admissible field (on
-    this mesh, and therefore in the body), and those above ``excluded`` have none in the body.
+    The multiples of the prescribed displacements up to ``confirmed`` have an admissible field in
+    the body, that of this mesh, and those above ``excluded`` have none in the body.  The field of
+    the mesh is none of the body where it enters the foundation at held nodes of Gamma_C, at which
+    the solver asks nothing: ``confirmed`` is then 0.
     ``excluded`` is None if no stress was found that excludes anything.  Returns None where no
     displacement is prescribed that is not zero.  Takes about 8 solves with the
     hybrid system.  Collective.
@@ -52,7 +56,9 @@ def limit_load(state: SolvedState) -> dict[str, Any] | None:
     if state.problem.constraints.largest() == 0.0:
         return None
     try:
-        excluded = _excluded(state)
+        triangles = _triangles(state)
+        contacts = _pushing(state, triangles)
+        excluded = _excluded(state, triangles, contacts or [])
     except NotApplicable as failure:
         reason = f"not applicable: {failure}"
         return {"infeasible": None, "load_factor": None, "reason": reason}
@@ -61,6 +67,8 @@ def limit_load(state: SolvedState) -> dict[str, Any] | None:
         confirmed = 1.0
     elif state.report.admissible_factor is not None:
         confirmed = state.report.admissible_factor[0]
+    if contacts is None or _enters(state, contacts, confirmed):
+        confirmed = 0.0
     return {
         "infeasible": bool(excluded * (1.0 + _ROUNDING) < 1.0),
         "load_factor": [confirmed, excluded if np.isfinite(excluded) else None],
@@ -68,8 +76,8 @@ def limit_load(state: SolvedState) -> dict[str, Any] | None:
     }
 
 
-def _excluded(state: SolvedState) -> float:
-    """The least factor on u_D that a stress excludes, infinite if no stress excludes any."""
+def _triangles(state: SolvedState) -> Triangles:
+    """The triangles of a problem that the proof covers; collective."""
     problem = state.problem
     require_still_foundations(state)
     if problem.data.origin is not None:
@@ -77,9 +85,14 @@ def _excluded(state: SolvedState) -> float:
     require_straight_triangles(state)
     if problem.element.degree != 1:
         raise NotApplicable("for linear elements")
-    triangles, element = Triangles(problem.domain), macro_element(1)
+    return Triangles(problem.domain)
+
+
+def _excluded(state: SolvedState, triangles: Triangles, contacts: list[ContactTractions]) -> float:
+    """The least factor on u_D that a stress excludes, infinite if no stress excludes any."""
+    problem, element = state.problem, macro_element(1)
     held = held_components(state, triangles)
-    loads, contacts = BalancedLoads.none(triangles, element), _pushing(state, triangles)
+    loads = BalancedLoads.none(triangles, element)
     forces, contacts = forces_in_balance(problem, triangles, element, held, loads, contacts)
     material = Body(state, triangles, element)
     strains, limit = material.strains(problem.u, element), material.limit
@@ -108,8 +121,8 @@ def _excluded(state: SolvedState) -> float:
     return best
 
 
-def _pushing(state: SolvedState, triangles: Triangles) -> list[ContactTractions]:
-    """Tractions without friction; none where no polynomial is admissible, which proves less.
+def _pushing(state: SolvedState, triangles: Triangles) -> list[ContactTractions] | None:
+    """Tractions without friction; None where no polynomial has the gap, which proves less.
 
     Collective.
     """
@@ -117,8 +130,16 @@ def _pushing(state: SolvedState, triangles: Triangles) -> list[ContactTractions]
         found = [contact_tractions(fields, triangles) for fields in state.contacts]
         require_exact_gaps(state, triangles, found)
     except NotApplicable:
-        return []
+        return None
     return [replace(item, along=np.zeros_like(item.along)) for item in found]
+
+
+def _enters(state: SolvedState, contacts: list[ContactTractions], factor: float) -> bool:
+    """Whether the factor on u_D leads held nodes of Gamma_C into the foundation; collective."""
+    nodal = factor * state.problem.u.x.array.reshape(-1, 2)
+    depth = [(item.split(nodal)[0] - item.gap)[item.fixed].max(initial=0.0) for item in contacts]
+    allowed = _ADMISSIBLE * state.mean_strain * state.target.length
+    return maximum(state.comm, max(depth, default=0.0)) > allowed
 
 
 def _factor(

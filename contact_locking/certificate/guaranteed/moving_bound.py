@@ -34,13 +34,14 @@ from contact_locking.mesh.rank_sums import summed
 from contact_locking.parallel import maximum, on_every_rank
 
 _PROVED = (
-    "proved with the friction bound that moves and R by its values at the nodes, on the polygon of "
-    "the mesh, with a material that is constant in each cell; up to rounding, 1e-6 of two "
-    "eigenvalues and the tolerance of the solver"
+    "proved with the friction bound that moves and mu and R by their values at the nodes, on the "
+    "polygon of the mesh, with a material that is constant in each cell; up to rounding, 1e-6 of "
+    "two eigenvalues and the tolerance of the solver"
 )
 _ESTIMATED = (
-    "estimated, with the friction bound that moves and R by its values at the nodes: c is that of "
-    "the displacements on this mesh, from below; with {above:.3g}, from above, kappa is {kappa:.3g}"
+    "estimated, with the friction bound that moves and mu and R by their values at the nodes: c is "
+    "that of the displacements on this mesh, from below; with {above:.3g}, from above, kappa is "
+    "{kappa:.3g}"
 )
 # The room for what two eigenvalues to a relative 1e-6 may lack.
 _ROOM = 1e-5

@@ -36,6 +36,8 @@ from contact_locking.problem.rigidity.words import (
 _DIGITS = 1e-12
 # A push that exceeds what friction holds by less than this share does not prove a slide.
 _ROUNDING = 1e-6
+# The linear programmes see no smaller coefficient.
+_LEAST_MU = 1e-9
 # The same of a friction bound that a solver reached and did not settle.
 _REACHED = 1e-3
 
@@ -168,7 +170,11 @@ class GroupMotions:
             if np.any(spin(self.free @ motion)[1]) and resultant is not None:
                 told += f"; the resultant of the loads {self._where(resultant)}"
             told += ")"
-        return f"{what} cannot hold the body, whatever the pressure (proved on this mesh): {told}"
+        mu = [maximum(comm, item.largest_coefficient()) for item in self.at_contacts]
+        proof = "proved on this mesh"
+        if any(0.0 < value < _LEAST_MU for value in mu):
+            proof += f", coefficients below {_LEAST_MU:g} counted as zero"
+        return f"{what} cannot hold the body, whatever the pressure ({proof}): {told}"
 
     def _lifted_slide(
         self, resultant: Resultant | None, resistance: Callable[[FloatArray], FloatArray]
@@ -222,9 +228,14 @@ class GroupMotions:
         moved, turn = spin(self._of_part(motion)[1])
         words = self._words(motion)
         rate = float(np.linalg.norm(moved if words.startswith("translation") else turn))
+        how = "lifts off" if len(normals) else "slides"
+        if any(item.contact.friction.stands for item in self.at_contacts):
+            return (
+                "no state without slip was found, as the points that were taken as pressed do not "
+                f"hold the body: it {how} (rigid motion: {words}), which needs {push / rate:.4g}"
+            )
         depends = any(item.contact.friction.depends_on_slip for item in self.at_contacts)
         of_which = "the solver reached" + ", which another slip changes" * depends
-        how = "lifts off" if len(normals) else "slides"
         return (
             f"friction cannot hold the body with the friction bound that {of_which}: it {how} "
             f"(rigid motion: {words}), which needs {push / rate:.4g}, and friction holds "

@@ -15,7 +15,7 @@ there.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,9 @@ from scipy.stats import t as student
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import NotConverged
 
+from .intervals import Intervals
+from .variables import ROUNDING, Misfit, Residuals, Variable, rates
+
 # The search ends where the least squares are within so many standard errors of the numbers, which
 # makes their errors larger by a thousandth.  Points that change their state bend the residuals:
 # nearer to their end steps do not keep what the derivatives promise.
@@ -32,8 +35,6 @@ _OFFSET = 0.05
 # Without noise it ends where a step changes the misfit by this share, or the numbers by this.
 _FTOL, _XTOL = 1e-4, 1e-6
 _MOST_EVALUATIONS = 60
-# The change of the numbers that is 1 to the search, and so the longest first step.
-_UNIT = 0.3
 # The share of its influence at the start at which a number is held.
 _FADED = 0.05
 # The shares of the way that a number goes back to where it mattered.
@@ -45,52 +46,6 @@ NO_INFLUENCE = 1e-5
 _WIDTH = 1e-3
 # A combination is not determined whose logarithm has a larger standard error than this.
 UNDETERMINED = 0.5
-# Singular values below this share of the largest are rounding, and the end of a central path.
-_ROUNDING = 1e-7
-
-
-@dataclass(frozen=True)
-class Variable:
-    """A number that is searched, with its start and its bounds."""
-
-    key: str
-    start: float
-    least: float
-    largest: float
-    is_log: bool
-
-    @property
-    def _unit(self) -> float:
-        return _UNIT * (abs(self.start) or 1.0)
-
-    def number(self, x: float) -> float:
-        """p(x)."""
-        if self.is_log:
-            return float(self.start * np.exp(_UNIT * x))
-        return float(self.start + self._unit * x)
-
-    def searched(self, number: float) -> float:
-        """x(p)."""
-        if self.is_log:
-            with np.errstate(divide="ignore"):
-                return float(np.log(number / self.start)) / _UNIT
-        return (number - self.start) / self._unit
-
-    def rate(self, number: float) -> float:
-        """dp/dx."""
-        return _UNIT * number if self.is_log else self._unit
-
-
-@dataclass(frozen=True)
-class Residuals:
-    """Residuals (m,) over their standard errors, and their derivatives (m, n) by the numbers."""
-
-    values: FloatArray
-    derivatives: FloatArray | None
-
-
-#: The residuals at the numbers (n,); None where there is no solution.
-Misfit = Callable[[FloatArray], Residuals | None]
 
 
 @dataclass(frozen=True)
@@ -109,9 +64,10 @@ class Combination:
 class Estimate:
     """The numbers (n,) of least squares, with standard errors, intervals and correlations.
 
-    Errors are infinite where the data do not have the number.  ``combinations`` are from the best
-    known to the least, ``at_bound`` the keys at a bound and ``lost`` those that mattered at the
-    start and hardly at the end.  ``misfit`` is ``|r|^2``, ``scatter`` over ``m - n``.
+    Errors are infinite where the data do not have the number, and an end of an interval where they
+    do not bound it.  ``combinations`` are from the best known to the least, ``at_bound`` the keys
+    at a bound.  ``misfit`` is ``|r|^2``, ``scatter`` over ``m - n``, infinite for ``m = n`` unless
+    standard errors are known.
     """
 
     numbers: FloatArray
@@ -120,7 +76,6 @@ class Estimate:
     correlation: FloatArray
     combinations: tuple[Combination, ...]
     at_bound: tuple[str, ...]
-    lost: tuple[str, ...]
     misfit: float
     scatter: float
     converged: bool
@@ -220,8 +175,7 @@ def estimate(
         if at is not None:
             held = trials.faded(at)
     numbers, slopes = end.numbers, end.slopes
-    x = [v.searched(number) for v, number in zip(variables, numbers, strict=True)]
-    rates = _rates(variables, numbers)
+    by_x = rates(variables, numbers)
     left = trials.at(numbers).values
     freedom = len(left) - len(variables)
     total = float(left @ left)
@@ -229,30 +183,23 @@ def estimate(
     # Known errors that are too small for the residuals do not make the numbers more certain.
     scale = float(np.sqrt(max(1.0, scatter) if has_errors else scatter))
     errors, correlation = _covariance(slopes, scale)
-    quantile = float(student.ppf(0.975, freedom)) if freedom > 0 else np.inf
-    intervals = np.array(
-        [
-            [v.number(at - quantile * error), v.number(at + quantile * error)]
-            for v, at, error in zip(variables, x, errors, strict=True)
-        ]
-    )
+    quantile = float(student.ppf(0.975, freedom if freedom > 0 else np.inf))
+    judged = Intervals(variables, misfit, numbers, left, slopes, quantile, scale)
+    intervals = np.array([judged.of(place, float(error)) for place, error in enumerate(errors)])
+    # There is no standard error where the misfit is no parabola on one side.
+    errors = np.where(np.isinf(intervals).any(axis=1), np.inf, errors)
     return Estimate(
         numbers,
-        np.abs(errors * rates),
+        np.abs(errors * by_x),
         intervals,
         correlation,
-        combinations(slopes / rates * numbers, scale),
+        combinations(slopes / by_x * numbers, scale),
         tuple(key for key, side in zip(keys, end.at_bound, strict=True) if side),
-        tuple(key for key, is_held in zip(keys, held, strict=True) if is_held),
         total,
         scatter,
         end.converged,
         end.reason,
     )
-
-
-def _rates(variables: Sequence[Variable], numbers: FloatArray) -> FloatArray:
-    return np.array([v.rate(value) for v, value in zip(variables, numbers, strict=True)])
 
 
 def _least_squares(
@@ -273,7 +220,7 @@ def _least_squares(
     def slopes_at(numbers: FloatArray) -> FloatArray:
         found = trials.at(numbers).derivatives
         assert found is not None
-        return found * _rates(variables, numbers)
+        return found * rates(variables, numbers)
 
     def jacobian(x: FloatArray) -> FloatArray:
         numbers = numbers_at(x)
@@ -317,7 +264,7 @@ def offset(residuals: FloatArray, slopes: FloatArray) -> float:
     rows, count = slopes.shape
     if rows <= count:
         return np.inf
-    step = np.linalg.lstsq(slopes, residuals, rcond=_ROUNDING)[0]
+    step = np.linalg.lstsq(slopes, residuals, rcond=ROUNDING)[0]
     within = slopes @ step
     left = residuals - within
     spread = np.linalg.norm(left) / np.sqrt(rows - count)
@@ -344,7 +291,7 @@ def _singular(matrix: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
     _, singular, rows = np.linalg.svd(matrix, full_matrices=True)
     size = np.zeros(matrix.shape[1])
     size[: len(singular)] = singular
-    return size, rows, size > _ROUNDING * size.max(initial=0.0)
+    return size, rows, size > ROUNDING * size.max(initial=0.0)
 
 
 def _covariance(slopes: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
@@ -354,7 +301,7 @@ def _covariance(slopes: FloatArray, scale: float) -> tuple[FloatArray, FloatArra
     covariance = root @ root.T
     spread = np.sqrt(np.diag(covariance))
     errors, spread = scale * spread, np.where(spread > 0.0, spread, 1.0)
-    lost = np.abs(rows[~is_known]).max(axis=0, initial=0.0) > np.sqrt(_ROUNDING)
+    lost = np.abs(rows[~is_known]).max(axis=0, initial=0.0) > np.sqrt(ROUNDING)
     return np.where(lost, np.inf, errors), covariance / np.outer(spread, spread)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from contact_locking.errors import InputError, NotConverged
 from contact_locking.files import atomic, ownership
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
-from contact_locking.plain_text import count
+from contact_locking.plain_text import count, per_cent
 from contact_locking.process.solving import solve
 from contact_locking.results.names import FIT, FIT_PICTURE
 from contact_locking.results.output_folder import KEY, on_root_of, reserved
@@ -30,9 +31,16 @@ from contact_locking.study_file.parameters import Parameters
 
 from . import words
 from .curves import Experiment, read_experiments
-from .estimate import Estimate, Residuals, Variable, estimate
+from .estimate import Estimate, estimate
 from .model import Evaluation, Model
 from .starts import Begun, variables_of
+from .variables import Residuals, Variable
+
+# A start at which a strain limit is nowhere reached is lowered to below the largest strain, at most
+# so often where other limits are reached before it.
+_LIMIT, _BELOW, _LOWERINGS = "locking_limit", 0.95, 3
+# The share of the limit from which the body locks.
+_LOCKS = 0.999
 
 
 def fit(
@@ -170,21 +178,63 @@ class Search:
 
     def run(self) -> Estimate:
         """The numbers of the least squares.  Raises NotConverged without a solution at first."""
-        start = np.array([variable.start for variable in self._variables])
-        at_start = self._misfit(start)
-        if at_start is None:
+        at_start = self._begun()
+        start, compared = self._start, self.compared(self._start)
+        for one in compared:
+            self._say(words.about_units(one.name, one.data, one.model))
+        self._say(words.before(at_start, start, self._keys, self._model.refusal))
+        has_errors = all(one.sigma is not None for one in compared)
+        found = estimate(self._variables, self._misfit, has_errors, self._model.derives)
+        if not np.isfinite(found.scatter):
+            self._say(["there are as many data as numbers, so that there is no standard error"])
+        return found
+
+    def _begun(self) -> Residuals:
+        """The residuals at the start, in which a strain limit that matters nowhere is lowered.
+
+        It stays where the process has no solution with a lower one.  Raises NotConverged without a
+        solution.
+        """
+        found = self._misfit(self._start)
+        if found is None:
             raise NotConverged(
                 "the process has no solution at the start of the fit, and may have one at another "
                 f"start; {self._model.failure}"
             )
-        compared = self.compared(start)
-        for one in compared:
-            self._say(words.about_units(one.name, one.data, one.model))
-        used = [item.used for item in self._evaluations[_place(start)] if item.used is not None]
-        most = max(used, default=None)
-        self._say(words.before(at_start, start, self._keys, most, self._model.refusal))
-        has_errors = all(one.sigma is not None for one in compared)
-        return estimate(self._variables, self._misfit, has_errors, self._model.derives)
+        for _ in range(_LOWERINGS):
+            before, (used, lowered) = self._variables, self._lowered()
+            if not lowered:
+                break
+            self._variables = [lowered.get(one.key, one) for one in before]
+            nearer = self._misfit(self._start)
+            if nearer is None:
+                self._variables = before
+                break
+            found = nearer
+            self._say(
+                [
+                    f"{key}: nothing locks at the start, where the strain reaches "
+                    f"{per_cent(used)} of the limit; the search begins at {one.start:.4g}, where "
+                    "the body begins to lock"
+                    for key, one in lowered.items()
+                ]
+            )
+        return found
+
+    def _lowered(self) -> tuple[float, dict[str, Variable]]:
+        """The largest share of the limit at the start, and the limits that are lowered to it."""
+        evaluations = self._evaluations[_place(self._start)]
+        used = max((one.used for one in evaluations if one.used is not None), default=1.0)
+        lowered = {}
+        for variable in self._variables if used < _LOCKS else ():
+            number = max(_BELOW * used * variable.start, variable.least)
+            if variable.key.endswith(_LIMIT) and number < variable.start:
+                lowered[variable.key] = dataclasses.replace(variable, start=number)
+        return used, lowered
+
+    @property
+    def _start(self) -> FloatArray:
+        return np.array([variable.start for variable in self._variables])
 
     def _say(self, texts: Sequence[str]) -> None:
         for text in texts:

@@ -12,7 +12,8 @@ from contact_locking.arrays import FloatArray
 from contact_locking.plain_text import count, per_cent
 
 from . import estimate
-from .estimate import UNDETERMINED, Combination, Estimate, Residuals, combinations
+from .estimate import UNDETERMINED, Combination, Estimate, combinations
+from .variables import Residuals
 
 # Powers below this share are left out of the name of a combination.
 _SMALL = 0.2
@@ -39,15 +40,35 @@ def combination_name(combination: Combination, keys: Sequence[str]) -> str:
 
 
 def undetermined(found: Estimate, keys: Sequence[str]) -> list[str]:
-    """The combinations of the numbers that the data do not determine."""
-    unknown = [one for one in found.combinations if not one.error <= UNDETERMINED]
-    told = [f"{combination_name(one, keys)}: {_uncertain(one.error)}" for one in unknown]
-    return told + [
-        f"{key}: hardly anything depends on it at the end of the search; the data may not "
-        "determine more than one bound of it"
-        for key in found.lost
-        if not found.errors[keys.index(key)] <= UNDETERMINED * abs(found.numbers[keys.index(key)])
+    """The numbers that the data bound on one side, and the combinations that they leave open."""
+    bounds = [one_bound(float(low), float(high)) for low, high in found.intervals]
+    one_sided = {
+        key: f"{key}: {bound}; beyond, the misfit is flat"
+        for key, bound in zip(keys, bounds, strict=True)
+        if bound
+    }
+    names = [combination_name(one, keys) for one in found.combinations]
+    told = [
+        f"{name}: {_uncertain(one.error)}"
+        for name, one in zip(names, found.combinations, strict=True)
+        if name not in one_sided and _is_open(one, found)
     ]
+    return [*one_sided.values(), *told]
+
+
+def _is_open(one: Combination, found: Estimate) -> bool:
+    if np.isinf(found.scatter):
+        # Without residuals there is no noise to tell.
+        return one.singular <= estimate.NO_INFLUENCE * found.combinations[0].singular
+    return not one.error <= UNDETERMINED
+
+
+def one_bound(low: float | None, high: float | None) -> str:
+    """``at least 0.18``, for an interval that is open on one side; empty for all others."""
+    has_low, has_high = (end is not None and bool(np.isfinite(end)) for end in (low, high))
+    if has_low == has_high:
+        return ""
+    return f"at least {low:.5g}" if has_low else f"at most {high:.5g}"
 
 
 def _uncertain(error: float) -> str:
@@ -60,26 +81,21 @@ def before(
     at_start: Residuals,
     numbers: FloatArray,
     keys: Sequence[str],
-    used: float | None,
     refusal: str,
 ) -> list[str]:
     """The numbers that the data cannot tell, by the derivatives at the start, the ``numbers`` (n,).
 
-    ``used`` is the largest share of the strain limit.  ``refusal`` says why there are no
-    derivatives.
+    ``refusal`` says why there are no derivatives.
     """
     if at_start.derivatives is None:
         return [f"{refusal}; without them each number takes one more solve"]
     found, by_logarithms = [], at_start.derivatives * numbers
     idle = estimate.idle(at_start, numbers)
-    for key, is_idle in zip(keys, idle, strict=True):
-        if is_idle and key.endswith("locking_limit") and used is not None and used < 1.0:
-            found.append(
-                f"{key}: nothing locks at the start, where the strain reaches {per_cent(used)} of "
-                "the limit, so that the data do not determine it; start at a smaller limit"
-            )
-        elif is_idle:
-            found.append(f"{key}: the measured quantities do not depend on it at the start")
+    found += [
+        f"{key}: the measured quantities do not depend on it at the start"
+        for key, is_idle in zip(keys, idle, strict=True)
+        if is_idle
+    ]
     rest = np.flatnonzero(~idle)
     if len(rest) > 1:
         names = [keys[i] for i in rest]
@@ -172,14 +188,18 @@ def runs_of(residuals: FloatArray) -> tuple[float, int, float]:
 def rows(found: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """The table of a terminal, of the content of fit.json."""
     table: list[tuple[str, ...]] = []
+    has_scatter = found["scatter"] is not None and bool(np.isfinite(found["scatter"]))
     for key, entry in found["parameters"].items():
         error, (low, high) = entry["standard_error"], entry["interval"]
-        if error is None or not np.isfinite(error):
-            told, between = "not determined", ""
+        if bound := one_bound(low, high):
+            told, between = bound, "95 %"
+        elif error is None or not np.isfinite(error):
+            told = "not determined" if has_scatter else "no standard error"
+            between = ""
         else:
             told, between = f"± {error:.2g}", f"95 %: {low:.5g} to {high:.5g}"
-        bound = "at a bound" if entry["at_bound"] else ""
-        table.append((key, f"{entry['value']:.6g}", told, between, bound))
+        place = "at a bound" if entry["at_bound"] else ""
+        table.append((key, f"{entry['value']:.6g}", told, between, place))
     numbers = sum(len(curve["data"]) for curve in found["curves"])
     told = count(found["evaluations"], "evaluation")
     table.append(("misfit", f"{found['misfit']:.4g}", f"of {numbers} numbers", told, ""))

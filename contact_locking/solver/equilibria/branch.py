@@ -30,6 +30,8 @@ _GROWTH, _BOLD_GROWTH, _FAR = 0.125, 0.5, 10.0
 _LONGER, _SHORTER = 1.5, 0.5
 # So often is the step to a fold halved.
 _BISECTIONS = 8
+# The step beyond a kink at which no other step leads on.
+_KINK = 1e-3
 # Corrections may lead aside by this share of a step that is not bold.
 _ASIDE = 0.6
 # The change of the share in a difference.
@@ -133,11 +135,16 @@ class Branch:
         at, length = np.append(bounds, share), _FIRST
         yield BranchPoint(bounds, share, sign)
         while True:
-            found = self._correct(at, length, tangent)
+            found, is_at_kink = self._correct(at, length, tangent), False
             while found is None:
                 length *= _SHORTER
                 if length < _SHORTEST:
-                    return
+                    beyond = None if is_at_kink else self._beyond(at, tangent)
+                    if beyond is None:
+                        return
+                    if self._locates_folds and beyond[-1] * tangent[-1] < 0.0:
+                        yield BranchPoint(at[:-1], float(at[-1]), 0.0)
+                    tangent, length, is_at_kink = beyond, _FIRST, True
                 found = self._correct(at, length, tangent)
             if self._locates_folds and found[1][-1] * tangent[-1] < 0.0:
                 yield self._fold(at, length, tangent)
@@ -166,6 +173,31 @@ class Branch:
                 high = middle
         return BranchPoint(place[:-1], float(place[-1]), 0.0)
 
+    def _beyond(self, at: FloatArray, tangent: FloatArray) -> FloatArray | None:
+        """The tangent just beyond a point at a kink, where some node begins to slip or to stick."""
+        aside = at + _KINK * tangent
+        try:
+            self._path(aside[:-1], float(aside[-1]))
+            by_bounds, by_share = self._path.slopes()
+        except NotConverged:
+            return None
+        return self._tangent(by_bounds, by_share, tangent)[0]
+
+    def _tangent(
+        self, by_bounds: FloatArray, by_share: FloatArray, before: FloatArray
+    ) -> tuple[FloatArray | None, FloatArray]:
+        """The tangent by the slopes of Psi, on the side of one before, and the matrix of steps.
+
+        None where that is singular.
+        """
+        size = self._vectors.size
+        slope, row = np.eye(size) - by_bounds, self._covector(before)
+        matrix = np.block([[slope, -by_share[:, None]], [row[None, :]]])
+        # The determinant with the tangent as the last row keeps its sign along a branch, also where
+        # a kink turns the tangent round.
+        ahead, turn = self._vectors.solved(matrix, np.append(np.zeros(size), 1.0))
+        return (None if turn == 0.0 else self._unit(turn * self._side * ahead)), matrix
+
     def _correct(
         self, before: FloatArray, length: float, tangent: FloatArray
     ) -> tuple[FloatArray, FloatArray, float, int] | None:
@@ -174,7 +206,7 @@ class Branch:
         None also where they lead so far that the point may belong to another branch.
         """
         start = before + length * tangent
-        at, size, vectors = start, self._vectors.size, self._vectors
+        at, vectors = start, self._vectors
         row = self._covector(tangent)
         for count in range(_MOST):
             try:
@@ -183,16 +215,12 @@ class Branch:
             except NotConverged:
                 return None
             left = np.append(at[:-1] - wanted, row @ (at - start))
-            slope = np.eye(size) - by_bounds
-            matrix = np.block([[slope, -by_share[:, None]], [row[None, :]]])
+            ahead, matrix = self._tangent(by_bounds, by_share, tangent)
             if vectors.norm(left[:-1]) <= _ACCURACY * self._size:
-                # The determinant with the tangent as the last row keeps its sign along a branch,
-                # also where a kink turns the tangent round.
-                ahead, turn = vectors.solved(matrix, np.append(np.zeros(size), 1.0))
-                if turn == 0.0 or self._length(at - start) > self._aside * length:
+                if ahead is None or self._length(at - start) > self._aside * length:
                     return None
-                sign = vectors.solved(slope, by_share)[1]
-                return at, self._unit(turn * self._side * ahead), sign, count
+                sign = vectors.solved(matrix[:-1, :-1], by_share)[1]
+                return at, ahead, sign, count
             step = vectors.solved(matrix, left)[0]
             if not np.all(np.isfinite(step)):
                 return None

@@ -14,6 +14,7 @@ from contact_locking.solver.task import Task
 
 # The most points of a diagram.
 _MOST_POINTS = 150
+_STOPPED = "no further step along the branch was found"
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def diagram(task: Task, to: float, put: Callable[[float], None] | None = None) -
 
 def _followed(path: Path, start: FloatArray | None, to: float, is_strict: bool) -> Diagram:
     points, vectors = [], path.vectors
-    end = "no further step along the branch was found"
+    end = _STOPPED
     onwards = -1.0 if start is not None and to < 1.0 else 1.0
     branch = Branch(path, locates_folds=True)
     for point in itertools.islice(branch.points(start, onwards), _MOST_POINTS):
@@ -96,6 +97,8 @@ def _followed(path: Path, start: FloatArray | None, to: float, is_strict: bool) 
     else:
         if len(points) == _MOST_POINTS:
             end = f"after {_MOST_POINTS} points"
+    if points and end == _STOPPED:
+        end = f"it stopped at the share {points[-1].share:.4g}, as {_STOPPED}"
     if not points and start is None:
         end = "no node presses without friction, so that no share of it does anything"
     return Diagram(tuple(points), end)

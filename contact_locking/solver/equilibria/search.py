@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,8 +30,8 @@ FARTHEST = 300.0
 # A branch is followed up to this share of the friction.
 _BEYOND = 2.0
 # Known solutions times these are starts of further searches, and so are shares of the bounds that
-# the pressure without friction asks for.
-_BESIDE, _SHARES = (1.02, 0.5, 1.5), (0.0, 1.0, 2.0)
+# the pressure without friction asks for, or the mean stress of the body where nothing presses.
+_BESIDE, _SHARES, _SHARES_OF_STRESS = (1.02, 0.5, 1.5, 0.1), (0.0, 1.0, 2.0), (1.0, 0.1)
 _ENDS = (
     "the branch of solutions from none of the friction on ends near {share:.3g} % of "
     "friction.coefficient, where the friction bound is {times:.0f} times that of the pressure "
@@ -121,7 +121,8 @@ class Equilibria:
             return found
         with contextlib.suppress(NotConverged):
             self._settle()
-            return self.map.vectors.in_force()
+            settled = self.map.vectors.in_force()
+            return None if deflation and deflation.is_known(settled) else settled
         return None
 
     def _settle(self) -> Outcome:
@@ -137,8 +138,12 @@ class Equilibria:
         # Near a fold the bounds of the interior point method are rougher than their tolerance.
         refined = self._solve(first)
         known = [first if refined is None else refined]
-        deflation = Deflation(vectors, known, vectors.norm(first))
-        without = self.map(np.zeros(vectors.size))
+        without: FloatArray = self.map(np.zeros(vectors.size))
+        shares: tuple[float, ...] = _SHARES
+        if not vectors.norm(without) > 0.0:
+            without, shares = self._of_mean_stress(), _SHARES_OF_STRESS
+        deflation = Deflation(vectors, known, vectors.norm(first) or vectors.norm(without))
+        apart = [share * without for share in shares]
         followed, tried = 0, 0
         branches: Iterator[tuple[FloatArray, int]] = self.on_branch()
         while True:
@@ -150,7 +155,7 @@ class Equilibria:
                 branches = self.on_branch(known[followed // 2], 1.0 - 2.0 * (followed % 2))
                 followed += 1
                 continue
-            starts = self._starts(without, known)
+            starts = [*apart, *(share * bounds for bounds in known for share in _BESIDE)]
             while tried < len(starts):
                 new = self._solve(starts[tried], deflation)
                 tried += 1
@@ -161,10 +166,17 @@ class Equilibria:
             else:
                 return
 
-    @staticmethod
-    def _starts(without: FloatArray, known: Sequence[FloatArray]) -> list[FloatArray]:
-        shares = [share * without for share in _SHARES]
-        return [*shares, *(share * bounds for bounds in known for share in _BESIDE)]
+    def _of_mean_stress(self) -> FloatArray:
+        """The bounds of a pressure as large as the mean stress of the body without friction."""
+        task, system = self._task, self._task.system
+        energy, displacement = system.elastic_energy(), system.largest_displacement()
+        strain = task.target.mean_strain(energy, displacement, task.settings.tolerance)
+        pressure = task.target.mean_stress(strain)
+        bounds = []
+        for contact in self.map.vectors.contacts:
+            ones = np.ones(len(contact.free))
+            bounds.append(contact.acting(contact.friction.evaluate(pressure * ones, 0.0 * ones)))
+        return self.map.vectors.gather(bounds)
 
     def index(self) -> int:
         """The sign of ``det(I - Phi'(G))`` at the last value of the map, 0 if it is singular.

@@ -28,10 +28,10 @@ class Measures:
     friction: float
 
     def __str__(self) -> str:
-        return (
-            f"equilibrium {self.equilibrium:.1e}, laws {self.primal:.1e}, "
-            f"duality gap {self.gap:.1e}, friction bound {self.friction:.1e}"
-        )
+        told = f"equilibrium {self.equilibrium:.1e}, laws {self.primal:.1e}, "
+        told += f"duality gap {self.gap:.1e}"
+        # Without friction, and where friction holds everything, no bound moves.
+        return f"{told}, friction bound {self.friction:.1e}" if self.friction > 0.0 else told
 
     def worst(self) -> float:
         return max(self.equilibrium, self.primal, self.gap, self.friction)

@@ -127,7 +127,8 @@ class InteriorPoint:
         is_done = self.is_elastic or self._pieces is not None or self._tangent.direct is None
         if is_done or last is None:
             return found
-        if not judge.leaves_gap and (not self._has_law or judge.keeps_penalty_law(self._iterate)):
+        keeps_law = not self._has_law or judge.keeps_penalty_law(self._iterate)
+        if not judge.leaves_gap and keeps_law and not self._is_strict_limit():
             return found
         pieces = self._all_pieces()
         with np.errstate(all="ignore"):
@@ -222,7 +223,7 @@ class InteriorPoint:
         self._judge.friction_change, self._first = 0.0, None
         self._left = self._stiffest = math.inf
         self._crawled, self._gap = 0, 0.0
-        self._pieces, self.from_last = None, False
+        self._pieces, self.from_last, self.is_elastic = None, False, False
         try:
             is_found = start()
         except PETSc.Error as error:
@@ -287,6 +288,9 @@ class InteriorPoint:
         has_digits = target.penalty.n <= self._tuning.stiffest_law * target.stiffness
         return has_digits and bool(self._families.strains)
 
+    def _is_strict_limit(self) -> bool:
+        return math.isinf(self._task.target.penalty.n) and bool(self._families.strains)
+
     # 1. The start.
 
     def _start(self, last: LastIterate | None, nothing_slips: bool) -> bool:
@@ -331,7 +335,6 @@ class InteriorPoint:
 
     def _start_near(self, last: LastIterate) -> bool:
         """Newton's method on the pieces of the laws; raises NotConverged unless it arrives."""
-        self.is_elastic = False
         if self._tangent.direct is not None:
             pieces = self._all_pieces()
             if self._take(pieces, pieces.from_last(last)):

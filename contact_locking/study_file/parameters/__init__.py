@@ -155,7 +155,7 @@ class Parameters(Section):
     @property
     def refined_names(self) -> tuple[str, ...]:
         """The boundary parts of a builder that ``h_contact`` refines: Gamma_C, or what has it."""
-        own = self.mesh.geometry.facet_names
+        own = () if self.mesh.geometry is None else self.mesh.geometry.facet_names
         names = [*self.contact_names, *(name for item in self.contacts for name in item.against)]
         return tuple(name for name in self._of_the_mesh(names) if name in own)
 
