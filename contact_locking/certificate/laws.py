@@ -27,6 +27,10 @@ _CONSTANTS = 1e-10
 ENTRY = "penetration_between_nodes"
 # A foundation that enters between the nodes by half of its indentation is missed by the nodes.
 _ENTRY = 0.5
+# Bodies touch by their facets to this share of their relative displacement.
+_APART = 0.3
+# The other body covers this part of the area of a node that presses, or more.
+_SLIVER = 30.0
 
 
 def law_limit(state: SolvedState) -> float:
@@ -86,13 +90,28 @@ def entry_criterion(state: SolvedState) -> dict[str, Criterion]:
     if not state.contacts:
         return {}
     share = max(fields.entry.missed for fields in state.contacts)
-    return {
-        ENTRY: Criterion(
-            share,
-            _ENTRY,
-            "depth of a foundation that the nodes miss, as a share of its indentation,",
-        )
-    }
+    depth = "depth of a foundation that the nodes miss, as a share of its indentation,"
+    found = {ENTRY: Criterion(share, _ENTRY, depth)}
+    bodies = [fields for fields in state.contacts if fields.surface.frame is not None]
+    if bodies:
+        distance = max(fields.apart for fields in bodies)
+        sliver = max(_sliver(fields) for fields in bodies)
+        found |= {
+            "bodies_apart": Criterion(
+                distance, _APART, "distance of bodies where they press, or entry elsewhere,"
+            ),
+            "pressure_on_slivers": Criterion(
+                sliver, _SLIVER, "area of a node that presses, over the part that is covered,"
+            ),
+        }
+    return found
+
+
+def _sliver(fields: ContactFields) -> float:
+    """The largest quotient of the areas of a node that presses and of its covered part."""
+    frame = fields.surface.frame
+    assert frame is not None
+    return maximum(fields.surface.domain.comm, 1.0 / frame.covered[fields.pressure > 0.0])
 
 
 def locking(state: SolvedState) -> tuple[float, float, float]:

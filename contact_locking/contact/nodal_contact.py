@@ -175,6 +175,17 @@ class NodalContact:
             self.free, self._sides = free, sides
             self.slides = surface.sliding_nodes(self._constraints)
 
+    def turn(self, u: fem.Function, presses: BoolArray) -> float:
+        """How far normals at ``presses`` (k,) turn to those where the bodies are; collective.
+
+        It is 0 for a foundation, and an angle where it is small.
+        """
+        frame = self.surface.frame_at(u.x.array)
+        if frame is None:
+            return 0.0
+        turns = np.linalg.norm(frame.normals - self.normals, axis=1)
+        return maximum(self.surface.domain.comm, turns[presses & frame.faces])
+
     def go_along(self, u: fem.Function, touches: BoolArray) -> bool:
         """Go over to the frame at the solution u, if that is another one; collective.
 

@@ -10,6 +10,7 @@ from scipy.sparse import coo_matrix, csr_matrix, diags, vstack
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from contact_locking.contact.between_bodies import apart
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.pairing import Pairing, Side, pair
 from contact_locking.contact.surface import PRESCRIBED, ContactSurface, Frame
@@ -75,12 +76,17 @@ class PairedSurface(ContactSurface):
         self.limited = self._jump
         self.take(frame)
 
+    def sides_at(self, displacement: FloatArray | None) -> tuple[Side, Side]:
+        """Both sides at a displacement (local values), None for rest; collective."""
+        if displacement is None:
+            return self._one, self._two
+        one, two = (self._at_blocks(displacement, part) for part in (self._mine, self._theirs))
+        return self._one.moved(one), self._two.moved(two)
+
     def frame_at(self, displacement: FloatArray | None) -> Frame:
         """The frame of the sides at a displacement (local values), None for rest; collective."""
-        one, two, here, domain = self._one, self._two, self._here, self.domain
-        if displacement is not None:
-            one = one.moved(self._at_blocks(displacement, self._mine))
-            two = two.moved(self._at_blocks(displacement, self._theirs))
+        here, domain = self._here, self.domain
+        one, two = self.sides_at(displacement)
         found = pair(one, two)
         _require_facing(domain, one, two, found, self._given)
         faces, coefficients = (found.faces & ~self._at_tip)[here], self._coefficients
@@ -97,6 +103,7 @@ class PairedSurface(ContactSurface):
             found.normals[here],
             np.where(faces, found.gap[here], domain.extent),
             np.where(faces, found.weights[here], self._whole),
+            np.where(faces, found.weights[here] / self._whole, 1.0),
         )
 
     def take(self, frame: Frame) -> None:
@@ -109,6 +116,19 @@ class PairedSurface(ContactSurface):
         if frame.displacement is not None:
             before = self._jump.at_nodes(frame.displacement)
             self.distance = frame.distance + np.sum(before * frame.normals, axis=1)
+
+    def apart(
+        self, displacement: FloatArray, presses: BoolArray, gap: FloatArray, entered: float
+    ) -> float:
+        comm, sides = self.domain.comm, self.sides_at(displacement)
+        here = np.concatenate(comm.allgather(self._here[presses]))
+        # The gap that adds to the distance of the sides.
+        offsets = np.concatenate(comm.allgather((gap - self.distance)[presses]))
+        offset = float(np.median(offsets)) if len(offsets) else 0.0
+        moved = np.concatenate([side.points - side.at_rest.points for side in sides])
+        size = float(np.linalg.norm(np.ptp(moved, axis=0))) + abs(offset)
+        length = apart(np.isin(np.arange(len(sides[0].points)), here), *sides, offset)
+        return max(length - entered, 0.0) / size if size > 0.0 else 0.0
 
     def _at_blocks(self, displacement: FloatArray, blocks: IntArray) -> FloatArray:
         """The displacement (k, d) at global blocks (k,), from local values; collective."""

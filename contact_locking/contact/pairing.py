@@ -124,6 +124,11 @@ class Side:
         outward = np.sign(turn)[:, None] * unit_normals(there.corners)
         return replace(there, outward=outward)
 
+    @property
+    def at_rest(self) -> Side:
+        """The side where it was before it moved, but for its normals."""
+        return self if self.rest is None else replace(self, points=self.rest)
+
     def nodal_normals(self) -> FloatArray:
         """The unit normals (k, d) at the points, averaged over the facets around each."""
         normals = np.zeros_like(self.points)
@@ -246,7 +251,7 @@ def _integrals(side: Side, plane: FloatArray) -> FloatArray:
 
 def _density(side: Side, facet: IntArray, values: FloatArray) -> FloatArray:
     """(q, n) the area at rest over that of plane facets (q,), at points with values (q, n, c)."""
-    rest = side if side.rest is None else replace(side, points=side.rest)
+    rest = side.at_rest
     ratio = (rest.sizes() / side.sizes())[facet, None]
     if side.revolves:
         ratio = ratio * 2.0 * math.pi * np.einsum("qni,qi->qn", values, rest.corners[facet, :, 0])

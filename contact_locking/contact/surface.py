@@ -51,7 +51,8 @@ class Frame:
     ``rows`` (k, N) are the entries of the jump at the owned nodes of side 1, for all N blocks of
     the displacement space; ``faces`` (k,) marks the nodes that have a condition.  ``normals``
     (k, d) are the contact normals, ``distance`` (k,) the distances of the displaced sides, and
-    ``weights`` (k,) the shares of the nodes in the covered part.
+    ``weights`` (k,) the areas of the nodes in the part that is covered, ``covered`` (k,) of the
+    whole.
     """
 
     displacement: FloatArray | None
@@ -60,6 +61,7 @@ class Frame:
     normals: FloatArray
     distance: FloatArray
     weights: FloatArray
+    covered: FloatArray
 
 
 class ContactSurface:
@@ -216,6 +218,17 @@ class ContactSurface:
     def frame_at(self, displacement: FloatArray | None) -> Frame | None:
         """The frame of two sides at a displacement (local values); None without; collective."""
         return None
+
+    def apart(
+        self, displacement: FloatArray, presses: BoolArray, gap: FloatArray, entered: float
+    ) -> float:
+        """How far two sides are from touching at a displacement (local values); collective.
+
+        It is the length of :func:`~contact_locking.contact.between_bodies.apart` less ``entered``,
+        by which penalties let them enter, as a share of the largest difference of displacements.
+        ``presses`` (k,) marks the nodes that press, and ``gap`` (k,) is that of the laws.
+        """
+        return 0.0
 
     def take(self, frame: Frame) -> None:
         """Let contact be in a frame; collective."""

@@ -32,6 +32,8 @@ _ALL_FRICTION = 1.0 - 1e-4
 # Pressure concentrates at edges, where the compliance of the body is this share of length over
 # Young's modulus.
 _CONCENTRATED = 0.2
+# Normals may be off by this share of the friction coefficient.
+_TURNS = 0.1
 
 
 def about_the_gap(domain: Domain, gap: FloatArray, key: str) -> list[str]:
@@ -259,6 +261,20 @@ def about_the_friction_used(used: float) -> list[str]:
     return [
         "friction alone holds the body, and all of it is used: with a little more load along the "
         "foundation, or less onto it, the body slides away"
+    ]
+
+
+def about_the_normals(key: str, turn: float, friction: float) -> list[str]:
+    """A warning about normals that turn by much of the friction coefficient, with ``pair: once``.
+
+    ``turn`` is the largest angle, and ``friction`` the least coefficient where bodies press.
+    """
+    if not turn > _TURNS * friction:
+        return []
+    return [
+        f"{key}: the normals of the bodies where they press are {turn:.2g} rad off those of the "
+        f"undeformed mesh, which counts beside the friction coefficient {friction:.3g}; leave out "
+        "pair: once"
     ]
 
 

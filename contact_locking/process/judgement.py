@@ -6,6 +6,7 @@ from typing import Any
 
 import dolfinx
 import numpy as np
+from dolfinx import fem
 
 from contact_locking.certificate import Certificate
 from contact_locking.certificate.laws import ENTRY
@@ -17,7 +18,7 @@ from contact_locking.parallel import maximum
 from contact_locking.results.between_nodes import uncovered_entry
 from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.contact_points import OPEN
-from contact_locking.results.derived import Contacts, gather_contacts, on_gamma_c
+from contact_locking.results.derived import ContactFields, Contacts, gather_contacts, on_gamma_c
 from contact_locking.results.quantities import QUANTITIES, computed
 from contact_locking.results.solution import Differentiable, Solution, State
 from contact_locking.solver.task import SavedState
@@ -105,6 +106,7 @@ def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
         found += plausibility.about_an_entry(
             fields.contact.key, between.depth, between.share, between.place
         )
+        found += _about_the_normals(fields, problem.u)
         length = fields.surface.facing_length
         slid = fields.contact.slid(problem.u)[fields.state != OPEN]
         found += plausibility.about_the_sliding(
@@ -122,6 +124,18 @@ def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
         target.length / target.young,
         follows_n=problem.follows_n,
     )
+
+
+def _about_the_normals(fields: ContactFields, u: fem.Function) -> list[str]:
+    """A warning about bodies in the undeformed frame whose normals turn; collective."""
+    contact = fields.contact
+    if contact.friction.frictionless or contact.pairs_anew:
+        return []
+    comm = contact.surface.domain.comm
+    pressed = fields.pressure > 0.01 * maximum(comm, fields.pressure)
+    turn = contact.turn(u, pressed)
+    mu = contact.friction.coefficient(fields.slip)
+    return plausibility.about_the_normals(contact.key, turn, -maximum(comm, -mu[pressed], -np.inf))
 
 
 def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, Any]:

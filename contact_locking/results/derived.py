@@ -19,7 +19,7 @@ from contact_locking.contact.surface import NodalAverage
 from contact_locking.fem import compiled
 from contact_locking.fem.trace import make_nodal
 from contact_locking.mesh.domain import Domain
-from contact_locking.parallel import peak
+from contact_locking.parallel import maximum, peak
 from contact_locking.problem import forms
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.between_nodes import Entry, entry_between_nodes
@@ -38,6 +38,9 @@ _SCALAR_FIELDS = {
     "smoothed_stress": "smoothed_stress",
     "friction_bound": "bound",
 }
+
+# Nodes with less of the largest pressure may be at the edge of contact.
+_PRESSES = 0.01
 
 
 class ContactFields:
@@ -82,6 +85,19 @@ class ContactFields:
         if self.surface.jump is not None:
             return Entry()
         return entry_between_nodes(self.contact, self._u, self.state != OPEN)
+
+    @cached_property
+    def apart(self) -> float:
+        """How far bodies that touch are from touching, as :meth:`ContactSurface.apart`; collective.
+
+        It is 0 with ``pair: once``, where bodies touch as the linear theory has it.
+        """
+        if not self.contact.pairs_anew:
+            return 0.0
+        comm = self.surface.domain.comm
+        presses = (self.state != OPEN) & (self.pressure > _PRESSES * maximum(comm, self.pressure))
+        entered = maximum(comm, np.where(self.free, self.u_normal - self.gap, 0.0))
+        return self.surface.apart(self._u.x.array, presses, self.gap, max(entered, 0.0))
 
     def gather(self) -> tuple[ContactPoints, IntArray] | None:
         """All points and facets on rank 0, otherwise None; collective.

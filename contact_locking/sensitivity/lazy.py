@@ -73,6 +73,14 @@ class LazyDerivatives:
                 "derivatives before"
             )
         require_derivatives(self._settings)
+        for contact in self._problem.contacts:
+            frame = contact.surface.frame
+            if frame is not None and frame.displacement is not None:
+                raise NoDerivatives(
+                    "derivatives do not see how the bodies that touch turn their normals as they "
+                    "deform; take pair: once",
+                    f"{contact.key}.pair",
+                )
         if not self.report.converged:
             raise InputError("a solve that has not converged has no derivatives")
         if self._made is None:

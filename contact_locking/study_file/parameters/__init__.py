@@ -298,7 +298,10 @@ class Parameters(Section):
             yield ("certificate", "bound_meshes"), both, words
         facing = "sensitivities, as derivatives do not see which points face each other"
         for place, given in self._contact_sections():
-            yield (*place, "pair"), derived and given.pair == "each_step", facing
+            turns = given.pair == "each_step" or bool(
+                given.against and has_steps and not given.pair
+            )
+            yield (*place, "pair"), derived and turns, f"{facing}: take once"
 
     def _newton_faults(self) -> Iterator[Fault]:
         """What only the interior point method solves."""
