@@ -10,10 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from contact_locking.arrays import FloatArray
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.nodal_contact import joint_norm
+from contact_locking.contact.smoothing import Identity
 from contact_locking.parallel import maximum
+from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import ContactFields
 
 # The interior point method stops at a duality gap of this tolerance.  With the margin the criteria
@@ -76,6 +79,10 @@ def law_criteria(state: SolvedState) -> dict[str, Criterion]:
             "coulomb_cone": of_law(max(cones), "friction above its bound"),
             "friction_sign": of_law(sum(signs), "work that friction adds"),
             "friction_bound": Criterion(change, settled, moved),
+            "open_traction": of_law(
+                max(open_traction(state, fields) for fields in rubbing),
+                "share of the tractions at open nodes",
+            ),
             "smoothing_constants": Criterion(constants, _CONSTANTS, "change of constants by R"),
         }
     return found | {"duality_gap": of_law(gap, "duality gap")}
@@ -111,7 +118,21 @@ def _sliver(fields: ContactFields) -> float:
     """The largest quotient of the areas of a node that presses and of its covered part."""
     frame = fields.surface.frame
     assert frame is not None
-    return maximum(fields.surface.domain.comm, 1.0 / frame.covered[fields.pressure > 0.0])
+    covered: FloatArray = frame.covered[fields.pressure > 0.0]
+    return maximum(fields.surface.domain.comm, np.asarray(1.0 / covered, dtype=float))
+
+
+def open_traction(state: SolvedState, fields: ContactFields) -> float:
+    """``int |t|`` over the open nodes, over that over all nodes; collective.
+
+    It is 0 for a friction bound that R smooths: R takes the bound beyond the nodes that press.
+    """
+    friction = fields.contact.friction
+    if not (friction.stands or isinstance(friction.smoothing, Identity)):
+        return 0.0
+    sizes = state.weights(fields) * np.linalg.norm(fields.traction, axis=1)
+    total = state.sum(sizes)
+    return state.sum(sizes[fields.state == OPEN]) / total if total > 0.0 else 0.0
 
 
 def locking(state: SolvedState) -> tuple[float, float, float]:
