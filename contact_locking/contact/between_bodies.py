@@ -5,7 +5,7 @@ point y, negative inside of the other body, where ``(x - y) . n < 0`` with the o
 the facet of y.  It counts where y lies inside of the facet.  Points are the nodes of side 1 that
 press, which should be at the distance zero, and a lattice on the facets of both sides, which should
 not be inside.  What the chords of round sides explain, the sagittae ``l theta/8`` of both facets
-with the angle theta by which averaged normals turn along a facet, does not count.
+of length l that turn by theta from one to the next, does not count.
 
 Nothing here is shared with the gap, the pairing and the normals of the contact conditions.
 """
@@ -96,11 +96,31 @@ def _lattice(side: Side) -> tuple[FloatArray, IntArray]:
 
 
 def _sagittae(side: Side) -> FloatArray:
-    """The largest heights (m,) of a round side above the edges and diagonals of its facets."""
+    """The largest heights (m,) of a round side above its facets.
+
+    In 2D a side is as round as the facet and its flatter neighbour say.  In 3D averaged normals
+    tell the angle, which are those of one facet at the rim.
+    """
+    if side.kind.dim == 1:
+        return side.sizes() * _turns(side) / 8.0
     normals = side.nodal_normals()[side.facets[:, : side.kind.corners]]
     heights = np.zeros(len(side.facets))
     for i, j in combinations(range(side.kind.corners), 2):
         along = side.corners[:, j] - side.corners[:, i]
         turn = np.sum((normals[:, j] - normals[:, i]) * along, axis=1)
-        heights = np.maximum(heights, np.abs(turn) / 8.0)
+        heights = np.maximum(heights, 2.0 * np.abs(turn) / 8.0)
     return heights
+
+
+def _turns(side: Side) -> FloatArray:
+    """The angles (m,) between segments and that neighbour from which they turn less, by chords."""
+    at = side.facets[:, :2].reshape(-1)
+    order = np.argsort(at, kind="stable")
+    pairs = np.flatnonzero(np.diff(at[order]) == 0)
+    one, other = order[pairs] // 2, order[pairs + 1] // 2
+    cosine = np.sum(side.outward[one] * side.outward[other], axis=1)
+    turns = np.full(2 * len(side.facets), np.inf)
+    angles = np.arccos(np.clip(cosine, -1.0, 1.0))
+    turns[order[pairs]], turns[order[pairs + 1]] = angles, angles
+    least = turns.reshape(-1, 2).min(axis=1)
+    return np.where(np.isfinite(least), least, 0.0)

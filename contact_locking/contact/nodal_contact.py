@@ -40,7 +40,7 @@ class ContactState:
     had moved the foundation, and ``motion`` is where the foundation itself was.  All are zero at
     the beginning, and in a static problem.  ``displacement`` are the values of
     ``u_{k-1}`` at all local dofs, from which bodies are paired anew; it is None at the beginning,
-    and for others.
+    and for others.  ``touches`` says whether anything touched.
     """
 
     place: FloatArray
@@ -48,6 +48,7 @@ class ContactState:
     travel: SmallMotion
     motion: RigidMotion
     displacement: FloatArray | None = None
+    touches: bool = True
 
     @classmethod
     def at_rest(cls, nodes: int, dim: int) -> ContactState:
@@ -147,7 +148,7 @@ class NodalContact:
         surface, displacement = self.surface, self.state.displacement
         before = surface.frame
         is_anew = before is not None and self.pairs_anew and before.displacement is not displacement
-        if is_anew and (frame := surface.frame_at(displacement)) is not None:
+        if is_anew and (frame := surface.frame_at(displacement, self.state.touches)) is not None:
             surface.take(frame)
         if self.foundation.is_timed or is_anew:
             self._set_place(is_anew)
@@ -180,7 +181,7 @@ class NodalContact:
 
         It is 0 for a foundation, and an angle where it is small.
         """
-        frame = self.surface.frame_at(u.x.array)
+        frame = self.surface.frame_at(u.x.array, must_face=False)
         if frame is None:
             return 0.0
         turns = np.linalg.norm(frame.normals - self.normals, axis=1)
@@ -195,13 +196,16 @@ class NodalContact:
         surface = self.surface
         if surface.frame is None or not self.pairs_anew:
             return False
-        frame, comm = surface.frame_at(u.x.array.copy()), surface.domain.comm
+        comm = surface.domain.comm
+        frame = surface.frame_at(u.x.array.copy(), on_any_rank(comm, touches))
         assert frame is not None
         jump = surface.limited.of_function(u)
         opening = self.gaps - self.split_nodal(jump)[0]
         anew = frame.distance + self.gaps - surface.distance
         entry = np.maximum(-anew, 0.0) - np.maximum(-opening, 0.0)
-        changes = np.where(touches, np.abs(anew - opening), np.where(self.free, entry, 0.0))
+        # Held nodes may be inside of the other body, as conditions decide there.
+        may_enter = frame.faces & (self.free | ~surface.frame.faces)
+        changes = np.where(touches, np.abs(anew - opening), np.where(may_enter, entry, 0.0))
         approach = maximum(comm, np.linalg.norm(jump[surface.frame.faces], axis=1))
         turns = np.linalg.norm(frame.normals - self.normals, axis=1)
         is_same = maximum(comm, turns[touches]) <= _SAME
@@ -325,8 +329,10 @@ class NodalContact:
         """The accumulated slip ``s_k = s_{k-1} + |u_tau - u_{k-1,tau}|`` (k,) at the nodes."""
         return self.state.slip + np.linalg.norm(self.increment(u), axis=1)
 
-    def state_after(self, u: fem.Function, holds: BoolArray) -> ContactState:
+    def state_after(self, u: fem.Function, touches: BoolArray, holds: BoolArray) -> ContactState:
         """The memory of friction if the step ends with the displacement u; collective.
+
+        ``touches`` (k,) marks the nodes that touch.
 
         At nodes that stick without regularisation, which ``holds`` (k,) marks, the slip is zero but
         for the tolerance of the solver, which would add up over many steps: they keep their place.
@@ -336,7 +342,9 @@ class NodalContact:
         slip = np.where(holds, self.state.slip, self.slips(u))
         place = place + along[:, None] * self.normals
         displacement = u.x.array.copy() if self.pairs_anew else None
-        return ContactState(place, slip, self.travel, self.foundation.motion(), displacement)
+        motion, comm = self.foundation.motion(), self.surface.domain.comm
+        is_touching = on_any_rank(comm, touches)
+        return ContactState(place, slip, self.travel, motion, displacement, is_touching)
 
     def recall(
         self, reference: FloatArray, slip: FloatArray, displacement: FloatArray | None

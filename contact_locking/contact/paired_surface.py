@@ -83,12 +83,12 @@ class PairedSurface(ContactSurface):
         one, two = (self._at_blocks(displacement, part) for part in (self._mine, self._theirs))
         return self._one.moved(one), self._two.moved(two)
 
-    def frame_at(self, displacement: FloatArray | None) -> Frame:
-        """The frame of the sides at a displacement (local values), None for rest; collective."""
+    def frame_at(self, displacement: FloatArray | None, must_face: bool = True) -> Frame:
         here, domain = self._here, self.domain
         one, two = self.sides_at(displacement)
         found = pair(one, two)
-        _require_facing(domain, one, two, found, self._given)
+        if must_face:
+            _require_facing(domain, one, two, found, self._given, displacement is not None)
         faces, coefficients = (found.faces & ~self._at_tip)[here], self._coefficients
         shares = found.shares[here].tocsr()
         columns = self._theirs[shares.indices]
@@ -253,8 +253,13 @@ def _require_apart(
     )
 
 
-def _require_facing(domain: Domain, one: Side, two: Side, found: Pairing, given: Contact) -> None:
-    """Raise InputError for sides that do not face each other, or not once, or overlap too deep."""
+def _require_facing(
+    domain: Domain, one: Side, two: Side, found: Pairing, given: Contact, is_moved: bool
+) -> None:
+    """Raise InputError for sides that do not face each other, or not once, or overlap too deep.
+
+    Sides that have moved may do the last two on the way to a solution.
+    """
     key, on, against = given.key, ", ".join(given.on), ", ".join(given.against or ())
     if not found.faces.any():
         where = domain.where(one.points.mean(axis=0))
@@ -272,6 +277,8 @@ def _require_facing(domain: Domain, one: Side, two: Side, found: Pairing, given:
             "them; name the two parts that will touch each other",
             f"{key}.against",
         )
+    if is_moved:
+        return
     if found.twice is not None:
         raise InputError(
             f"the outward normal of {on} at {domain.where(found.twice)} meets several facets of "

@@ -78,6 +78,8 @@ _TWICE = 1e-6
 _ON_AXIS = 1e-9
 # A ray through a common corner of facets meets them up to this share of their length.
 _INSIDE = 1e-9
+# The plane of a facet is continued where the cosine of its normal and the ray is below this.
+_STEEP = -0.7
 # The cosine of 15 degrees.
 _SMOOTH = 0.966
 # A side is round where its curvature changes by no more than this factor from edge to edge.
@@ -325,11 +327,14 @@ def _distances(
         outside = basis.min(axis=1) < -_INSIDE
         nearest = np.maximum(basis, 0.0)
         nearest /= nearest.sum(axis=1)[:, None]
-        # A ray that misses a facet is judged by how far, and meets the plane of the facet.
+        # A ray that misses a facet is judged by how far.  It meets the plane of the facet, or the
+        # height of its edge where the facet is seen at a grazing angle.
         aside = np.linalg.norm(np.einsum("pc,pct->pt", nearest, flat), axis=1)
         slope = np.sum(other.outward[facing] * along, axis=1)
         plane = np.sum(other.outward[facing] * away.mean(axis=1), axis=1)
-        height = np.where(outside, plane / np.where(slope < 0.0, slope, -1.0), height)
+        beside = plane / np.where(slope < _STEEP, slope, -1.0)
+        beside = np.where(slope < _STEEP, beside, np.einsum("pc,pc->p", nearest, heights))
+        height = np.where(outside, beside, height)
         order = np.lexsort((np.where(outside, aside, np.abs(height)), outside, node))
         node_of, first = np.unique(node[order], return_index=True)
         best = order[first]

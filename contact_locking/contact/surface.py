@@ -215,8 +215,11 @@ class ContactSurface:
         """Warnings about data that the user probably did not intend."""
         return []
 
-    def frame_at(self, displacement: FloatArray | None) -> Frame | None:
-        """The frame of two sides at a displacement (local values); None without; collective."""
+    def frame_at(self, displacement: FloatArray | None, must_face: bool = True) -> Frame | None:
+        """The frame of two sides at a displacement (local values); None without; collective.
+
+        Raises Misplaced for sides that ``must_face`` each other and do not.
+        """
         return None
 
     def apart(

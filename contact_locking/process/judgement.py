@@ -78,7 +78,10 @@ def state_of(state: SolvedState) -> State:
         travels=state.system.tools.travels,
         last=state.report.last,
     )
-    after = tuple(fields.contact.state_after(problem.u, fields.holds) for fields in state.contacts)
+    after = tuple(
+        fields.contact.state_after(problem.u, fields.state != OPEN, fields.holds)
+        for fields in state.contacts
+    )
     return State(saved, state.multipliers, after)
 
 

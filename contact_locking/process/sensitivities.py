@@ -12,6 +12,7 @@ from contact_locking.errors import InputError, NoDerivatives
 from contact_locking.parallel import maximum
 from contact_locking.process.of_study import settings_of
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import ContactFields
 from contact_locking.results.quantities import look_up
 from contact_locking.results.solution import StudySolution
@@ -83,7 +84,7 @@ class StudyNumber:
             )
             problem.enter(
                 [
-                    contact.state_after(problem.u, fields.holds)
+                    contact.state_after(problem.u, fields.state != OPEN, fields.holds)
                     for contact, fields in zip(problem.contacts, contacts, strict=True)
                 ]
             )

@@ -37,7 +37,8 @@ Matrix: TypeAlias = sp.csr_matrix
 class Contact:
     """Nodes of Gamma_C with weights, normals (k, d), gap and the rounding in that, all (k,).
 
-    ``decides`` says where contact has a say: where the normal displacement is not prescribed.
+    ``decides`` says where contact has a say: where the normal displacement is not prescribed, and
+    ``slides`` where there is friction: where conditions leave two bodies a way to slide.
     ``seen`` maps displacements to what contact limits at the nodes, (k d, dofs): the displacement
     there, or the jump to another body.  ``controls`` maps nodal values of a field on Gamma_C to the
     values of contact there, (k, nodes).  A node is there once for each contact that it is in.
@@ -49,6 +50,7 @@ class Contact:
     gap: FloatArray
     rounding: FloatArray
     decides: BoolArray
+    slides: BoolArray
     seen: Matrix
     controls: Matrix
 
@@ -110,8 +112,13 @@ class Discrete:
         return np.asarray(self.strain.T @ (stress * self.volumes[:, None]).ravel())
 
 
-def discretise(parameters: Parameters, domain: Domain, space: Any) -> Discrete:
-    """The discrete problem of a study on a mesh; ``space`` numbers the nodes."""
+def discretise(
+    parameters: Parameters, domain: Domain, space: Any, solution: StudySolution | None = None
+) -> Discrete:
+    """The discrete problem of a study on a mesh; ``space`` numbers the nodes.
+
+    Bodies face each other where they did in the last solve for a ``solution``, else at rest.
+    """
     geometry = Geometry.of(domain, space)
     places, body = _points(geometry)
     free, prescribed = _conditions(parameters, geometry)
@@ -143,7 +150,7 @@ def discretise(parameters: Parameters, domain: Domain, space: Any) -> Discrete:
         load_size=load_size,
         free=free,
         prescribed=prescribed,
-        contact=_contact(parameters, geometry, body, free),
+        contact=_contact(parameters, geometry, body, free, solution),
         n=n,
         epsilon=epsilon,
         regularisation=length,
@@ -290,12 +297,20 @@ def _stiffness(given: Elasticity, x: FloatArray) -> FloatArray:
 
 
 def _contact(
-    parameters: Parameters, geometry: Geometry, body: Body, free: BoolArray
+    parameters: Parameters,
+    geometry: Geometry,
+    body: Body,
+    free: BoolArray,
+    solution: StudySolution | None,
 ) -> Contact | None:
-    parts = [_of_part(part, geometry, body, free) for part in parameters.contacts]
+    frames = [None] * len(parameters.contacts)
+    if solution is not None:
+        frames = [fields.paired_at for fields in solution.contacts]
+    pairs = zip(parameters.contacts, frames, strict=True)
+    parts = [_of_part(part, geometry, body, free, frame) for part, frame in pairs]
     if len(parts) <= 1:
         return parts[0] if parts else None
-    fields = ("nodes", "weights", "normals", "gap", "rounding", "decides")
+    fields = ("nodes", "weights", "normals", "gap", "rounding", "decides", "slides")
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in fields}
     seen, controls = (
         sp.vstack([getattr(part, name) for part in parts], "csr") for name in ("seen", "controls")
@@ -303,7 +318,13 @@ def _contact(
     return Contact(**joined, seen=seen, controls=controls)
 
 
-def _of_part(part: ContactParameters, geometry: Geometry, body: Body, free: BoolArray) -> Contact:
+def _of_part(
+    part: ContactParameters,
+    geometry: Geometry,
+    body: Body,
+    free: BoolArray,
+    frame: FloatArray | None,
+) -> Contact:
     facets = geometry.facets(part.on)
     weights = body.nodal_areas(facets)
     nodes = np.flatnonzero(weights)
@@ -318,22 +339,29 @@ def _of_part(part: ContactParameters, geometry: Geometry, body: Body, free: Bool
     else:
         gap, normals, rounding = _distance(given, x)
     if part.against:
-        return _between(part, geometry, gap, free)
+        return _between(part, geometry, gap, free, frame)
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
     decides = np.linalg.norm(normals * free.reshape(-1, dim)[nodes], axis=1) > 1e-6
     controls = sp.eye(len(geometry.x), format="csr")
     if isinstance(body, Boxes):
         controls = body.controls(facets)
     seen = sp.kron(controls[nodes], sp.eye(dim), "csr")
-    return Contact(nodes, weights[nodes], normals, gap, rounding, decides, seen, controls[nodes])
+    slides = np.ones(len(nodes), dtype=bool)
+    return Contact(
+        nodes, weights[nodes], normals, gap, rounding, decides, slides, seen, controls[nodes]
+    )
 
 
 def _between(
-    part: ContactParameters, geometry: Geometry, added: FloatArray, free: BoolArray
+    part: ContactParameters,
+    geometry: Geometry,
+    added: FloatArray,
+    free: BoolArray,
+    frame: FloatArray | None,
 ) -> Contact:
-    """Contact between the sides of two bodies, with the pairing of the package.
+    """Contact between the sides of two bodies, with the pairing of the package at ``frame``.
 
-    The patch tests have judged the pairing.
+    The patch tests have judged the pairing, and nodes against segments (by_segments.py).
     """
     dim, domain = geometry.x.shape[1], geometry.domain
     among = set(part.on) == set(part.against)
@@ -349,17 +377,16 @@ def _between(
         return Side(geometry.x[nodes], domain.kind.facet, numbers, outward, bodies), nodes
 
     (one, nodes), (two, theirs) = side(part.on), side(part.against)
+    moved = np.zeros_like(geometry.x) if frame is None else frame.reshape(geometry.x.shape)
+    if frame is not None:
+        one, two = one.moved(moved[nodes]), two.moved(moved[theirs])
     found = pair(one, two)
     count = len(geometry.x)
     shares = found.shares.tocoo()
     facing = sp.csr_matrix((shares.data, (shares.row, theirs[shares.col])), (len(nodes), count))
     own = sp.csr_matrix((np.ones(len(nodes)), (np.arange(len(nodes)), nodes)), facing.shape)
-    jump = sp.diags(found.faces.astype(float)) @ (own - facing)
-    seen = sp.kron(jump, sp.eye(dim), "csr")
-    normals = np.zeros_like(one.points)
-    for corner in one.facets.T:
-        np.add.at(normals, corner, one.outward * one.sizes()[:, None])
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    jump = sp.diags(found.faces.astype(float)) @ (found.near @ own - facing)
+    seen, normals = sp.kron(jump, sp.eye(dim), "csr"), found.normals
     along = (
         sp.block_diag([normal[None] for normal in normals], "csr")
         @ seen
@@ -367,10 +394,18 @@ def _between(
     )
     decides = np.sqrt(np.asarray(along.power(2).sum(axis=1)).ravel()) > 1e-6
     extent = float(np.ptp(geometry.x, axis=0).max())
-    gap = np.where(found.faces, found.gap, extent) + added
+    before = np.sum((jump @ moved) * normals, axis=1)
+    gap = np.where(found.faces, found.gap, extent) + before + added
     rounding = np.full(len(nodes), 1e-14 * extent)
     weights = np.where(found.faces, found.weights, extent ** (dim - 1))
-    return Contact(nodes, weights, normals, gap, rounding, decides, seen, own)
+    # The nodes of both sides that have the largest shares decide.
+    dense = np.zeros((len(nodes), dim), dtype=bool)
+    for row, part in enumerate(jump.toarray()):
+        if part.any():
+            ends = [int(np.argmax(part)), int(np.argmin(part))]
+            dense[row] = free.reshape(-1, dim)[ends].any(axis=0)
+    slides = dense.sum(axis=1) > 1
+    return Contact(nodes, weights, normals, gap, rounding, decides, slides, seen, own)
 
 
 def _distance(given: Any, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -248,6 +248,7 @@ def _friction(parameters: Parameters, discrete: Discrete, state: State, scales: 
     s = np.linalg.norm(slip, axis=1)
     size = np.linalg.norm(state.traction, axis=1)
     bound, smoothed = own_bound(parameters, discrete, state, s)
+    bound = np.where(contact.slides, bound, np.minimum(bound, state.bound))
     peak = float(np.abs(bound).max(initial=0.0))
     # The scale of the friction bound is the stress in the body, also where the contact only grazes.
     stress = math.sqrt(

@@ -130,7 +130,8 @@ def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
     start = time.process_time()
     problem, (solution,) = _solved(problem, lambda given: [solve_assembled(given)])
     outcome.seconds = time.process_time() - start
-    discrete = discretise(problem.parameters, problem.domain, solution.displacement.function_space)
+    space = solution.displacement.function_space
+    discrete = discretise(problem.parameters, problem.domain, space, solution)
     discrete = unseen.with_band(case.truth, discrete)
     outcome.tangents = int(solution.summary["iterations"]["tangents"])
     _judge(case.truth, solution, discrete, outcome, checks)
@@ -250,7 +251,8 @@ def balances_itself(study: Study, solution: StudySolution) -> bool:
     changed["penalty"] = {"n": n, "epsilon": epsilon}
     changed["friction"]["regularisation"] = length
     parameters = Parameters.model_validate(changed)
-    discrete = discretise(parameters, solution.domain, solution.displacement.function_space)
+    space = solution.displacement.function_space
+    discrete = discretise(parameters, solution.domain, space, solution)
     state = state_of(solution, discrete)
     is_right = not judge.complaint(judge.violations(parameters, discrete, state))
     return is_right and judge.asked_for(discrete, state) < _NEEDLESS
