@@ -21,6 +21,7 @@ from contact_locking.fem.trace import facet_nodes
 from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.mesh.cell_kind import unit_normals
 from contact_locking.mesh.domain import Domain
+from contact_locking.parallel import maximum
 from contact_locking.supports.conditions import Constraints
 
 # An overlap that is deeper than this share of the thinnest extent of the bodies is a mistake.
@@ -125,8 +126,12 @@ class PairedSurface(ContactSurface):
         # The gap that adds to the distance of the sides.
         offsets = np.concatenate(comm.allgather((gap - self.distance)[presses]))
         offset = float(np.median(offsets)) if len(offsets) else 0.0
-        moved = np.concatenate([side.points - side.at_rest.points for side in sides])
-        size = float(np.linalg.norm(np.ptp(moved, axis=0))) + abs(offset)
+        moved = displacement.reshape(-1, self.domain.dim)
+        low, high = (
+            np.array([maximum(comm, sign * part, -np.inf) for part in moved.T])
+            for sign in (-1.0, 1.0)
+        )
+        size = float(np.linalg.norm(low + high)) + abs(offset)
         length = apart(np.isin(np.arange(len(sides[0].points)), here), *sides, offset)
         return max(length - entered, 0.0) / size if size > 0.0 else 0.0
 

@@ -30,6 +30,10 @@ from contact_locking.solver.task import SavedState, Settings, SolverReport, Targ
 
 # The frame of bodies that touch each other is that of the solution after one to three solves.
 _MOST_FRAMES = 8
+_UNSETTLED = (
+    f"the place where bodies touch each other did not settle in {_MOST_FRAMES} solves: normals and "
+    "gaps are known to some per cent; take smaller steps, or hold the bodies more firmly"
+)
 
 
 class ProblemSolver:
@@ -104,6 +108,9 @@ class ProblemSolver:
             if start is None:
                 break
             report = solve_system(self._method, task(), start).after(report)
+        else:
+            warnings = [*report.warnings, _UNSETTLED]
+            report = dataclasses.replace(report, warnings=warnings)
         return report
 
     def _next_start(self, report: SolverReport) -> SavedState | None:
