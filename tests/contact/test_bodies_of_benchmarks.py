@@ -24,6 +24,8 @@ from benchmark_bodies import (
     roller_study,
     solved,
 )
+from rounded_punch import FORCE, quarter_of_rounded_punch, rounded_punch_study
+from slow import slow
 
 from contact_locking import StudySolution
 from contact_locking.arrays import FloatArray
@@ -244,3 +246,16 @@ def test_a_seal_under_a_wider_holder_has_no_pressure_beyond_its_rim(
     mean = abs(solution.summary["contact_force"][1]) / 20.0
     assert solution.summary["pressure_max"] < 2.5 * mean
     assert beyond(points_of(solution), 20.0) <= 0.5
+
+
+# With 4 facets over the radius of the contact; tetrahedra of degree 1 are stiffer.
+@pytest.mark.parametrize(("cells", "error"), [("box", 0.03), slow("simplex", 0.1)])
+@pytest.mark.parametrize("contact", both_roles("sole", "face"))
+def test_a_punch_with_a_round_edge_in_space_is_that_of_theory(
+    contact: dict[str, str], cells: str, error: float, folder: Path
+) -> None:
+    study = rounded_punch_study(quarter_of_rounded_punch(folder, cells, 3.4), dim=3)
+    solution = solved(study, contact=contact)
+    assert 4.0 * abs(solution.summary["contact_force"][2]) == pytest.approx(FORCE, rel=error)
+    # The largest pressure is 995 near the edge of the flat part, and nodes differ in their shares.
+    assert solution.summary["pressure_max"] < (1.1 if cells == "box" else 1.4) * 995.0

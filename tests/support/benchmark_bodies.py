@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -213,63 +212,4 @@ def pellet_study(path: Path) -> dict[str, Any]:
         "contact": {"on": "clad_in", "against": "pellet_out"},
         "friction": friction(0.3),
         "steps": {"times": [0.3, 0.5, 1.0]},
-    }
-
-
-# The punch of :func:`rounded_punch`: radii of its flat part, of its fillet and of the contact.
-FLAT, ROUND, CONTACT, FAR = 10.0, 100.0, 10.0 / 0.7, 150.0
-APPROACH, FORCE = 0.321150, 446557.0
-
-
-def rounded_punch(folder: Path, fine: float) -> Path:
-    """A flat punch with a round edge on a half space; both are cut at the distance ``FAR``."""
-    step = (20.0, ROUND - (ROUND**2 - 10.0**2) ** 0.5)
-    punch = [
-        Side("sole", (0.0, 0.0)),
-        Side("sole", (FLAT, 0.0), (FLAT, ROUND)),
-        Side("", step),
-        Side("far_upper", (FAR, step[1]), (0.0, step[1])),
-        Side("axis", (0.0, FAR + step[1])),
-    ]
-    space = [
-        Side("face", (0.0, 0.0)),
-        Side("", (20.0, 0.0)),
-        Side("far_lower", (FAR, 0.0), (0.0, 0.0)),
-        Side("axis", (0.0, -FAR)),
-    ]
-    edge = graded([(CONTACT, 0.0), (FLAT, 0.0)], fine, 20.0, 4.0, 150.0)
-    bodies = {"upper": punch, "lower": space}
-    return write_outlines(
-        folder / "rounded.msh", bodies, lambda x: edge(x) * (0.8 if x[1] < 0 else 1.0)
-    )
-
-
-def rounded_punch_study(path: Path) -> dict[str, Any]:
-    """Far from the contact both bodies move as half spaces under a force at a point (Boussinesq).
-
-    Between them is the approach of points that are infinitely far away.
-    """
-    young, poisson = 1e5, 0.3
-    factor = FORCE * (1.0 + poisson) / (2.0 * math.pi * young)
-
-    def far(up: float, offset: float) -> list[str]:
-        deep, away = "abs(y)", "max(sqrt(x**2 + y**2), 1)"
-        along = f"{factor}*({deep}**2/{away}**3 + {2.0 * (1.0 - poisson)}/{away})"
-        radial = (
-            f"{factor}*(x*{deep}/{away}**3 - {1.0 - 2.0 * poisson}*x/({away}*({away} + {deep})))"
-        )
-        return [radial, f"{up}*{along} - {offset}"]
-
-    return {
-        "mesh": {"file": str(path), "axisymmetric": True},
-        "material": {"elasticity": {"young": young, "poisson": poisson}},
-        "loads": {
-            "displacements": [
-                {"on": "axis", "value": [0.0, None]},
-                {"on": "far_lower", "value": far(-1.0, 0.0)},
-                {"on": "far_upper", "value": far(1.0, APPROACH)},
-            ]
-        },
-        "contact": {"on": "sole", "against": "face"},
-        "friction": friction(0.0),
     }

@@ -8,10 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmark_bodies import (
-    APPROACH,
     COMPRESSION,
-    CONTACT,
-    FORCE,
     RADIUS,
     cylinder_study,
     cylinders,
@@ -22,9 +19,16 @@ from benchmark_bodies import (
     punch_with_fillet,
     roller,
     roller_study,
+    solved,
+)
+from rounded_punch import (
+    APPROACH,
+    CONTACT,
+    FORCE,
+    MEAN,
+    quarter_of_rounded_punch,
     rounded_punch,
     rounded_punch_study,
-    solved,
 )
 from verification_table import Row
 
@@ -54,11 +58,32 @@ def test_v53_a_flat_punch_with_a_round_edge(
     found += [
         Row("V53", told, "force", force, FORCE, TEST),
         Row("V53", told, "radius of the contact", radius, CONTACT, TEST),
-        Row("V53", told, "mean pressure", mean, 696.504, TEST),
+        Row("V53", told, "mean pressure", mean, MEAN, TEST),
     ]
     assert force == pytest.approx(FORCE, rel=0.005)
     assert radius == pytest.approx(CONTACT, rel=0.01)
-    assert mean == pytest.approx(696.504, rel=0.01)
+    assert mean == pytest.approx(MEAN, rel=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("cells", "error"), [("box", 0.015), ("simplex", 0.055)])
+def test_v53_in_space(cells: str, error: float, tmp_path: Path, found: list[Row]) -> None:
+    """A quarter of the punch with 7 facets of the sole over the radius of the contact.
+
+    Tetrahedra of degree 1 are stiffer than hexahedra.
+    """
+    study = rounded_punch_study(quarter_of_rounded_punch(tmp_path, cells, 2.0), dim=3)
+    solution = solved(study)
+    force, area = 4.0 * solution.summary["contact_force"][2], 4.0 * solution.summary["contact_area"]
+    told = f"a flat punch with a round edge, {'hexa' if cells == 'box' else 'tetra'}hedra"
+    radius = math.sqrt(area / math.pi)
+    found += [
+        Row("V53", told, "force", force, FORCE, TEST),
+        Row("V53", told, "radius of the contact", radius, CONTACT, TEST),
+    ]
+    assert force == pytest.approx(FORCE, rel=error)
+    # To half a facet.
+    assert radius == pytest.approx(CONTACT, abs=1.0)
 
 
 @pytest.mark.parametrize("sides", [("arc_upper", "arc_lower"), ("arc_lower", "arc_upper")])
@@ -146,13 +171,14 @@ def test_v56_the_friction_of_a_roller_does_not_depend_on_the_side(
 ) -> None:
     """NAFEMS contact benchmark 1 with mu = 0.1, whose force grows in 20 steps."""
     study = roller_study(roller(tmp_path, 0.4), steps=20)
-    total = []
+    totals = []
     for on, against in (("face", "arc"), ("arc", "face")):
         solution = solved(study, contact={"on": on, "against": against})
-        total.append(abs(solution.summary["friction_force"][0]))
+        totals.append(abs(solution.summary["friction_force"][0]))
     told = "NAFEMS contact benchmark 1, mu = 0.1, 20 steps"
-    found.append(Row("V56", told, "total friction of the half, arc for face", *total[::-1], TEST))
-    assert total[1] == pytest.approx(total[0], rel=0.002)
+    quantity = "total friction of the half, arc with the conditions for face"
+    found.append(Row("V56", told, quantity, totals[1], totals[0], TEST))
+    assert totals[1] == pytest.approx(totals[0], rel=0.002)
 
 
 @pytest.mark.parametrize(("mu", "known"), [(0.0, -0.1338), (0.1, -0.1316)])
