@@ -280,7 +280,7 @@ def test_a_saved_step_goes_on_as_without_a_break(dim: int, tmp_path: Path) -> No
 
 @pytest.mark.parametrize("n", [100.0, 1e4, math.inf])
 def test_stacked_blocks_take_as_many_tangents_as_one_on_a_foundation(n: float) -> None:
-    """With friction and a limit of the strain, but for three."""
+    """With friction and a limit of the strain, but for half as many."""
     given: dict[str, Any] = {
         "friction__coefficient": 0.3,
         "material__locking_limit": 0.006,
@@ -291,7 +291,7 @@ def test_stacked_blocks_take_as_many_tangents_as_one_on_a_foundation(n: float) -
     both = solved(stack(2, 0.2, **given, material__regions=stiff))
     one = solved(stack(2, 0.2, **given, contact={"on": "upper_bottom"}))
     counts = [solution.summary["iterations"]["tangents"] for solution in (both, one)]
-    assert counts[0] <= counts[1] + 3
+    assert counts[0] <= 1.5 * counts[1]
 
 
 @pytest.mark.slow
@@ -331,6 +331,7 @@ def test_two_blocks_without_slip_are_one_block() -> None:
 def test_slender_blocks_without_slip_are_one_beam(load: float) -> None:
     """Small tractions between bodies that bend far are found below a bound that fits them."""
     given: dict[str, Any] = {
+        "contact__pair": "once",
         "mesh__upper": [10.0, 1.0],
         "mesh__size": [10.0, 1.0],
         "friction__coefficient": math.inf,
@@ -353,7 +354,10 @@ def test_nodes_that_neither_stick_nor_slide_are_solved_with_much_friction() -> N
         "loads__displacements": [{"on": ["left", "upper_left"], "value": [0.0, 0.0]}],
         "loads__tractions": [{"on": "top", "value": [0.0, -1e-5]}],
     }
-    found = [solved(stack(2, 0.5, **given, friction__coefficient=mu)) for mu in (1e3, 1e5)]
+    found = [
+        solved(stack(2, 0.5, **given, friction__coefficient=mu, contact__pair="once"))
+        for mu in (1e3, 1e5)
+    ]
     sizes = [one.summary["displacement_max"] for one in found]
     assert sizes[0] == pytest.approx(sizes[1], rel=1e-4)
     for one in found:
@@ -458,7 +462,9 @@ def test_a_row_of_three_bodies_passes_the_force_on(tmp_path: Path) -> None:
         columns = {f"west{number}": first, f"east{number}": first + n}
         for name, start in columns.items():
             groups[name] = [(start + j * (n + 1), start + (j + 1) * (n + 1)) for j in range(n)]
-    contact = [{"on": f"east{i}", "against": f"west{i + 1}"} for i in range(2)]
+    # Forces along the axes are those of the undeformed frame.
+    pairs = [(f"east{i}", f"west{i + 1}") for i in range(2)]
+    contact = [{"on": on, "against": against, "pair": "once"} for on, against in pairs]
     path = shared(MPI.COMM_WORLD, tmp_path, points, groups)
     loads = {
         "displacements": [{"on": "west0", "value": [0.0, 0.0]}],

@@ -98,12 +98,13 @@ def test_a_pairing_that_is_slid_over_is_told_of() -> None:
     solution, places, forces = last_forces(sliding(pair="once"))
     (warning,) = solution.summary["warnings"]
     assert "along each other, 5 facets of against" in warning
-    assert "take steps and contact.pair: each_step" in warning
+    assert warning.endswith("leave out pair: once")
     # The pressure stays where the block was.
     assert places[forces[:, 1] < -1e-9, 0].max() < 2.1
-    few = solved(sliding(steps={"to": 1.0, "count": 2}))
-    (warning,) = few.summary["warnings"]
-    assert "2.5 facets of against; each step pairs the bodies once" in warning
+    # In two steps the pressure is where the block has come to as well.
+    few, places, forces = last_forces(sliding(steps={"to": 1.0, "count": 2}))
+    assert not few.summary["warnings"]
+    assert places[forces[:, 1] < -1e-9, 0].min() > 1.8
 
 
 def test_a_step_after_a_pairing_anew_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
@@ -160,7 +161,7 @@ def test_a_script_pairs_where_the_solution_before_has_come_to() -> None:
         forces.append(places[lower, 0] @ found[lower, 1] / found[lower, 1].sum())
         problem.close()
     # The centres of the pressure on the lower block.
-    assert forces == pytest.approx([1.5, 2.1], abs=0.05)
+    assert forces == pytest.approx([1.5, 2.3], abs=0.05)
     with pytest.raises(InputError, match="must be once or each_step, not str 'always'"):
         cl.ContactProblem(
             cl.Elasticity(young=YOUNG, poisson=POISSON),
@@ -172,8 +173,6 @@ def test_a_script_pairs_where_the_solution_before_has_come_to() -> None:
 
 
 def test_pairs_that_nobody_can_find_are_refused() -> None:
-    with pytest.raises(ValueError, match="each_step needs steps"):
-        sliding(steps=None)
     with pytest.raises(ValueError, match="does not go with sensitivities"):
         sliding(sensitivities={"of": ["contact_force.1"], "to": ["material.elasticity.young"]})
     with pytest.raises(ValueError, match="is about two bodies"):

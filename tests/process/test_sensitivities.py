@@ -188,7 +188,12 @@ def test_bodies_that_touch_each_other_have_the_derivatives_of_differences() -> N
                         {"on": "bottom", "value": [0, 0]},
                     ]
                 },
-                "contact": {"on": "upper_bottom", "against": "lower_top", "gap": 0.001},
+                "contact": {
+                    "on": "upper_bottom",
+                    "against": "lower_top",
+                    "gap": 0.001,
+                    "pair": "once",
+                },
                 "friction": {"coefficient": "mu", "smoothing": {"radius": 0.3}},
                 "penalty": {"n": math.inf},
                 "solver": SHARP,

@@ -247,7 +247,13 @@ def test_a_press_fit_that_turns_sticks_before_it_slips() -> None:
                 {"on": "hole", "value": ["-0.01*y*max(t - 1, 0)", "0.01*x*max(t - 1, 0)"]},
             ]
         },
-        "contact": {"on": "rim", "against": "inner", "gap": "-0.004*min(t, 1)"},
+        "contact": {
+            "on": "rim",
+            "against": "inner",
+            "gap": "-0.004*min(t, 1)",
+            # A linear rotation makes the hub larger by 3 % of the overlap.
+            "pair": "once",
+        },
         "friction": {"coefficient": 0.12},
         "steps": {"times": [1.0, 1.05, 1.1, 1.5]},
     }

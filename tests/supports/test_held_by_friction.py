@@ -364,7 +364,7 @@ def test_a_block_that_rubs_on_a_block_is_held_on_ranks_that_have_no_contact() ->
                 "displacements": [{"on": "bottom", "value": [0.0, 0.0]}],
                 "tractions": [{"on": "top", "value": [1.25, -10.0]}],
             },
-            contact={"on": "upper_bottom", "against": "lower_top"},
+            contact={"on": "upper_bottom", "against": "lower_top", "pair": "once"},
         )
     )
     assert found.summary["friction_force"][0] == pytest.approx(-7.5)
