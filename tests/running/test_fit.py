@@ -180,7 +180,7 @@ def test_bodies_that_touch_each_other_are_fitted(folder: Folder) -> None:
 mesh: {builder: stack, size: [1.0, 0.5], upper: [1.0, 0.5], h: 0.5}
 material: {elasticity: {young: 1.0, poisson: 0.0}}
 loads: {displacements: [{on: top, value: [0, -0.01]}, {on: bottom, value: [0, 0]}]}
-contact: {on: upper_bottom, against: lower_top}
+contact: {on: upper_bottom, against: lower_top, pair: once}
 output: {directory: results, fields: false, picture: false}
 """
         + FIT,

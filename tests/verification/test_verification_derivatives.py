@@ -90,7 +90,8 @@ def test_v42_a_fit_finds_the_modulus_of_lames_ring(tmp_path: Path, found: list[R
     value = content["parameters"][E]["value"]
     found.append(Row("V43", "ring in a rigid ring, fitted", "E", value, 1.0, TEST))
     assert value == pytest.approx(1.0, rel=0.01)
-    assert content["evaluations"] <= 6
+    # The ends of the interval take two.
+    assert content["evaluations"] <= 6 + 2
 
 
 def test_v41_the_pressure_of_a_ring_changes_as_lame_says(found: list[Row]) -> None:
