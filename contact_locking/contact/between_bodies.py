@@ -102,7 +102,7 @@ def _sagittae(side: Side) -> FloatArray:
     tell the angle, which are those of one facet at the rim.
     """
     if side.kind.dim == 1:
-        return side.sizes() * _turns(side) / 8.0
+        return np.asarray(side.sizes() * _turns(side) / 8.0)
     normals = side.nodal_normals()[side.facets[:, : side.kind.corners]]
     heights = np.zeros(len(side.facets))
     for i, j in combinations(range(side.kind.corners), 2):

@@ -228,8 +228,9 @@ class ContactSurface:
         """How far two sides are from touching at a displacement (local values); collective.
 
         It is the length of :func:`~contact_locking.contact.between_bodies.apart` less ``entered``,
-        by which penalties let them enter, as a share of the largest difference of displacements of the bodies.
-        ``presses`` (k,) marks the nodes that press, and ``gap`` (k,) is that of the laws.
+        by which penalties let them enter, as a share of the largest difference of displacements of
+        the bodies.  ``presses`` (k,) marks the nodes that press, and ``gap`` (k,) is that of the
+        laws.
         """
         return 0.0
 

@@ -61,7 +61,7 @@ def test_failed_write_leaves_the_older_file_alone(
 
 
 def test_write_refuses_another_format_and_a_missing_folder(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"path: .*\.msh"):
+    with pytest.raises(ValueError, match=r"\.msh, body\.xdmf"):
         write(make("block"), tmp_path / "body.xdmf")
     with pytest.raises(OSError):
         write(make("block"), tmp_path / "nowhere" / "body.msh")

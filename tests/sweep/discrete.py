@@ -303,7 +303,7 @@ def _contact(
     free: BoolArray,
     solution: StudySolution | None,
 ) -> Contact | None:
-    frames = [None] * len(parameters.contacts)
+    frames: list[FloatArray | None] = [None] * len(parameters.contacts)
     if solution is not None:
         frames = [fields.paired_at for fields in solution.contacts]
     pairs = zip(parameters.contacts, frames, strict=True)
@@ -400,9 +400,9 @@ def _between(
     weights = np.where(found.faces, found.weights, extent ** (dim - 1))
     # The nodes of both sides that have the largest shares decide.
     dense = np.zeros((len(nodes), dim), dtype=bool)
-    for row, part in enumerate(jump.toarray()):
-        if part.any():
-            ends = [int(np.argmax(part)), int(np.argmin(part))]
+    for row, differences in enumerate(jump.toarray()):
+        if differences.any():
+            ends = [int(np.argmax(differences)), int(np.argmin(differences))]
             dense[row] = free.reshape(-1, dim)[ends].any(axis=0)
     slides = dense.sum(axis=1) > 1
     return Contact(nodes, weights, normals, gap, rounding, decides, slides, seen, own)
