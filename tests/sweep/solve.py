@@ -23,9 +23,18 @@ from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters
 
-from . import comparisons, derivatives, judge, pair_judge, reference, stepwise, unseen
+from . import (
+    comparisons,
+    derivatives,
+    judge,
+    pair_judge,
+    reference,
+    stepwise,
+    swapped,
+    unseen,
+)
 from .case import Case, Study, Truth
-from .discrete import Discrete, discretise, state_of
+from .discrete import Discrete, State, discretise, state_of
 from .families import case_of
 from .observed import Moment, mesh_of, moment_of
 from .own_body import Mesh
@@ -96,7 +105,7 @@ def outcome_of(
 
 
 def outcome_of_case(case: Case, checks: bool = True, family: str = "", seed: int = 0) -> Outcome:
-    """Solve and judge; with ``checks`` the conic solver and the problem in other units, too."""
+    """Solve and judge; with ``checks`` the conic solver, other units and swapped sides, too."""
     outcome = Outcome(family, seed, BROKEN, study=case.study, row=case.row)
     start = time.process_time()
     try:
@@ -294,6 +303,10 @@ def _judge(
             wrong.append(comparisons.against_reference(discrete, state))
         except reference.NoReference as error:
             outcome.notes["reference"] = str(error)
+        beside = swapped.compared(outcome.study, solution, _rounding(discrete, state))
+        if beside is not None:
+            wrong.append(beside.complaint)
+            outcome.notes["swapped"] = beside.note
         if comparisons.is_unique(solution.parameters):
             random = np.random.default_rng(outcome.seed)
             transform = Transform.random(random, discrete.dim, truth.homogeneous)
@@ -304,6 +317,13 @@ def _judge(
             outcome.notes["transformed"] = difference
     complaints = "; ".join(text for text in wrong if text)
     outcome.kind, outcome.reason = (WRONG, complaints) if complaints else (SOLVED, "")
+
+
+def _rounding(discrete: Discrete, state: State) -> float:
+    """The size of forces that rounding and the solver's tolerance leave in a body that is free."""
+    x, size = discrete.geometry.x, float(np.abs(state.u).max(initial=0.0))
+    length = float(np.ptp(x, axis=0).max())
+    return 1e-9 * float(discrete.law.max()) * size * length ** (discrete.dim - 2)
 
 
 def _judge_infeasible(truth: Truth, discrete: Discrete, outcome: Outcome) -> None:
