@@ -1,7 +1,8 @@
 """GetFEM: two bodies with unmatched meshes in contact with Coulomb friction, by Newton's method.
 
 The augmented Lagrangian is in integrals over the first body, with multipliers of first degree.
-``version`` is GetFEM's own.
+``version`` is GetFEM's own.  ``down`` moves the first body down for Newton's start, by which it
+touches where nothing else holds it.
 """
 
 import getfem as gf
@@ -15,8 +16,6 @@ problem = job.problem
 gf.util_trace_level(0)
 gf.util_warning_level(0)
 model = gf.Model("real")
-model.add_initialized_data("lame", [problem.lame[0]])
-model.add_initialized_data("shear", [problem.lame[1]])
 model.add_initialized_data("zero", [0.0, 0.0])
 model.add_initialized_data("mu", [problem.friction])
 model.add_initialized_data("r", [problem.young])
@@ -28,7 +27,10 @@ body = connected_components(links)[1]
 first = body == body[problem.parts[problem.contact][0, 0]]
 
 region, fields, rules, number = {}, {}, {}, {}
-for name, inside in (("u1", first), ("u2", ~first)):
+for name, inside, young in (
+    ("u1", first, problem.young),
+    ("u2", ~first, problem.young_against),
+):
     # The mesh with its boundary parts
     cells = problem.cells[inside[problem.cells[:, 0]]]
     mesh = gf.Mesh("empty", 2)
@@ -38,7 +40,14 @@ for name, inside in (("u1", first), ("u2", ~first)):
     outside = mesh.outer_faces()
     ends = [points[mesh.pid_in_faces(outside[:, [i]])] for i in range(outside.shape[1])]
     column = {tuple(sorted(pair)): i for i, pair in enumerate(ends)}
-    own = [(key, part) for key, part in problem.parts.items() if inside[part[0, 0]]]
+    own = [(key, part[inside[part[:, 0]]]) for key, part in problem.parts.items()]
+    own = [(key, part) for key, part in own if len(part)]
+    # A node of two parts is held by the first, as two multipliers for it make the system singular.
+    taken = set[int]()
+    for i, (key, part) in enumerate(own):
+        if key in problem.held:
+            own[i] = key, part[~np.isin(part, list(taken)).any(axis=1)]
+            taken |= set(part.ravel().tolist())
     for tag, (key, part) in enumerate(own, start=1):
         mesh.set_region(tag, outside[:, [column[tuple(sorted(facet))] for facet in part]])
         region[key] = tag
@@ -49,13 +58,15 @@ for name, inside in (("u1", first), ("u2", ~first)):
     fields[name], rules[name] = field, rule
     number[name] = [place[tuple(np.round(x, 9))] for x in field.basic_dof_nodes()[:, ::2].T]
     model.add_fem_variable(name, field)
-    model.add_isotropic_linearized_elasticity_brick(rule, name, "lame", "shear")
+    for lame, value in zip(("lame", "shear"), problem.lame_of(young), strict=True):
+        model.add_initialized_data(f"{lame}_{name}", [value])
+    model.add_isotropic_linearized_elasticity_brick(rule, name, f"lame_{name}", f"shear_{name}")
     for key, _ in own:
         if key in problem.held:
             rows = np.diag([float(j in problem.held[key]) for j in range(2)])
-            model.add_initialized_data(f"held_{key}", rows.ravel(), [2, 2])
+            model.add_initialized_data(f"held_{key}_{name}", rows.ravel(), [2, 2])
             model.add_generalized_Dirichlet_condition_with_multipliers(
-                rule, name, field, region[key], "zero", f"held_{key}"
+                rule, name, field, region[key], "zero", f"held_{key}_{name}"
             )
         if key in problem.tractions:
             model.add_initialized_data(f"load_{key}", problem.tractions[key])
@@ -63,11 +74,18 @@ for name, inside in (("u1", first), ("u2", ~first)):
 
 # Contact and friction
 assert problem.against is not None
-model.add_filtered_fem_variable("force", fields["u1"], region[problem.contact])
+touching, friction = region[problem.contact], ["mu"] if problem.friction > 0.0 else []
+forces = fields["u1"] if friction else gf.MeshFem(fields["u1"].linked_mesh(), 1)
+if not friction:
+    forces.set_classical_fem(1)
+model.add_filtered_fem_variable("force", forces, touching)
 model.add_integral_contact_between_nonmatching_meshes_brick(
-    *(rules["u1"], "u1", "u2", "force", "r", "mu", region[problem.contact]),
+    *(rules["u1"], "u1", "u2", "force", "r", *friction, touching),
     *(region[problem.against], int(job.number("version", 1))),
 )
+start = np.zeros((fields["u1"].nbdof() // 2, 2))
+start[:, 1] = -job.number("down", 0.0)
+model.set_variable("u1", start.ravel())
 
 # Newton's method
 job.start()
@@ -77,4 +95,9 @@ iterations, converged = model.solve(
 u = np.zeros(problem.x.shape)
 for name, nodes in number.items():
     u[nodes] = model.variable(name).reshape(-1, 2)
-job.finish(u, iterations, converged)
+force = model.variable("force")
+tangent = "[1,0].(force - (force.Normal)*Normal)" if friction else "0*force"
+total = gf.asm_generic(rules["u1"], 0, tangent, touching, model)
+# Where the pressure is largest, the normal is the vertical, the last component.
+pressure = np.abs(force.reshape(-1, 2 if friction else 1)[:, -1]).max()
+job.finish(u, iterations, converged, pressure=pressure, friction=abs(total))
