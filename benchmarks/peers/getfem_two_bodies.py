@@ -1,8 +1,9 @@
 """GetFEM: two bodies with unmatched meshes in contact with Coulomb friction, by Newton's method.
 
 The augmented Lagrangian is in integrals over the first body, with multipliers of first degree.
-``version`` is GetFEM's own.  ``down`` moves the first body down for Newton's start, by which it
-touches where nothing else holds it.
+``contact=raytracing`` takes the brick that sees the other body across gaps, in deformed positions;
+``version`` is GetFEM's own for the other brick.  ``down`` moves the first body down for Newton's
+start, as it has to touch where nothing else holds it.
 """
 
 import getfem as gf
@@ -42,7 +43,9 @@ for name, inside, young in (
     column = {tuple(sorted(pair)): i for i, pair in enumerate(ends)}
     own = [(key, part[inside[part[:, 0]]]) for key, part in problem.parts.items()]
     own = [(key, part) for key, part in own if len(part)]
-    # A node of two parts is held by the first, as two multipliers for it make the system singular.
+    # A node of two parts is held by the one that holds more, as multipliers of both for it make the
+    # system singular.
+    own.sort(key=lambda item: -len(problem.held.get(item[0], ())))
     taken = set[int]()
     for i, (key, part) in enumerate(own):
         if key in problem.held:
@@ -74,15 +77,19 @@ for name, inside, young in (
 
 # Contact and friction
 assert problem.against is not None
-touching, friction = region[problem.contact], ["mu"] if problem.friction > 0.0 else []
-forces = fields["u1"] if friction else gf.MeshFem(fields["u1"].linked_mesh(), 1)
-if not friction:
-    forces.set_classical_fem(1)
-model.add_filtered_fem_variable("force", forces, touching)
-model.add_integral_contact_between_nonmatching_meshes_brick(
-    *(rules["u1"], "u1", "u2", "force", "r", *friction, touching),
-    *(region[problem.against], int(job.number("version", 1))),
-)
+touching, other = region[problem.contact], region[problem.against]
+model.add_filtered_fem_variable("force", fields["u1"], touching)
+if job.options.get("contact") == "raytracing":
+    brick = model.add_integral_large_sliding_contact_brick_raytracing("r", 2.0, "mu")
+    add_slave = model.add_slave_contact_boundary_to_large_sliding_contact_brick
+    add_slave(brick, rules["u1"], touching, "u1", "force")
+    add_master = model.add_master_contact_boundary_to_large_sliding_contact_brick
+    add_master(brick, rules["u2"], other, "u2")
+else:
+    model.add_integral_contact_between_nonmatching_meshes_brick(
+        *(rules["u1"], "u1", "u2", "force", "r", "mu", touching),
+        *(other, int(job.number("version", 1))),
+    )
 start = np.zeros((fields["u1"].nbdof() // 2, 2))
 start[:, 1] = -job.number("down", 0.0)
 model.set_variable("u1", start.ravel())
@@ -95,9 +102,8 @@ iterations, converged = model.solve(
 u = np.zeros(problem.x.shape)
 for name, nodes in number.items():
     u[nodes] = model.variable(name).reshape(-1, 2)
-force = model.variable("force")
-tangent = "[1,0].(force - (force.Normal)*Normal)" if friction else "0*force"
-total = gf.asm_generic(rules["u1"], 0, tangent, touching, model)
-# Where the pressure is largest, the normal is the vertical, the last component.
-pressure = np.abs(force.reshape(-1, 2 if friction else 1)[:, -1]).max()
-job.finish(u, iterations, converged, pressure=pressure, friction=abs(total))
+tangent = "((Id(2) + Grad_u1)*([[0,-1],[1,0]]*Normal))"
+friction = gf.asm_generic(rules["u1"], 0, f"force.Normalized{tangent}", touching, model)
+# Where the pressure is largest, the normal is the vertical.
+pressure = np.abs(model.variable("force")[1::2]).max()
+job.finish(u, iterations, converged, pressure=pressure, friction=abs(friction))

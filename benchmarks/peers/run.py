@@ -60,7 +60,10 @@ INTEGRAL = Peer("GetFEM, augmented Lagrangian, integral", "getfem_contact", ("co
 CLARABEL = Peer("Clarabel", "clarabel_conic")
 BOUNDS = Peer("PETSc, vinewtonrsls", "petsc_bounds")
 TWO_BODIES = Peer("GetFEM, augmented Lagrangian, integral", "getfem_two_bodies")
-PRESSED = Peer(TWO_BODIES.name, TWO_BODIES.script, ("down=0.02",))
+PRESSED = Peer(
+    *("GetFEM, augmented Lagrangian, ray tracing", "getfem_two_bodies"),
+    ("contact=raytracing", "down=0.02"),
+)
 EXACT = Peer("contact_locking", "contact_locking_run", ("method=interior_point", "n=inf"))
 PROXIMAL = Peer("proximal Galerkin", "proximal")
 
