@@ -81,8 +81,8 @@ class Problem:
     def save(self, path: Path) -> None:
         """Write the arrays and the numbers."""
         kept = ("young", "poisson", "limit", "friction", "contact", "against", "young_against")
-        kept = (*kept, "tractions", "held", "study")
-        facts = json.dumps({name: getattr(self, name) for name in kept})
+        loads = ("tractions", "held", "study")
+        facts = json.dumps({name: getattr(self, name) for name in (*kept, *loads)})
         arrays = {f"part_{name}": facets for name, facets in self.parts.items()}
         np.savez(path, x=self.x, cells=self.cells, bound=self.bound, facts=facts, **arrays)
 
