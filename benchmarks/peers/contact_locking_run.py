@@ -29,4 +29,6 @@ job.finish(
     displaced(solution)[1],
     solution.summary["iterations"]["tangents"],
     solution.converged,
+    pressure=solution.summary["pressure_max"],
+    friction=abs(solution.summary["friction_force"][0]),
 )

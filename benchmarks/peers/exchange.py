@@ -39,6 +39,7 @@ class Problem:
     friction: float
     contact: str
     against: str | None
+    young_against: float  # Young's modulus of the second body
     tractions: dict[str, list[float]]
     held: dict[str, list[int]]
     study: dict[str, Any]
@@ -47,7 +48,11 @@ class Problem:
     @property
     def lame(self) -> tuple[float, float]:
         """Lame's lambda and mu."""
-        shear = self.young / (2.0 * (1.0 + self.poisson))
+        return self.lame_of(self.young)
+
+    def lame_of(self, young: float) -> tuple[float, float]:
+        """Lame's lambda and mu for another Young's modulus."""
+        shear = young / (2.0 * (1.0 + self.poisson))
         return 2.0 * shear * self.poisson / (1.0 - 2.0 * self.poisson), shear
 
     def nodes(self, part: str) -> Any:
@@ -75,8 +80,9 @@ class Problem:
 
     def save(self, path: Path) -> None:
         """Write the arrays and the numbers."""
-        kept = ("young", "poisson", "limit", "friction", "contact", "against", "tractions", "held")
-        facts = json.dumps({name: getattr(self, name) for name in (*kept, "study")})
+        kept = ("young", "poisson", "limit", "friction", "contact", "against", "young_against")
+        loads = ("tractions", "held", "study")
+        facts = json.dumps({name: getattr(self, name) for name in (*kept, *loads)})
         arrays = {f"part_{name}": facets for name, facets in self.parts.items()}
         np.savez(path, x=self.x, cells=self.cells, bound=self.bound, facts=facts, **arrays)
 
@@ -116,14 +122,18 @@ class Task:
         """Stop the clock; `finish` does so otherwise."""
         self.ended = time.process_time()
 
-    def finish(self, u: Any, iterations: int, converged: bool) -> None:
-        """Write the displacement (k, 2) in the order of the problem's nodes, and the facts."""
+    def finish(self, u: Any, iterations: int, converged: bool, **measured: float) -> None:
+        """Write the displacement (k, 2) in the order of the problem's nodes, and the facts.
+
+        ``measured`` are the ``pressure``, the largest one, and the total ``friction``.
+        """
         if math.isnan(self.ended):
             self.stop()
         facts = {
             "iterations": int(iterations),
             "converged": bool(converged) and bool(np.isfinite(u).all()),
             "seconds": self.ended - self.began,
+            **{name: float(value) for name, value in measured.items()},
         }
         np.savez(self.result, u=np.reshape(u, (-1, 2)), facts=json.dumps(facts))
 

@@ -60,6 +60,11 @@ INTEGRAL = Peer("GetFEM, augmented Lagrangian, integral", "getfem_contact", ("co
 CLARABEL = Peer("Clarabel", "clarabel_conic")
 BOUNDS = Peer("PETSc, vinewtonrsls", "petsc_bounds")
 TWO_BODIES = Peer("GetFEM, augmented Lagrangian, integral", "getfem_two_bodies")
+PRESSED = Peer(
+    *("GetFEM, augmented Lagrangian, ray tracing", "getfem_two_bodies"),
+    ("contact=raytracing", "down=0.02"),
+)
+EXACT = Peer("contact_locking", "contact_locking_run", ("method=interior_point", "n=inf"))
 PROXIMAL = Peer("proximal Galerkin", "proximal")
 
 
@@ -74,6 +79,7 @@ RUNS: dict[str, tuple[Peer, ...]] = {
     "block": (OURS, NEWTON, PENALTY, STEPPED, NODAL, INTEGRAL, CLARABEL),
     "plate": (OURS, NEWTON, PENALTY, STEPPED, NODAL, INTEGRAL, CLARABEL),
     "stack": (OURS, NEWTON, TWO_BODIES),
+    **dict.fromkeys(("punch", "roller", "roller_friction"), (EXACT, PRESSED)),
     "locking": (OURS, NEWTON, locking(10), locking(2), CLARABEL),
     "smooth": (
         *(OURS, NEWTON, locking(10), locking(2), CLARABEL),
@@ -132,6 +138,14 @@ def solve(peer: Peer, source: Path, n: str, folder: Path) -> tuple[Any, dict[str
         return file["u"], json.loads(str(file["facts"]))
 
 
+def measured(problem: Problem, name: str, u: Any, facts: dict[str, Any]) -> list[str]:
+    """The displacement at the probe in mm, and pressure and friction in MPa and N/mm."""
+    nodes = problem.nodes(problem.against if name == "punch" else "crown")
+    away = np.linalg.norm(problem.x[nodes] - problems.PROBES[name], axis=1)
+    down = u[nodes[away.argmin()], 1]
+    return [f"{down:.5f}", f"{70e3 * facts['pressure']:.0f}", f"{70e3 * facts['friction']:.1f}"]
+
+
 def rows_of(name: str, folder: Path) -> list[list[str]]:
     """The table of a problem."""
     source = folder / f"{name}.npz"
@@ -158,6 +172,11 @@ def rows_of(name: str, folder: Path) -> list[list[str]]:
                     f"{measure.error(u):.0e}",
                     "" if measure.problem.against else f"{measure.penetration(u):.0e}",
                     *([f"{max(0.0, over):.0e}"] if np.isfinite(limit) else []),
+                    *(
+                        [*measured(measure.problem, name, u, facts)]
+                        if name in problems.PROBES
+                        else []
+                    ),
                 ]
             )
     return rows
@@ -236,6 +255,8 @@ def main() -> None:
             solutions[name] = problems.write(name, folder)
             header = ["program", "n", "converges", "tangents", "s", "error", "penetration"]
             header += ["overstrain"] if name in ("locking", "smooth") else []
+            if name in problems.PROBES:
+                header += ["u_y in mm", "peak pressure in MPa", "friction in N/mm"]
             unknowns = solutions[name].summary["dofs"]
             lines += [
                 f"## {name}: {unknowns} unknowns",
