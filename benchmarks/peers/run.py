@@ -140,7 +140,8 @@ def solve(peer: Peer, source: Path, n: str, folder: Path) -> tuple[Any, dict[str
 
 def measured(problem: Problem, name: str, u: Any, facts: dict[str, Any]) -> list[str]:
     """The displacement at the probe in mm, and pressure and friction in MPa and N/mm."""
-    nodes = problem.nodes(problem.against if name == "punch" else "crown")
+    against = problem.against if name == "punch" else None
+    nodes = problem.nodes(against or "crown")
     away = np.linalg.norm(problem.x[nodes] - problems.PROBES[name], axis=1)
     down = u[nodes[away.argmin()], 1]
     return [f"{down:.5f}", f"{70e3 * facts['pressure']:.0f}", f"{70e3 * facts['friction']:.1f}"]
