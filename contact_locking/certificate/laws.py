@@ -34,7 +34,7 @@ _ENTRY = 0.5
 _OPEN = 1e-4
 # Bodies touch by their facets to this share of their relative displacement.
 _APART = 0.3
-# The other body covers this part of the area of a node that presses, or more.
+# A node that presses has at most this multiple of the area that the other body covers.
 _SLIVER = 30.0
 
 

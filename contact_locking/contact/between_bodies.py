@@ -4,8 +4,8 @@ The distance of a point x of one side to the facets of the other is ``|x - y|`` 
 point y, negative inside of the other body, where ``(x - y) . n < 0`` with the outward normal n of
 the facet of y.  It counts where y lies inside of the facet.  Points are the nodes of side 1 that
 press, which should be at the distance zero, and a lattice on the facets of both sides, which should
-not be inside.  What the chords of round sides explain, the sagittae ``l theta/8`` of both facets
-of length l that turn by theta from one to the next, does not count.
+not be inside.  Distances up to the sagittae ``l theta/8`` of the chords do not count: the facets of
+a round side, of length l, turn by theta from one to the next.
 
 Nothing here is shared with the gap, the pairing and the normals of the contact conditions.
 """
@@ -98,8 +98,9 @@ def _lattice(side: Side) -> tuple[FloatArray, IntArray]:
 def _sagittae(side: Side) -> FloatArray:
     """The largest heights (m,) of a round side above its facets.
 
-    In 2D a side is as round as the facet and its flatter neighbour say.  In 3D averaged normals
-    tell the angle, which are those of one facet at the rim.
+    In 2D the angle is the smaller one of those to both neighbours: a flat facet beside a fillet has
+    no sagitta.  In 3D it is the angle between the averaged normals, doubled, as these turn by half
+    of it at the rim.
     """
     if side.kind.dim == 1:
         return np.asarray(side.sizes() * _turns(side) / 8.0)
@@ -113,7 +114,7 @@ def _sagittae(side: Side) -> FloatArray:
 
 
 def _turns(side: Side) -> FloatArray:
-    """The angles (m,) between segments and that neighbour from which they turn less, by chords."""
+    """(m,) the smaller angle of each segment to its two neighbours, 0 without one."""
     at = side.facets[:, :2].reshape(-1)
     order = np.argsort(at, kind="stable")
     pairs = np.flatnonzero(np.diff(at[order]) == 0)
