@@ -13,6 +13,7 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.contact.nodal_contact import joint_norm
 from contact_locking.contact.smoothing import Identity
 from contact_locking.parallel import maximum
@@ -81,13 +82,12 @@ def law_criteria(state: SolvedState) -> dict[str, Criterion]:
             "coulomb_cone": of_law(max(cones), "friction above its bound"),
             "friction_sign": of_law(sum(signs), "work that friction adds"),
             "friction_bound": Criterion(change, settled, moved),
-            "open_traction": Criterion(
-                open_traction(state),
-                _OPEN,
-                "share of the tractions at open nodes in the contact forces",
-            ),
             "smoothing_constants": Criterion(constants, _CONSTANTS, "change of constants by R"),
         }
+    local = [fields for fields in rubbing if _is_local(fields.contact.friction)]
+    if local:
+        share = "share of the tractions at open nodes in the contact forces"
+        found["open_traction"] = Criterion(open_traction(state, local), _OPEN, share)
     return found | {"duality_gap": of_law(gap, "duality gap")}
 
 
@@ -125,20 +125,24 @@ def _sliver(fields: ContactFields) -> float:
     return maximum(fields.surface.domain.comm, np.asarray(1.0 / covered, dtype=float))
 
 
-def open_traction(state: SolvedState) -> float:
-    """``int |t|`` over the open nodes, over ``int p`` over all nodes of all contacts; collective.
+def _is_local(friction: FrictionBound) -> bool:
+    """Whether the friction bound is zero at open nodes: Coulomb's, and R does not smooth it."""
+    return friction.stands or (friction.is_coulomb and isinstance(friction.smoothing, Identity))
 
-    A friction bound that R smooths reaches beyond the nodes that press, and one that is not
-    Coulomb's need not be zero there: they do not count.
-    """
-    at_open = total = 0.0
-    for fields in state.contacts:
-        friction, weights = fields.contact.friction, state.weights(fields)
-        total += state.sum(weights * np.maximum(fields.pressure, 0.0))
-        is_local = friction.is_coulomb and isinstance(friction.smoothing, Identity)
-        if not friction.frictionless and (friction.stands or is_local):
-            sizes = weights * np.linalg.norm(fields.traction, axis=1)
-            at_open += state.sum(sizes[fields.state == OPEN])
+
+def open_traction(state: SolvedState, local: list[ContactFields]) -> float:
+    """``int |t|`` over the open nodes of ``local`` friction, over ``int p``; collective."""
+    at_open = sum(
+        state.sum(
+            np.where(fields.state == OPEN, state.weights(fields), 0.0)
+            * np.linalg.norm(fields.traction, axis=1)
+        )
+        for fields in local
+    )
+    total = sum(
+        state.sum(state.weights(fields) * np.maximum(fields.pressure, 0.0))
+        for fields in state.contacts
+    )
     return at_open / total if total > 0.0 else 0.0
 
 
