@@ -92,6 +92,8 @@ def test_charts_need_steps_and_their_columns_are_checked_after_the_first() -> No
     assert caught.value.key == "output.charts.1.y"
 
 
+# It reads the files of the run, which rank 0 writes.
+@pytest.mark.serial
 def test_a_run_of_two_contacts_has_their_charts_and_units(tmp_path: Path) -> None:
     output = {
         "picture": False,

@@ -43,6 +43,8 @@ def test_a_strip_at_its_limit_is_told_with_the_limit_as_the_cause(
     assert not any(tried[2:]) and len(tried) <= 6
 
 
+# It reads the files of the run, which rank 0 writes.
+@pytest.mark.serial
 def test_a_run_that_stops_has_the_last_solution_in_its_files(
     tmp_path: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
