@@ -9,6 +9,8 @@ from typing import Any
 
 from contact_locking.plain_text import nearest
 
+from . import removed
+
 # Texts that YAML takes as they stand, and words that YAML takes for something else.
 _PLAIN = re.compile(r"[^\W\d][\w ./*+^()-]*")
 _WORDS = {"null", "true", "false", "yes", "no", "on", "off"}
@@ -47,6 +49,7 @@ _NO_LARGE_STRAIN = (
 )
 # Keys that users look for and that there are not, with what to do instead.
 _ABSENT = {
+    **removed.KEYS,
     "periodic": "there are no periodic pairs: mirror planes are rollers in loads.displacements",
     "spread": "a force is spread evenly: for a rigid plate see contact.foundation.force and tilt",
     **dict.fromkeys(("plasticity", "plastic", "yield_stress", "hardening"), _NO_PLASTICITY),
@@ -122,6 +125,9 @@ def entry(value: Any) -> str:
 def value_message(details: Any) -> str:
     """The message for an error of pydantic about one value."""
     given = details["input"]
+    for key in map(str, details["loc"]):
+        if message := removed.VALUES.get((key, str(given))):
+            return message
     in_a_mapping = ", or of entries that begin with '- '" if isinstance(given, dict) else ""
     template = _MESSAGES.get(details["type"])
     if template is None:
