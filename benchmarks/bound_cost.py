@@ -21,12 +21,12 @@ from typing import Any
 from mpi4py import MPI
 
 from contact_locking.certificate.elliptic import EllipticProblem, Lifting
-from contact_locking.certificate.guaranteed import guaranteed_error
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.monitor import Monitor
 from contact_locking.process.of_study import solver_of
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
+from contact_locking.theory.guaranteed import guaranteed_error
 
 # The reference problem belongs to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))

@@ -28,13 +28,13 @@ from typing import Any, NamedTuple
 from mpi4py import MPI
 
 from contact_locking._version import __version__
-from contact_locking.extras import report
 from contact_locking.monitor import Monitor
 from contact_locking.process.of_study import certified, of_study, solver_of
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing
 from contact_locking.study.assembly import assemble, mesh_of
 from contact_locking.study_file.parameters import Parameters
+from contact_locking.view import report
 
 # The reference problem belongs to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from contact_locking.errors import ContactLockingError as ContactLockingError
     from contact_locking.errors import InputError as InputError
     from contact_locking.errors import NotConverged as NotConverged
+    from contact_locking.inverse.parameters import Number as Number
     from contact_locking.laws.faceted import Polyline as Polyline
     from contact_locking.laws.faceted import TriangulatedSurface as TriangulatedSurface
     from contact_locking.laws.foundation import Cylinder as Cylinder
@@ -64,7 +65,6 @@ if TYPE_CHECKING:
     from contact_locking.results.solution import StudySolution as StudySolution
     from contact_locking.running.writing import save as save
     from contact_locking.running.writing import write as write
-    from contact_locking.sensitivity.parameters import Number as Number
     from contact_locking.solver.task import Settings as Settings
     from contact_locking.study.assembly import assemble as assemble
     from contact_locking.study_file import from_mapping as from_mapping

@@ -18,11 +18,11 @@ from ufl.core.expr import Expr
 from contact_locking import _compat
 from contact_locking.arrays import values_at
 from contact_locking.certificate import Extras, certify
-from contact_locking.certificate.constants import is_unique
 from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError, require_kind
 from contact_locking.fem.spaces import Element, element_of
+from contact_locking.inverse.lazy import LazyDerivatives
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.given_mesh import NamedFacets
@@ -38,11 +38,11 @@ from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Solution
 from contact_locking.script_names import in_script, script_names
-from contact_locking.sensitivity.lazy import LazyDerivatives
-from contact_locking.solver.equilibria.diagram import NO_START, Diagram
 from contact_locking.solver.task import Settings, SolverReport
 from contact_locking.supports.conditions import constrain
 from contact_locking.supports.supports import Support
+from contact_locking.theory.constants import is_unique
+from contact_locking.theory.equilibria.diagram import NO_START, Diagram
 
 Condition: TypeAlias = fem.DirichletBC | Support
 

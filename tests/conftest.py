@@ -69,7 +69,7 @@ def own_run(kept_run: Path, tmp_path: Path) -> Path:
 @pytest.fixture
 def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     """Charts are composed and not rendered, which takes most of the time of a report."""
-    rendered = "contact_locking.extras.report.charts._rendered"
+    rendered = "contact_locking.view.report.charts._rendered"
     monkeypatch.setattr(rendered, lambda drawing: ("<svg></svg>", b""))
 
 

@@ -50,7 +50,7 @@ def of_messages() -> Iterator[str]:
             text = node.value if isinstance(node, ast.Constant) else None
             if isinstance(text, str) and id(node) not in docstrings and " " in text:
                 yield " ".join(text.split())
-    for path in sorted((ROOT / "contact_locking/extras/report").glob("*.j2")):
+    for path in sorted((ROOT / "contact_locking/view/report").glob("*.j2")):
         yield from of_page(re.sub(r"<[^>]*>|\{[{%#].*?[}%#]\}", " ", path.read_text()))
 
 

@@ -9,16 +9,16 @@ from typing import Any
 from dolfinx import fem
 
 from contact_locking.certificate.balances import equilibrium
-from contact_locking.certificate.bounds import proved_bounds
-from contact_locking.certificate.constants import constant_supports, constants
 from contact_locking.certificate.criteria import Criterion
-from contact_locking.certificate.critical_friction import critical_friction
 from contact_locking.certificate.elliptic import Lifting, NotApplicable
 from contact_locking.certificate.indicator import ErrorIndicator, cell_field, error_indicator
-from contact_locking.certificate.kappa import Kappa, kappa
 from contact_locking.certificate.laws import entry_criterion, law_criteria
 from contact_locking.certificate.penalty_error import penalty_error
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.theory.bounds import proved_bounds
+from contact_locking.theory.constants import constant_supports, constants
+from contact_locking.theory.critical_friction import critical_friction
+from contact_locking.theory.kappa import Kappa, kappa
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
         errors = {"mesh": mesh, "penalty": penalty_error(state, lifting)}
         if wanted:
             # With the parts of SciPy that they use, these proofs take a while to import.
-            from contact_locking.certificate.guaranteed import (
+            from contact_locking.theory.guaranteed import (
                 guaranteed_error,
                 limit_load,
                 moving_error,

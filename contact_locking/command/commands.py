@@ -22,8 +22,8 @@ from contact_locking.errors import ContactLockingError, InputError, explained
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from contact_locking.inverse.fit.starts import Begun
     from contact_locking.monitor import Monitor
-    from contact_locking.running.fit.starts import Begun
     from contact_locking.study_file import StudyFile
     from contact_locking.study_file.parameters import Parameters
 
@@ -130,8 +130,8 @@ def fit(arguments: argparse.Namespace) -> int:
     begun = _search(arguments, file)
     parameters = file.parameters if begun is None else begun.parameters
     comm = world_with_dolfinx(arguments)
+    from contact_locking.inverse.fit import session, words
     from contact_locking.results import output_folder
-    from contact_locking.running.fit import session, words
 
     directory = file.parameters.output.directory
     arguments.left = lambda: (
@@ -168,7 +168,7 @@ def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
         return None
     if terminal.world() is not None:
         raise InputError("start several searches without mpirun: --ranks K runs each on K ranks")
-    from contact_locking.running.fit import starts
+    from contact_locking.inverse.fit import starts
 
     with _explained(file):
         return starts.search(file.parameters, plan, terminal.console())
@@ -176,7 +176,7 @@ def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
 
 def report(arguments: argparse.Namespace) -> int:
     """Write the page and the charts of a finished run or study."""
-    from contact_locking.extras.report import print_page, write
+    from contact_locking.view.report import print_page, write
 
     if terminal.is_root():
         try:
@@ -220,13 +220,13 @@ def check(arguments: argparse.Namespace) -> int:
             of_study.settings_of(parameters)
         experiments, judged = [], []
         if parameters.fit is not None:
-            from contact_locking.running.fit.curves import read_experiments
-            from contact_locking.running.fit.starts import variables_of
+            from contact_locking.inverse.fit.curves import read_experiments
+            from contact_locking.inverse.fit.starts import variables_of
 
             experiments = read_experiments(parameters)
             variables_of(parameters)
         if parameters.fit is not None or parameters.sensitivities is not None:
-            from contact_locking.process.sensitivities import require_known
+            from contact_locking.inverse.sensitivities import require_known
 
             judged.append(require_known)
         cells = getattr(parameters.mesh.geometry, "estimated_cells", lambda: 0.0)()

@@ -10,11 +10,11 @@ import tempfile
 from pathlib import Path
 
 from contact_locking.errors import InputError, NoRendering
-from contact_locking.extras.pictures import offscreen, snapshot_file
 from contact_locking.results.names import PICTURE, SNAPSHOT
 from contact_locking.results.read import StudyResults, read_all
+from contact_locking.view.pictures import offscreen, snapshot_file
 
-_PROGRAM = "contact_locking.extras.pictures.window"
+_PROGRAM = "contact_locking.view.pictures.window"
 
 
 def view(directory: str | Path) -> None:

@@ -10,7 +10,6 @@ from dolfinx import fem
 
 from contact_locking.certificate import Certificate
 from contact_locking.certificate.laws import ENTRY
-from contact_locking.certificate.other_solutions import share_against_sliding
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fields import plausibility
 from contact_locking.mesh.domain import Domain
@@ -22,6 +21,7 @@ from contact_locking.results.derived import ContactFields, Contacts, gather_cont
 from contact_locking.results.quantities import QUANTITIES, computed
 from contact_locking.results.solution import Differentiable, Solution, State
 from contact_locking.solver.task import SavedState
+from contact_locking.theory.other_solutions import share_against_sliding
 
 _WAY_OUT_OF_SLIDING = (
     "Press the body more, raise friction.coefficient, or hold it by loads.displacements."

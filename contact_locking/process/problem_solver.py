@@ -13,20 +13,20 @@ from numpy.linalg import norm
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
+from contact_locking.inverse.lazy import LazyDerivatives, require_derivatives
+from contact_locking.inverse.quantities import require_quantities
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.derived import penalised
-from contact_locking.sensitivity.lazy import LazyDerivatives, require_derivatives
-from contact_locking.sensitivity.quantities import require_quantities
-from contact_locking.solver.equilibria.diagram import Diagram, diagram
-from contact_locking.solver.equilibria.search import Equilibrium, equilibria
 from contact_locking.solver.interior_point.feasibility import Verdict, judge
 from contact_locking.solver.linear.factorised import chosen
 from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.strategy import solve as solve_system
 from contact_locking.solver.task import SavedState, Settings, SolverReport, Target, Task
+from contact_locking.theory.equilibria.diagram import Diagram, diagram
+from contact_locking.theory.equilibria.search import Equilibrium, equilibria
 
 # The frame of bodies that touch each other is that of the solution after one to three solves.
 _MOST_FRAMES = 8

@@ -13,27 +13,28 @@ from mpi4py import MPI
 
 from contact_locking import study_file
 from contact_locking._version import __version__
-from contact_locking.certificate.constants import is_unique
-from contact_locking.mesh.domain import Domain
-from contact_locking.monitor import Attentive, Monitor
-from contact_locking.parallel import on_root
-from contact_locking.problem.distance import distance
-from contact_locking.process import forecast, several
-from contact_locking.process.checkpoint import stored as checkpoint
-from contact_locking.process.checkpoint.restart import solved_already, start_in_words
-from contact_locking.process.checkpoint.saved_steps import saved_steps
-from contact_locking.process.loop import Steps
-from contact_locking.process.of_study import certified, of_study, settings_of, solver_of
-from contact_locking.process.sensitivities import (
+from contact_locking.inverse.sensitivities import (
     Sensitivities,
     central_differences,
     require_known,
     value_of,
 )
+from contact_locking.mesh.domain import Domain
+from contact_locking.monitor import Attentive, Monitor
+from contact_locking.parallel import on_root
+from contact_locking.problem.distance import distance
+from contact_locking.process import forecast
+from contact_locking.process.checkpoint import stored as checkpoint
+from contact_locking.process.checkpoint.restart import solved_already, start_in_words
+from contact_locking.process.checkpoint.saved_steps import saved_steps
+from contact_locking.process.loop import Steps
+from contact_locking.process.of_study import certified, of_study, settings_of, solver_of
 from contact_locking.results.solution import StudySolution
 from contact_locking.study import assembly
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters
+from contact_locking.theory import several
+from contact_locking.theory.constants import is_unique
 
 _NUMBERS = re.compile(r"(?<![\w.])[-+]?\d[\d.e+-]*")
 

@@ -35,7 +35,7 @@ class Quantity:
     the certificate computes the value.  With a preposition ``at`` the value has a place, which the
     summary has under ``<key>_at``.  A ``share_of`` something is told in per cent, and a quantity
     ``beside`` another only if that is known.  Pages fold a ``detail``; the terminal has none.
-    One that ``derives`` has derivatives (`contact_locking.sensitivity.quantities`).  One that
+    One that ``derives`` has derivatives (`contact_locking.inverse.quantities`).  One that
     ``is_place`` has coordinates, or None; history.csv has columns for all axes in both cases, and
     reports a chart of places.  Other vectors have the same number of components in every step.
     An ``is_resultant`` of several contacts is that of those with foundations, as the bodies have

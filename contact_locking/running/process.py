@@ -28,7 +28,7 @@ from contact_locking.running import writing
 from contact_locking.study_file.parameters import Parameters
 
 if TYPE_CHECKING:
-    from contact_locking.extras.pictures.animation import Film
+    from contact_locking.view.pictures.animation import Film
 
 
 class Recording:
@@ -44,11 +44,11 @@ class Recording:
         if not self._is_wanted or self._problem is not None:
             return
         try:
-            from contact_locking.extras.pictures.animation import MOST_PIECES, Film, Frame
+            from contact_locking.view.pictures.animation import MOST_PIECES, Film, Frame
         except ImportError as error:
             self._problem = f"no animation was drawn: {error.name} cannot be imported"
             return
-        from contact_locking.extras.pictures.gather import Pieces, gather
+        from contact_locking.view.pictures.gather import Pieces, gather
 
         domain = solution.domain
         in_cell = len(Pieces.of(domain.kind, solution.element.degree).nodes)
@@ -65,7 +65,7 @@ class Recording:
         """The GIF file on rank 0, and why there is none if there should be one; collective."""
         drawn: bytes | None = None
         if self._film is not None and len(self._film.frames) > 1:
-            from contact_locking.extras.pictures.animation import animation
+            from contact_locking.view.pictures.animation import animation
 
             monitor.message("drawing the animation")
             try:

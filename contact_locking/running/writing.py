@@ -14,14 +14,14 @@ from mpi4py import MPI
 
 from contact_locking import study_file
 from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, require_kind
-from contact_locking.extras import pictures, report
 from contact_locking.files import atomic, ownership
 from contact_locking.files.lock import make_folders
-from contact_locking.process import several
 from contact_locking.process.checkpoint import stored as checkpoints
 from contact_locking.results import adapted_meshes, contact_table, fields, names, probe_table, xdmf
 from contact_locking.results.output_folder import KEY, explained_in, on_root_of, require_own
 from contact_locking.results.solution import StudySolution, summary_text
+from contact_locking.theory import several
+from contact_locking.view import pictures, report
 
 # The solution of a ContactProblem has no parameters that its files could tell.
 _OF_STUDY = "the solution of a study file"

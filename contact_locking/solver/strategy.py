@@ -16,8 +16,6 @@ from contact_locking.errors import Infeasible, InputError, NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.equilibria.search import solve_on_branch
-from contact_locking.solver.equilibria.stiffening import solve_by_penalties
 from contact_locking.solver.fixed_point import Unsettled, fixed_point
 from contact_locking.solver.interior_point.feasibility import (
     FRICTION_WAY_OUT,
@@ -39,6 +37,8 @@ from contact_locking.solver.task import (
     Task,
     stage_of,
 )
+from contact_locking.theory.equilibria.search import solve_on_branch
+from contact_locking.theory.equilibria.stiffening import solve_by_penalties
 
 # Stages before the last only have to be good starting points.
 _INTERMEDIATE_TOLERANCE = 1e-2

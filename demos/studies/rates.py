@@ -13,7 +13,7 @@ from convergence import fitted_rate
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from contact_locking.extras.pictures import style
+from contact_locking.view.pictures import style
 
 _COLOURS = (style.BLUE, style.VERMILION, style.ORANGE, style.SKY, style.BLACK, style.GREY)
 _MARKERS = "osD^vP"

@@ -143,7 +143,7 @@ def test_a_bound_that_does_not_hold_is_caught(monkeypatch: pytest.MonkeyPatch) -
     def small(state: SolvedState, w: Any = None) -> float:
         return 1e-4
 
-    monkeypatch.setattr("contact_locking.certificate.bounds.dual_norm", small)
+    monkeypatch.setattr("contact_locking.theory.bounds.dual_norm", small)
     summary = solving.solve(block()).summary
     assert summary["bounds"]["displacement_norm"]["holds"] is False
     assert "proved bound of displacement norm does not hold" in summary["reason"]

@@ -25,10 +25,10 @@ from contact_locking import (
     StudySolution,
     solve_steps,
 )
+from contact_locking.inverse.fit import session
 from contact_locking.process import adaptivity
 from contact_locking.process.adaptivity import missed
 from contact_locking.process.solving import solve
-from contact_locking.running.fit import session
 from contact_locking.running.process import run_steps
 from contact_locking.study.assembly import mesh_of
 from contact_locking.study_file import from_mapping

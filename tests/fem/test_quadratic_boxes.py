@@ -24,12 +24,12 @@ from test_boxes import (
 )
 
 from contact_locking import solve
-from contact_locking.extras.pictures.gather import gather
 from contact_locking.parallel import maximum
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.solving import solve as solve_from
 from contact_locking.results import fields, xdmf
 from contact_locking.running import writing
+from contact_locking.view.pictures.gather import gather
 
 QUADRATIC: dict[str, Any] = {"discretisation": {"degree": 2}}
 

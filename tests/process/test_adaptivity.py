@@ -15,7 +15,6 @@ from problems import SMALL_BLOCK, block, column
 from contact_locking import save, study_file, write
 from contact_locking.command import cli
 from contact_locking.errors import InputError
-from contact_locking.extras import report
 from contact_locking.meshes import BUILDERS
 from contact_locking.meshes import write as write_mesh
 from contact_locking.process import solving
@@ -25,6 +24,7 @@ from contact_locking.results import adapted_meshes
 from contact_locking.results.solution import StudySolution
 from contact_locking.running.studies.runner import Study
 from contact_locking.study_file.parameters import Parameters
+from contact_locking.view import report
 
 NO_CHECKPOINT = checkpoint.unavailable()
 LIMITLESS: dict[str, Any] = {

@@ -18,11 +18,11 @@ from report_folder import quick
 from slow import slow
 
 from contact_locking import InputError, Parameters, save, solve_steps, study_file
-from contact_locking.extras import report
 from contact_locking.files import ownership
 from contact_locking.monitor import Monitor
 from contact_locking.results.history import History, read_history
 from contact_locking.running.process import run_steps
+from contact_locking.view import report
 
 RUN = """
 import os, signal, sys

@@ -14,7 +14,7 @@ from report_folder import quick, rows, study_folder
 from contact_locking import __version__
 from contact_locking.command import cli
 from contact_locking.errors import InputError
-from contact_locking.extras import report
+from contact_locking.view import report
 
 pytestmark = pytest.mark.serial
 

@@ -14,11 +14,11 @@ from solutions import made_up
 from contact_locking import study_file
 from contact_locking.command import cli
 from contact_locking.errors import InputError
-from contact_locking.extras import report
 from contact_locking.files import ownership
 from contact_locking.files.lock import locked
 from contact_locking.running import writing
 from contact_locking.running.studies.runner import Study
+from contact_locking.view import report
 
 pytestmark = pytest.mark.serial
 

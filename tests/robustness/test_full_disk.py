@@ -19,9 +19,9 @@ from problems import SMALL_BLOCK
 from report_folder import run_folder
 from study_folder import FAKE, Folder
 
-from contact_locking.extras.pictures.snapshot_file import load
 from contact_locking.files import ownership
 from contact_locking.process.checkpoint import stored as checkpoint
+from contact_locking.view.pictures.snapshot_file import load
 
 pytestmark = pytest.mark.serial
 

@@ -18,8 +18,8 @@ from report_folder import quick
 from contact_locking import load, solve_steps
 from contact_locking.command import cli
 from contact_locking.errors import InputError, NoDerivatives
-from contact_locking.running.fit import session
-from contact_locking.running.fit.curves import read_experiments
+from contact_locking.inverse.fit import session
+from contact_locking.inverse.fit.curves import read_experiments
 
 pytestmark = pytest.mark.serial
 
@@ -161,7 +161,7 @@ def test_differences_serve_where_derivatives_are_refused(
     def refused(*_: Any) -> None:
         raise NoDerivatives("there are no derivatives")
 
-    from contact_locking.process.sensitivities import Sensitivities
+    from contact_locking.inverse.sensitivities import Sensitivities
 
     monkeypatch.setattr(Sensitivities, "of", refused)
     folder.write(COLUMN + FIT, curve=LINE)

@@ -10,10 +10,10 @@ import pytest
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
-from contact_locking.running.fit import words
-from contact_locking.running.fit.estimate import estimate
-from contact_locking.running.fit.starts import starts_of
-from contact_locking.running.fit.variables import Residuals, Variable
+from contact_locking.inverse.fit import words
+from contact_locking.inverse.fit.estimate import estimate
+from contact_locking.inverse.fit.starts import starts_of
+from contact_locking.inverse.fit.variables import Residuals, Variable
 
 pytestmark = pytest.mark.serial
 

@@ -15,13 +15,13 @@ from mpi4py import MPI
 
 from contact_locking import from_mapping
 from contact_locking.arrays import FloatArray
+from contact_locking.inverse.fit.curves import read_experiments
+from contact_locking.inverse.fit.model import Model
+from contact_locking.inverse.fit.session import Search
+from contact_locking.inverse.fit.starts import variables_of
+from contact_locking.inverse.sensitivities import value_of
 from contact_locking.monitor import Monitor
-from contact_locking.process.sensitivities import value_of
 from contact_locking.process.solving import solve_steps
-from contact_locking.running.fit.curves import read_experiments
-from contact_locking.running.fit.model import Model
-from contact_locking.running.fit.session import Search
-from contact_locking.running.fit.starts import variables_of
 
 # Each fit takes half a minute and more.
 pytestmark = [pytest.mark.serial, pytest.mark.slow]

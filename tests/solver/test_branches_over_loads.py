@@ -15,13 +15,13 @@ from sweep.case import Study, clamp, study
 
 import contact_locking as cl
 from contact_locking import study_file
-from contact_locking.extras import report
 from contact_locking.mesh.domain import from_geometry
 from contact_locking.process import solving
 from contact_locking.results import in_words
 from contact_locking.running import writing
-from contact_locking.solver.equilibria.branch import Branch
 from contact_locking.study_file.parameters import Parameters
+from contact_locking.theory.equilibria.branch import Branch
+from contact_locking.view import report
 
 # Friction of the stiff block on a spring, mu = TOP - DROP s/(s + LENGTH), and what acts on it.
 TOP, DROP, LENGTH = 0.3, 0.25, 0.005

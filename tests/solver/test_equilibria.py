@@ -16,24 +16,24 @@ from sweep.case import Study, clamp, study
 
 from contact_locking import find_equilibria, study_file
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.constants import BY_KAPPA
 from contact_locking.errors import InputError, NotConverged
-from contact_locking.extras import report
 from contact_locking.process import solving
 from contact_locking.process.of_study import solver_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results import in_words
 from contact_locking.running import writing
-from contact_locking.solver.equilibria.bound_map import BoundMap
-from contact_locking.solver.equilibria.branch import Branch, OverFriction
-from contact_locking.solver.equilibria.diagram import diagram
-from contact_locking.solver.equilibria.newton import Deflation, MapNewton
-from contact_locking.solver.equilibria.search import Equilibria, has_map, solve_on_branch
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.strategy import solve
 from contact_locking.solver.task import Outcome, Task
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
+from contact_locking.theory.constants import BY_KAPPA
+from contact_locking.theory.equilibria.bound_map import BoundMap
+from contact_locking.theory.equilibria.branch import Branch, OverFriction
+from contact_locking.theory.equilibria.diagram import diagram
+from contact_locking.theory.equilibria.newton import Deflation, MapNewton
+from contact_locking.theory.equilibria.search import Equilibria, has_map, solve_on_branch
+from contact_locking.view import report
 
 
 def _weakening(n: float = math.inf, length: float = 1e-4, **sections: Any) -> Study:

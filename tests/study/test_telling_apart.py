@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contact_locking.extras.report.words import shown
 from contact_locking.study_file.parameters.wording import labels, told_apart
+from contact_locking.view.report.words import shown
 
 pytestmark = pytest.mark.serial
 

@@ -13,12 +13,12 @@ from mpi4py import MPI
 from problems import block
 
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.extras.pictures.gather import gather
-from contact_locking.extras.pictures.snapshot import Snapshot
 from contact_locking.fem.spaces import P1
 from contact_locking.mesh.domain import from_geometry
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.solution import StudySolution
+from contact_locking.view.pictures.gather import gather
+from contact_locking.view.pictures.snapshot import Snapshot
 
 DIVISIONS = 4
 #: Nothing goes on from a solution that was not solved for.

@@ -1,7 +1,0 @@
-"""Proofs by exactly equilibrated stresses in 2D: a bound of the error, and of the limit load."""
-
-from contact_locking.certificate.guaranteed.energy_bound import guaranteed_error
-from contact_locking.certificate.guaranteed.limit_load import limit_load
-from contact_locking.certificate.guaranteed.moving_bound import moving_error
-
-__all__ = ["guaranteed_error", "limit_load", "moving_error"]

@@ -1,0 +1,172 @@
+"""The derivatives of quantities of a solution by the numbers that it depends on."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.errors import InputError
+from contact_locking.inverse.central_path import nearer_the_path
+from contact_locking.inverse.equations import Equations, Residual, require_solved
+from contact_locking.inverse.linearisation import Adjoint, Change, Linearisation
+from contact_locking.inverse.parameters import Frozen, Parameter, width
+from contact_locking.inverse.quantities import Quantity, quantity_of, scale_of
+from contact_locking.inverse.states import share_at_change
+from contact_locking.solver.task import Task
+
+# A quantity below this share of its scale is nothing: gaps leave as much, and rounding less.
+_NOTHING = 1e-8
+# So many steps to the central path; two are usual.
+_MOST_STEPS = 5
+
+
+@dataclass(frozen=True)
+class Table:
+    """Derivatives (m, n) of m quantities by n parameters, and the quantities and their values.
+
+    ``scales`` (m,) are what quantities of their units have, by energy and displacement.
+    """
+
+    quantities: tuple[str, ...]
+    parameters: tuple[str, ...]
+    values: FloatArray
+    scales: FloatArray
+    at: FloatArray
+    derivatives: FloatArray
+
+    @property
+    def are_nothing(self) -> BoolArray:
+        """Which quantities (m,) are zero, or as good as that."""
+        return np.asarray(np.abs(self.values) <= _NOTHING * self.scales)
+
+    @property
+    def elasticities(self) -> FloatArray:
+        """``d ln J/d ln p`` (m, n), not a number where J is nothing."""
+        values = np.where(self.are_nothing, np.nan, self.values)
+        return np.asarray(self.derivatives * self.at / values[:, None])
+
+
+class Derivatives:
+    """The derivatives at one solution; the tangent is factorised at the first use.
+
+    ``frozen`` is the problem at the last iterate, and ``linear`` its tangent.
+    With n parameters and m quantities there are ``min(m, n)`` solves with the tangent, and with
+    friction some more for each.  Collective, as all methods are.  Raises InputError if the data
+    have changed since the solve, or if no derivative is known.
+    """
+
+    def __init__(self, frozen: Frozen, task: Task) -> None:
+        self.frozen, self._adjoints = frozen, dict[str, tuple[Quantity, Adjoint]]()
+        self.domain = domain = frozen.problem.domain
+        self._scale = domain.extent
+        with frozen.system.preserved():
+            equations = frozen.equations()
+            try:
+                require_solved(equations)
+            except InputError:
+                equations.close()
+                raise
+            self.linear = Linearisation(equations, task)
+            for _ in range(_MOST_STEPS):
+                iterate = nearer_the_path(self.linear)
+                if iterate is None:
+                    break
+                self.destroy()
+                self.frozen = dataclasses.replace(self.frozen, iterate=iterate)
+                self.linear = Linearisation(self.frozen.equations(), task)
+
+    def share_at_change(self) -> dict[str, float]:
+        """The share of each kind of points that are near a change of their state."""
+        equations, comm = self.linear.equations, self.frozen.system.comm
+        return share_at_change(equations.every, equations.target.young, comm)
+
+    def forward(
+        self, names: Sequence[str], parameters: Sequence[Parameter]
+    ) -> tuple[Table, list[Change]]:
+        """All derivatives, and how the iterate changes with each parameter."""
+        with self.frozen.system.preserved():
+            quantities = self.quantities(names)
+            changes, columns = [], []
+            gradients = [quantity.gradient(self.linear.equations) for quantity in quantities]
+            for parameter in parameters:
+                rate = self.rate(parameter, quantities)
+                change = self.linear.change(rate)
+                gained = [self.linear.paired(gradient, change) for gradient in gradients]
+                changes.append(change)
+                columns.append(rate.values + gained)
+            return self._table(quantities, parameters, np.array(columns).T), changes
+
+    def table(self, names: Sequence[str], parameters: Sequence[Parameter]) -> Table:
+        """All derivatives, by the fewer solves: a parameter or a quantity each."""
+        if len(parameters) <= len(names):
+            return self.forward(names, parameters)[0]
+        with self.frozen.system.preserved():
+            pairs = [self.adjoint(name) for name in names]
+            quantities = [quantity for quantity, _ in pairs]
+            columns = [
+                [
+                    rate.values[row] + self.linear.gained(adjoint, rate)
+                    for row, (_, adjoint) in enumerate(pairs)
+                ]
+                for rate in (self.rate(parameter, quantities) for parameter in parameters)
+            ]
+            return self._table(quantities, parameters, np.array(columns).T)
+
+    def _table(
+        self, quantities: Sequence[Quantity], parameters: Sequence[Parameter], found: FloatArray
+    ) -> Table:
+        values = evaluated(self.linear.equations, quantities).values
+        system = self.frozen.system
+        scales = [scale_of(quantity.name, self.domain, system) for quantity in quantities]
+        return Table(
+            tuple(quantity.name for quantity in quantities),
+            tuple(parameter.name for parameter in parameters),
+            values,
+            np.array(scales),
+            np.array([parameter.value for parameter in parameters]),
+            found,
+        )
+
+    def by(self, name: str, parameter: Parameter) -> float:
+        """The derivative of one quantity, whose adjoint is kept."""
+        with self.frozen.system.preserved():
+            quantity, adjoint = self.adjoint(name)
+            rate = self.rate(parameter, [quantity])
+            return float(rate.values[0]) + self.linear.gained(adjoint, rate)
+
+    def adjoint(self, name: str) -> tuple[Quantity, Adjoint]:
+        """The quantity with a name and its adjoint, which is found once."""
+        if name not in self._adjoints:
+            (quantity,) = self.quantities([name])
+            gradient = quantity.gradient(self.linear.equations)
+            self._adjoints[name] = quantity, self.linear.adjoint(gradient)
+        return self._adjoints[name]
+
+    def quantities(self, names: Sequence[str]) -> list[Quantity]:
+        """The quantities by their names."""
+        return [quantity_of(name, self.domain, self.linear.equations) for name in names]
+
+    def rate(self, parameter: Parameter, quantities: Sequence[Quantity]) -> Residual:
+        """The change of the residual, and of the quantities themselves, by a parameter."""
+        step, value = width(parameter, self._scale), parameter.value
+        with parameter.equations_at(value + step, self.frozen) as after:
+            above = evaluated(after, quantities)
+        with parameter.equations_at(value - step, self.frozen) as before:
+            below = evaluated(before, quantities)
+        # The sum of the value and the step has rounding of its own.
+        return above.per(below, (value + step) - (value - step))
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        self.linear.destroy()
+
+
+def evaluated(equations: Equations, quantities: Sequence[Quantity]) -> Residual:
+    """The residual of the equations, with the values of quantities; collective."""
+    residual = equations.residual()
+    values = [quantity.value(equations, residual) for quantity in quantities]
+    return dataclasses.replace(residual, values=np.array(values))

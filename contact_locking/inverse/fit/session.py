@@ -1,0 +1,332 @@
+"""A fit from the study file to its results: the search for the numbers, and the runs at its end."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from contact_locking import study_file
+from contact_locking._version import __version__
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import InputError, NotConverged
+from contact_locking.files import atomic, ownership
+from contact_locking.monitor import Monitor
+from contact_locking.parallel import on_root
+from contact_locking.plain_text import count, per_cent
+from contact_locking.process.solving import solve
+from contact_locking.results.names import FIT, FIT_PICTURE
+from contact_locking.results.output_folder import KEY, on_root_of, reserved
+from contact_locking.results.solution import StudySolution, summary_text
+from contact_locking.running import writing
+from contact_locking.running.process import run_steps
+from contact_locking.study_file.parameters import Parameters
+
+from . import words
+from .curves import Experiment, read_experiments
+from .estimate import Estimate, estimate
+from .model import Evaluation, Model
+from .starts import Begun, variables_of
+from .variables import Residuals, Variable
+
+# A start at which a strain limit is nowhere reached is lowered to below the largest strain, at most
+# so often where other limits are reached before it.
+_LIMIT, _BELOW, _LOWERINGS = "locking_limit", 0.95, 3
+# The share of the limit from which the body locks.
+_LOCKS = 0.999
+
+
+def fit(
+    parameters: Parameters,
+    directory: str | Path,
+    comm: MPI.Intracomm = MPI.COMM_WORLD,
+    monitor: Monitor | None = None,
+    begun: Begun | None = None,
+) -> tuple[dict[str, Any], StudySolution]:
+    """Fit numbers of a study file to its curves: the content of fit.json, and the last solution.
+
+    ``directory`` gets the run at the numbers that were found, fit.json and fit.png; the runs of
+    further experiments are in folders below it with the names of their files.  Evaluations stay in
+    ``directory``/evaluations, where a fit that was ended finds them.  ``begun`` is the best of
+    several searches, whose evaluations are found again.  Collective.  Raises InputError for data
+    or keys that cannot be used, and NotConverged without a solution at the start.
+    """
+    monitor, target = monitor or Monitor(), Path(directory)
+    if parameters.fit is not None and parameters.fit.starts > 1:
+        raise InputError("several searches take the command contact-locking fit", "fit.starts")
+    experiments = on_root(comm, partial(read_experiments, parameters))
+    variables = variables_of(parameters)
+    others = () if begun is None else (begun.folder,)
+    model = Model(parameters, experiments, (target, *others), comm)
+    search = Search(model, variables, monitor)
+    for one in experiments:
+        for name in one.unused:
+            monitor.message(f"warning: {one.path}: the column {name[:60]!r} is not used")
+    found = search.run()
+    solution = _final_runs(model, found, target, comm, monitor)
+    fingerprint = on_root(comm, partial(study_file.fit_fingerprint, parameters))
+    content = search.content(found, [] if begun is None else begun.rows)
+    content |= {"version": __version__, "fingerprint": fingerprint}
+    problem = on_root_of(comm, target, partial(_write, target, content))
+    if problem:
+        monitor.message(f"warning: {problem}")
+    return content, solution
+
+
+def _final_runs(
+    model: Model, found: Estimate, target: Path, comm: MPI.Intracomm, monitor: Monitor
+) -> StudySolution:
+    """Run each experiment at the numbers that were found, and return the first; collective."""
+    cases = [[case for case in model.cases if case.experiment is one] for one in model.experiments]
+    if len(cases) > 1:
+        monitor.message(f"the runs of {count(len(cases), 'experiment')}")
+    solutions = []
+    for number, (*_, case) in enumerate(cases):
+        plain = model.case_parameters(case, list(map(float, found.numbers)))
+        wanted = plain.model_copy(update={"sensitivities": model.parameters.sensitivities})
+        folder = target / f"{number}-{case.experiment.path.stem}" if number else target
+        with reserved(folder, comm) if number else nullcontext():
+            if wanted.steps is not None:
+                solutions.append(run_steps(wanted, folder, comm, monitor)[0])
+            else:
+                solutions.append(solve(wanted, comm, monitor))
+                writing.write(solutions[-1], folder)
+    return solutions[0]
+
+
+def _write(target: Path, content: dict[str, Any]) -> str | None:
+    """Write fit.json and fit.png; why there is no picture."""
+    problem = None
+    with atomic.staging(target) as made:
+        (made / FIT).write_text(summary_text(content), encoding="utf-8")
+        try:
+            from contact_locking.view.report.run_charts import fit_chart
+
+            (made / FIT_PICTURE).write_bytes(fit_chart(content).png)
+        except ImportError as error:
+            problem = f"no picture of the fit was drawn: {error.name} cannot be imported"
+        ownership.replace(target, made, (FIT, FIT_PICTURE), KEY)
+    return problem
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A measured column of an experiment, with the model (k,) and its derivatives (k, n)."""
+
+    experiment: Experiment
+    column: str
+    quantity: str
+    model: FloatArray
+    derivatives: FloatArray | None
+
+    @property
+    def name(self) -> str:
+        return f"{self.experiment.path.name}, {self.column}"
+
+    @property
+    def data(self) -> FloatArray:
+        """The measured values (k,)."""
+        return self.experiment.data[self.column]
+
+    @property
+    def sigma(self) -> FloatArray | None:
+        """The standard errors (k,), if they are given."""
+        return self.experiment.sigma.get(self.column)
+
+    @property
+    def weights(self) -> FloatArray:
+        """One over the standard errors, or over the largest of the data."""
+        if self.sigma is not None:
+            return np.asarray(1.0 / self.sigma)
+        return np.full(len(self.data), 1.0 / (float(np.abs(self.data).max()) or 1.0))
+
+    def as_mapping(self) -> dict[str, Any]:
+        """For fit.json."""
+        one = self.experiment
+        along, over = "t", one.times
+        if over is None and one.varied:
+            along, over = next(iter(one.varied.items()))
+        return {
+            "file": one.path.name,
+            "column": self.column,
+            "quantity": self.quantity,
+            "along": along,
+            "over": [] if over is None else over.tolist(),
+            "data": self.data.tolist(),
+            "model": self.model.tolist(),
+            "sigma": None if self.sigma is None else self.sigma.tolist(),
+        }
+
+
+class Search:
+    """The least squares of a model over some numbers; collective."""
+
+    def __init__(self, model: Model, variables: Sequence[Variable], monitor: Monitor) -> None:
+        self._model, self._variables, self._monitor = model, variables, monitor
+        self._keys = [variable.key for variable in variables]
+        self._evaluations: dict[tuple[float, ...], list[Evaluation]] = {}
+        self._said: list[str] = []
+        #: The evaluations of the model so far, those without a solution among them.
+        self.evaluations = 0
+
+    def run(self) -> Estimate:
+        """The numbers of the least squares.  Raises NotConverged without a solution at first."""
+        at_start = self._begun()
+        start, compared = self._start, self.compared(self._start)
+        for one in compared:
+            self._say(words.about_units(one.name, one.data, one.model))
+        self._say(words.before(at_start, start, self._keys, self._model.refusal))
+        has_errors = all(one.sigma is not None for one in compared)
+        found = estimate(self._variables, self._misfit, has_errors, self._model.derives)
+        if not np.isfinite(found.scatter):
+            self._say(["there are as many data as numbers, so that there is no standard error"])
+        return found
+
+    def _begun(self) -> Residuals:
+        """The residuals at the start, in which a strain limit that matters nowhere is lowered.
+
+        It stays where the process has no solution with a lower one.  Raises NotConverged without a
+        solution.
+        """
+        found = self._misfit(self._start)
+        if found is None:
+            raise NotConverged(
+                "the process has no solution at the start of the fit, and may have one at another "
+                f"start; {self._model.failure}"
+            )
+        for _ in range(_LOWERINGS):
+            before, (used, lowered) = self._variables, self._lowered()
+            if not lowered:
+                break
+            self._variables = [lowered.get(one.key, one) for one in before]
+            nearer = self._misfit(self._start)
+            if nearer is None:
+                self._variables = before
+                break
+            found = nearer
+            self._say(
+                [
+                    f"{key}: nothing locks at the start, where the strain reaches "
+                    f"{per_cent(used)} of the limit; the search begins at {one.start:.4g}, where "
+                    "the body begins to lock"
+                    for key, one in lowered.items()
+                ]
+            )
+        return found
+
+    def _lowered(self) -> tuple[float, dict[str, Variable]]:
+        """The largest share of the limit at the start, and the limits that are lowered to it."""
+        evaluations = self._evaluations[_place(self._start)]
+        used = max((one.used for one in evaluations if one.used is not None), default=1.0)
+        lowered = {}
+        for variable in self._variables if used < _LOCKS else ():
+            number = max(_BELOW * used * variable.start, variable.least)
+            if variable.key.endswith(_LIMIT) and number < variable.start:
+                lowered[variable.key] = dataclasses.replace(variable, start=number)
+        return used, lowered
+
+    @property
+    def _start(self) -> FloatArray:
+        return np.array([variable.start for variable in self._variables])
+
+    def _say(self, texts: Sequence[str]) -> None:
+        for text in texts:
+            self._said.append(text)
+            self._monitor.message(f"warning: {text}")
+
+    def _misfit(self, numbers: FloatArray) -> Residuals | None:
+        place = _place(numbers)
+        if place not in self._evaluations:
+            self.evaluations += 1
+            found = self._model.evaluate(place, is_first=self.evaluations == 1)
+            pairs = zip(self._keys, place, strict=True)
+            told = ", ".join(f"{key} {value:.6g}" for key, value in pairs)
+            told = f"evaluation {self.evaluations}: {told}"
+            if found is None:
+                self._monitor.message(f"{told}: {self._model.failure}")
+                return None
+            self._evaluations[place] = found
+            residuals = self._residuals(numbers)
+            size = float(residuals.values @ residuals.values)
+            self._monitor.message(f"{told}, misfit {size:.4g}")
+        return self._residuals(numbers)
+
+    def _residuals(self, numbers: FloatArray) -> Residuals:
+        values, slopes = [], []
+        for one in self.compared(numbers):
+            values.append((one.model - one.data) * one.weights)
+            if one.derivatives is not None:
+                slopes.append(one.derivatives * one.weights[:, None])
+        return Residuals(np.concatenate(values), np.concatenate(slopes) if slopes else None)
+
+    def compared(self, numbers: FloatArray) -> list[Compared]:
+        """Each measured column with the model at numbers (n,) that were evaluated."""
+        evaluations, model = self._evaluations[_place(numbers)], self._model
+        steps = model.parameters.steps
+        found = []
+        for one in model.experiments:
+            values = np.zeros((len(one), len(model.quantities)))
+            slopes = np.zeros((*values.shape, len(self._keys)))
+            for case, evaluation in zip(model.cases, evaluations, strict=True):
+                if case.experiment is one:
+                    at, derivatives = evaluation.at(
+                        case.times, 0.0 if steps is None else steps.start
+                    )
+                    values[case.rows] = at
+                    if derivatives is not None:
+                        slopes[case.rows] = derivatives
+            for place, (column, quantity) in enumerate(model.quantities):
+                if column in one.data:
+                    own = slopes[:, place] if model.derives else None
+                    found.append(Compared(one, column, quantity, values[:, place], own))
+        return found
+
+    def content(self, found: Estimate, starts: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
+        """The content of fit.json; ``starts`` has a row for each of several searches."""
+        keys, told = self._keys, [*self._said, *words.about_starts(starts, found.misfit)]
+        compared = self.compared(found.numbers)
+        free = 1.0 - len(keys) / sum(len(one.data) for one in compared)
+        for one in compared:
+            left = one.model - one.data
+            told += words.about_residuals(one.name, left, one.data, one.sigma, free)
+        return {
+            "parameters": {
+                variable.key: {
+                    "value": float(found.numbers[place]),
+                    "standard_error": float(found.errors[place]),
+                    "interval": found.intervals[place].tolist(),
+                    "start": variable.start,
+                    "at_bound": variable.key in found.at_bound,
+                }
+                for place, variable in enumerate(self._variables)
+            },
+            "correlation": found.correlation.tolist(),
+            "misfit": found.misfit,
+            "scatter": found.scatter,
+            "undetermined": words.undetermined(found, keys),
+            "combinations": [
+                {
+                    "powers": {key: float(one.powers[place]) for place, key in enumerate(keys)},
+                    "singular_value": one.singular,
+                    "standard_error": one.error,
+                }
+                for one in found.combinations
+            ],
+            "evaluations": self.evaluations,
+            "converged": found.converged,
+            "reason": found.reason,
+            "words": told,
+            "starts": list(starts),
+            "curves": [one.as_mapping() for one in compared],
+        }
+
+
+def _place(numbers: FloatArray) -> tuple[float, ...]:
+    return tuple(map(float, numbers))

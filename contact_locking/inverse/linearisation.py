@@ -1,0 +1,318 @@
+"""The derivative of the last iterate: a tangent with its cones, and the friction bounds around it.
+
+With the Nesterov-Todd scaled tangent ``K`` of the last iterate, data that leave forces r, gaps g of
+the points and e of the bounds move it by
+
+    K du + sum lin^T (c(g) + rho b) = -r,      b - mu R dp - mu'(s) |R p| ds = e,
+
+where ``c`` and ``rho b`` are the reactions to gaps and bounds if nothing moves, and pressure and
+slip follow ``du`` and ``g``.  The adjoint of this for a quantity J is
+
+    K l = J_u + sum lin^T D J_r + P^T y,       y = rho^T (J_r - lin l),
+
+with ``P du`` what the bounds follow a displacement by, and the same K, which is symmetric.  Both
+are solved for the bounds, whose system is small beside K, by generalised conjugate residuals.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import NotConverged
+from contact_locking.inverse.equations import Equations, Residual
+from contact_locking.solver.interior_point.bound_step import BoundLaw
+from contact_locking.solver.interior_point.contact_cones import ContactCones
+from contact_locking.solver.interior_point.family import Family, Reaction, Step
+from contact_locking.solver.interior_point.tangent import Tangent
+from contact_locking.solver.interior_point.tuning import Tuning
+from contact_locking.solver.linear.ksp import factorise
+from contact_locking.solver.task import Task
+
+# The residual of the system of the bounds, relative, and the most iterations for it.
+_BOUNDS, _MOST = 1e-9, 300
+# The residual that an iterative solver leaves of each right-hand side, relative.
+_ITERATIVE = 1e-9
+# A solution is refined until a correction is this share of it, or so often.
+_REFINED, _REFINEMENTS = 1e-13, 5
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """The derivatives of a quantity: by displacement and travels, and by reactions of families.
+
+    ``displacement`` has owned values, with the travels behind them.  ``reactions`` has arrays in
+    the shape of what a family sees, which ``int`` pairs with the change of its reactions.
+    """
+
+    displacement: FloatArray
+    reactions: Mapping[Family, FloatArray]
+
+
+@dataclass(frozen=True)
+class Change:
+    """How an iterate moves: displacement with travels behind it, and the steps of its families."""
+
+    displacement: FloatArray
+    steps: Mapping[Family, Step]
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """A displacement with travels behind it, and what each family sees of it.
+
+    ``seen`` is summed over refinements: of the summed displacement, its rounding would count, times
+    the stiffness of the cones.
+    """
+
+    displacement: FloatArray
+    seen: Mapping[Family, FloatArray]
+
+    def plus(self, other: _Answer, share: float = 1.0) -> _Answer:
+        """The answer plus a share of another one."""
+        seen = {family: one + share * other.seen[family] for family, one in self.seen.items()}
+        return _Answer(self.displacement + share * other.displacement, seen)
+
+
+@dataclass(frozen=True)
+class Adjoint:
+    """The gain of a quantity by residuals: by forces, by gaps of each family and by each bound.
+
+    ``displacement`` is l, the displacement of the adjoint, with travels behind it.  Arrays of gaps
+    and bounds are per weight.
+    """
+
+    displacement: FloatArray
+    gaps: Mapping[Family, FloatArray]
+    bounds: tuple[FloatArray, ...]
+
+
+def _joined(parts: Iterable[FloatArray]) -> FloatArray:
+    return np.concatenate([np.empty(0), *parts])
+
+
+class Linearisation:
+    """Derivatives at the iterate of ``equations``; the tangent is factorised once.
+
+    ``solves`` counts the solves with it.  The constructor is collective, as all methods are.
+    """
+
+    def __init__(self, equations: Equations, task: Task) -> None:
+        self.equations, self.solves = equations, 0
+        self._comm, self._owned = equations.system.comm, len(equations.system.load)
+        self.tangent = Tangent(task, equations.every, Tuning())
+        for bound in equations.bounds:
+            bound.friction.growth = np.maximum(bound.slope(), 0.0)
+        for family in equations.every:
+            if family.takes_part:
+                family.linearise()
+            else:
+                family.hold(0.0)
+        self.tangent.refresh()
+        if self.tangent.direct is not None:
+            factorise(self.tangent.direct)
+        self._laws = [BoundLaw(bound, 1.0) for bound in equations.bounds]
+        self._pressing = [bound.pressing for bound in equations.bounds]
+        self._weights = _joined(law.friction.weights for law in self._laws)
+        self._ends = np.cumsum([len(law.friction.weights) for law in self._laws])[:-1]
+
+    # Forward.
+
+    def change(self, residual: Residual) -> Change:
+        """How the iterate moves with data that change what the equations leave by ``residual``."""
+        families = self.equations.families
+        self._still()
+        for family, gap in zip(families, residual.gaps, strict=True):
+            family.move(gap)
+        rest = [
+            Reaction(family, family.reactions_of(family.step(np.zeros_like(family.seen)).dual))
+            for family in families
+        ]
+        return self._moved(-residual.free - self.tangent.forces(rest), residual.bounds)
+
+    def centring(self, product: float) -> Change:
+        """The step to products that are ``product`` in all cones and equations that hold.
+
+        Comes before all other changes, which move the families; collective.
+        """
+        residual = self.equations.residual()
+        self._still()
+        rest = [
+            Reaction(family, family.aim(product * family.scale) - family.reactions)
+            for family in self.equations.families
+        ]
+        return self._moved(-residual.free - self.tangent.forces(rest), residual.bounds)
+
+    def _moved(self, forces: FloatArray, wanted: Sequence[FloatArray]) -> Change:
+        """The change by forces; bounds move by ``wanted``, and with what they follow."""
+        found = self._solve(forces)
+        steps = self._steps(found)
+        moved = [
+            law.moved(steps[pressing].dual, law.friction.slip_step(steps[law.friction]))
+            for law, pressing in zip(self._laws, self._pressing, strict=True)
+        ]
+        bounds, more = self._krylov(
+            lambda bounds: -self.tangent.forces(self._respond(bounds)),
+            lambda answer: -self._followed(answer),
+            _joined(wanted) + _joined(moved),
+        )
+        found = found.plus(more)
+        for law, _, part in self._parts(bounds):
+            law.friction.bound_step = part
+        return Change(found.displacement, self._steps(found))
+
+    def _steps(self, answer: _Answer) -> dict[Family, Step]:
+        return {family: family.step(answer.seen[family]) for family in self.equations.families}
+
+    def _parts(self, bounds: FloatArray) -> list[tuple[BoundLaw, ContactCones, FloatArray]]:
+        """Each law with the cones that press, and its part of all bounds."""
+        parts = np.split(bounds, self._ends)[: len(self._laws)]
+        return list(zip(self._laws, self._pressing, parts, strict=True))
+
+    def _followed(self, answer: _Answer) -> FloatArray:
+        """The change of the bounds by a response of the displacement."""
+        return _joined(
+            law.moved(pressing.block(answer.seen[pressing]), answer.seen[law.friction])
+            for law, pressing in zip(self._laws, self._pressing, strict=True)
+        )
+
+    def _still(self) -> None:
+        for law in self._laws:
+            law.friction.bound_step = np.zeros(len(law.friction.weights))
+
+    def _respond(self, bounds: FloatArray) -> list[Reaction]:
+        parts = self._parts(bounds)
+        return [Reaction(law.friction, law.friction.response(part)) for law, _, part in parts]
+
+    # Adjoint.
+
+    def adjoint(self, gradient: Gradient) -> Adjoint:
+        """The gain by residuals of the quantity with this gradient."""
+        families, given = self.equations.families, gradient.reactions
+        pulled = [Reaction(family, family.block(values)) for family, values in given.items()]
+        right = gradient.displacement + self.tangent.forces(pulled)
+        found = self._solve(right)
+        frictions = [law.friction for law in self._laws]
+        wanted = _joined(
+            one.response_adjoint(given.get(one, np.zeros_like(one.seen))) for one in frictions
+        )
+
+        def seen(answer: _Answer) -> FloatArray:
+            return _joined(one.response_adjoint(answer.seen[one]) for one in frictions)
+
+        bounds, more = self._krylov(self._pulled, seen, wanted - seen(found))
+        found, parts = found.plus(more), self._parts(bounds)
+        gaps = {
+            family: family.move_adjoint(
+                given.get(family, np.zeros_like(family.seen)) - found.seen[family]
+            )
+            for family in families
+        }
+        for law, pressing, part in parts:
+            pressure, slip = law.moved_adjoint(part)
+            gaps[pressing] = gaps[pressing] - pressing.stiffness * pressure
+            gaps[law.friction][1 : 1 + len(slip)] += slip
+        return Adjoint(found.displacement, gaps, tuple(part for _, _, part in parts))
+
+    def _pulled(self, bounds: FloatArray) -> FloatArray:
+        """``P^T y``: the forces of what bounds follow a displacement by."""
+        reactions = []
+        for law, pressing, part in self._parts(bounds):
+            pressure, slip = law.moved_adjoint(part)
+            reactions.append(Reaction(pressing, pressing.stiffness * pressure))
+            reactions.append(Reaction(law.friction, slip))
+        return self.tangent.forces(reactions)
+
+    def gained(self, adjoint: Adjoint, residual: Residual) -> float:
+        """The gain by a residual of the quantity of an adjoint, beside its own change."""
+        local = -float(adjoint.displacement[: self._owned] @ residual.free[: self._owned])
+        for family, gap in zip(self.equations.families, residual.gaps, strict=True):
+            local += family.power(adjoint.gaps[family], gap)
+        for law, part, change in zip(self._laws, adjoint.bounds, residual.bounds, strict=True):
+            local += float(law.friction.weights @ (part * change))
+        tools = -float(adjoint.displacement[self._owned :] @ residual.free[self._owned :])
+        return float(self._comm.allreduce(local)) + tools
+
+    def paired(self, gradient: Gradient, change: Change) -> float:
+        """The gain by a change of the quantity of a gradient, beside its own change."""
+        local = float(gradient.displacement[: self._owned] @ change.displacement[: self._owned])
+        for family, values in gradient.reactions.items():
+            local += family.power(family.reactions_of(change.steps[family].dual), values)
+        tools = float(gradient.displacement[self._owned :] @ change.displacement[self._owned :])
+        return float(self._comm.allreduce(local)) + tools
+
+    # Solves.
+
+    def _solve(self, forces: FloatArray) -> _Answer:
+        """Solve with the tangent, and again for what rounding, or an iterative solver, leaves."""
+        found, left = self._nothing(), forces
+        for _ in range(_REFINEMENTS):
+            self.solves += 1
+            du = self.tangent.answer(left, _ITERATIVE)
+            change = _Answer(du, {family: family.see(du) for family in self.equations.families})
+            found = found.plus(change)
+            if self._size(change.displacement) <= _REFINED * self._size(found.displacement):
+                break
+            left = left - self.tangent.stiffness_times(du)
+        return found
+
+    def _nothing(self) -> _Answer:
+        none = self.tangent.nothing()
+        return _Answer(
+            none, {family: np.zeros_like(family.seen) for family in self.equations.families}
+        )
+
+    def _size(self, displacement: FloatArray) -> float:
+        owned = displacement[: self._owned]
+        return math.sqrt(self._comm.allreduce(float(owned @ owned)))
+
+    def _krylov(
+        self,
+        forces: Callable[[FloatArray], FloatArray],
+        seen: Callable[[_Answer], FloatArray],
+        right: FloatArray,
+    ) -> tuple[FloatArray, _Answer]:
+        """The solution over all bounds of ``b + seen(K^-1 forces(b)) = right``, and the answer.
+
+        Raises NotConverged.
+        """
+        found, left, start = np.zeros_like(right), right.copy(), self._norm(right)
+        moved = self._nothing()
+        known: list[tuple[FloatArray, FloatArray, _Answer]] = []
+        while self._norm(left) > _BOUNDS * start:
+            if len(known) == _MOST:
+                raise NotConverged("the derivative of the friction bounds was not found")
+            step = left.copy()
+            answer = self._solve(forces(step))
+            image = step + seen(answer)
+            for other, other_image, other_answer in known:
+                share = self._dot(other_image, image)
+                image -= share * other_image
+                step -= share * other
+                answer = answer.plus(other_answer, -share)
+            size = self._norm(image)
+            if not size > 0.0:
+                raise NotConverged("the derivative of the friction bounds was not found")
+            step, image = np.asarray(step / size), np.asarray(image / size)
+            answer = self._nothing().plus(answer, 1.0 / size)
+            known.append((step, image, answer))
+            share = self._dot(image, left)
+            found += share * step
+            left -= share * image
+            moved = moved.plus(answer, share)
+        return found, moved
+
+    def _dot(self, a: FloatArray, b: FloatArray) -> float:
+        return float(self._comm.allreduce(float(self._weights @ (a * b))))
+
+    def _norm(self, a: FloatArray) -> float:
+        return math.sqrt(self._dot(a, a))
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        self.tangent.destroy()
+        self.equations.close()

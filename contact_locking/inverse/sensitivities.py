@@ -1,0 +1,224 @@
+"""The derivatives that a study file asks for, in one solve or through the steps of a process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from typing import Any
+
+import numpy as np
+
+from contact_locking.errors import InputError, NoDerivatives
+from contact_locking.inverse.derivatives import Derivatives, Table
+from contact_locking.inverse.equations import Equations
+from contact_locking.inverse.linearisation import Change
+from contact_locking.inverse.parameters import Frozen, width
+from contact_locking.parallel import maximum
+from contact_locking.process.of_study import settings_of
+from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.results.contact_points import OPEN
+from contact_locking.results.derived import ContactFields
+from contact_locking.results.quantities import look_up
+from contact_locking.results.solution import StudySolution
+from contact_locking.study.assembly import StudyProblem
+from contact_locking.study_file.named_numbers import number_at, with_number
+from contact_locking.study_file.parameters import Parameters
+
+
+def require_known(problem: StudyProblem) -> None:
+    """Raise InputError, without a solve, for what sensitivities or a fit cannot ask; collective."""
+    parameters = problem.parameters
+    if parameters.sensitivities is None and parameters.fit is None:
+        return
+    solver = ProblemSolver(problem, settings_of(parameters))
+    if (given := parameters.sensitivities) is not None:
+        for name in given.to:
+            number_at(parameters, name)
+        solver.require_derivatives(given.of)
+    if parameters.fit is not None:
+        try:
+            solver.require_derivatives(tuple(parameters.fit.quantities.values()))
+        except NoDerivatives:
+            return  # the fit takes differences
+        except InputError as error:
+            raise InputError(str(error), "fit.quantities") from error
+
+
+class StudyNumber:
+    """A number of a study file, with the study at two values around it; collective.
+
+    The two problems are made at the first use, and remember what friction remembers at their value.
+    Raises InputError for a key without a derivative.
+    """
+
+    def __init__(self, problem: StudyProblem, name: str) -> None:
+        self.name = name
+        self.value = number_at(problem.parameters, name)
+        step = width(self, problem.domain.extent)
+        self._sides = [_Side(problem, name, self.value + sign * step) for sign in (1.0, -1.0)]
+
+    def advance(self, time: float) -> None:
+        """Put the data of both problems to a time."""
+        for side in self._sides:
+            side.problem.advance(time)
+
+    @contextmanager
+    def equations_at(self, value: float, frozen: Frozen) -> Iterator[Equations]:
+        """A context with the equations for one of the two values."""
+        (side,) = (side for side in self._sides if side.value == value)
+        side.solver.system.assemble_loads()
+        made = Equations(side.solver.system, side.solver.target, frozen.iterate)
+        with closing(made) as equations:
+            yield equations
+
+    def remember(self, contacts: Sequence[ContactFields], change: Change, frozen: Frozen) -> None:
+        """End a step, in which the iterate changes by ``change`` with this number."""
+        for side in self._sides:
+            system, problem, step = side.solver.system, side.problem, side.value - self.value
+            owned = len(system.load)
+            system.u.x.array[:] = system.constraints.free_part(frozen.iterate.displacement)
+            system.u.x.array[:owned] += step * change.displacement[:owned]
+            system.constraints.apply(system.u)
+            system.tools.travels = tuple(
+                np.add(frozen.iterate.travels, step * change.displacement[owned:])
+            )
+            problem.enter(
+                [
+                    contact.state_after(problem.u, fields.state != OPEN, fields.holds)
+                    for contact, fields in zip(problem.contacts, contacts, strict=True)
+                ]
+            )
+
+    def close(self) -> None:
+        """Destroy the PETSc objects."""
+        for side in self._sides:
+            side.problem.close()
+
+
+class _Side:
+    """The study at another value of one number, which is never solved."""
+
+    def __init__(self, base: StudyProblem, name: str, value: float) -> None:
+        self.value = value
+        parameters = with_number(base.parameters, name, value)
+        self.problem = StudyProblem(parameters, base.domain, base.element)
+        self.problem.advance(base.clock.now)
+        self.solver = ProblemSolver(self.problem, settings_of(parameters))
+        self.problem.enter(self.problem.at_rest())
+
+
+class Sensitivities:
+    """The derivatives of a study, step by step; collective.
+
+    Made before the first solve by ``solver``.  Raises InputError for quantities and numbers without
+    a derivative, and for a problem without derivatives.
+    """
+
+    def __init__(self, problem: StudyProblem, solver: ProblemSolver) -> None:
+        given = problem.parameters.sensitivities
+        assert given is not None
+        solver.require_derivatives(given.of)
+        self._given = given
+        self._numbers = [StudyNumber(problem, name) for name in given.to]
+        self._shares: dict[str, float] = {}
+
+    def of(
+        self, derivatives: Derivatives, contacts: Sequence[ContactFields], time: float | None = None
+    ) -> dict[str, Any]:
+        """The entries of summary.json about one solution; with a ``time``, the end of a step.
+
+        The shares near a change are the largest of the steps so far, as friction remembers each.
+        """
+        for kind, share in derivatives.share_at_change().items():
+            self._shares[kind] = max(share, self._shares.get(kind, 0.0))
+        if time is None:
+            return entry(derivatives.table(self._given.of, self._numbers), self._shares)
+        for number in self._numbers:
+            number.advance(time)
+        table, changes = derivatives.forward(self._given.of, self._numbers)
+        for number, change in zip(self._numbers, changes, strict=True):
+            number.remember(contacts, change, derivatives.frozen)
+        return entry(table, self._shares)
+
+    def close(self) -> None:
+        """Destroy the PETSc objects."""
+        for number in self._numbers:
+            number.close()
+
+
+def entry(table: Table, shares: dict[str, float]) -> dict[str, Any]:
+    """The entries of summary.json about derivatives, with the shares of points near a change."""
+    elasticities = table.elasticities
+    found: dict[str, Any] = {
+        quantity: {
+            name: {
+                "derivative": float(table.derivatives[row, column]),
+                "elasticity": float(elasticities[row, column]),
+            }
+            for column, name in enumerate(table.parameters)
+        }
+        for row, quantity in enumerate(table.quantities)
+    }
+    for quantity, is_nothing in zip(table.quantities, table.are_nothing, strict=True):
+        if is_nothing:
+            reason = f"{quantity} is zero, which has no per cent"
+            for one in found[quantity].values():
+                one |= {"elasticity": None, "reason": reason}
+    return {"sensitivities": found, "share_at_change": {**shares, "in_words": in_words(shares)}}
+
+
+# A family of points with more than this share near a change is told of.
+_MANY = 0.02
+
+
+def in_words(shares: dict[str, float]) -> str:
+    """Whether the derivatives are to be trusted."""
+    near = {name: share for name, share in shares.items() if share > 0.0}
+    if not near:
+        return "no point is near a change of its state: the derivatives hold on both sides"
+    told = ", ".join(f"{100.0 * share:.2g} % of {name}" for name, share in near.items())
+    if max(near.values()) <= _MANY:
+        return (
+            f"few points are near a change of their state ({told}); sensitivities.check compares "
+            "with solves"
+        )
+    return (
+        f"many points are near a change of their state ({told}): there derivatives differ from one "
+        "side to the other; sensitivities.check compares with solves"
+    )
+
+
+# The width of a central difference of solves, relative to the number.
+_CHECK = 1e-3
+
+
+def central_differences(
+    parameters: Parameters,
+    key: str,
+    length: float,
+    values: Callable[[Parameters], list[float] | None],
+) -> list[float] | None:
+    """The central differences of quantities by a number, None without a solution; collective.
+
+    ``values`` solves other parameters.  ``length`` stands for a number that is zero.
+    """
+    at = number_at(parameters, key)
+    step = _CHECK * (abs(at) or length)
+    above, below = (values(with_number(parameters, key, at + side)) for side in (step, -step))
+    if above is None or below is None:
+        return None
+    return [(one - other) / (2.0 * step) for one, other in zip(above, below, strict=True)]
+
+
+def value_of(name: str, solution: StudySolution) -> float:
+    """The value of a quantity that has a derivative, by the summary of a solution; collective."""
+    if name == "pressure_max":
+        comm = solution.domain.comm
+        return max(maximum(comm, fields.pressure) for fields in solution.contacts)
+    value: Any = solution.summary
+    # Names of boundary parts may have dots.
+    kind, _, rest = name.partition(".")
+    part, _, axis = rest.rpartition(".")
+    if kind == "reactions":
+        return float(value[kind][part][int(axis)])
+    return float(look_up(value, name))

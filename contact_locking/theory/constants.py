@@ -1,0 +1,201 @@
+"""The constants of the theorems for the given data, and the verdict on uniqueness."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+
+from contact_locking.certificate.elliptic import NotApplicable, inner_product, trace_norm
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.parallel import maximum
+from contact_locking.theory.kappa import Kappa, require_coulomb
+from contact_locking.theory.other_solutions import without_friction
+
+# mu(x, s) is sampled at the slip 0, and from this share of the extent of the body to the extent.
+_LEAST_SLIP = 1e-8
+_SLIPS = 400
+
+# Samples may exceed the constants of a friction law by this share because of rounding.
+_ROUNDING = 1e-9
+# The verdicts on uniqueness where there is friction.
+BY_KAPPA = "unique on this mesh"
+SAMPLED = "covered for the discrete problem, by sampled constants"
+UNKNOWN = "not known"
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """``mu* = max mu`` and ``L_mu``, the Lipschitz constant of mu in s (12).
+
+    ``exact`` says that the friction law states both constants, which are sampled otherwise.
+    ``exceeded`` says that samples exceed a constant that the friction law states.
+    """
+
+    largest: float
+    lipschitz: float
+    exact: bool
+    exceeded: bool = False
+
+
+def constants(state: SolvedState, wanted: bool, small: Kappa | NotApplicable) -> dict[str, Any]:
+    """``alpha``, ``c_0``, ``mu*``, ``L_mu``, ``|R|`` and the verdict on uniqueness; collective.
+
+    c_0 takes an eigenproblem, as long as one or two elastic solves, and is None unless ``wanted``.
+    ``small`` is kappa, or why there is none.
+    """
+    found: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
+    bounds = [contact.friction for contact in state.problem.contacts]
+    if bounds:
+        coefficient = coefficient_range(state)
+        try:
+            found["c_0"] = _trace_constant(state, wanted)
+        except NotApplicable as failure:
+            found |= {"c_0": None, "c_0_reason": str(failure)}
+        found |= {
+            "friction_coefficient": coefficient.largest,
+            "friction_lipschitz": coefficient.lipschitz,
+            "friction_constants": "exact" if coefficient.exact else "sampled",
+            "smoothing_norm": max(bound.smoothing.norm() for bound in bounds),
+        }
+    if all(bound.frictionless for bound in bounds):
+        return found | {"uniqueness": without_friction(state)}
+    verdict, why = _uniqueness(state, found, coefficient, small)
+    report: dict[str, Any] = {"verdict": verdict, "why": why, "kappa": None}
+    report |= small.numbers() if isinstance(small, Kappa) else {}
+    report["contraction"] = state.report.contraction
+    return found | {"uniqueness": report}
+
+
+def coefficient_range(state: SolvedState) -> Coefficient:
+    """mu* and L_mu over all contacts, stated by the friction laws or sampled; collective."""
+    found = [_coefficient_range(contact, state) for contact in state.problem.contacts]
+    return Coefficient(
+        max(item.largest for item in found),
+        max(item.lipschitz for item in found),
+        exact=all(item.exact for item in found),
+        exceeded=any(item.exceeded for item in found),
+    )
+
+
+def _coefficient_range(contact: NodalContact, state: SolvedState) -> Coefficient:
+    """mu* and L_mu of one contact; collective.
+
+    The samples are at the nodes of Gamma_C, as in the discrete problem, and at slips up to the
+    extent of the body.  Samples prove nothing, except for a mu that does not depend on s.
+    """
+    law = contact.friction.law
+    if law.lipschitz == 0.0 and law.largest is not None:
+        return Coefficient(law.largest, 0.0, True)
+    slips = np.concatenate([[0.0], np.geomspace(_LEAST_SLIP, 1.0, _SLIPS)]) * state.target.length
+    slips = slips[:1] if law.lipschitz == 0.0 else slips
+    everywhere = np.ones(len(contact.free))
+    values = np.stack([contact.friction.coefficient(slip * everywhere) for slip in slips])
+    steps = np.abs(np.diff(values, axis=0)) / np.diff(slips)[:, None]
+    comm = state.comm
+    largest, steepest = maximum(comm, values), maximum(comm, steps)
+    stated = (
+        largest if law.largest is None else law.largest,
+        steepest if law.lipschitz is None else law.lipschitz,
+    )
+    return Coefficient(
+        *stated,
+        exact=law.lipschitz is not None and (law.largest is not None or law.lipschitz == 0.0),
+        exceeded=bool(np.any(np.array([largest, steepest]) > np.array(stated) * (1 + _ROUNDING))),
+    )
+
+
+def _trace_constant(state: SolvedState, wanted: bool) -> float:
+    """``c_0 = max |v|_{L2(Gamma_C)}/|v|_V`` over the discrete fields (11); collective.
+
+    ``c_0^2`` is the largest eigenvalue of ``int v . w = lambda (v, w)_V``.  The integral over
+    Gamma_C is a sum over the nodes with the nodal weights, as in the discrete problem; for affine
+    displacements the sum is never less than the exact integral, by convexity.  The result is not an
+    upper bound of the constant in (11): the eigenvalue solver approaches from below, and V has more
+    fields.
+    """
+    if state.problem.free:
+        raise NotApplicable("contact alone holds a rigid motion, so |.|_V is not a norm")
+    if state.problem.sprung:
+        raise NotApplicable("springs hold a rigid motion, so |.|_V is not a norm")
+    if state.problem.data.jumps:
+        raise NotApplicable("two bodies touch, and c_0 is for traces of one body")
+    if not wanted:
+        raise NotApplicable("skipped: certificate.constants is false")
+    v, w = state.system.bilinear.arguments()
+    traces = sum(
+        ufl.inner(contact.limited(w), contact.limited(v)) * contact.surface.ds
+        for contact in state.problem.contacts
+    )
+    return trace_norm(state, inner_product(state), traces)
+
+
+def _uniqueness(
+    state: SolvedState,
+    found: dict[str, Any],
+    coefficient: Coefficient,
+    small: Kappa | NotApplicable,
+) -> tuple[str, str]:
+    """Whether another solution is excluded, by kappa or, for eps > 0, by the condition below.
+
+        mu* |R| c_0 < 2 sqrt(eps (alpha - L_mu |R sigma_nu|_inf c_0^2)),
+
+    the condition of Theorem 4.2 with an explicit constant (docs/certificate.md).  The norms on
+    Gamma_C use the nodal weights, c_0 is the constant of the discrete fields, approached from
+    below, and mu* and L_mu may be sampled.  The verdict is therefore about the discrete problem,
+    and as certain as these numbers, which ``found`` has.  Returns the verdict and the reason.
+    """
+    try:
+        require_coulomb(state)
+    except NotApplicable as failure:
+        return UNKNOWN, str(failure)
+    if coefficient.exceeded:
+        why = "the friction law exceeds the largest value or the Lipschitz constant that it states"
+        return UNKNOWN, why
+    why = f"there is no kappa, as {small}"
+    if isinstance(small, Kappa):
+        isnt = "" if small.is_small else "not "
+        why = f"kappa = mu rho c = {small.value:.3g} is {isnt}below 1 (eigenvalues to 1e-6)"
+    why = "; ".join([why, *constant_supports(state)])
+    if isinstance(small, Kappa) and small.is_small:
+        return BY_KAPPA, why
+    trace = found["c_0"]
+    if state.target.penalty.epsilon == 0.0:
+        return UNKNOWN, why
+    if trace is None:
+        return UNKNOWN, f"{why}; c_0 is not known ({found['c_0_reason']})"
+    stress = max(maximum(state.comm, np.abs(fields.smoothed_stress)) for fields in state.contacts)
+    left = coefficient.largest * found["smoothing_norm"] * trace
+    slack = state.problem.material.ellipticity - coefficient.lipschitz * stress * trace**2
+    right = 2.0 * float(np.sqrt(state.target.penalty.epsilon * max(slack, 0.0)))
+    covered = left < right
+    sampled = "" if coefficient.exact else ", mu* and L_mu sampled"
+    why += (
+        f"; mu* |R| c_0 = {left:.3g} is {'' if covered else 'not '}below "
+        f"2 sqrt(eps (alpha - L_mu |R sigma_nu| c_0^2)) = {right:.3g} "
+        f"(c_0 of the fields on this mesh, from below{sampled})"
+    )
+    return SAMPLED if covered else UNKNOWN, why
+
+
+def is_unique(summary: Mapping[str, Any]) -> bool:
+    """Whether kappa proves that there is no other solution on this mesh."""
+    certificate = summary.get("certificate") or {}
+    verdict: str | None = certificate.get("constants", {}).get("uniqueness", {}).get("verdict")
+    return verdict == BY_KAPPA
+
+
+def constant_supports(state: SolvedState) -> tuple[str, ...]:
+    """A warning of kernels that keep constants at supports, where rho is unbounded; collective."""
+    found = [contact.constant_support() for contact in state.problem.contacts]
+    place = next((words for words in found if words is not None), None)
+    if place is None:
+        return ()
+    return (
+        f"displacements are prescribed at Gamma_C, as at {place}, and R keeps constants there, so "
+        "that kappa grows as the mesh is refined; take friction.smoothing.at_supports: vanish",
+    )

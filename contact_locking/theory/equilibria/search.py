@@ -1,0 +1,270 @@
+"""Equilibria where the interior point method finds none, and further ones beside a known one."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import InputError, NotConverged
+from contact_locking.solver.interior_point.method import InteriorPoint
+from contact_locking.solver.task import Counts, Outcome, SolverReport, Task, stage_of
+from contact_locking.theory.equilibria.bound_map import BoundMap
+from contact_locking.theory.equilibria.branch import Branch, BranchPoint, OverFriction
+from contact_locking.theory.equilibria.newton import Deflation, MapNewton
+
+# Tresca's problems need to be solved this much more sharply than the bounds, and those with bounds
+# far above the pressure without friction take so many times the iterations.
+_SHARPER, _LONGER = 0.1, 3
+# The most nodes with friction that the dense derivative is made for, and the most points of the
+# branch from no friction and of one from a solution.
+_MOST_NODES, _MOST_POINTS, _FEWER_POINTS = 1500, 100, 40
+# Without a penalty a branch ends where the bounds are so many times those without friction: they
+# grow without a limit where friction wedges the body in.  With a penalty they have a limit.
+FARTHEST = 300.0
+# A branch is followed up to this share of the friction.
+_BEYOND = 2.0
+# Known solutions times these are starts of further searches, and so are shares of the bounds that
+# the pressure without friction asks for, or the mean stress of the body where nothing presses.
+_BESIDE, _SHARES, _SHARES_OF_STRESS = (1.02, 0.5, 1.5, 0.1), (0.0, 1.0, 2.0), (1.0, 0.1)
+_ENDS = (
+    "the branch of solutions from none of the friction on ends near {share:.3g} % of "
+    "friction.coefficient, where the friction bound is {times:.0f} times that of the pressure "
+    "without friction, and grows"
+)
+
+
+def has_map(task: Task) -> bool:
+    """Whether the map of friction bounds has values everywhere, and a derivative; collective."""
+    system, rubbing = task.system, task.system.rubbing
+    knows = all(item.friction.is_coulomb and not item.friction.stands for item in rubbing)
+    if not (rubbing and knows) or system.held_by_friction:
+        return False
+    nodes = system.comm.allreduce(sum(int(np.count_nonzero(item.free)) for item in rubbing))
+    return bool(0 < nodes <= _MOST_NODES)
+
+
+def sharpened(task: Task) -> Task:
+    """The task with the settings that values of the map need."""
+    return task.with_settings(
+        tolerance=_SHARPER * task.settings.tolerance,
+        max_iterations=_LONGER * task.settings.max_iterations,
+    )
+
+
+def settled_from(task: Task, value: Outcome) -> Outcome:
+    """The solution near a value of the map, with bounds that follow the pressure; collective."""
+    assert value.last is not None
+    solver = InteriorPoint(task)
+    try:
+        return solver.solve_near(value.last)
+    finally:
+        solver.destroy()
+
+
+class Equilibria:
+    """The fixed points of the map of the friction bounds of a task, found one after the other.
+
+    ``counts`` is for what they take.  A branch ends beyond ``most_tangents``.  The constructor is
+    collective, as all methods are.
+    """
+
+    def __init__(self, task: Task, most_tangents: float = math.inf) -> None:
+        self._task, self.counts, self._most_tangents = task, Counts(), most_tangents
+        #: How the branch ends that has no more solutions, in words.
+        self.end = ""
+        self.map = BoundMap(sharpened(task.aside(self.counts)))
+        self._newton = MapNewton(self.map, task.settings.friction_tolerance)
+
+    def on_branch(
+        self, start: FloatArray | None = None, direction: float = 1.0, bold: bool = False
+    ) -> Iterator[tuple[FloatArray, int]]:
+        """The solutions on the branch over the share of friction, and the folds before each."""
+        folds, before = 0, None
+        branch = Branch(OverFriction(self.map), bold)
+        is_strict = self._task.target.penalty.is_strict
+        most = _MOST_POINTS if start is None else _FEWER_POINTS
+        points = itertools.islice(branch.points(start, direction), most)
+        for point in points:
+            if is_strict and branch.reach > FARTHEST:
+                self.end = _ENDS.format(share=100.0 * point.share, times=branch.reach)
+                return
+            if self.counts.tangents > self._most_tangents or point.share > _BEYOND:
+                return
+            if before is not None:
+                folds += point.sign != before.sign
+                if (point.share - 1.0) * (before.share - 1.0) < 0.0:
+                    found = self._within(before, point)
+                    if found is not None:
+                        yield found, folds
+            before = point
+
+    def _within(self, before: BranchPoint, point: BranchPoint) -> FloatArray | None:
+        """A solution near the place where the branch passes the whole share.
+
+        Between two points whose nodes stick, slip or touch otherwise, Newton's method may
+        go to and fro, where it arrives from one of them.
+        """
+        starts = (before.between(point, 1.0), point.bounds, before.bounds)
+        tries = (self._solve(start) for start in starts)
+        return next((found for found in tries if found is not None), None)
+
+    def _solve(self, start: FloatArray, deflation: Deflation | None = None) -> FloatArray | None:
+        """The bounds of a solution from a start, None if none was found; collective."""
+        found = self._newton.solve(start, deflation)
+        if found is None or self._newton.left <= self._newton.tolerance:
+            return found
+        with contextlib.suppress(NotConverged):
+            self._settle()
+            settled = self.map.vectors.in_force()
+            return None if deflation and deflation.is_known(settled) else settled
+        return None
+
+    def _settle(self) -> Outcome:
+        return settled_from(self._task.aside(self.counts), self.map.found)
+
+    def others(self, first: FloatArray) -> Iterator[FloatArray]:
+        """Solutions beside a known one: those on branches, then those that deflation finds.
+
+        The branch of each solution over the share of friction may lead to others.  Nothing tells
+        that there are no others.
+        """
+        vectors = self.map.vectors
+        # Near a fold the bounds of the interior point method are rougher than their tolerance.
+        refined = self._solve(first)
+        known = [first if refined is None else refined]
+        without: FloatArray = self.map(np.zeros(vectors.size))
+        shares: tuple[float, ...] = _SHARES
+        if not vectors.norm(without) > 0.0:
+            without, shares = self._of_mean_stress(), _SHARES_OF_STRESS
+        deflation = Deflation(vectors, known, vectors.norm(first) or vectors.norm(without))
+        apart = [share * without for share in shares]
+        followed, tried = 0, 0
+        branches: Iterator[tuple[FloatArray, int]] = self.on_branch()
+        while True:
+            for found, _ in branches:
+                if not deflation.is_known(found):
+                    known.append(found)
+                    yield found
+            if followed < 2 * len(known):
+                branches = self.on_branch(known[followed // 2], 1.0 - 2.0 * (followed % 2))
+                followed += 1
+                continue
+            starts = [*apart, *(share * bounds for bounds in known for share in _BESIDE)]
+            while tried < len(starts):
+                new = self._solve(starts[tried], deflation)
+                tried += 1
+                if new is not None:
+                    known.append(new)
+                    yield new
+                    break
+            else:
+                return
+
+    def _of_mean_stress(self) -> FloatArray:
+        """The bounds of a pressure as large as the mean stress of the body without friction."""
+        task, system = self._task, self._task.system
+        energy, displacement = system.elastic_energy(), system.largest_displacement()
+        strain = task.target.mean_strain(energy, displacement, task.settings.tolerance)
+        pressure = task.target.mean_stress(strain)
+        bounds = []
+        for contact in self.map.vectors.contacts:
+            ones = np.ones(len(contact.free))
+            bounds.append(contact.acting(contact.friction.evaluate(pressure * ones, 0.0 * ones)))
+        return self.map.vectors.gather(bounds)
+
+    def index(self) -> int:
+        """The sign of ``det(I - Phi'(G))`` at the last value of the map, 0 if it is singular.
+
+        The signs of all solutions add up to 1 where they are regular and Phi is continuous and
+        bounded, by the degree of Leray and Schauder.
+        """
+        slope = np.eye(self.map.vectors.size) - self.map.derivative()
+        return int(self.map.vectors.solved(slope, slope[0])[1])
+
+    def enter(self, bounds: FloatArray) -> Outcome:
+        """Put the solution with these bounds into the system; collective.  Raises NotConverged."""
+        wanted, norm = self.map(bounds), self.map.vectors.norm
+        change = norm(wanted - bounds) / (norm(wanted) or 1.0)
+        if change > self._newton.tolerance:
+            return self._settle()
+        return replace(self.map.found, friction_change=change)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects, and count for the task what was taken."""
+        self._task.counts.add(self.counts)
+        self.map.destroy()
+
+
+def solve_on_branch(task: Task, most_tangents: float = math.inf) -> tuple[Outcome, int]:
+    """Solve by the branch of solutions over the share of friction; collective.
+
+    Returns the solution, and how many folds lie before it.  Raises NotConverged, with the end of
+    the branch if it has one, where no solution was found with about so many tangents; the system is
+    then left as it was.
+    """
+    if not has_map(task):
+        raise NotConverged
+    task.monitor.message("following the solutions from less friction")
+    equilibria = Equilibria(task, most_tangents)
+    try:
+        with task.system.preserved(only_on_failure=True):
+            for bold in (True, False):
+                for bounds, folds in equilibria.on_branch(bold=bold):
+                    return equilibria.enter(bounds), folds
+                if equilibria.end:
+                    break
+            raise NotConverged(equilibria.end)
+    finally:
+        equilibria.destroy()
+
+
+def require_map(task: Task, key: str = "equilibria") -> None:
+    """Raise InputError, for a key, where other equilibria cannot be searched; collective."""
+    if not has_map(task):
+        raise InputError(
+            "needs friction with a coefficient below .inf and a body that more than friction "
+            f"holds, and takes at most {_MOST_NODES} nodes with friction",
+            key,
+        )
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """The report of a solution that is in the system, and its index (:meth:`Equilibria.index`)."""
+
+    report: SolverReport
+    index: int
+
+
+def equilibria(task: Task, first: SolverReport, most: int) -> Iterator[Equilibrium]:
+    """The solution in the system, and others, so many at most, each in the system in its turn.
+
+    ``first`` is the report of the solution in the system.  Collective.  Raises InputError as
+    :func:`require_map`.
+    """
+    require_map(task)
+    search = Equilibria(task)
+    try:
+        vectors = search.map.vectors
+        known, counts = vectors.in_force(), search.counts
+        with task.system.preserved():
+            search.map(known)
+            index = search.index()
+        yield Equilibrium(first, index)
+        for bounds in itertools.islice(search.others(known), most - 1):
+            before = replace(counts)
+            found = search.enter(bounds)
+            own = Counts(counts.tangents - before.tangents, counts.linear - before.linear)
+            task.monitor.counted(own.tangents, own.updates)
+            with task.system.preserved():
+                index = search.index()
+            stages = [stage_of(task.target.penalty, own.tangents)]
+            yield Equilibrium(SolverReport.solved(found, own, stages=stages), index)
+    finally:
+        search.destroy()

@@ -1,0 +1,132 @@
+"""Admissible tractions on Gamma_C from the forces of a solution, and their work.
+
+A traction ``-p nu + q`` is admissible if ``p >= 0`` and ``|q| <= G``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.parallel import on_any_rank
+from contact_locking.results.derived import ContactFields
+from contact_locking.theory.guaranteed.facet_polynomials import (
+    absolute_integral,
+    control_values,
+    legendre_moments,
+    product_integral,
+)
+from contact_locking.theory.guaranteed.triangles import Triangles
+
+# Normals of one facet that differ by more do so by more than rounding.
+_ROUNDING = 1e-10
+
+
+@dataclass(frozen=True)
+class ContactTractions:
+    """The traction of one contact on the m facets of this rank, by control values.
+
+    ``cells`` (m,) and ``sides`` (m,) say which side of which triangle each facet is.  ``normal``
+    (m, 2) is the contact normal, ``gap``, ``pressure`` and ``bound`` are (m, r + 1), and ``along``
+    (m, r + 1) is the friction traction along the tangent ``(-nu_2, nu_1)``.  ``fixed`` (m, r + 1)
+    marks the held nodes.
+    """
+
+    fields: ContactFields
+    cells: IntArray
+    sides: IntArray
+    nodes: IndexArray
+    lengths: FloatArray
+    normal: FloatArray
+    gap: FloatArray
+    pressure: FloatArray
+    along: FloatArray
+    bound: FloatArray
+    fixed: BoolArray
+
+    @property
+    def tangent(self) -> FloatArray:
+        return np.column_stack([-self.normal[:, 1], self.normal[:, 0]])
+
+    def split(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """``u_nu`` and ``u_tau`` as control values (m, r + 1), from values at all nodes (k, 2)."""
+        values = u[self.nodes]
+        along = (np.einsum("mri,mi->mr", values, unit) for unit in (self.normal, self.tangent))
+        normal, tangent = map(control_values, along)
+        return normal, tangent
+
+    def moments(self, degree: int) -> FloatArray:
+        """The moments (m, k + 1, 2) of the traction along the facets of the cells."""
+        rubbing = self.along[:, :, None] * self.tangent[:, None]
+        vectors = rubbing - self.pressure[:, :, None] * self.normal[:, None]
+        return self.lengths[:, None, None] * legendre_moments(vectors, degree)
+
+    def work(self, normal: FloatArray, tangent: FloatArray, gap: FloatArray) -> FloatArray:
+        """``int p (g - w_nu) + G |w_tau| + q . w_tau`` over each facet (m,) of this rank.
+
+        All arguments are control values.  Every term is non-negative for an admissible w.
+        """
+        opening = product_integral(self.pressure, gap - normal)
+        friction = absolute_integral(self.bound, tangent) + product_integral(self.along, tangent)
+        return np.asarray(self.lengths * (opening + friction))
+
+
+def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTractions:
+    """The traction of a solution, made admissible at the control points; collective.
+
+    Raises NotApplicable where the contact normal changes along a facet: then no polynomial traction
+    without friction is normal to the foundation everywhere.
+    """
+    surface, contact = fields.surface, fields.contact
+    cells, sides = triangles.sides_on(surface.facets)
+    dofmap = surface.scalar_space.dofmap
+    layout = dofmap.dof_layout
+    closures = np.array([layout.entity_closure_dofs(1, side) for side in range(3)])
+    # The closure lists both ends before the inner nodes.
+    order = [0, *range(2, closures.shape[1]), 1]
+    nodes = dofmap.list[cells[:, None], closures[sides][:, order]]
+    normals = contact.normal.x.array.reshape(-1, 2)[nodes]
+    turning = np.abs(normals - normals[:, :1]) > _ROUNDING
+    if on_any_rank(surface.domain.comm, turning):
+        raise NotApplicable("the contact normal changes along a facet")
+
+    # Values that the laws limit are control values, unless the element limits nodal values.
+    controls = control_values if surface.limited.are_nodal else np.asarray
+
+    def of(values: FloatArray) -> FloatArray:
+        return controls(surface.scalar_function(values).x.array[nodes])
+
+    fixed = surface.scalar_function((~contact.free).astype(float)).x.array[nodes] > 0.5
+    normal = normals[:, 0]
+    tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
+    friction = surface.vector_function(fields.traction).x.array.reshape(-1, 2)
+    along = controls(np.einsum("mri,mi->mr", friction[nodes], tangent))
+    bound = np.maximum(of(fields.bound), 0.0)
+    return ContactTractions(
+        fields,
+        cells,
+        sides,
+        nodes,
+        triangles.lengths[cells, sides],
+        normal,
+        controls(contact.gap.x.array[nodes]),
+        np.maximum(_continued(of(fields.pressure), fixed), 0.0),
+        np.clip(_continued(along, fixed), -bound, bound),
+        bound,
+        fixed,
+    )
+
+
+def _continued(values: FloatArray, fixed: BoolArray) -> FloatArray:
+    """Give the fixed control points (m, r + 1) at one end of a facet the value of the other end.
+
+    At held nodes the solution has no contact forces, whatever the forces beside them.
+    """
+    values = values.copy()
+    for first, last in ((0, -1), (-1, 0)):
+        alone = fixed[:, first] & ~fixed[:, last]
+        values[alone, first] = values[alone, last]
+    return values

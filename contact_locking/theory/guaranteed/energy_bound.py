@@ -1,0 +1,231 @@
+"""A proved upper bound of the energy norm of the whole error, for the frozen friction bound.
+
+The problem of the bound, its proof and all choices are in docs/certificate.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from scipy.optimize import minimize_scalar
+
+from contact_locking.arrays import BoolArray, FloatArray, flattened
+from contact_locking.certificate.elliptic import Lifting, NotApplicable, require_still_foundations
+from contact_locking.certificate.penalty_error import admissible_neighbour, energy_distance
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.parallel import maximum, on_any_rank
+from contact_locking.theory.guaranteed.body import Body, Elasticity, Gap
+from contact_locking.theory.guaranteed.boundary_conditions import (
+    held_components,
+    require_exact_gaps,
+    require_straight_triangles,
+)
+from contact_locking.theory.guaranteed.contact_tractions import (
+    ContactTractions,
+    contact_tractions,
+)
+from contact_locking.theory.guaranteed.data_oscillation import BalancedLoads, balanced_loads
+from contact_locking.theory.guaranteed.floating import forces_in_balance
+from contact_locking.theory.guaranteed.macro_element import (
+    MacroElement,
+    lagrange,
+    lattice,
+    macro_element,
+)
+from contact_locking.theory.guaranteed.triangles import Triangles
+
+# Singular values of the reference element below this share are zero.
+_RANK = 1e-10
+
+
+def finer_stress(
+    stress: FloatArray,
+    coarse: BalancedLoads,
+    fine: BalancedLoads,
+    held: BoolArray,
+    cells: Triangles,
+) -> tuple[FloatArray, MacroElement]:
+    """A stress that balances the loads ``fine`` of degree k + 1, and its element.
+
+    ``stress`` (n, 3, m, 3) balances the loads ``coarse`` of degree k, and ``held`` (n, 3, 2) marks
+    the components that are prescribed on a facet.  The rest of the loads does no work along rigid
+    motions of a triangle.  A stress on this triangle alone, with no traction on the inner facets,
+    can therefore balance the rest.  Of all stresses in a triangle that balance the
+    difference, the result has the least coefficients in the reference triangle.
+    """
+    low = macro_element(coarse.moments.shape[2] - 1)
+    high = macro_element(low.degree + 1)
+    raised = np.einsum("pq,ntqa->ntpa", lagrange(low.degree, lattice(high.degree)), stress)
+    at = lagrange(low.degree - 1, lattice(low.degree))
+    body = fine.body - np.einsum("lk,ntkd->ntld", at, coarse.body)
+    moments = np.where(held[:, :, None], 0.0, fine.moments)
+    moments[:, :, : low.degree + 1] = 0.0
+    back = np.swapaxes(np.linalg.inv(cells.maps), 1, 2)
+    wanted = flattened(-flattened(body, kept=1) @ back)
+    tractions = flattened(moments, kept=1) @ back / (2.0 * cells.areas[:, None, None])
+    rest = flattened(tractions) - wanted @ high.lift_moments.reshape(len(high.lifts), -1)
+    table = high.moments.reshape(len(high.basis), -1)
+    chosen = rest @ np.linalg.pinv(table, rcond=_RANK)
+    own = wanted @ high.lifts.reshape(len(high.lifts), -1)
+    own += chosen @ high.basis.reshape(len(high.basis), -1)
+    return raised + cells.moved(own.reshape(raised.shape)), high
+
+
+# The share of M, and of the displacements of the mean strain, by which a solution of the inequality
+# may exceed its limits: the tolerance of the solver.
+_TOLERANCE = 1e-6
+_PROVED = (
+    "proved for this friction bound kept fixed, on the polygon of the mesh, with a material that "
+    "is constant in each cell; up to rounding and the tolerance of the solver"
+)
+
+
+@dataclass(frozen=True)
+class FrozenBound:
+    """A bound for the friction bound kept fixed, and what it comes from.
+
+    ``energy_norm`` bounds ``sqrt(a(u - u_h, u - u_h))``, and ``stress`` the distance of the stress
+    s to that of u in the norm of A^-1 where the body does not lock, with the oscillation of the
+    loads.  ``squares`` (n,) are the contributions of the owned cells, ``contacts`` have the
+    tractions of s, and ``elasticity`` is A.
+    """
+
+    energy_norm: float
+    stress: float
+    squares: FloatArray
+    contacts: list[ContactTractions]
+    elasticity: Elasticity
+
+
+def guaranteed_error(
+    state: SolvedState, lifting: Lifting
+) -> tuple[dict[str, Any], FrozenBound | None]:
+    """``energy_norm``, a bound of ``sqrt(a(u - u_h, u - u_h))``, and ``relative``; collective.
+
+    ``relative`` is the bound over the energy norm of u_h.  ``applicable`` says whether the bound is
+    proved, and ``reason`` says of which problem; without a bound, both numbers are None and
+    ``reason`` says why, and the second value is None.  Takes up to
+    ten linear solves with about six times the unknowns of the displacement, one where nothing
+    limits the strain, and for a finite penalty the lift of ``penalty_error``.
+    """
+    try:
+        found = _bound(state, lifting)
+    except NotApplicable as failure:
+        none = dict.fromkeys(("relative", "energy_norm"))
+        return {**none, "applicable": False, "reason": f"not applicable: {failure}"}, None
+    return {
+        "relative": state.relative(found.energy_norm),
+        "energy_norm": found.energy_norm,
+        "applicable": True,
+        "reason": _PROVED,
+    }, found
+
+
+def _bound(state: SolvedState, lifting: Lifting) -> FrozenBound:
+    """The bound, with the gaps of cells and of their facets on Gamma_C as squares; collective."""
+    _require_applicable(state)
+    problem, triangles = state.problem, Triangles(state.problem.domain)
+    element = macro_element(problem.element.degree)
+    held = held_components(state, triangles)
+    loads = balanced_loads(problem.data, triangles, element)
+    contacts = [contact_tractions(fields, triangles) for fields in state.contacts]
+    require_exact_gaps(state, triangles, contacts)
+    forces, contacts = forces_in_balance(problem, triangles, element, held, loads, contacts)
+    body = Body(state, triangles, element)
+    w, apart = _admissible(state, lifting, body, contacts)
+    balanced = body.balanced(forces, w)
+    stress, bars = balanced.stress, balanced.bars
+    if maximum(state.comm, loads.body_rest) > 0.0 or maximum(state.comm, loads.rest) > 0.0:
+        finer = balanced_loads(problem.data, triangles, macro_element(element.degree + 1))
+        stress, element = finer_stress(stress, loads, finer, held, triangles)
+        loads = finer
+    gap = body.gap(stress, w, element)
+    squares = gap.values.copy()
+    along = bars.along(body.strains(w, body.element))
+    np.add.at(squares, bars.cells, bars.gap(balanced.forces, along))
+    nodal = w.x.array.reshape(-1, 2)
+    for contact in contacts:
+        normal, tangent = contact.split(nodal)
+        work = contact.work(normal, tangent, np.maximum(contact.gap, normal))
+        np.add.at(squares, contact.cells, work)
+    square = max(state.sum(squares), 0.0)
+    share, most = _sharpened(state, gap, square)
+    # The load of a component that is prescribed does no work.
+    loads.rest[held.all(axis=2)] = 0.0
+    oscillation = loads.oscillation(triangles) ** 2 / body.elasticity.eigenvalues[:, 0]
+    rough = np.sqrt(state.sum(oscillation))
+    bound = share * rough + np.sqrt((share * rough) ** 2 + most) + apart
+    stress = rough + np.sqrt(rough**2 + 2.0 * square)
+    shares = np.maximum(squares, 0.0) + oscillation
+    return FrozenBound(float(bound), float(stress), shares, contacts, body.elasticity)
+
+
+def _sharpened(state: SolvedState, gap: Gap, square: float) -> tuple[float, float]:
+    """The t in (1/2, 1], and ``2 t eta^2 + sum t (1 - t) a b d^2/(t b - (1 - t) a)``; collective.
+
+    For every t this number bounds ``x^2 - 2 t o x``, where x is the energy norm of u - w, and o the
+    oscillation.  a are the eigenvalues of A, b those of A + zeta, and d the differences
+    ``eps(w) - (A + zeta)^-1 s``.  The number is ``2 eta^2`` for t = 1, and less for a smaller t
+    where eta^2 consists of the slack of locking and contact.
+    """
+
+    def value(t: float) -> float:
+        rest = 1.0 - t
+        bottom = t * gap.stiffened - rest * gap.elastic
+        local = np.sum(gap.apart * gap.elastic * gap.stiffened / bottom)
+        return 2.0 * t * square + t * rest * float(state.comm.allreduce(float(local)))
+
+    found = minimize_scalar(value, bounds=(0.5, 1.0), method="bounded", options={"xatol": 1e-3})
+    return min([(float(found.x), float(found.fun)), (1.0, 2.0 * square)], key=lambda pair: pair[1])
+
+
+def _require_applicable(state: SolvedState) -> None:
+    problem = state.problem
+    require_straight_triangles(state)
+    if not state.report.converged:
+        raise NotApplicable("the solve did not converge")
+    require_still_foundations(state)
+    if problem.data.own_energy is not None:
+        raise NotApplicable("no proof covers the user's own energy")
+    if problem.data.eigenstrain is not None:
+        raise NotApplicable("no proof covers an eigenstrain")
+    if problem.data.springs:
+        raise NotApplicable("no proof covers springs on the boundary")
+    memories = [contact.references for contact in problem.contacts]
+    if on_any_rank(state.comm, any(bool(np.any(values)) for values in memories)):
+        if any(contact.foundation.moves for contact in problem.contacts):
+            raise NotApplicable("friction counts the slip on a tool that moves")
+        raise NotApplicable("friction counts the slip from an earlier step")
+    if not problem.data.only_ball:
+        raise NotApplicable("the proof is not for other sets of strains than the ball |eps| <= M")
+
+
+def _admissible(
+    state: SolvedState, lifting: Lifting, body: Body, contacts: list[ContactTractions]
+) -> tuple[fem.Function, float]:
+    """An admissible field w and ``sqrt(a(w - u_h, w - u_h))``; collective.
+
+    A solution of the inequality may exceed M and the gap by the tolerance of the solver.  The bound
+    is then that of the problem with M and the gap enlarged by what w exceeds them.  Raises
+    NotApplicable if no admissible field is found.
+    """
+    w, apart = state.problem.u, 0.0
+    if not state.target.penalty.is_inequality or body.excess(w) > _TOLERANCE:
+        w = admissible_neighbour(state, lifting)
+        apart = energy_distance(state, w)
+    # With limits at Gauss points the strain keeps the limit at these points alone.
+    if (excess := body.excess(w)) > _TOLERANCE:
+        raise NotApplicable(
+            f"the strain exceeds the limit by {100.0 * excess:.2g} % between the points with the "
+            "limit; take discretisation.limit_at: vertices"
+        )
+    local = 0.0
+    for contact in contacts:
+        normal = contact.split(w.x.array.reshape(-1, 2))[0]
+        local = max(local, float((normal - contact.gap).max(initial=0.0)))
+    if maximum(state.comm, local) > _TOLERANCE * state.mean_strain * state.target.length:
+        raise NotApplicable("the displacement enters the foundation between the nodes")
+    return w, apart

@@ -1,0 +1,255 @@
+"""The stress with the least complementary energy, by hybridisation.
+
+On each triangle the stresses have the given divergence exactly.  Lagrange multipliers on the facets
+make the traction continuous and give it the prescribed values on the boundary:
+
+    sum_K N_K H_K^-1 N_K^T L = t - sum_K (n_K + N_K H_K^-1 r_K),
+
+where H_K is the matrix of ``int C s : s``, and N_K maps the coefficients of the divergence-free
+stresses of K to the moments of their tractions.  The matrix is symmetric and positive definite.
+Bars in the boundary add unknowns at the vertices that balance the forces of bars that meet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import la
+from petsc4py import PETSc
+
+from contact_locking.arrays import BoolArray, FloatArray, flattened
+from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.errors import raise_callback_error
+from contact_locking.mesh.rank_sums import marked
+from contact_locking.parallel import maximum
+from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
+from contact_locking.theory.guaranteed.bars import Bars
+from contact_locking.theory.guaranteed.macro_element import MacroElement
+from contact_locking.theory.guaranteed.triangles import Triangles
+
+# A prefix of its own: the options for the nonlinear solve do not concern these solves.
+_PREFIX = "contact_locking_stress_"
+_RTOL = 1e-12
+#: The largest relative jump of tractions that counts as rounding.
+LARGEST_JUMP = 1e-8
+
+
+@dataclass(frozen=True)
+class Forces:
+    """The forces that the stresses of n triangles balance.
+
+    ``held`` (n, 3, 2) marks the components with prescribed displacements, where the traction is
+    free.  ``body`` (n, 3, l, 2) is the body force, and ``moments`` (n, 3, k + 1, 2) are the moments
+    of the prescribed tractions along the directions that all ranks give to the facets.  ``springs``
+    (n, 3, b, b), for blocks of b = 2 (k + 1) multipliers, fix the rigid motions that no
+    displacement condition holds.
+    """
+
+    held: BoolArray
+    body: FloatArray
+    moments: FloatArray
+    springs: FloatArray
+
+
+class HybridSystem:
+    """The hybrid system of a mesh with given forces; collective.
+
+    :meth:`solve` may be called for several compliances.
+    """
+
+    def __init__(
+        self, triangles: Triangles, element: MacroElement, forces: Forces, bars: Bars, linear: str
+    ) -> None:
+        self._triangles, self._element, self._bars = triangles, element, bars
+        self._springs, self._linear = forces.springs, linear
+        powers, maps, n = np.arange(element.degree + 1), triangles.maps, len(triangles.areas)
+        # Of a reference traction: the factor |F| of the traction, and the direction of the facet.
+        factors = triangles.signs[:, :, None] ** powers * 2.0 * triangles.areas[:, None, None]
+        held = np.repeat(forces.held[:, :, None], len(powers), axis=2)
+        basis = np.einsum("nij,cfkj->nfkic", maps, element.moments, optimize=True)
+        tractions = np.where(held[..., None], 0.0, basis * factors[..., None, None])
+        self._block = 2 * len(powers)
+        self._tractions = tractions.reshape(n, 3 * self._block, len(element.basis))
+        self._held = flattened(held)
+        # s = F r F^T has the divergence F div r.
+        wanted = flattened(np.einsum("nij,ntlj->ntli", np.linalg.inv(maps), -forces.body))
+        lifted = wanted @ element.lifts.reshape(wanted.shape[1], -1)
+        self._lifted = triangles.moved(lifted.reshape(n, *element.basis.shape[1:]))
+        lifted = wanted @ element.lift_moments.reshape(wanted.shape[1], -1)
+        lifted = np.einsum("nij,nfkj->nfki", maps, lifted.reshape(n, *element.moments.shape[1:]))
+        self._of_lift = flattened(lifted * factors[..., None])
+        self._wanted = flattened(forces.moments)
+        self._number()
+
+    def solve(
+        self, compliance: FloatArray, strains: FloatArray, stiffening: FloatArray
+    ) -> tuple[FloatArray, FloatArray, float]:
+        """The stress s that minimises ``int C s : s/2 - eps : s``, with forces of bars; collective.
+
+        ``compliance`` (n, 3, 4, 3, 3) is C in the quarters of each part, as a Mandel matrix, and
+        ``strains`` (n, 3, m, 3) is eps.  ``stiffening`` (b, 2) is zeta of the bars.  Returns s (n,
+        3, m, 3), the forces (b, k + 2), and what is left of the balance of the moments, relative to
+        the largest moment.  Raises NotApplicable if the linear solver fails.
+        """
+        element, triangles, bars = self._element, self._triangles, self._bars
+        areas, count = triangles.areas / 3.0, len(element.basis)
+        pull = element.mass @ strains
+        for share, part in zip(element.quarters, np.moveaxis(compliance, 2, 0), strict=True):
+            pull -= share @ self._lifted @ part
+        pull = (flattened(pull, kept=1) @ triangles.transforms) * areas[:, None, None]
+        forces = flattened(pull) @ element.basis.reshape(count, -1).T
+        right = np.concatenate([forces[:, :, None], np.swapaxes(self._tractions, 1, 2)], axis=2)
+        solved = np.linalg.solve(self._stiffness(compliance), right)
+        local = self._tractions @ solved
+        given = self._wanted - self._of_lift - local[:, :, 0]
+        given[self._held] = 0.0
+        stretched = bars.solved(stiffening, bars.along(strains))
+        pulled = bars.constraints @ stretched
+        with self._factored(local[:, :, 1:], pulled[:, :, 1:]) as multipliers:
+            at_cells, at_bars = multipliers(given, -pulled[:, :, 0])
+        coefficients = solved[:, :, 0] + np.einsum("ncb,nb->nc", solved[:, :, 1:], at_cells)
+        tension = stretched[:, :, 0] + np.einsum("mcb,mb->mc", stretched[:, :, 1:], at_bars)
+        moments = self._of_lift + np.einsum("nbc,nc->nb", self._tractions, coefficients)
+        jump = self._jump(moments, np.einsum("mbc,mc->mb", bars.constraints, tension))
+        stress = (coefficients @ element.basis.reshape(count, -1)).reshape(strains.shape)
+        return self._lifted + triangles.moved(stress), tension, jump
+
+    @contextmanager
+    def traces(self, compliance: FloatArray) -> Iterator[Callable[[FloatArray], FloatArray]]:
+        """A function from prescribed moments m to L (n, 3, k + 1, 2), with no bars; collective.
+
+        L are the multipliers of the stress s without divergence that has the moments and minimises
+        ``int C s : s``.  This integral is the sum of L m, and L is the trace of a displacement, of
+        which C s is the strain, weakly.
+        """
+        solved = np.linalg.solve(self._stiffness(compliance), np.swapaxes(self._tractions, 1, 2))
+        local = self._tractions @ solved
+        with self._factored(local, local[:0]) as multipliers:
+
+            def apply(moments: FloatArray) -> FloatArray:
+                given = np.where(self._held, 0.0, flattened(moments))
+                return multipliers(given, given[:0])[0].reshape(moments.shape)
+
+            yield apply
+
+    def _stiffness(self, compliance: FloatArray) -> FloatArray:
+        """``H_K = |K|/3 sum_tsab (P^T C P)_tsab G_tsab`` over the quarters s of the parts t."""
+        element, count = self._element, len(self._element.basis)
+        transforms = self._triangles.transforms[:, None, None]
+        gram = np.einsum("itpa,spq,jtqb->tsabij", element.basis, element.quarters, element.basis)
+        inner = np.swapaxes(transforms, 3, 4) @ compliance @ transforms
+        inner *= self._triangles.areas[:, None, None, None, None] / 3.0
+        return (flattened(inner) @ gram.reshape(-1, count**2)).reshape(-1, count, count)
+
+    def _number(self) -> None:
+        """Number the blocks of unknowns: on each rank those of facets before those of vertices."""
+        comm, bars, triangles = self._triangles.domain.comm, self._bars, self._triangles
+        facets, vertices = triangles.facet_map, triangles.vertex_map
+        tied = np.flatnonzero(marked(vertices, bars.vertices[bars.tied]))
+        mine, others = tied[tied < vertices.size_local], tied[tied >= vertices.size_local]
+        first, self._of_vertices = facets.size_local, len(mine)
+        self._owned = first + len(mine)
+        start = comm.exscan(self._owned) or 0
+        at_facets, at_vertices = la.vector(facets, 1), la.vector(vertices, 1)
+        at_facets.array[:first] = start + np.arange(first)
+        at_vertices.array[mine] = start + np.arange(first, self._owned)
+        for numbers in (at_facets, at_vertices):
+            numbers.scatter_forward()
+        ghosts = np.concatenate([at_facets.array[first:], at_vertices.array[others]])
+        self._ghosts = ghosts.astype(PETSc.IntType)
+        # On each rank the ghosts come last.
+        of_facets = np.arange(len(at_facets.array), dtype=PETSc.IntType)
+        of_facets[first:] += len(mine)
+        of_vertices = np.zeros(len(at_vertices.array), dtype=PETSc.IntType)
+        of_vertices[mine] = np.arange(first, self._owned)
+        of_vertices[others] = len(of_facets) + len(mine) + np.arange(len(others))
+        self._of_cells = of_facets[triangles.facets]
+        # Ends that are not tied have no entries; they take the place of the facet.
+        here = of_facets[triangles.facets[bars.cells, bars.sides]]
+        ends = np.where(bars.tied, of_vertices[bars.vertices], here[:, None])
+        self._of_bars = np.column_stack([here, ends])
+        blocks = np.concatenate([self._of_cells, self._of_bars])
+        self._places = (blocks[:, :, None] * self._block + np.arange(self._block)).reshape(-1)
+
+    def _vector(self) -> PETSc.Vec:
+        """A vector of the unknowns with ghosts; collective."""
+        comm, size = self._triangles.domain.comm, (self._owned * self._block, None)
+        return PETSc.Vec().createGhost(self._ghosts, size, self._block, comm)
+
+    @contextmanager
+    def _factored(
+        self, blocks: FloatArray, of_bars: FloatArray
+    ) -> Iterator[Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]]:
+        """A function from what is given to the multipliers, which it factorises once; collective.
+
+        Both are (n, 3 b) of the triangles and (m, 3 b) of the bars.
+        """
+        b, x = self._vector(), self._vector()
+        matrix = self._matrix(b, blocks, of_bars)
+        comm = self._triangles.domain.comm
+        options = default_options(self._linear, 2, matrix.getSize()[0], comm)
+        ksp = create_ksp(comm, options | {"ksp_rtol": _RTOL}, prefix=_PREFIX)
+
+        def solve(given: FloatArray, at_bars: FloatArray) -> tuple[FloatArray, FloatArray]:
+            self._sum(b, given, at_bars)
+            ksp.solve(b, x)
+            x.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
+            with x.localForm() as local:
+                found = local.array_r[self._places].reshape(-1, 3 * self._block)
+            return found[: len(given)], found[len(given) :]
+
+        try:
+            ksp.setOperators(matrix)
+            yield solve
+        except PETSc.Error as error:
+            raise_callback_error(error)
+            raise NotApplicable("the linear solve for the stress failed") from error
+        finally:
+            destroy_ksp(ksp)
+            for item in (b, x, matrix):
+                item.destroy()
+
+    def _matrix(self, vector: PETSc.Vec, blocks: FloatArray, of_bars: FloatArray) -> PETSc.Mat:
+        """The matrix from its blocks (n, 3 b, 3 b) and (m, 3 b, 3 b); collective."""
+        size, add = self._block, PETSc.InsertMode.ADD_VALUES
+        values = np.array(blocks)
+        for facet in range(3):
+            place = slice(facet * size, (facet + 1) * size)
+            values[:, place, place] += self._springs[:, facet]
+        cells, rows = np.nonzero(self._held)
+        values[cells, rows, rows] = 1.0
+        matrix = PETSc.Mat().create(vector.getComm())
+        matrix.setSizes((vector.getSizes(),) * 2, bsize=size)
+        matrix.setType(PETSc.Mat.Type.AIJ)
+        # A facet is coupled to itself and to four others: of its triangles, or of bars.
+        matrix.setPreallocationNNZ((5 * size, 4 * size))
+        matrix.setLGMap(vector.getLGMap())
+        matrix.setValuesBlockedLocalRCV(self._of_cells, self._of_cells, values, addv=add)
+        matrix.setValuesBlockedLocalRCV(self._of_bars, self._of_bars, of_bars, addv=add)
+        # A vertex has one unknown of a block.
+        start, end = vector.getOwnershipRange()
+        for row in range(end - self._of_vertices * size, end):
+            if (row - start) % size:
+                matrix.setValue(row, row, 1.0, addv=add)
+        matrix.assemble()
+        matrix.setOption(PETSc.Mat.Option.SPD, True)
+        return matrix
+
+    def _sum(self, vector: PETSc.Vec, values: FloatArray, of_bars: FloatArray) -> None:
+        """Set a vector to the sums of values (n, 3 b) and (m, 3 b) at the unknowns; collective."""
+        every = np.concatenate([values, of_bars]).reshape(-1)
+        with vector.localForm() as local:
+            local.array_w[:] = np.bincount(self._places, every, local.getSize())
+        vector.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
+
+    def _jump(self, moments: FloatArray, of_bars: FloatArray) -> float:
+        """What is left of the balance of the moments, over the largest moment; collective."""
+        sums = self._vector()
+        self._sum(sums, np.where(self._held, 0.0, moments - self._wanted), of_bars)
+        jump = float(sums.norm(PETSc.NormType.INFINITY))
+        sums.destroy()
+        largest = maximum(self._triangles.domain.comm, np.abs(moments))
+        return jump / largest if largest > 0.0 else 0.0

@@ -1,0 +1,197 @@
+"""The snapshot of a solution, gathered on rank 0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from scipy.spatial import cKDTree
+
+from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.fem import compiled
+from contact_locking.fem.trace import facet_places
+from contact_locking.laws.elasticity import strain
+from contact_locking.mesh.cell_kind import CellKind
+from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.lagrange import lagrange
+from contact_locking.results.contact_points import contact_name
+from contact_locking.results.solution import StudySolution
+from contact_locking.view.pictures.snapshot import ContactMap, Snapshot, drawn_tool
+
+# Nodes of a cell of degree 2: first the corners, then the middles of the edges in the order of
+# DOLFINx.  The pieces at the corners come first, in the order of the corners.  The octahedron
+# between the corners of a tetrahedron is divided along a line between opposite edges, 4 and 9.
+_QUADRATIC = {
+    2: ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5)),
+    3: (
+        *((0, 9, 8, 7), (1, 9, 6, 5), (2, 8, 6, 4), (3, 7, 5, 4)),
+        *((4, 9, 5, 6), (4, 9, 6, 8), (4, 9, 8, 7), (4, 9, 7, 5)),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """The pieces (p, d + 1) of a cell, by the numbers of the element's nodes in a cell."""
+
+    nodes: IntArray
+    of_simplex: bool = True
+
+    @classmethod
+    def of(cls, kind: CellKind, degree: int) -> Pieces:
+        """The pieces for displacements of degree 1 or 2 in cells of a kind."""
+        if degree == 1:
+            return cls(np.array(kind.simplices, dtype=np.int64), kind.is_simplex)
+        if kind.is_simplex:
+            return cls(np.array(_QUADRATIC[kind.dim], dtype=np.int64))
+        return cls(kind.split(_small_boxes(kind)), False)
+
+    def facets_within(self, nodes: set[int]) -> tuple[list[int], list[IntArray]]:
+        """The facets of pieces whose nodes are all among ``nodes``: the pieces, and the facets."""
+        owners, facets = [], []
+        for number, piece in enumerate(self.nodes):
+            for left_out in range(self.nodes.shape[1]):
+                facet = np.delete(piece, left_out)
+                if nodes.issuperset(facet):
+                    owners.append(number)
+                    facets.append(facet)
+        return owners, facets
+
+    def strain_norm(self, solution: StudySolution) -> FloatArray:
+        """|eps(u)| (k,) at the midpoints of the pieces of owned cells; collective.
+
+        For an axisymmetric body, in boxes, and for elastic strains these are the values of
+        :meth:`at_points`.
+        """
+        total = solution.limits_of == "total"
+        is_affine = self.of_simplex and not solution.domain.axisymmetric and total
+        if len(self.nodes) == 1 or not is_affine:
+            return self.at_points(solution.strain_norm)
+        domain, eps = solution.domain, strain(solution.displacement)
+        midpoints = lagrange(domain.kind.name, 2).points[self.nodes].mean(axis=1)
+        norm = compiled.expression(ufl.sqrt(ufl.inner(eps, eps)), midpoints)
+        owned = np.arange(domain.mesh.topology.index_map(domain.dim).size_local, dtype=np.int32)
+        return np.asarray(norm.eval(domain.mesh, owned)).reshape(-1)
+
+    def at_points(self, function: fem.Function) -> FloatArray:
+        """The values (k,) of a scalar in the space of strains for the pieces of owned cells.
+
+        A piece at a corner of the cell has the value of the point beside the corner, a piece in the
+        middle the mean of all points.  A piece of a box has the mean of the points beside its
+        corners.
+        """
+        topology = function.function_space.mesh.topology
+        owned = topology.index_map(topology.dim).size_local
+        values = function.x.array[function.function_space.dofmap.list[:owned]]
+        if not self.of_simplex:
+            return np.asarray(values[:, self.nodes].mean(axis=2).reshape(-1))
+        corners = self.nodes.shape[1]
+        if len(self.nodes) == 1:
+            return np.asarray(values[:, 0])
+        middle = np.repeat(values.mean(axis=1)[:, None], len(self.nodes) - corners, axis=1)
+        beside = np.broadcast_to(values, (len(values), corners))
+        return np.hstack([beside, middle]).reshape(-1)
+
+
+def _small_boxes(kind: CellKind) -> IntArray:
+    """The 2^d boxes (2^d, c) between the nodes of a box of degree 2, by the numbers of nodes."""
+    steps = np.rint(2.0 * lagrange(kind.name, 2).points).astype(int)
+    number = {tuple(step): place for place, step in enumerate(steps)}
+    corners = np.rint(kind.places).astype(int)
+    return np.array([[number[tuple(low + step)] for step in corners] for low in corners])
+
+
+def gather(solution: StudySolution) -> Snapshot | None:
+    """The snapshot on rank 0, None elsewhere; collective.
+
+    Each rank sends the nodes and the pieces of cells that it owns.  A global number is therefore a
+    place in the arrays that the ranks make up together.  A cell of degree 1 is one piece.  The
+    nodes of a cell of degree 2 divide the cell into pieces with straight sides.
+    """
+    domain, u = solution.domain, solution.displacement
+    dim, comm, dofmap = domain.dim, domain.comm, u.function_space.dofmap
+    node_map, cell_map = dofmap.index_map, domain.mesh.topology.index_map(dim)
+    nodes, cells = node_map.size_local, cell_map.size_local
+    pieces = Pieces.of(domain.kind, solution.element.degree)
+    facet_cells, facet_pieces, facet_nodes = _boundary(domain, u.function_space, pieces)
+
+    def whole(local: Any) -> Any:
+        parts = comm.gather(local)
+        return None if parts is None else np.concatenate(parts)
+
+    x = whole(u.function_space.tabulate_dof_coordinates()[:nodes, :dim])
+    displacement = whole(u.x.array.reshape(-1, dim)[:nodes])
+    nodal = [(whole(one.surface.points), whole(one.smoothed_stress)) for one in solution.contacts]
+    piece_nodes = dofmap.list[:cells][:, pieces.nodes].reshape(-1, dim + 1)
+    all_pieces = whole(_numbers(node_map, piece_nodes))
+    boundary = whole(_numbers(node_map, facet_nodes))
+    boundary_piece = whole(_numbers(cell_map, facet_cells) * len(pieces.nodes) + facet_pieces)
+    strain = whole(pieces.strain_norm(solution))
+    limit = whole(pieces.at_points(solution.locking_limit))
+    locked = whole(pieces.at_points(solution.locked))
+    points, facets = solution.contact_points, solution.contact_facets
+    if points is None or facets is None:
+        return None
+    vertex = _nearest(points.x, x)
+    # At a node of two contacts each has a smoothed stress of its own.
+    pairs = zip(points.parts(), nodal, strict=True)
+    smoothed = [values[_nearest(part.x, places)] for part, (places, values) in pairs]
+    numbers = np.unique(points.contact)
+    names = tuple(contact_name(solution.summary, int(number)) for number in numbers)
+    return Snapshot(
+        x=x,
+        displacement=displacement,
+        cells=all_pieces,
+        boundary=boundary,
+        boundary_cell=boundary_piece,
+        strain_norm=strain,
+        locking_limit=limit,
+        locked=locked >= 0.5,
+        contact=ContactMap(
+            points,
+            facets,
+            vertex,
+            np.concatenate([np.empty(0), *smoothed]),
+            names,
+            tuple(drawn_tool(solution.contacts[number].outline, x) for number in numbers),
+            tuple(solution.contacts[number].surface.jump is not None for number in numbers),
+        ),
+        title=solution.parameters.title,
+        dofs=solution.summary["dofs"],
+        locked_fraction=solution.summary["locked_fraction"],
+        converged=solution.converged,
+    )
+
+
+def _boundary(
+    domain: Domain, space: fem.FunctionSpace, pieces: Pieces
+) -> tuple[IntArray, IntArray, IntArray]:
+    """The pieces of owned exterior facets: cells (m,), pieces of the cell (m,), nodes (m, d).
+
+    Cells and nodes have local numbers.
+    """
+    topology, dim = domain.mesh.topology, domain.dim
+    topology.create_connectivity(dim - 1, dim)
+    facets = dmesh.exterior_facet_indices(topology)
+    cells = domain.owners(facets)
+    place, layout = facet_places(domain, facets, cells), space.dofmap.dof_layout
+    numbers = range(len(domain.kind.facets))
+    closure = [set(layout.entity_closure_dofs(dim - 1, i)) for i in numbers]
+    outer = [pieces.facets_within(nodes) for nodes in closure]
+    owners, nodes = (np.array(found) for found in zip(*outer, strict=True))
+    local = space.dofmap.list[cells[:, None, None], nodes[place]]
+    return np.repeat(cells, nodes.shape[1]), owners[place].reshape(-1), local.reshape(-1, dim)
+
+
+def _nearest(points: FloatArray, places: FloatArray) -> IntArray:
+    return np.asarray(cKDTree(places).query(points)[1], dtype=np.int64)
+
+
+def _numbers(index_map: Any, local: Any) -> IntArray:
+    """The global numbers of local numbers, in an array of the same shape."""
+    flat = np.ascontiguousarray(local, dtype=np.int32).reshape(-1)
+    return index_map.local_to_global(flat).reshape(np.shape(local))

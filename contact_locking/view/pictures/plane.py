@@ -1,0 +1,294 @@
+"""The picture of a body in two dimensions."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import TriMesh
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, PathPatch, Polygon
+from matplotlib.path import Path
+from matplotlib.tri import Triangulation
+
+from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.results.contact_points import ContactPoints
+from contact_locking.results.ordering import curves
+from contact_locking.view.pictures import style
+from contact_locking.view.pictures.snapshot import ContactMap, Snapshot, tool, touched
+from contact_locking.view.pictures.style import Look
+
+_MOST_MARKERS = 60
+# A contact whose tractions are a smaller share than this of the largest one is open.
+_UNTOUCHED = 1e-6
+
+
+def draw_tractions(
+    axes: Axes,
+    strip: Axes,
+    points: ContactPoints,
+    facets: IntArray,
+    largest: float,
+    smoothed: FloatArray | None = None,
+) -> None:
+    """Draw the tractions along a contact into ``axes``, the states into the narrow ``strip`` below.
+
+    ``largest`` is the largest traction on all of Gamma_C.  Tractions that the method leaves where
+    a contact is open are flat beside it.  ``smoothed`` (k,) is R sigma_nu.
+    """
+    lines = curves(facets)
+    positions, label = abscissa([points.x[line] for line in lines])
+    hidden, peak = "", 0.0
+    for s, line in zip(positions, lines, strict=True):
+        bound, pressure = points.bound[line], points.pressure[line]
+        friction = along(points.traction[line], points.x[line], s)
+        name = hidden + r"friction bound $\pm\mu\,|R\sigma_\nu|$"
+        axes.fill_between(s, -bound, bound, color=style.ORANGE, alpha=0.22, lw=0.0, label=name)
+        name = hidden + r"contact pressure $-\sigma_\nu$"
+        axes.plot(s, pressure, color=style.BLUE, lw=1.8, label=name)
+        if smoothed is not None:
+            look: dict[str, Any] = {"color": style.BLACK, "lw": 1.2, "ls": (0, (5, 2))}
+            name = hidden + r"smoothed $|R\sigma_\nu|$"
+            axes.plot(s, np.abs(smoothed[line]), label=name, **look)
+        look = {"color": style.VERMILION, "lw": 1.6, "ms": 2.2}
+        look["marker"] = "o" if len(s) <= _MOST_MARKERS else ""
+        axes.plot(s, friction, label=hidden + r"friction traction $\sigma_\tau$", **look)
+        _state_strip(strip, s, points.state[line])
+        peak = max(peak, *(np.abs(v).max(initial=0.0) for v in (pressure, friction, bound)))
+        # Matplotlib leaves labels that begin with an underscore out of the legend.
+        hidden = "_"
+    if peak < _UNTOUCHED * largest:
+        axes.set_ylim(-0.5 * largest, largest)
+    axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
+    axes.set_ylabel("traction")
+    style.power_beside(axes)
+    axes.tick_params(labelbottom=False)
+    axes.margins(x=0.0)
+    strip.sharex(axes)
+    strip.set_yticks([])
+    strip.set_xlabel(label, loc="left")
+    strip.set_ylabel("state", rotation=0, ha="right", va="center")
+    for side in ("left", "bottom"):
+        strip.spines[side].set_visible(False)
+    where: dict[str, Any] = {"loc": "upper right", "bbox_to_anchor": (1.0, 0.0)}
+    strip.legend(handles=style.state_patches(), borderaxespad=2.2, ncols=3, **where)
+
+
+def abscissa(lines: Sequence[FloatArray]) -> tuple[list[FloatArray], str]:
+    """The places of the points (k, 2) of each line along an axis, and the label of that axis.
+
+    The places are x, where x is monotone and lines do not overlap, otherwise y, otherwise arc
+    length.
+    """
+    for axis, name in enumerate("xy"):
+        along = [line[:, axis] for line in lines]
+        steps = [np.diff(s) for s in along]
+        if all((step > 0).all() or (step < 0).all() for step in steps) and not _overlap(along):
+            return along, f"${name}$"
+    position: list[FloatArray] = []
+    start = 0.0
+    for line in lines:
+        lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
+        position.append(start + np.concatenate([[0.0], np.cumsum(lengths)]))
+        # The next line begins after a small distance.
+        start = float(position[-1][-1] + 0.1 * lengths.sum())
+    return position, r"arc length along $\Gamma_C$"
+
+
+def along(vectors: FloatArray, x: FloatArray, s: FloatArray) -> FloatArray:
+    """The components (k,) of vectors along a curve, towards where the abscissa ``s`` grows."""
+    if len(x) < 2:
+        return np.array(vectors[:, 0])
+    tangent = np.gradient(x, axis=0)
+    length = np.linalg.norm(tangent, axis=1)
+    direction = 1.0 if s[-1] >= s[0] else -1.0
+    return direction * np.sum(vectors * tangent, axis=1) / np.where(length > 0.0, length, 1.0)
+
+
+def _overlap(along: list[FloatArray]) -> bool:
+    intervals = sorted((float(s.min()), float(s.max())) for s in along)
+    return any(b[0] < a[1] for a, b in itertools.pairwise(intervals))
+
+
+def _state_strip(axes: Axes, s: FloatArray, state: IntArray) -> None:
+    """Draw the state of each point, from the middle before to the middle after the point."""
+    middle = 0.5 * (s[1:] + s[:-1])
+    edges = np.concatenate([s[:1], middle, s[-1:]])
+    axes.pcolormesh(edges, [0.0, 1.0], state[None, :], cmap=style.STATES, vmin=-0.5, vmax=2.5)
+
+
+# Thickness of the drawn foundation and its reach beyond Gamma_C, as shares of the body's size.
+_THICKNESS, _REACH = 0.05, 0.08
+_DASHES = (0, (4, 3))
+# In inches: the widths of a picture and of a frame of an animation, the limits of the height of the
+# body, and the room for words on the left of axes, on the right of the body, above and below axes.
+_SHEET, _FRAME, _LOWEST, _HIGHEST = 7.2, 6.4, 0.8, 3.4
+_LEFT, _RIGHT, _TITLE, _BELOW, _LEGEND = 0.95, 1.15, 0.35, 0.5, 0.35
+# The heights of the tractions on a contact, of the states, and of the space between them.
+_TRACTIONS, _STATES, _BETWEEN = 1.9, 0.13, 0.13
+# The free space around the body and its tools, and how far beside the body tools are shown, as
+# shares of the size.
+_MARGIN, _BESIDE = 0.06, 0.25
+
+
+def figure(body: Snapshot) -> Figure:
+    """The deformed body, and below it a panel with the tractions along each contact."""
+    contacts, factor = body.contact.parts(), style.magnification(body)
+    width, top = _SHEET - _LEFT - _RIGHT, style.HEAD + _TITLE
+    height = _height(*_window([body], factor), width, _HIGHEST)
+    first = top + height + _BELOW + _LEGEND
+    each = _LEGEND + _TITLE + _TRACTIONS + _BETWEEN + _STATES + _BELOW
+    fig = Figure(figsize=(_SHEET, first + each * len(contacts)))
+    style.head(fig, body)
+    axes = style.panel(fig, _LEFT, top, width, height)
+    handles = _deformed(fig, axes, body, factor, style.shade(body))
+    axes.autoscale_view()
+    axes.set_title(f"Deformed body, {style.scale_words(factor)}", loc="left")
+    # A distance in font sizes leaves room for the labels at any height of the axes.
+    where: dict[str, Any] = {"bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.0}
+    axes.legend(handles=handles, loc="upper center", ncols=len(handles), **where)
+    largest = float(body.contact.points.pressure.max(initial=0.0))
+    for number, contact in enumerate(contacts):
+        top = first + number * each + _LEGEND + _TITLE
+        width = _SHEET - _LEFT - _RIGHT / 4
+        axes = style.panel(fig, _LEFT, top, width, _TRACTIONS)
+        strip = style.panel(fig, _LEFT, top + _TRACTIONS + _BETWEEN, width, _STATES)
+        draw_tractions(axes, strip, contact.points, contact.facets, largest, contact.smoothed)
+        # A name leaves the title less room beside the legend.
+        words = r"On $\Gamma_C$" if contact.names[0] else r"On the contact boundary $\Gamma_C$"
+        axes.set_title(contact.titled(words), loc="left")
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+    return fig
+
+
+def frames(bodies: Sequence[Snapshot], look: Look, titles: Sequence[str]) -> Iterator[Figure]:
+    """The pictures of an animation, all with the same limits of the axes."""
+    low, high = _window(bodies, look.factor)
+    width = _FRAME - _LEFT - _RIGHT
+    height = _height(low, high, width, _FRAME)
+    for body, shade, title in zip(bodies, look.shades, titles, strict=True):
+        fig = Figure(figsize=(_FRAME, _TITLE + height + _BELOW))
+        axes = style.panel(fig, _LEFT, _TITLE, width, height)
+        _deformed(fig, axes, body, look.factor, shade)
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        axes.set_title(title, loc="left", parse_math=False)
+        yield fig
+
+
+def _height(low: FloatArray, high: FloatArray, width: float, highest: float) -> float:
+    """The height of axes of a width that show a window at one scale, within limits; in inches."""
+    return float(np.clip(width * (high - low)[1] / (high - low)[0], _LOWEST, highest))
+
+
+def _window(bodies: Sequence[Snapshot], factor: float) -> tuple[FloatArray, FloatArray]:
+    """The corners of a window with all deformed bodies and the foundations near them."""
+    places = np.concatenate([style.deformed(body, factor) for body in bodies])
+    low, high = places.min(axis=0), places.max(axis=0)
+    beside = _BESIDE * float((high - low).max())
+    tools = [tool(part, factor) for body in bodies for part in body.contact.parts()]
+    points = np.concatenate([places[:0], *(segments.reshape(-1, 2) for segments in tools)])
+    near = points[np.all((points >= low - beside) & (points <= high + beside), axis=1)]
+    low, high = np.vstack([low, near]).min(axis=0), np.vstack([high, near]).max(axis=0)
+    margin = _MARGIN * float((high - low).max())
+    return low - margin, high + margin
+
+
+def _deformed(
+    fig: Figure, axes: Axes, body: Snapshot, factor: float, shade: style.Shade
+) -> list[Patch | Line2D]:
+    """Draw the body, its locked zone and the foundation; returns the entries of the legend."""
+    x = style.deformed(body, factor)
+    handles: list[Patch | Line2D] = []
+    # Corners of one colour: Matplotlib draws polygons, each of them a path, more slowly.
+    corners = np.arange(body.cells.size).reshape(-1, 3)
+    mesh = Triangulation(*x[body.cells].reshape(-1, 2).T, corners)
+    colours = TriMesh(mesh, cmap=shade.cmap, norm=shade.norm)
+    colours.set_array(shade.values.repeat(3))
+    axes.add_collection(colours, autolim=False)
+    axes.update_datalim(x)
+    if body.locked.any():
+        handles += _locked_zone(axes, x, body)
+    for outline in curves(body.boundary):
+        axes.plot(*body.x[outline].T, color=style.GREY, lw=0.9, ls=_DASHES)
+        axes.plot(*x[outline].T, color=style.BLACK, lw=1.1)
+    handles.append(Line2D([], [], color=style.GREY, lw=0.9, ls=_DASHES, label="undeformed"))
+    if body.contact.on_foundations():
+        handles.append(_foundation(axes, body.contact, factor, body.size))
+    axes.set_aspect("equal")
+    axes.set_xlabel("$x$")
+    axes.set_ylabel("$y$")
+    bar = axes.inset_axes((1.03, 0.08, 0.025, 0.84))
+    fig.colorbar(colours, cax=bar, label=shade.label, extend=shade.extend)
+    return handles
+
+
+def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> list[Patch | Line2D]:
+    """Hatch exactly the locked cells, and draw a smooth line around the zone of locked cells."""
+    # All triangles are in one path, as Matplotlib hatches each path for itself, which takes time.
+    triangles = x[body.cells[body.locked]][:, [0, 1, 2, 0]].reshape(-1, 2)
+    codes = np.tile([Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], len(triangles) // 4)
+    path = Path(triangles, codes)
+    hatched = PathPatch(path, facecolor="none", edgecolor=style.BLACK, hatch="////", lw=0.0)
+    axes.add_artist(hatched)  # add_patch would look for the extent of each triangle
+    share = style.locked_share(body)
+    for colour, width in (("white", 3.0), (style.VERMILION, 1.6)):
+        axes.tricontour(
+            *x.T, body.cells, share, levels=[style.RIM_SHARE], colors=[colour], linewidths=[width]
+        )
+    rim = Line2D([], [], color=style.VERMILION, lw=1.6, label=style.RIM_LABEL)
+    look: dict[str, Any] = {
+        "facecolor": "none",
+        "edgecolor": style.BLACK,
+        "hatch": "////",
+        "linewidth": 0.6,
+    }
+    return [Patch(label=style.LOCKED_LABEL, **look), rim]
+
+
+def _foundation(axes: Axes, contact: ContactMap, factor: float, size: float) -> Patch:
+    look: dict[str, Any] = {"facecolor": style.PALE, "edgecolor": style.GREY, "hatch": "xxxx"}
+    for part in contact.on_foundations():
+        segments = tool(part, factor)
+        drawn = _tools(segments, size) if len(segments) else _ground(part, factor, size)
+        for line, outline in drawn:
+            axes.add_patch(Polygon(outline, linewidth=0.0, zorder=0.5, **look))
+            axes.plot(*line.T, color=style.BLACK, lw=1.4, solid_capstyle="butt", zorder=1.5)
+    return Patch(label="foundation", **look)
+
+
+def _tools(segments: FloatArray, size: float) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """The lines of the segments (m, 2, 2), and polygons, or layers on the left of open lines."""
+    breaks = 1 + np.flatnonzero(np.any(segments[1:, 0] != segments[:-1, 1], axis=1))
+    for part in np.split(segments, breaks):
+        line = np.vstack([part[:, 0], part[-1:, 1]])
+        outline = line
+        if not np.array_equal(line[0], line[-1]):
+            along = np.gradient(line, axis=0)
+            along /= np.linalg.norm(along, axis=1)[:, None]
+            left = np.stack([-along[:, 1], along[:, 0]], axis=1)
+            outline = np.vstack([line, (line + _THICKNESS * size * left)[::-1]])
+        yield line, outline
+
+
+def _ground(
+    contact: ContactMap, factor: float, size: float
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """The lines of the foundation below Gamma_C, and the layers below them."""
+    surface = touched(contact, factor)
+    for curve in curves(contact.facets):
+        line, normal = _extended(surface[curve], contact.points.normal[curve], _REACH * size)
+        yield line, np.vstack([line, (line + _THICKNESS * size * normal)[::-1]])
+
+
+def _extended(line: FloatArray, normal: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
+    """A line prolonged along its end tangents; a closed one stays as it is."""
+    if np.array_equal(line[0], line[-1]):
+        return line, normal
+    first, last = line[0] - line[1], line[-1] - line[-2]
+    start = line[0] + reach * first / np.linalg.norm(first)
+    end = line[-1] + reach * last / np.linalg.norm(last)
+    return np.vstack([start, line, end]), np.vstack([normal[0], normal, normal[-1]])

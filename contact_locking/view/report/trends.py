@@ -1,0 +1,325 @@
+"""The results of a study over each key that varies, with their rates of convergence and charts."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from pydantic import ValidationError
+
+from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.errors import InputError
+from contact_locking.results.quantities import Quantity
+from contact_locking.results.read import Row, number
+from contact_locking.study_file.parameters.study import StudyParameters
+from contact_locking.study_file.parameters.wording import told_apart
+from contact_locking.view.pictures import style
+
+from .charts import Chart, chart
+from .curves import Curve, drawing, has_bar, name_curves, plain
+from .words import shown
+
+
+class VariedTexts:
+    """The texts of all values of keys in the rows of a study; ``titles`` names these keys."""
+
+    def __init__(self, rows: Sequence[Row], titles: Mapping[str, str]) -> None:
+        self.titles = titles
+        self._texts: dict[str, dict[str, str]] = {}
+        for key in titles:
+            values = [row.get(key) for row in rows]
+            self._texts[key] = dict(zip(map(repr, values), told_apart(values, shown), strict=True))
+
+    def of(self, key: str, row: Row) -> str:
+        """The text of the value that a row has for a key that varies."""
+        return self._texts[key][repr(row.get(key))]
+
+    def all_of(self, key: str) -> list[str]:
+        """The texts of a key, each once, in the order of the rows."""
+        return list(dict.fromkeys(self._texts[key].values()))
+
+
+Compared = Literal["zero", "the value at infinity", "the next value"]
+
+# Values whose quotient is this large are shown on a logarithmic scale.
+_WIDE = 50.0
+_SAME_RATIO = 0.05
+# Smaller differences, relative to the largest value, may come from the tolerance of the solver.
+_TOLERANCE = 1e-8
+# Values that differ by less, relative to the largest one, are constant.
+_ROUNDING = 1e-7
+_FEWEST = 3
+_FALLS = 2.0
+# The largest standard deviation of the logarithms from a line that still defines a rate: some 35 %.
+_SCATTER = 0.3
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A key whose values are numbers; the ``others`` vary too, and distinguish the curves.
+
+    ``one_ratio`` says that all neighbouring values have the same quotient.
+    """
+
+    key: str
+    others: tuple[str, ...]
+    geometric: bool
+    one_ratio: bool
+    title: str
+    other_titles: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Differences:
+    """Distances y > 0 to a limit or between neighbours; those below ``floor`` are not reliable."""
+
+    label: str
+    x: FloatArray
+    y: FloatArray
+    floor: float
+
+    @property
+    def reliable(self) -> BoolArray:
+        """The differences that the tolerance of the solver cannot explain."""
+        return self.y > self.floor
+
+    def power_law(self) -> tuple[float, float] | None:
+        """Rate and factor of y = factor x^rate.
+
+        None for fewer than three reliable points, and for points that are on no line.
+        """
+        x, y = self.x[self.reliable], self.y[self.reliable]
+        if len(x) < _FEWEST:
+            return None
+        rate, constant = np.polyfit(np.log(x), np.log(y), 1)
+        scatter = np.std(np.log(y) - rate * np.log(x) - constant)
+        return (float(rate), float(np.exp(constant))) if scatter < _SCATTER else None
+
+
+@dataclass(frozen=True)
+class Trend:
+    """A quantity over an axis; ``differences`` are its distances from ``compared``."""
+
+    quantity: Quantity
+    axis: Axis
+    curves: list[Curve]
+    differences: list[Differences]
+    compared: Compared
+
+
+def varied(data: Any, name: str) -> StudyParameters:
+    """The study in saved parameters. Raises InputError if there is none."""
+    section = data.get("study") if isinstance(data, dict) else None
+    try:
+        return StudyParameters.model_validate(section)
+    except ValidationError as error:
+        first = error.errors()[0]["msg"]
+        raise InputError(f"{name}: is damaged: study: {first}") from None
+
+
+def axes(study: StudyParameters, rows: Sequence[Row], titles: Mapping[str, str]) -> list[Axis]:
+    """The keys of a study with at least two different numbers, geometric sequences first.
+
+    ``titles`` names the keys.
+    """
+    found = []
+    for key in (*study.zip, *study.vary):
+        values = [number(row.get(key)) for row in rows]
+        finite = sorted({value for value in values if value is not None and np.isfinite(value)})
+        if None in values or len(set(values)) < 2 or len(finite) < 2:
+            continue
+        # Lists that are zipped vary as one.
+        together = set(study.zip) if key in study.zip else {key}
+        others = tuple(other for other in (*study.zip, *study.vary) if other not in together)
+        enough = len(finite) >= _FEWEST and finite[0] > 0.0
+        one_ratio = enough and _has_one_ratio(finite)
+        geometric = enough and (one_ratio or finite[-1] / _WIDE >= finite[0])
+        other_titles = tuple(titles[other] for other in others)
+        found.append(Axis(key, others, geometric, one_ratio, titles[key], other_titles))
+    return sorted(found, key=lambda axis: not axis.geometric)
+
+
+def trends(
+    axis: Axis, rows: Iterable[Row], texts: VariedTexts, quantities: Mapping[str, Quantity]
+) -> list[Trend]:
+    """Those of the quantities that change along an axis, from the converged cases."""
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        if row.get("converged") is True:
+            groups.setdefault(tuple(texts.of(key, row) for key in axis.others), []).append(row)
+    names = axis.other_titles
+    labels = {
+        group: ", ".join(f"{name} = {value}" for name, value in zip(names, group, strict=True))
+        for group in groups
+    }
+    found = []
+    for quantity in (quantity for quantity in quantities.values() if quantity.trend):
+        curves = [
+            curve
+            for group, members in groups.items()
+            if len((curve := _curve(axis.key, quantity, members, labels[group], group)).x)
+        ]
+        if any(differ(curve.y) for curve in curves):
+            found.append(_trend(quantity, axis, curves))
+    return found
+
+
+def differ(values: Sequence[float] | FloatArray) -> bool:
+    """Whether numbers differ by more than rounding and the tolerance of the solver explain."""
+    given = np.asarray(values, dtype=float)
+    if not np.isfinite(given).all():
+        return len(np.unique(given)) > 1
+    return bool(np.ptp(given) > _ROUNDING * np.abs(given).max())
+
+
+def value(quantity: Quantity, row: Row) -> float | None:
+    """A quantity of a row; for a vector, which has a column for each component, its length."""
+    if quantity.key in row:
+        return number(row[quantity.key])
+    parts = [number(row.get(f"{quantity.key}.{index}")) for index in range(3)]
+    present = [part for part in parts if part is not None]
+    return float(np.linalg.norm(present)) if present else None
+
+
+def _curve(
+    key: str, quantity: Quantity, rows: Sequence[Row], label: str, group: Sequence[str]
+) -> Curve:
+    pairs = {}
+    for row in rows:
+        x, y = number(row.get(key)), value(quantity, row)
+        if x is not None and y is not None and np.isfinite(y):
+            pairs[x] = y
+    limit = pairs.get(np.inf)
+    finite = sorted((x, y) for x, y in pairs.items() if np.isfinite(x))
+    array = np.array(finite).reshape(-1, 2)
+    return Curve(label, array[:, 0], array[:, 1], limit, ", ".join(group))
+
+
+def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
+    limited = [(curve, curve.limit) for curve in curves if curve.limit is not None]
+    compared: Compared = "the value at infinity" if limited else "the next value"
+    differences: list[Differences] = []
+    settles = quantity.trend in ("settles", "vanishes")
+    if axis.geometric and quantity.trend == "vanishes" and any(map(_falls, curves)):
+        compared = "zero"
+        differences = [_differences(curve, curve.x, np.abs(curve.y)) for curve in curves]
+    elif axis.geometric and settles and limited:
+        # |q(x) - q(inf)|
+        differences = [_differences(c, c.x, np.abs(c.y - limit)) for c, limit in limited]
+    elif axis.one_ratio and settles:
+        # |q(x) - q(next x)| falls at the rate of the error in a geometric sequence.
+        differences = [_differences(c, c.x[:-1], np.abs(np.diff(c.y))) for c in curves]
+    told = [difference for difference in differences if len(difference.x) > 1]
+    return Trend(quantity, axis, curves, told, compared)
+
+
+def _falls(curve: Curve) -> bool:
+    """Whether an error changes enough along a curve to have a rate."""
+    return bool(np.abs(curve.y).max() >= _FALLS * np.abs(curve.y).min())
+
+
+def _differences(curve: Curve, x: FloatArray, y: FloatArray) -> Differences:
+    floor = _TOLERANCE * float(np.abs(curve.y).max(initial=0.0))
+    return Differences(curve.label, x[y > 0.0], y[y > 0.0], floor)
+
+
+def _has_one_ratio(values: Sequence[float]) -> bool:
+    """Whether all quotients of neighbours are equal, for positive ascending numbers."""
+    steps = np.diff(np.log(values))
+    return bool(np.abs(steps - steps.mean()).max() <= _SAME_RATIO * steps.mean())
+
+
+_MOST_TICKS = 6
+# A shorter range has few powers of ten for marks, and values of equal ratio.
+_SHORT = 50.0
+_PLOT, _ROW = 2.5, 0.19
+
+
+def trend_charts(trend: Trend) -> list[Chart]:
+    """The chart of the values, and if there are differences, a chart of their rates."""
+    quantity, over, compared = trend.quantity, trend.axis.title, trend.compared
+    stem = re.sub(r"[^A-Za-z0-9._-]", "_", f"{quantity.key}-over-{trend.axis.key}")
+    about = f"{quantity.name} over the"
+    found = []
+    if not trend.differences or compared != "zero":
+        rows = 0 if has_bar(trend.curves) else 1 + sum(bool(curve.label) for curve in trend.curves)
+        found.append(chart(stem, f"{about} {over}", _PLOT + _ROW * rows, _values, trend))
+    if trend.differences:
+        rows = 1 if has_bar(trend.curves) else 1 + len(trend.differences)
+        about = f"{about} {over}: distance from {compared}"
+        found.append(chart(f"{stem}-rate", about, _PLOT + _ROW * rows, _rates, trend))
+    return found
+
+
+def _values(figure: Figure, trend: Trend) -> None:
+    axes = _axes(figure, trend, _label(trend))
+    positive = all((curve.y > 0.0).all() for curve in trend.curves)
+    values = np.concatenate([curve.y for curve in trend.curves])
+    if positive and values.max() > 30.0 * values.min():
+        axes.set_yscale("log")
+    for curve in trend.curves:
+        look = drawing(trend.curves, curve.label)
+        axes.plot(curve.x, curve.y, label=plain(curve.label), **look)
+        if curve.limit is not None:
+            axes.axhline(curve.limit, color=look["color"], lw=1.0, ls=(0, (5, 3)), zorder=0.5)
+    if any(curve.limit is not None for curve in trend.curves):
+        at = f"at {trend.axis.title} = ∞"
+        axes.plot([], [], color=style.GREY, lw=1.0, ls=(0, (5, 3)), label=plain(at))
+    name_curves(figure, trend.curves, ", ".join(trend.axis.other_titles))
+
+
+def _rates(figure: Figure, trend: Trend) -> None:
+    of = f"distance from {trend.compared.removeprefix('the ')}"
+    axes = _axes(figure, trend, _label(trend) if trend.compared == "zero" else of)
+    axes.set_yscale("log")
+    rates = []
+    for differences in trend.differences:
+        look = drawing(trend.curves, differences.label)
+        law = differences.power_law()
+        label = plain(differences.label) or trend.quantity.name
+        if law is None:
+            axes.plot(differences.x, differences.y, label=label, **look)
+            continue
+        rate, factor = law
+        rates.append(rate)
+        label, look = f"{label}: rate {_signed(rate)}", look | {"ls": ""}
+        x, y, reliable = differences.x, differences.y, differences.reliable
+        axes.plot(x[reliable], y[reliable], label=label, **look)
+        axes.plot(x[~reliable], y[~reliable], markerfacecolor="none", **look)
+        ends = x[reliable][[0, -1]]
+        axes.plot(ends, factor * ends**rate, color=look["color"], lw=1.2)
+    if rates and has_bar(trend.curves):
+        spread = f"rates {_signed(min(rates))} to {_signed(max(rates))}"
+        axes.set_title(f"{len(trend.differences)} curves, {spread}", loc="left", fontsize=8.5)
+    name_curves(figure, trend.curves, ", ".join(trend.axis.other_titles))
+
+
+def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
+    axes = figure.add_subplot()
+    x = np.unique(np.concatenate([curve.x for curve in trend.curves]))
+    if trend.axis.geometric:
+        axes.set_xscale("log")
+        if len(x) <= _MOST_TICKS and x[-1] < _SHORT * x[0]:
+            axes.set_xticks(x, labels=[shown(float(value)) for value in x])
+            axes.minorticks_off()
+    elif len(x) <= _MOST_TICKS:
+        axes.set_xticks(x)
+    axes.set_xlabel(plain(trend.axis.title))
+    axes.set_ylabel(label)
+    axes.grid(color=style.PALE, lw=0.6)
+    axes.set_axisbelow(True)
+    return axes
+
+
+def _label(trend: Trend) -> str:
+    unit = trend.quantity.unit
+    return trend.quantity.name if unit == "1" else f"{trend.quantity.name} [{unit}]"
+
+
+def _signed(rate: float) -> str:
+    return f"{rate:.2f}".replace("-", "\N{MINUS SIGN}")

@@ -1,0 +1,408 @@
+"""Derivatives that a study file asks for."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from problems import block, column
+
+import contact_locking as cl
+from contact_locking.inverse.sensitivities import value_of
+from contact_locking.monitor import Monitor
+from contact_locking.process.solving import solve
+from contact_locking.results import in_words
+from contact_locking.study_file.dump import plain
+from contact_locking.study_file.named_numbers import number_at, resolved, with_number
+
+SHARP = {"tolerance": 1e-10, "friction_tolerance": 1e-11}
+OF = ["compliance", "contact_force.1", "reactions.left.0"]
+
+
+def study(**changes: Any) -> cl.Parameters:
+    return block(
+        h=0.25,
+        **{
+            "parameters": {"mu0": 0.3, "s0": 0.05},
+            "friction__coefficient": "mu0*exp(-s/s0)",
+            "friction__smoothing__radius": 0.3,
+            "penalty__n": math.inf,
+            "material__locking_limit": 0.03,
+            "contact__gap": 0.002,
+            "solver": SHARP,
+            **changes,
+        },
+    )
+
+
+def test_names_stand_for_their_numbers() -> None:
+    found = resolved(study())
+    assert found.parameters is None
+    assert found.friction.coefficient == "(0.3)*exp(-s/(0.05))"
+    varied = with_number(study(), "parameters.mu0", 0.4)
+    assert resolved(varied).friction.coefficient == "(0.4)*exp(-s/(0.05))"
+
+
+def test_a_motion_may_have_names() -> None:
+    tool = {"cylinder": {"centre": [0.5, -1.0], "radius": 1.0}, "motion": [0.0, "depth*t"]}
+    body = cl.from_mapping(
+        {"parameters": {"depth": 0.1}, "contact": {"on": "bottom", "foundation": tool}}
+        | {"steps": {"to": 1.0, "count": 2}}
+    )
+    foundation = body.contacts[0].foundation
+    assert foundation is not None
+    assert foundation.moved is not None
+    assert foundation.moved.translation == (0.0, "depth*t")
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [("x", "have already"), ("sin", "have already"), ("2a", "no name for expressions")],
+)
+def test_a_name_that_expressions_cannot_use_is_refused(name: str, reason: str) -> None:
+    with pytest.raises(cl.InputError, match=reason):
+        cl.from_mapping({"parameters": {name: 1.0}})
+
+
+def test_an_unknown_name_is_refused() -> None:
+    with pytest.raises(ValueError, match="unknown name 'mu1'"):
+        study(friction__coefficient="mu1*exp(-s)")
+
+
+@pytest.mark.parametrize(
+    ("key", "reason"),
+    [
+        ("mesh.h", "changes the mesh"),
+        ("friction.coefficient", "section parameters"),
+        ("penalty.n", "infinite"),
+        ("contact.on", "no number"),
+        ("contact.gaps", "not given"),
+        ("mu0", "did you mean 'parameters.mu0'"),
+    ],
+)
+def test_a_key_without_a_derivative_is_refused(key: str, reason: str) -> None:
+    with pytest.raises(cl.InputError, match=reason):
+        number_at(study(), key)
+
+
+def differences(parameters: cl.Parameters, key: str, width: float = 1e-4) -> np.ndarray[Any, Any]:
+    at = number_at(parameters, key)
+    found = []
+    for side in (width, -width):
+        other = solve(with_number(parameters, key, at * (1.0 + side)))
+        found.append(np.array([value_of(name, other) for name in OF]))
+    return (found[0] - found[1]) / (2.0 * width * at)
+
+
+def judge(parameters: cl.Parameters, keys: list[str]) -> None:
+    asked = with_changes_of(parameters, {"of": OF, "to": keys})
+    solution = solve(asked)
+    for key in keys:
+        expected = differences(parameters, key)
+        found = [solution.summary["sensitivities"][name][key]["derivative"] for name in OF]
+        least = 1e-2 * np.array([abs(value_of(name, solution)) for name in OF])
+        size = np.maximum(np.abs(expected), least / number_at(parameters, key))
+        # The reaction of a locked body by its limit is off by 1.1e-3: the solution ends on the
+        # pieces of the laws, and the derivative is by the cones beside them.
+        share = 2e-3 if key == "material.locking_limit" else 1e-3
+        assert np.all(np.abs(found - expected) <= share * size), (key, found, expected)
+
+
+def with_changes_of(parameters: cl.Parameters, sensitivities: dict[str, Any]) -> cl.Parameters:
+    return cl.from_mapping(plain(parameters) | {"sensitivities": sensitivities})
+
+
+def test_a_study_has_its_derivatives_in_the_summary() -> None:
+    judge(study(), ["parameters.mu0", "contact.gap", "material.locking_limit"])
+
+
+def test_friction_remembers_the_derivatives_of_its_slips() -> None:
+    parameters = study(
+        loads={"displacements": [{"on": "top", "value": ["0.02*sin(3*t)", "-0.02-0.01*t"]}]},
+        steps={"to": 1, "count": 3},
+        material__locking_limit=math.inf,
+    )
+    asked = with_changes_of(parameters, {"of": ["reactions.top.0"], "to": ["parameters.s0"]})
+    solution = solve(asked)
+    found = solution.summary["sensitivities"]["reactions.top.0"]["parameters.s0"]
+    sides = [
+        value_of("reactions.top.0", solve(with_number(parameters, "parameters.s0", value)))
+        for value in (0.05 * (1.0 + 1e-4), 0.05 * (1.0 - 1e-4))
+    ]
+    expected = (sides[0] - sides[1]) / (2e-4 * 0.05)
+    assert found["derivative"] == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_steps_with_a_limit_have_the_derivatives_of_differences() -> None:
+    """With the tolerances by default, where the products of the cones end far apart."""
+    process = {
+        "loads": {"displacements": [{"on": "top", "value": ["0.02*sin(3*t)", "-0.02-0.01*t"]}]},
+        "steps": {"to": 1, "count": 3},
+    }
+    sharp, of = study(**process), ["reactions.top.0", "reactions.top.1"]
+    keys = ["parameters.s0", "material.locking_limit"]
+    asked = with_changes_of(study(**process, solver={}), {"of": of, "to": keys})
+    found = solve(asked).summary["sensitivities"]
+    for key in keys:
+        at = number_at(sharp, key)
+        above, below = (solve(with_number(sharp, key, at * (1.0 + w))) for w in (1e-4, -1e-4))
+        for name in of:
+            expected = (value_of(name, above) - value_of(name, below)) / (2e-4 * at)
+            assert found[name][key]["derivative"] == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_column_has_its_closed_derivatives() -> None:
+    """A column between rollers that no limit stops: the compliance is proportional to 1/E."""
+    parameters = with_changes_of(
+        column(
+            pressure=0.005,
+            contact__gap=0.0,
+            penalty={"n": math.inf},
+            material__locking_limit=math.inf,
+        ),
+        {"of": ["compliance", "contact_force.1"], "to": ["material.elasticity.young"]},
+    )
+    solution = solve(parameters)
+    compliance = solution.summary["compliance"]
+    entry = solution.summary["sensitivities"]
+    found = entry["compliance"]["material.elasticity.young"]
+    assert found["elasticity"] == pytest.approx(-1.0, abs=1e-6)
+    assert found["derivative"] == pytest.approx(-compliance, rel=1e-6)
+    force = entry["contact_force.1"]["material.elasticity.young"]
+    assert force["derivative"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_bodies_that_touch_each_other_have_the_derivatives_of_differences() -> None:
+    """Both lock at the corners, and the upper one slides on the lower one."""
+    of = ["contact_force.1", "friction_force.0", "reactions.bottom.1"]
+    to = ["parameters.mu", "material.locking_limit", "contact.gap"]
+    found = solve(
+        cl.from_mapping(
+            {
+                "parameters": {"mu": 0.05},
+                "mesh": {"builder": "stack", "size": [1, 0.5], "upper": [1, 0.5], "h": 0.25},
+                "material": {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.04},
+                "loads": {
+                    "displacements": [
+                        {"on": "top", "value": [0.01, -0.03]},
+                        {"on": "bottom", "value": [0, 0]},
+                    ]
+                },
+                "contact": {
+                    "on": "upper_bottom",
+                    "against": "lower_top",
+                    "gap": 0.001,
+                    "pair": "once",
+                },
+                "friction": {"coefficient": "mu", "smoothing": {"radius": 0.3}},
+                "penalty": {"n": math.inf},
+                "solver": SHARP,
+                "sensitivities": {"of": of, "to": to, "check": True},
+            }
+        )
+    )
+    assert found.summary["slip_area"] > 0.5 and found.summary["limit_used"] > 0.999
+    for name in of:
+        table = found.summary["sensitivities"][name]
+        for key in to:
+            size = 1e-2 * abs(value_of(name, found))
+            expected = pytest.approx(table[key]["checked"], rel=1e-3, abs=1e-3 * size)
+            assert table[key]["derivative"] == expected, (name, key)
+
+
+class Told(Monitor):
+    """Keeps the messages of a solve."""
+
+    def __init__(self) -> None:
+        self.messages: list[str] = []
+
+    def message(self, text: str) -> None:
+        self.messages.append(text)
+
+
+@pytest.mark.parametrize(
+    ("of", "to", "reason"),
+    [
+        ("complience", "contact.gap", r"no quantity 'complience'.*compliance"),
+        ("locked_fraction", "contact.gap", "count of points"),
+        ("reactions.botom.1", "contact.gap", "no quantity"),
+        ("compliance", "mesh.h", "changes the mesh"),
+    ],
+)
+@pytest.mark.parametrize("changes", [{}, {"steps": {"to": 1, "count": 2}}])
+def test_what_has_no_derivative_is_refused_before_the_solve(
+    of: str, to: str, reason: str, changes: dict[str, Any]
+) -> None:
+    told = Told()
+    asked = with_changes_of(study(**changes), {"of": [of], "to": [to]})
+    with pytest.raises(cl.InputError, match=reason):
+        solve(asked, monitor=told)
+    assert not [text for text in told.messages if "certificate" in text]
+    with pytest.raises(cl.InputError, match=reason):
+        cl.check(asked)
+
+
+def test_a_result_that_is_zero_has_no_elasticity_but_a_reason() -> None:
+    """A column between plates: no load works, and no force acts to the side."""
+    asked = {
+        "of": ["compliance", "contact_force.0", "contact_force.1"],
+        "to": ["material.elasticity.young"],
+    }
+    pressed = study(
+        loads={"displacements": [{"on": "top", "value": [0.0, -0.01]}]},
+        friction__coefficient=0.0,
+        parameters=None,
+    )
+    summary = solve(with_changes_of(pressed, asked)).summary
+    found = {
+        name: entry["material.elasticity.young"] for name, entry in summary["sensitivities"].items()
+    }
+    for name in ("compliance", "contact_force.0"):
+        assert found[name]["elasticity"] is None
+        assert found[name]["reason"] == f"{name} is zero, which has no per cent"
+        assert math.isfinite(found[name]["derivative"])
+    assert found["contact_force.1"]["elasticity"] == pytest.approx(1.0, abs=1e-6)
+    assert "reason" not in found["contact_force.1"]
+    rows = in_words.sensitivities(summary)
+    assert any("which has no per cent" in row[2] for row in rows)
+
+
+def test_friction_of_a_body_that_nothing_touches_has_no_derivative() -> None:
+    """Its bound is that of the pressure at the open nodes, and not a root of the product."""
+    apart = study(
+        contact__gap=1.0,
+        loads={
+            "displacements": [{"on": "left", "value": [0.0, 0.0]}],
+            "tractions": [{"on": "right", "value": [0.01, -0.02]}],
+        },
+    )
+    asked = {"of": ["friction_force.0", "compliance"], "to": ["loads.tractions.0.value.1"]}
+    summary = solve(with_changes_of(apart, asked)).summary
+    assert summary["limit_used"] == pytest.approx(1.0, abs=1e-6)
+    found = summary["sensitivities"]["friction_force.0"]["loads.tractions.0.value.1"]
+    assert abs(found["derivative"]) < 1e-9 * summary["compliance"]
+    assert found["elasticity"] is None
+
+
+def test_a_check_stands_beside_the_derivative() -> None:
+    asked = {"of": ["contact_force.1"], "to": ["contact.gap"], "check": True}
+    solution = solve(with_changes_of(study(material__locking_limit=math.inf), asked))
+    found = solution.summary["sensitivities"]["contact_force.1"]["contact.gap"]
+    assert found["checked"] == pytest.approx(found["derivative"], rel=1e-3)
+    assert "change" in solution.summary["share_at_change"]["in_words"]
+
+
+@pytest.mark.parametrize(
+    ("drag", "steps", "sign"), [(0.5, None, -1.0), ("1 - abs(2*t - 1)", {"times": [0.5, 1.0]}, 1.0)]
+)
+def test_a_block_that_slides_has_the_derivative_of_coulombs_law(
+    drag: float | str, steps: dict[str, Any] | None, sign: float
+) -> None:
+    """A plate drags a block, there or there and back: friction is mu times the pressing force."""
+    parameters = with_changes_of(
+        study(
+            friction__coefficient="mu0",
+            friction__smoothing={"kernel": "none"},
+            loads={"displacements": [{"on": "top", "value": [drag, -0.01]}]},
+            material={},
+            contact__gap=0.0,
+            steps=steps,
+        ),
+        {"of": ["friction_force.0", "contact_force.1"], "to": ["parameters.mu0"]},
+    )
+    solution = solve(parameters)
+    summary = solution.summary
+    assert summary["slip_area"] == pytest.approx(1.0)
+    friction, force = summary["friction_force"][0], summary["contact_force"][1]
+    found = {name: entry["parameters.mu0"] for name, entry in summary["sensitivities"].items()}
+    # F = -mu N on the way there, of which N changes with mu as well.
+    expected = sign * (force + 0.3 * found["contact_force.1"]["derivative"])
+    assert friction == pytest.approx(sign * 0.3 * force, rel=1e-6)
+    assert found["friction_force.0"]["derivative"] == pytest.approx(expected, rel=1e-6)
+
+
+# Differences take a minute on two ranks.
+@pytest.mark.serial
+def test_forces_of_springs_have_derivatives_with_those_of_conditions_beside_them() -> None:
+    of = ["reactions.left.0", "reactions.left.1", "reactions.top.1"]
+    to = ["loads.springs.0.stiffness", "loads.springs.1.stiffness", "loads.tractions.0.value.1"]
+    found = solve(
+        study(
+            loads={
+                "displacements": [{"on": "left", "value": [0.001, None]}],
+                "springs": [
+                    {"on": "left", "stiffness": 0.5},
+                    {"on": "top", "stiffness": 0.1, "along": [1, 2]},
+                ],
+                "tractions": [{"on": "right", "value": [0.0, -0.004]}],
+            },
+            sensitivities={"of": of, "to": to, "check": True},
+        )
+    )
+    table = found.summary["sensitivities"]
+    for name in of:
+        derivatives = np.array([table[name][key]["derivative"] for key in to])
+        checked = np.array([table[name][key]["checked"] for key in to])
+        assert derivatives == pytest.approx(checked, rel=1e-3, abs=1e-3 * np.abs(checked).max())
+        assert np.abs(checked).max() > 0.0
+
+
+def test_a_support_that_turns_takes_its_reaction_along() -> None:
+    of = ["reactions.left.0", "reactions.left.1", "contact_force.1", "compliance"]
+    key = "loads.supports.0.along.1"
+    support = {"on": "left", "along": [1.0, 0.4], "value": 0.002}
+    held = study(
+        loads={
+            "displacements": [{"on": "right", "value": [0.0, 0.0]}],
+            "supports": [support],
+            "tractions": [{"on": "top", "value": [0.0, -0.05]}],
+        },
+        sensitivities={"of": of, "to": [key], "check": True},
+    )
+    summary = solve(held).summary
+    for name in of:
+        found = summary["sensitivities"][name][key]
+        assert found["derivative"] == pytest.approx(found["checked"], rel=1e-3), name
+
+
+def test_normals_that_turn_take_friction_along() -> None:
+    """Of nodes that stick, rounding along the normal would be enlarged by their stiffness."""
+    of = ["contact_force.0", "contact_force.1", "friction_force.0", "pressure_max"]
+    keys = ["contact.foundation.cylinder.centre.0", "contact.foundation.cylinder.radius"]
+    pressed = study(
+        material={},
+        friction__coefficient=0.3,
+        friction__smoothing={"kernel": "none"},
+        loads={"displacements": [{"on": "top", "value": [0.01, -0.03]}]},
+        contact={
+            "on": "bottom",
+            "foundation": {"cylinder": {"centre": [0.45, -1.12], "radius": 1.127}},
+        },
+        sensitivities={"of": of, "to": keys, "check": True},
+    )
+    summary = solve(pressed).summary
+    assert summary["slip_area"] == 0.0 < summary["contact_area"]
+    for name in of:
+        for key in keys:
+            found = summary["sensitivities"][name][key]
+            assert found["derivative"] == pytest.approx(found["checked"], rel=1e-3), (name, key)
+
+
+def test_steps_before_the_first_touch_leave_a_body_at_rest() -> None:
+    """Nothing acts in two steps, so that no energy is there to judge by; the third one presses."""
+    solution = solve(
+        cl.from_mapping(
+            {
+                "mesh": {"builder": "block", "size": [1, 1], "h": 0.5},
+                "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
+                "loads": {"displacements": [{"on": "top", "value": [0, 0]}]},
+                "contact": {"on": "bottom", "gap": "0.025 - 0.1*t"},
+                "penalty": {"n": math.inf},
+                "steps": {"times": [0.1, 0.2, 0.3]},
+            }
+        )
+    )
+    assert solution.converged and solution.summary["contact_force"][1] > 0.0

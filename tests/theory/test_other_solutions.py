@@ -1,0 +1,169 @@
+"""Solutions beside the one that was found: proved to be none, proved to be there, or not known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import ufl
+from certified import solved
+from mpi4py import MPI
+from msh import MeshElements
+from small_meshes import grid, shared
+from sweep.case import Study
+
+from contact_locking.process.solving import solve, solve_assembled, solve_steps
+from contact_locking.results.solution import StudySolution
+from contact_locking.study.assembly import assemble
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.theory.other_solutions import (
+    IF_CONVEX,
+    OTHERS,
+    OWN_ENERGY,
+    TOO_CLOSE,
+    UNIQUE,
+)
+
+_LEFT = {"on": "left", "value": [0.0, None]}
+_DOWN = {"on": "top", "value": [0.0, -0.01]}
+
+
+def study(loads: Study, contact: Any, **more: Any) -> Parameters:
+    """A square of 4 by 4 cells without friction."""
+    data = {
+        "mesh": {"builder": "block", "h": 0.25, "structured": True},
+        "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
+        "loads": loads,
+        "contact": contact,
+    }
+    return Parameters.model_validate(data | more)
+
+
+def between(gap: float = 0.01) -> list[Study]:
+    return [{"on": "bottom", "gap": gap}, {"on": "top", "gap": gap}]
+
+
+def said(solution: StudySolution) -> tuple[str, str]:
+    entry = solution.summary["certificate"]["constants"]["uniqueness"]
+    return entry["verdict"], entry["why"]
+
+
+@pytest.mark.parametrize("n", [math.inf, 1e3])
+def test_a_block_with_play_between_two_foundations_has_other_solutions(n: float) -> None:
+    verdict, why = said(solved(study({"displacements": [_LEFT]}, between(), penalty={"n": n})))
+    assert verdict == OTHERS
+    assert why.endswith("translation along y, from -0.01 to 0.01")
+
+
+def test_the_play_is_what_the_deformation_leaves_of_the_gaps() -> None:
+    squeezed = {"displacements": [_LEFT, {"on": "right", "value": [-0.005, None]}]}
+    verdict, why = said(solved(study(squeezed, between())))
+    # Plane strain: the height grows by nu/(1 - nu) times the strain along x.
+    left = 0.01 - 0.5 * 0.005 * 0.3 / 0.7
+    assert verdict == OTHERS
+    assert f"to {left:.3g}" in why
+
+
+@pytest.mark.parametrize("n", [math.inf, 1e3])
+@pytest.mark.parametrize("gap", [0.01, -0.002])
+def test_a_block_that_pressure_holds_has_no_other_solution(gap: float, n: float) -> None:
+    """It is pressed onto one of two foundations, or pinched by both."""
+    loads = {"displacements": [_LEFT], "tractions": [_DOWN] * (gap > 0.0)}
+    verdict, why = said(solved(study(loads, between(gap), penalty={"n": n})))
+    assert verdict == UNIQUE
+    assert ("need not be" in why) == math.isinf(n)
+
+
+@pytest.mark.parametrize("weight", [-1e-11, 0.0])
+def test_a_weight_below_the_accuracy_of_the_stress_leaves_no_proof_of_play(weight: float) -> None:
+    """A hot block beside whose stresses its weight is nothing still comes down onto the ground."""
+    loads = {"displacements": [_LEFT], "body_force": [0.0, weight]}
+    material = {
+        "elasticity": {"young": 1.0, "poisson": 0.3},
+        "eigenstrain": {"expansion": 1e-5, "temperature": "100*x*y"},
+    }
+    verdict, why = said(solved(study(loads, between(), material=material)))
+    assert verdict == (TOO_CLOSE if weight else OTHERS)
+    assert "translation along y" in why
+
+
+def test_gaps_that_are_closed_without_pressure_leave_no_play() -> None:
+    assert said(solved(study({"displacements": [_LEFT]}, between(0.0))))[0] == UNIQUE
+
+
+def test_a_tool_that_no_force_pushes_may_travel() -> None:
+    space = {"point": [0, 1.5], "normal": [0, -1]}
+    tool = {"half_space": space, "force": [0, "-0.05*max(t - 0.6, 0)"]}
+    given = study(
+        {"displacements": [{"on": "bottom", "value": [0, 0]}]},
+        {"on": "top", "foundation": tool},
+        steps={"times": [0.5, 1.0]},
+    )
+    *_, first, second = (said(solution) for solution in solve_steps(given))
+    assert first[0] == OTHERS
+    assert first[1].endswith("the tool on top along (0, -1), without end")
+    assert second[0] == UNIQUE
+
+
+def test_the_part_that_has_play_is_named(comm: MPI.Intracomm, tmp_path: Path) -> None:
+    one, left = grid(0, 0, 1, 2)
+    two, right = grid(3, 0, len(one) + 1, 2)
+    sides: dict[str, MeshElements] = {
+        "left": [(1, 4), (4, 7)],
+        "coast": [(10, 13), (13, 16)],
+        "bottom": [(1, 2), (2, 3), (10, 11), (11, 12)],
+        "top": [(7, 8), (8, 9), (16, 17), (17, 18)],
+        "body": left,
+        "island": right,
+    }
+    path = shared(comm, tmp_path, one + two, sides)
+    held = [{"on": "left", "value": [0, 0]}, {"on": "coast", "value": [0, None]}]
+    given = study({"displacements": held}, between(), mesh={"file": str(path)})
+    verdict, why = said(solved(given, comm))
+    assert verdict == OTHERS
+    assert "part 2 of the body (island, from (3, 0) to (4, 1)), translation along y" in why
+
+
+def test_a_body_that_touches_two_round_walls_may_turn() -> None:
+    """Both points of contact move along their walls if the block turns about its middle."""
+    walls = [
+        {"on": "bottom", "gap": "0.1*(x - 0.5)**2"},
+        {"on": "left", "gap": "0.1*(y - 0.5)**2"},
+    ]
+    loads = {
+        "tractions": [{"on": "top", "value": [0, -1e-5]}, {"on": "right", "value": [-1e-5, 0]}]
+    }
+    verdict, why = said(solved(study(loads, walls)))
+    assert verdict == OTHERS and why.endswith("rotation about (0.5, 0.5)")
+
+
+def test_an_axisymmetric_body_has_play_along_its_axis() -> None:
+    mesh = {"builder": "block", "h": 0.25, "axisymmetric": True}
+    verdict, why = said(solved(study({}, between(), mesh=mesh)))
+    assert verdict == OTHERS
+    assert why.endswith("translation along y, the axis, from -0.01 to 0.01")
+
+
+@pytest.mark.parametrize(("gap", "verdict"), [(0.01, OWN_ENERGY), (-0.002, IF_CONVEX)])
+def test_with_an_energy_of_the_users_own_its_convexity_is_assumed(gap: float, verdict: str) -> None:
+    given = study({"displacements": [_LEFT]}, between(gap), penalty={"n": 1e3})
+    problem = assemble(given, MPI.COMM_WORLD)
+    data = problem.data
+
+    def stiffens(u: Any) -> Any:
+        return ufl.inner(data.strain(u), data.strain(u)) ** 2 * data.dx
+
+    problem.data = replace(data, own_energy=stiffens)
+    assert said(solve_assembled(problem))[0] == verdict
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_solve_that_fails_has_no_verdict() -> None:
+    loads = {"displacements": [_LEFT, {"on": "right", "value": [0.1, None]}]}
+    material = {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.01}
+    found = solve(study(loads, between(), material=material))
+    assert not found.converged
+    assert said(found)[0].startswith("not known")

@@ -1,0 +1,198 @@
+"""The certificate's proved bounds: above what they bound, attained where known, or left open."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import ufl
+from certified import solved
+from mpi4py import MPI
+from problems import block, column, under_a_plate, with_changes
+
+from contact_locking.certificate import elliptic
+from contact_locking.fem.compiled import integral
+from contact_locking.process.of_study import solver_of
+from contact_locking.solver.linear.ksp import iterative_options
+from contact_locking.study.assembly import assemble
+from contact_locking.theory.bounds import proved_bounds
+
+
+def stretched(limit: float, n: float, **more: Any) -> dict[str, Any]:
+    """A bar with A = alpha I, alpha = 2, under a uniform stress f = 0.04; its summary."""
+    bar = with_changes(
+        {
+            "mesh": {"builder": "block", "h": 0.5},
+            "material": {"elasticity": {"lambda": 0.0, "mu": 1.0}, "locking_limit": limit},
+            "loads": {
+                "displacements": [{"on": "left", "value": [0.0, 0.0]}],
+                "tractions": [{"on": "right", "value": [0.04, 0.0]}],
+            },
+            "contact": {"on": []},
+            "penalty": {"n": n},
+            **more,
+        }
+    )
+    return dict(solved(bar).summary)
+
+
+def test_the_bound_of_the_locking_work_is_attained_for_n_infinite() -> None:
+    # alpha M = f/2, so |Z| = f/2 and M |Z| = f^2/(4 alpha).
+    bounds = stretched(0.01, math.inf)["bounds"]
+    assert set(bounds) == {"displacement_norm", "locking_work"}
+    assert bounds["locking_work"]["value"] == pytest.approx(0.04**2 / 8.0, rel=1e-6)
+    assert bounds["locking_work"]["bound"] == pytest.approx(0.04**2 / 8.0, rel=1e-9)
+    assert bounds["locking_work"]["holds"] is True
+
+
+def test_the_bound_of_the_locking_penalty_is_attained_by_a_limit_near_zero() -> None:
+    # alpha e + 2n (e - M) = f with 2n = alpha and M << e: 2n e^2 = f^2/(4 alpha).
+    penalty = stretched(1e-6, 1.0)["bounds"]["locking_penalty"]
+    assert penalty["value"] == pytest.approx(0.04**2 / 8.0, rel=1e-3)
+    assert penalty["value"] <= penalty["bound"] <= 0.04**2 / 8.0 * (1.0 + 1e-9)
+
+
+def _distance_of(summary: dict[str, Any]) -> float:
+    """``a(e, e)`` of the measured change by the penalty."""
+    return float(summary["certificate"]["errors"]["penalty_measured"]["energy_norm"] ** 2)
+
+
+@pytest.mark.parametrize(("n", "share"), [(0.2, 0.56), (1.0, 1.0), (10.0, 0.33)])
+def test_the_estimate_of_the_penalty_by_the_locking_stress_is_attained_for_2n_of_alpha(
+    n: float, share: float
+) -> None:
+    """``a(e, e) <= |Z|^2/8n`` with Z = f - alpha M, and ``e = Z/(alpha + 2n)`` in the bar."""
+    bound = 0.02**2 / (8.0 * n)
+    found = _distance_of(stretched(0.01, n, certificate={"limit": True}))
+    assert found <= bound * (1.0 + 1e-6)
+    assert found == pytest.approx(share * bound, rel=0.02)
+
+
+@pytest.mark.parametrize("n", [10.0, 1e2, 1e3, 1e4])
+def test_without_friction_the_multipliers_bound_what_the_penalty_changes(n: float) -> None:
+    """``a(e, e) <= |Z|^2/8n + eps |p|^2/4`` with the multipliers of n = inf on the same mesh."""
+    exact = solved(block(penalty__n=math.inf, friction__coefficient=0.0))
+    stress, (contact,) = exact.locking_stress, exact.contacts
+    dx = ufl.Measure("dx", exact.domain.mesh)
+    bound = integral(exact.domain, ufl.inner(stress, stress) * dx) / (8.0 * n)
+    bound += float(contact.surface.integral(contact.pressure**2)) / (4.0 * n)
+    penalised = block(penalty__n=n, friction__coefficient=0.0, certificate__limit=True)
+    assert 0.001 * bound < _distance_of(dict(solved(penalised).summary)) <= bound
+
+
+@pytest.mark.parametrize("n", [1e2, 1e5, math.inf])
+@pytest.mark.parametrize("gap", [0.0, 0.004])
+def test_the_work_of_locking_is_bounded_for_any_n(n: float, gap: float) -> None:
+    work = solved(block(penalty__n=n, contact__gap=gap)).summary["bounds"]["locking_work"]
+    assert work["holds"] is True
+    assert 0.01 * work["bound"] < work["value"] < work["bound"]
+
+
+def test_a_column_held_by_contact_alone_has_bounds_that_are_nearly_attained() -> None:
+    parameters = column(pressure=0.01, penalty={"n": 1e3, "epsilon": 1e-2})
+    bounds = solved(parameters).summary["bounds"]
+    # The springs carry the same uniform stress, so only the gap and the penetration are lost.
+    assert all(entry["holds"] for entry in bounds.values())
+    at_once = column(pressure=0.01, contact__gap=0.0, penalty={"n": 1e3, "epsilon": 1e-12})
+    displacement = solved(at_once).summary["bounds"]["displacement_norm"]
+    # a(u, u) = k |eps|^2, and alpha is less than k.
+    stiffest, alpha = 1.3461538461538463, 0.7692307692307692
+    assert displacement["bound"] / displacement["value"] == pytest.approx(
+        math.sqrt(stiffest / alpha), rel=1e-6
+    )
+
+
+@pytest.mark.parametrize("n", [1e3, math.inf])
+def test_the_work_of_locking_is_bounded_where_contact_alone_holds_the_body(n: float) -> None:
+    pressed = column(pressure=0.05, contact__gap=0.0, penalty={"n": n, "epsilon": 1e-3})
+    work = solved(pressed).summary["bounds"]["locking_work"]
+    assert work["holds"] is True
+    assert 0.1 * work["bound"] < work["value"] <= work["bound"]
+
+
+@pytest.mark.parametrize("n", [1e3, math.inf])
+def test_the_work_of_locking_is_bounded_over_a_foundation_that_lifts_the_body(n: float) -> None:
+    wedge = block(penalty__n=n, contact__gap="-0.003*x")
+    lifted = solved(wedge).summary["bounds"]["locking_work"]
+    assert lifted["holds"] is True
+    # The field that lifts the body has a part of the strain that M allows.
+    flat = solved(block(penalty__n=n)).summary["bounds"]["locking_work"]
+    assert flat["value"] < lifted["value"] < lifted["bound"]
+    assert lifted["bound"] > 1.2 * flat["bound"]
+
+
+def test_a_load_that_lifts_a_part_of_a_loose_body_leaves_the_bounds_open() -> None:
+    tilting = column(
+        loads__tractions=[{"on": "top", "value": [0.0, "-0.02 + 50*(x - 0.5)"]}],
+        contact={"on": "bottom"},
+        material__locking_limit=math.inf,
+    )
+    bound = solved(tilting).summary["bounds"]["displacement_norm"]
+    assert bound["bound"] is None and "not carried by a pressure" in bound["reason"]
+
+
+@pytest.mark.parametrize("n", [1e2, 1e4, math.inf])
+def test_prescribed_displacements_that_an_elastic_field_follows_have_bounds(n: float) -> None:
+    bounds = solved(under_a_plate(0.004, penalty__n=n)).summary["bounds"]
+    for entry in bounds.values():
+        assert entry["holds"] is True
+        assert entry["value"] <= entry["bound"]
+    assert bounds["displacement_norm"]["value"] > 0.2 * bounds["displacement_norm"]["bound"]
+
+
+def test_a_negative_gap_is_lifted_over() -> None:
+    bounds = solved(under_a_plate(0.0, contact__gap=-0.003)).summary["bounds"]
+    assert all(entry["holds"] is True for entry in bounds.values())
+
+
+def test_prescribed_displacements_beyond_an_elastic_field_leave_the_bounds_open() -> None:
+    for entry in solved(under_a_plate(0.019)).summary["bounds"].values():
+        assert entry["bound"] is None and entry["holds"] is None
+        assert "exceeds the locking limit" in entry["reason"]
+
+
+def test_dual_norm_by_cg_with_rigid_motions_is_that_of_the_direct_solver(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def bound() -> float:
+        return float(solved(block(3, 0.25)).summary["bounds"]["displacement_norm"]["bound"])
+
+    direct = bound()
+    monkeypatch.setattr(elliptic, "default_options", lambda *_: iterative_options())
+    assert bound() == pytest.approx(direct, rel=1e-7)
+
+
+def test_a_load_on_a_part_with_a_contact_is_not_lost() -> None:
+    """The springs that carry the load act on the part on which the load acts."""
+    rollers = [{"on": "left", "value": [0.0, None]}]
+    pressed = {"tractions": [{"on": "top", "value": [0.0, -3e-4]}], "displacements": rollers}
+    both = {"on": ["bottom", "top"], "gap": 0.01}
+    given = block(h=0.25, loads=pressed, contact=both, friction__coefficient=0, penalty__n=math.inf)
+    for entry in solved(given).summary["bounds"].values():
+        assert entry["holds"] is None
+        assert "not carried by a pressure all over Gamma_C" in entry["reason"]
+
+
+@pytest.mark.parametrize(("limit", "gap"), [(0.02, 0.0), (math.inf, 0.1)])
+def test_a_bound_of_zero_is_kept_by_rounding_at_the_scale_of_the_problem(
+    limit: float, gap: float
+) -> None:
+    """A body at rest whose displacement is rounding, beside its strain limit or its gap."""
+    held = {"displacements": [{"on": "left", "value": [0.0, 0.0]}]}
+    given = block(
+        h=0.5,
+        loads=held,
+        contact={"on": "bottom", "gap": gap},
+        material__locking_limit=limit,
+        penalty={"n": 1e3, "epsilon": 1e-3},
+    )
+    solver = solver_of(assemble(given, MPI.COMM_WORLD))
+    state = solver.state(solver.solve())
+    u = state.problem.u.x.array
+    u[:] = 1e-17 * max(gap, min(limit, 1.0)) * np.sin(np.arange(len(u)))
+    found = proved_bounds(state, elliptic.Lifting(state))
+    solver.close()
+    assert found["displacement_norm"]["value"] > found["displacement_norm"]["bound"] == 0.0
+    assert all(entry["holds"] for entry in found.values())

@@ -1,0 +1,278 @@
+"""Pictures in three dimensions: with PyVista, and where PyVista cannot draw."""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import numpy as np
+import numpy.typing as npt
+import pytest
+from mpi4py import MPI
+from problems import block
+from solutions import made_up, snapshot
+
+from contact_locking import solve
+from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.errors import NoRendering
+from contact_locking.files import ownership
+from contact_locking.running import writing
+from contact_locking.view.pictures import offscreen, snapshot_file, views
+from contact_locking.view.pictures.gather import gather
+
+Image = npt.NDArray[np.uint8]
+
+needs_pyvista = pytest.mark.skipif(
+    importlib.util.find_spec("pyvista") is None or shutil.which("xvfb-run") is None,
+    reason="PyVista or xvfb-run is not installed",
+)
+TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv", ownership.LIST}
+FILES = TEXTS | {"snapshot.npz", "picture.png"}
+ABORT = "import os; os.abort()"
+RENDER_ALL = """
+import sys
+from pathlib import Path
+from contact_locking.view.pictures import render
+*folders, film = map(Path, sys.argv[1:])
+for folder in folders:
+    render.main(folder / "snapshot.npz", folder / "views.npz", 60)
+render.main(film / "frames", film / "views.npz", 60)
+"""
+#: The scales of the displacement in the frames of a film.
+FILM = (0.5, 1.0, 0.5)
+
+
+#: A block that touches its foundation with a whole side.
+HEXAHEDRA = block(
+    3,
+    h=0.5,
+    mesh__structured=True,
+    mesh__cells="box",
+    loads={"displacements": [{"on": "top", "value": [0.0, 0.0, -0.01]}]},
+)
+DRAWN = ("locked", "without contact", "partly unlimited", "at rest", "with two contacts")
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Image]]:
+    """The views of every kind of body, and the frames of a film, from one process."""
+    folders = {kind: tmp_path_factory.mktemp("kind") for kind in DRAWN}
+    for kind, folder in folders.items():
+        snapshot_file.save(snapshot(3, kind), folder / "snapshot.npz")
+    folders["hexahedra"] = tmp_path_factory.mktemp("kind")
+    pressed = gather(solve(HEXAHEDRA))
+    assert pressed is not None
+    snapshot_file.save(pressed, folders["hexahedra"] / "snapshot.npz")
+    folders["film"] = tmp_path_factory.mktemp("film")
+    (folders["film"] / "frames").mkdir()
+    for number, scale in enumerate(FILM):
+        body = snapshot(3, "locked")
+        body = replace(body, displacement=scale * body.displacement)
+        snapshot_file.save(body, folders["film"] / "frames" / f"{number}.npz", compressed=False)
+    words = [*offscreen.XVFB, sys.executable, "-c", RENDER_ALL, *map(str, folders.values())]
+    subprocess.run(words, env=offscreen.environment(), timeout=120, check=True)
+    found = {}
+    for kind, folder in folders.items():
+        with np.load(folder / "views.npz") as images:
+            found[kind] = dict(images)
+    return found
+
+
+def hue(image: Image, colour: tuple[float, float, float]) -> BoolArray:
+    """Where a picture has a colour, in any light and behind glass."""
+    parts = image.astype(float) / (image.astype(float).sum(axis=-1, keepdims=True) + 1e-9)
+    return np.linalg.norm(parts - np.array(colour) / sum(colour), axis=-1) < 0.1
+
+
+VERMILION, BLUE = (0xD5, 0x5E, 0x00), (0x00, 0x72, 0xB2)
+
+
+LOCKED = "Cells at the strain limit, |ε(u)| ≥ M"
+CONTACT = ("Contact pressure", "Open, stick and slip")
+
+
+@pytest.mark.serial
+@needs_pyvista
+@pytest.mark.parametrize("kind", DRAWN)
+def test_every_view_of_every_kind_of_body_shows_something(
+    kind: str, drawn: dict[str, dict[str, Image]]
+) -> None:
+    at_rest = kind == "at rest"
+    strain = "|ε(u)|" if at_rest else "|ε(u)| / M"
+    wanted = {f"Deformed body, {strain}", f"Cut open, {strain}"} | set(() if at_rest else [LOCKED])
+    names = {"without contact": [], "with two contacts": [": bottom", ": left, a $part$"]}
+    wanted |= {f"{title}{name}" for title in CONTACT for name in names.get(kind, [""])}
+    assert set(drawn[kind]) == wanted
+    for image in drawn[kind].values():
+        assert image.shape == (600, 800, 3)
+        assert 0.1 < np.mean((image < 254).any(axis=-1)) < 0.95
+        assert image.std() > 20.0 or at_rest
+
+
+@pytest.mark.serial
+@needs_pyvista
+def test_the_body_hides_no_part_of_the_contact_of_hexahedra(
+    drawn: dict[str, dict[str, Image]],
+) -> None:
+    """The triangles of a hexahedron need not be those of the contact."""
+    states = drawn["hexahedra"]["Open, stick and slip"][:, :680]
+    is_contact = hue(states, VERMILION) | hue(states, BLUE)
+    rows, columns = np.nonzero(is_contact)
+    low, high = np.quantile(rows, [0.01, 0.99]).astype(int)
+    left, right = np.quantile(columns, [0.01, 0.99]).astype(int)
+    assert np.mean(is_contact[low:high, left:right]) > 0.9
+
+
+@pytest.mark.serial
+@needs_pyvista
+def test_the_locked_zone_is_the_upper_half_and_the_pressure_is_on_the_right(
+    drawn: dict[str, dict[str, Image]],
+) -> None:
+    rows, _ = np.nonzero(hue(drawn["locked"][LOCKED], VERMILION))
+    height = len(drawn["locked"][LOCKED])
+    assert len(rows) > 0.1 * drawn["locked"][LOCKED].size / 3
+    assert rows.mean() < 0.45 * height and np.quantile(rows, 0.99) < 0.75 * height
+    # The colours of the pressure, from blue to yellow, are on Gamma_C alone, beside the scale.
+    contact = drawn["locked"]["Contact pressure"][:, :680].astype(int)
+    _, columns = np.nonzero(np.ptp(contact[:-150], axis=-1) > 40)
+    assert np.quantile(columns, 0.05) > 0.5 * contact.shape[1]
+    # At rest it touches nowhere.
+    assert np.ptp(drawn["at rest"]["Contact pressure"][:-150, :680].astype(int), axis=-1).max() < 10
+
+
+@pytest.mark.serial
+@needs_pyvista
+def test_the_frames_of_a_film_have_one_camera(drawn: dict[str, dict[str, Image]]) -> None:
+    frames = [drawn["film"][name] for name in ("0", "1", "2")]
+    assert np.array_equal(frames[0], frames[2])
+    assert frames[0].shape == frames[1].shape
+    # The body moves, and what is around the body does not.
+    assert 0.02 < np.mean((frames[0] != frames[1]).any(axis=-1)) < 0.5
+
+
+@needs_pyvista
+def test_the_picture_of_a_run_is_made_of_views(tmp_path: Path, comm: MPI.Intracomm) -> None:
+    folder = comm.bcast(tmp_path)
+    assert writing.write(made_up(3, output={"fields": False}), folder) == []
+    if comm.rank == 0:
+        assert {path.name for path in folder.iterdir()} == FILES
+        image = matplotlib.image.imread(folder / "picture.png")
+        assert min(image.shape[:2]) > 1000
+        # The solid zone: that large in no other picture.
+        assert hue((255 * image[:, :, :3]).astype(np.uint8), VERMILION).mean() > 0.03
+
+
+@pytest.fixture
+def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
+    """Replace the program that draws by another one, without a screen."""
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: True)
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setenv("DISPLAY", ":0")
+
+    def replace(code: str) -> None:
+        program = (sys.executable, "-c", code)
+        monkeypatch.setattr(offscreen, "program", lambda module: program)
+
+    return replace
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        (ABORT, "VTK was ended by SIGABRT"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", "VTK was ended by SIGKILL"),
+        ("raise RuntimeError('no OpenGL')", "exit code 1: RuntimeError: no OpenGL"),
+        ("pass", "FileNotFoundError"),
+        ("import sys; open(sys.argv[2], 'w').write('no pictures')", "Error: "),
+    ],
+)
+def test_a_program_that_cannot_draw_leaves_everything_else_intact(
+    code: str, told: str, stand_in: Any, tmp_path: Path, comm: MPI.Intracomm
+) -> None:
+    stand_in(code)
+    folder = comm.bcast(tmp_path)
+    (warning,) = writing.write(made_up(3, output={"fields": False}), folder)
+    assert warning.startswith("no picture was drawn: ") and told in warning
+    comm.Barrier()
+    assert {path.name for path in folder.iterdir()} == FILES - {"picture.png"}
+
+
+@pytest.mark.serial
+def test_a_program_that_hangs_is_ended_with_all_it_has_started(
+    stand_in: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    pid = tmp_path / "pid"
+    sleep = "import subprocess as s; p = s.Popen(['sleep', '60'])"
+    stand_in(f"{sleep}; open({str(pid)!r}, 'w').write(str(p.pid)); p.wait()")
+    monkeypatch.setattr(offscreen, "_SECONDS", 1)
+    monkeypatch.setattr(offscreen, "_GRACE_SECONDS", 0.5)
+    with pytest.raises(NoRendering, match="not finished in 1 seconds"):
+        offscreen.views(tmp_path / "snapshot.npz")
+    end = time.monotonic() + 5.0
+    while _runs(int(pid.read_text())):
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def _runs(pid: int) -> bool:
+    """Whether a process is there and has not ended, though nobody may have asked how."""
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text()
+    except FileNotFoundError:
+        return False
+    return status.rpartition(")")[2].split()[0] != "Z"
+
+
+@pytest.mark.serial
+def test_without_pyvista_or_a_screen_the_reason_says_so(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with monkeypatch.context() as without:
+        without.setattr(importlib.util, "find_spec", lambda name: None)
+        with pytest.raises(NoRendering, match="PyVista is not installed"):
+            offscreen.views(tmp_path / "snapshot.npz")
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: True)
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setattr(offscreen, "program", lambda module: (sys.executable, "-c", ABORT))
+    with pytest.raises(NoRendering, match="there is no screen, and no xvfb-run"):
+        offscreen.views(tmp_path / "snapshot.npz")
+
+
+def test_without_a_screen_and_anything_on_the_path_all_results_are_there(
+    tmp_path: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solution, folder = made_up(3, output={"fields": False}), comm.bcast(tmp_path)
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    warnings = writing.write(solution, folder)
+    # VTK from PyPI needs no screen.
+    assert not warnings or "no picture was drawn" in warnings[0]
+    if comm.rank == 0:
+        assert (folder / "picture.png").is_file() == (not warnings)
+        assert (folder / "summary.json").is_file()
+
+
+@pytest.mark.parametrize("normal", [*np.eye(3), *-np.eye(3), np.array([0.6, -0.64, 0.48])])
+def test_gamma_c_is_seen_from_below_and_the_foundation_is_behind_the_body(
+    normal: FloatArray,
+) -> None:
+    assert views.from_the_side(normal) @ normal < 0.0
+    below = views.from_below(normal)
+    assert below @ normal > 0.8 * np.linalg.norm(below)
+
+
+def test_a_camera_has_all_points_in_its_picture_upright() -> None:
+    points = np.random.default_rng(0).uniform(size=(50, 3)) * (3.0, 1.0, 0.5)
+    seen = views.camera(points, np.array([0.3, -1.0, 0.4]))
+    away = points - seen.centre
+    assert np.abs(away @ seen.right).max() == pytest.approx(0.5 * seen.width)
+    assert np.abs(away @ seen.up).max() == pytest.approx(0.5 * seen.height)
+    assert seen.up[2] > 0.9 and seen.right[0] > 0.9
