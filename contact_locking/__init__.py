@@ -57,7 +57,6 @@ if TYPE_CHECKING:
     from contact_locking.process.adaptivity import solve as solve
     from contact_locking.process.adaptivity import solve_adaptively as solve_adaptively
     from contact_locking.process.solving import check as check
-    from contact_locking.process.solving import find_equilibria as find_equilibria
     from contact_locking.process.solving import solve_assembled as solve_assembled
     from contact_locking.process.solving import solve_steps as solve_steps
     from contact_locking.results.solution import Solution as Solution
@@ -71,6 +70,8 @@ if TYPE_CHECKING:
     from contact_locking.study_file import load as load
     from contact_locking.study_file.parameters import Parameters as Parameters
     from contact_locking.supports.supports import Support as Support
+    from contact_locking.theory.solutions import branch as branch
+    from contact_locking.theory.solutions import equilibria as equilibria
 
 # The public names of each module.
 _NAMES = {
@@ -86,15 +87,16 @@ _NAMES = {
     "problem.elasticity": "Elasticity",
     "problem.limits": "Deviator Direction LargestPrincipal StrainBall Volume Weighted",
     "process.adaptivity": "solve solve_adaptively",
-    "process.solving": "check find_equilibria solve_assembled solve_steps",
+    "process.solving": "check solve_assembled solve_steps",
     "results.solution": "Solution State StudySolution",
     "running.writing": "save write",
-    "sensitivity.parameters": "Number",
+    "inverse.parameters": "Number",
     "solver.task": "Settings",
     "study.assembly": "assemble",
     "study_file": "from_mapping load",
     "study_file.parameters": "Parameters",
     "supports.supports": "Support",
+    "theory.solutions": "branch equilibria",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 __all__ = sorted(_HOME)

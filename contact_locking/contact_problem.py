@@ -22,7 +22,6 @@ from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError, require_kind
 from contact_locking.fem.spaces import Element, element_of
-from contact_locking.inverse.lazy import LazyDerivatives
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.given_mesh import NamedFacets
@@ -36,13 +35,11 @@ from contact_locking.problem.limits import Limit
 from contact_locking.problem.springs import OwnSupport
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import Differentiable, Solution
 from contact_locking.script_names import in_script, script_names
 from contact_locking.solver.task import Settings, SolverReport
 from contact_locking.supports.conditions import constrain
 from contact_locking.supports.supports import Support
-from contact_locking.theory.constants import is_unique
-from contact_locking.theory.equilibria.diagram import NO_START, Diagram
 
 Condition: TypeAlias = fem.DirichletBC | Support
 
@@ -134,7 +131,8 @@ class ContactProblem:
         )
         self._discrete = DiscreteProblem(body, placed, n, compliance)
         self._check_friction()
-        self._solver = ProblemSolver(self._discrete, settings or Settings(), monitor)
+        #: What solves the problem, for what is built on top of it.
+        self.solver = ProblemSolver(self._discrete, settings or Settings(), monitor)
         self._is_closed = False
 
     @property
@@ -163,89 +161,37 @@ class ContactProblem:
         that does not converge returns its last state, with ``converged`` False and the reason in
         the summary.  Raises InputError for present data that cannot be used.
         """
-        solver, report = self._solver, self._solve(after, after or start)
+        require_kind(start, Solution | None, "a solution of this problem", "start")
+        self.begin(after)
+        first, solver = after or start, self.solver
+        report = solver.solve(None if first is None else first.state.saved)
         # Derivatives of a step need those of the memory that it began with.
         derivatives = solver.derivatives(report) if after is None else None
-        solution = self._solution(report, extras, certificate, derivatives)
-        told = [*solution.summary["warnings"], *solver.unused_options()]
-        return _in_script(solution.telling(warnings=told))
+        solution = self.solution(report, extras, certificate, derivatives)
+        return solution.telling(warnings=[*solution.summary["warnings"], *solver.unused_options()])
 
-    @script_names()
-    def equilibria(
-        self, find: int = 5, after: Solution | None = None, extras: Extras | None = None
-    ) -> list[Solution]:
-        """The solution for the present data, and others beside it, ``find`` at most.
-
-        The others are on the branch of solutions over the share of friction, or found by deflation;
-        each has a certificate, and the ``index`` of its summary is +1, -1 or 0.  There is one
-        solution in the list if no other was found, which does not say that there is none, or if
-        it has not converged.  Beside a solution that kappa proves to be unique none is searched.
-        Raises InputError for present data that cannot be used, or where there is no map of the
-        friction bounds.
-        """
-        solver, report = self._solver, self._solve(after, after)
-        if not report.converged:
-            return [_in_script(self._solution(report, extras))]
-        found: list[Solution] = []
-        for item in solver.equilibria(report, find):
-            solution = self._solution(item.report, extras)
-            found.append(_in_script(solution.telling(index=item.index)))
-            if is_unique(solution.summary):
-                break
-        return found
-
-    @script_names()
-    def branch(
-        self, to: float = 2.0, after: Solution | None = None, over: fem.Constant | None = None
-    ) -> Diagram:
-        """The solutions over the share of friction, from none up to ``to`` times the coefficient.
-
-        With ``over``, a constant in L or of a support, they are those over a share of this
-        constant, from its present value up or down to ``to`` times of it.  The branch may end
-        before, and says why.  Nothing tells that there are no other solutions.  Raises InputError
-        as :meth:`equilibria`.
-        """
-        if over is None:
-            self._begin(after)
-            return self._branch(to)
-        if not self._solve(after, after).converged:
-            return NO_START
-        whole = over.value.copy()
-
-        def load(share: float) -> None:
-            over.value = share * whole
-            self._discrete.place()
-
-        return self._branch(to, load)
-
-    def _branch(self, to: float, load: Callable[[float], None] | None = None) -> Diagram:
-        diagram = self._solver.diagram(to, load)
-        return dataclasses.replace(diagram, end=in_script(diagram.end))
-
-    def _solution(
+    def solution(
         self,
         report: SolverReport,
-        extras: Extras | None,
+        extras: Extras | None = None,
         certificate: bool = True,
-        derivatives: LazyDerivatives | None = None,
+        derivatives: Differentiable | None = None,
     ) -> Solution:
-        state = self._solver.state(report)
+        """The solution of a report of ``solver``, the last one; as in :meth:`solve`."""
+        state = self.solver.state(report)
         judged = certify(state, extras or Extras()) if certificate else None
-        return solution_of(state, judged, derivatives)
+        solution = solution_of(state, judged, derivatives)
+        return solution.telling(**in_script(solution.summary))
 
-    def _solve(self, after: Solution | None, begin: Solution | None) -> SolverReport:
-        for key, item in (("after", after), ("start", begin)):
-            require_kind(item, Solution | None, "a solution of this problem", key)
-        self._begin(after)
-        return self._solver.solve(None if begin is None else begin.state.saved)
-
-    def _begin(self, after: Solution | None) -> None:
+    def begin(self, after: Solution | None = None) -> None:
+        """Put the present data into ``solver``, and the memory of friction; as in :meth:`solve`."""
+        require_kind(after, Solution | None, "a solution of this problem", "after")
         if self._is_closed:
             raise InputError("the problem is closed; solve before close(), or make another one")
         problem = self._discrete
         problem.enter(problem.at_rest() if after is None else after.state.contacts)
         problem.refresh()
-        system = self._solver.system
+        system = self.solver.system
         # The stress of an eigenstrain is a load.
         system.assemble_loads()
         # The linear programmes of rigid motions do not take NaN.
@@ -262,12 +208,8 @@ class ContactProblem:
     def close(self) -> None:
         """Destroy the PETSc objects, after the last solve."""
         self._is_closed = True
-        self._solver.close()
+        self.solver.close()
         self._discrete.close()
-
-
-def _in_script(solution: Solution) -> Solution:
-    return solution.telling(**in_script(solution.summary))
 
 
 def _check(a: Any, L: Any, n: Any, compliance: float | None, settings: Any) -> None:

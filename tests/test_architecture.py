@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import ast
 import functools
+import json
+import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -24,7 +27,7 @@ WINGS = ("theory", "inverse", "view")
 # A module imports only from its own package and from those above it in this list.
 LAYERS = (
     ("errors", "arrays", "_version", "plain_text", "monitor"),
-    ("_compat", "parallel", "files", "script_names"),
+    ("wings", "_compat", "parallel", "files", "script_names"),
     ("laws", "expressions", "meshes"),
     ("mesh",),
     ("study_file", "fem"),
@@ -38,7 +41,8 @@ LAYERS = (
     ("certificate",),
     ("process",),
     ("contact_problem", "running"),
-    WINGS,
+    ("theory", "view"),
+    ("inverse",),
     ("command",),
     ("__main__",),
 )
@@ -193,6 +197,46 @@ def test_nothing_imports_the_command_line() -> None:
         if not name.startswith(command) and any(word.startswith(command) for word in needed)
     }
     assert users == {"contact_locking.__main__"}
+
+
+def test_the_core_imports_no_wing() -> None:
+    wings = tuple(f"contact_locking.{name}" for name in WINGS)
+    users = {
+        name
+        for name, needed in graph().items()
+        if name.partition(".")[2].partition(".")[0] not in (*WINGS, "command", "")
+        and any(word.startswith(wings) for word in needed)
+    }
+    assert users == set()
+
+
+def test_without_the_wings_a_study_runs_and_says_nothing_of_them(tmp_path: Path) -> None:
+    kept = shutil.ignore_patterns(*WINGS, "__pycache__")
+    # Files of demos are links.
+    shutil.copytree(PACKAGE, tmp_path / "contact_locking", ignore=kept)
+    words = ["run", str(PACKAGE.parent / "demos" / "block.yml"), "--set", "mesh.h=0.25"]
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-m", "contact_locking", *words],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    results = tmp_path / "results" / "block"
+    summary = json.loads((results / "summary.json").read_text())
+    assert summary["converged"] and not {"bounds", "constants"} & set(summary["certificate"])
+    assert not (results / "picture.png").exists()
+    assert not re.search("proved|unique|wing|picture", done.stdout + done.stderr)
+    refused = subprocess.run(
+        [sys.executable, "-m", "contact_locking", *words, "certificate.constants=true"],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert refused.returncode == 2 and "certificate.constants" in refused.stderr
 
 
 def test_study_files_and_reports_are_read_without_dolfinx() -> None:

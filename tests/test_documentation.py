@@ -17,7 +17,7 @@ import generated_reference
 import pytest
 from mpi4py import MPI
 
-from contact_locking import find_equilibria, from_mapping, solve, solve_steps
+from contact_locking import from_mapping, solve, solve_steps
 from contact_locking.command import cli
 from contact_locking.mesh.xdmf_mesh import from_xdmf
 from contact_locking.results.solution import summary_text
@@ -129,9 +129,7 @@ def test_the_summary_and_its_reference_have_the_same_keys() -> None:
     }
     adapted = solve(from_mapping(given | {"adapt": {"max_meshes": 1}}))
     (step,) = solve_steps(from_mapping(given | {"steps": {"times": [1.0]}}))
-    (one,) = find_equilibria(
-        from_mapping(given | {"equilibria": {"find": 1}, "branches": {"to": 0.1}})
-    )
+    one = solve(from_mapping(given | {"equilibria": {"find": 1}, "branches": {"to": 0.1}}))
     several = {key: one.summary[key] for key in ("index", "equilibria", "branches")}
     found = adapted.telling(steps=step.summary["steps"], x=float("inf"), **several).summary
     summary = json.loads(summary_text(found))

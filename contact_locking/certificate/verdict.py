@@ -3,47 +3,54 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from dolfinx import fem
 
+from contact_locking import wings
 from contact_locking.certificate.balances import equilibrium
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.elliptic import Lifting, NotApplicable
-from contact_locking.certificate.indicator import ErrorIndicator, cell_field, error_indicator
+from contact_locking.certificate.indicator import ErrorIndicator, error_indicator
 from contact_locking.certificate.laws import entry_criterion, law_criteria
 from contact_locking.certificate.penalty_error import penalty_error
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.theory.bounds import proved_bounds
-from contact_locking.theory.constants import constant_supports, constants
-from contact_locking.theory.critical_friction import critical_friction
-from contact_locking.theory.kappa import Kappa, kappa
+
+
+@dataclass(frozen=True)
+class Proofs:
+    """What is proved about a solved state.
+
+    ``entries`` are further keys of the certificate in summary.json, and ``errors`` further error
+    estimates.  ``error_bound`` has the roots of the contributions of the cells to a bound of the
+    error, None without a bound.  ``complaint`` says in words what contradicts the solution,
+    ``reason`` why a solve that has failed cannot arrive, and ``warnings`` what to mind.
+    """
+
+    entries: Mapping[str, Any] = field(default_factory=dict)
+    errors: Mapping[str, Any] = field(default_factory=dict)
+    error_bound: fem.Function | None = None
+    complaint: str = ""
+    reason: str = ""
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """Criteria, proved bounds, constants, resultants and error estimates, for summary.json.
+    """Criteria, resultants, error estimates and what is proved, for summary.json.
 
-    ``indicator`` is None if the error indicator is not applicable.  ``error_bound`` has the roots
-    of the contributions of the cells to the guaranteed bound, and is None without this bound.
-    ``reactions`` has the reactions of each boundary part with prescribed displacements.
-    ``limit_load`` tells which multiples of the prescribed displacements the body can follow; None
-    if nobody asks, or if no prescribed displacement differs from zero.  ``critical_friction`` is
-    None if nobody asks.
+    ``indicator`` is None if the error indicator is not applicable.  ``reactions`` has the reactions
+    of each boundary part with prescribed displacements.
     """
 
     criteria: dict[str, Criterion]
-    bounds: dict[str, dict[str, Any]]
-    constants: dict[str, Any]
     resultants: dict[str, Any]
     reactions: dict[str, list[float]]
     errors: dict[str, Any]
     indicator: ErrorIndicator | None
-    error_bound: fem.Function | None
-    limit_load: dict[str, Any] | None
-    critical_friction: dict[str, Any] | None = None
-    warnings: tuple[str, ...] = ()
+    proofs: Proofs
 
     @property
     def residual(self) -> float:
@@ -52,30 +59,21 @@ class Certificate:
 
     @property
     def complaint(self) -> str:
-        """The criteria and the bounds that do not hold, in words; empty if all hold."""
+        """The criteria and the proofs that do not hold, in words; empty if all hold."""
         broken = [
             f"the {item.meaning} is {item.value:.1e}, above {item.limit:g}"
             for item in self.criteria.values()
             if not item.holds
         ]
-        broken += [
-            f"the proved bound of {name.replace('_', ' ')} does not hold: {entry['value']:.3g} "
-            f"exceeds {entry['bound']:.3g}"
-            for name, entry in self.bounds.items()
-            if entry["holds"] is False
-        ]
-        return "; ".join(broken)
+        return "; ".join(filter(None, (*broken, self.proofs.complaint)))
 
     def summary(self) -> dict[str, Any]:
         """The key ``certificate`` of summary.json."""
-        asked = {"limit_load": self.limit_load, "critical_friction": self.critical_friction}
         return {
             "criteria": {name: item.summary() for name, item in self.criteria.items()},
-            "bounds": self.bounds,
-            "constants": self.constants,
+            **self.proofs.entries,
             "resultants": self.resultants,
-            "errors": self.errors,
-            **{name: entry for name, entry in asked.items() if entry is not None},
+            "errors": self.errors | self.proofs.errors,
         }
 
 
@@ -105,54 +103,23 @@ def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
     """
     balance = equilibrium(state)
     mesh, indicator = _mesh_error(state)
-    lifting, wanted = Lifting(state), extras.error_bound
-    small = _kappa(state, extras.constants or wanted)
-    with contextlib.closing(lifting):
-        bounds = proved_bounds(state, lifting)
-        shares: fem.Function | None = None
-        limit: dict[str, Any] | None = None
-        errors = {"mesh": mesh, "penalty": penalty_error(state, lifting)}
-        if wanted:
-            # With the parts of SciPy that they use, these proofs take a while to import.
-            from contact_locking.theory.guaranteed import (
-                guaranteed_error,
-                limit_load,
-                moving_error,
-            )
-
-            limit = limit_load(state)
-            errors["guaranteed"], frozen = guaranteed_error(state, lifting)
-            if frozen is not None:
-                shares = cell_field(state, "error_bound", frozen.squares)
-            if any(not contact.friction.frictionless for contact in state.problem.contacts):
-                errors["moving_friction"] = moving_error(state, frozen, small)
+    with contextlib.closing(Lifting(state)) as lifting:
+        penalty = penalty_error(state, lifting)
+        proofs = next((prove(state, lifting, extras) for prove in wings.PROOFS), Proofs())
     return Certificate(
         criteria=balance.criteria(state.settings.tolerance)
         | law_criteria(state)
         | entry_criterion(state),
-        bounds=bounds,
-        constants=constants(state, extras.constants, small),
         resultants={
             "loads": balance.loads.tolist(),
             "contact": balance.contact.tolist(),
             "reactions": balance.reactions.tolist(),
         },
         reactions={name: list(map(float, x)) for name, x in balance.reactions_by_part.items()},
-        errors=errors,
+        errors={"mesh": mesh, "penalty": penalty},
         indicator=indicator,
-        error_bound=shares,
-        limit_load=limit,
-        critical_friction=critical_friction(state) if extras.critical_friction else None,
-        warnings=constant_supports(state) if extras.constants or wanted else (),
+        proofs=proofs,
     )
-
-
-def _kappa(state: SolvedState, wanted: bool) -> Kappa | NotApplicable:
-    """Kappa, or why there is none; collective."""
-    try:
-        return kappa(state, wanted)
-    except NotApplicable as failure:
-        return failure
 
 
 def _mesh_error(state: SolvedState) -> tuple[dict[str, Any], ErrorIndicator | None]:

@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     with _importing() if arguments.program else contextlib.nullcontext():
         study = _load(arguments.file, _overrides(arguments))
         comm = world_with_dolfinx(arguments)
-        from contact_locking.process import adaptivity, solving
+        from contact_locking.process import adaptivity
         from contact_locking.results import in_words, output_folder
         from contact_locking.running import writing
         from contact_locking.running.process import run_steps
@@ -75,13 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
         if speaks and parameters.study is not None:
             print("The file describes a study; run solves its base case.")
         with _monitor(arguments, comm, speaks) as monitor, petsc_complaints():
-            if parameters.equilibria is not None:
-                if restart is not None:
-                    raise InputError("does not go with --restart", "equilibria")
-                found = solving.find_equilibria(parameters, comm, monitor, arguments.petsc)
-                solution = found[0]
-                warnings = writing.write_equilibria(found, directory, save_state)
-            elif parameters.steps is None:
+            if parameters.steps is None:
                 solution = adaptivity.solve(parameters, comm, monitor, arguments.petsc, restart)
                 warnings = writing.write(solution, directory, save_state)
             else:

@@ -1,1 +1,42 @@
-"""Derivatives of solutions, and fits of numbers to measurements; the core does without."""
+"""A wing: derivatives of solutions, and fits of numbers to measurements."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from contact_locking import wings
+
+if TYPE_CHECKING:
+    from contact_locking.monitor import Monitor
+    from contact_locking.process.followers import Follower
+    from contact_locking.process.problem_solver import ProblemSolver
+    from contact_locking.results.solution import Differentiable
+    from contact_locking.solver.task import SolverReport
+    from contact_locking.study.assembly import StudyProblem
+
+
+# Modules are imported where they are used: most runs use none of them.
+@wings.DERIVATIVES.add
+def _derivatives(solver: ProblemSolver, report: SolverReport) -> Differentiable:
+    from contact_locking.inverse.lazy import LazyDerivatives
+
+    return LazyDerivatives(solver, report)
+
+
+@wings.CHECKS.add
+def _check(problem: StudyProblem) -> None:
+    if problem.parameters.sensitivities is not None or problem.parameters.fit is not None:
+        from contact_locking.inverse.sensitivities import require_known
+
+        require_known(problem)
+
+
+@wings.FOLLOWERS.add
+def _sensitivities(
+    problem: StudyProblem, solver: ProblemSolver, monitor: Monitor
+) -> Follower | None:
+    if problem.parameters.sensitivities is None:
+        return None
+    from contact_locking.inverse.sensitivities import Sensitivities
+
+    return Sensitivities(problem, solver, monitor)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,35 +16,38 @@ from contact_locking.inverse.derivatives import Derivatives
 from contact_locking.inverse.equations import require_settled
 from contact_locking.inverse.fields import field
 from contact_locking.inverse.parameters import Frozen, Number, entries, number, refresh
-from contact_locking.problem.discrete_problem import DiscreteProblem
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.inverse.quantities import require_quantities
+from contact_locking.process.problem_solver import ProblemSolver, linear_solver
 from contact_locking.script_names import script_names
-from contact_locking.solver.task import Settings, SolverReport, Target, Task
+from contact_locking.solver.linear.options import UserOptions
+from contact_locking.solver.task import Settings, SolverReport, Task
 
 
-def require_derivatives(settings: Settings) -> None:
-    """Raise NoDerivatives for settings with which solutions have none."""
-    if settings.linear != "direct":
+def deriving(solver: ProblemSolver) -> Settings:
+    """The settings for derivatives, which take a factorisation where the body is small."""
+    settings = solver.settings
+    if linear_solver(solver.problem, "auto") == "direct" and settings.linear != "direct":
+        # The options are those of an iterative solver.
+        return dataclasses.replace(settings, linear="direct", petsc=UserOptions({}))
+    return settings
+
+
+def require_derivatives(solver: ProblemSolver, names: Sequence[str] = ()) -> None:
+    """Raise InputError for a problem or quantities without derivatives; needs no solve."""
+    if deriving(solver).linear != "direct":
         raise NoDerivatives(
             "derivatives take a factorisation, for which this body is too large by the choice of "
             "auto; take direct",
             "solver.linear",
         )
+    require_quantities(names, solver.problem.domain, solver.system)
 
 
 class LazyDerivatives:
     """The derivatives of the solution of a report, until :meth:`close`; collective."""
 
-    def __init__(
-        self,
-        problem: DiscreteProblem,
-        system: PenalisedSystem,
-        target: Callable[[], Target],
-        settings: Settings,
-        report: SolverReport,
-    ) -> None:
-        self._problem, self._system, self._target = problem, system, target
-        self._settings, self.report = settings, report
+    def __init__(self, solver: ProblemSolver, report: SolverReport) -> None:
+        self._solver, self._report = solver, report
         self._made: Derivatives | None = None
         self._is_closed = False
 
@@ -72,8 +76,9 @@ class LazyDerivatives:
                 "the problem has been solved again, or closed, since this solution: ask for its "
                 "derivatives before"
             )
-        require_derivatives(self._settings)
-        for contact in self._problem.contacts:
+        require_derivatives(self._solver)
+        problem, system, report = self._solver.problem, self._solver.system, self._report
+        for contact in problem.contacts:
             frame = contact.surface.frame
             if frame is not None and frame.displacement is not None:
                 raise NoDerivatives(
@@ -81,25 +86,25 @@ class LazyDerivatives:
                     "deform; take pair: once",
                     f"{contact.key}.pair",
                 )
-        if not self.report.converged:
+        if not report.converged:
             raise InputError("a solve that has not converged has no derivatives")
         if self._made is None:
             # Data that have changed since are told from the equations, which they change.
-            refresh(self._problem, self._system)
-            system, target = self._system, self._target()
-            tolerance = self._settings.tolerance
-            iterate = self.report.last
-            if iterate is None and self.report.multipliers is not None:
+            refresh(problem, system)
+            target, settings = self._solver.target, deriving(self._solver)
+            tolerance = settings.tolerance
+            iterate = report.last
+            if iterate is None and report.multipliers is not None:
                 raise InputError(
                     "a solution that was read from a checkpoint has no last iterate, by which it "
                     "would be differentiated: solve it anew"
                 )
             # Newton's method has the last word where there are no multipliers.
-            if iterate is None or self.report.multipliers is None:
+            if iterate is None or report.multipliers is None:
                 require_settled(system, tolerance)
                 iterate = penalised_iterate(system, target, tolerance)
-            frozen = Frozen(self._problem, system, self._target, iterate)
-            self._made = Derivatives(frozen, Task(system, target, self._settings))
+            frozen = Frozen(problem, system, lambda: self._solver.target, iterate)
+            self._made = Derivatives(frozen, Task(system, target, settings))
         return self._made
 
     def close(self) -> None:
@@ -111,5 +116,5 @@ class LazyDerivatives:
 
     def __del__(self) -> None:
         # The garbage collector clears the contexts of PETSc's objects before PETSc destroys these.
-        if self._problem.domain.comm.size == 1 and not PETSc.Sys.isFinalized():
+        if self._solver.problem.domain.comm.size == 1 and not PETSc.Sys.isFinalized():
             self.close()

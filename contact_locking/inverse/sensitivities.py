@@ -9,18 +9,22 @@ from typing import Any
 import numpy as np
 
 from contact_locking.errors import InputError, NoDerivatives
-from contact_locking.inverse.derivatives import Derivatives, Table
+from contact_locking.inverse.derivatives import Table
 from contact_locking.inverse.equations import Equations
+from contact_locking.inverse.lazy import LazyDerivatives, require_derivatives
 from contact_locking.inverse.linearisation import Change
 from contact_locking.inverse.parameters import Frozen, width
+from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.process.of_study import settings_of
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.process.solving import solve_assembled
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import ContactFields
 from contact_locking.results.quantities import look_up
 from contact_locking.results.solution import StudySolution
-from contact_locking.study.assembly import StudyProblem
+from contact_locking.solver.task import SolverReport
+from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.named_numbers import number_at, with_number
 from contact_locking.study_file.parameters import Parameters
 
@@ -34,10 +38,10 @@ def require_known(problem: StudyProblem) -> None:
     if (given := parameters.sensitivities) is not None:
         for name in given.to:
             number_at(parameters, name)
-        solver.require_derivatives(given.of)
+        require_derivatives(solver, given.of)
     if parameters.fit is not None:
         try:
-            solver.require_derivatives(tuple(parameters.fit.quantities.values()))
+            require_derivatives(solver, tuple(parameters.fit.quantities.values()))
         except NoDerivatives:
             return  # the fit takes differences
         except InputError as error:
@@ -114,31 +118,61 @@ class Sensitivities:
     a derivative, and for a problem without derivatives.
     """
 
-    def __init__(self, problem: StudyProblem, solver: ProblemSolver) -> None:
+    def __init__(self, problem: StudyProblem, solver: ProblemSolver, monitor: Monitor) -> None:
         given = problem.parameters.sensitivities
         assert given is not None
-        solver.require_derivatives(given.of)
-        self._given = given
+        require_derivatives(solver, given.of)
+        self._given, self._solver, self._monitor = given, solver, monitor
         self._numbers = [StudyNumber(problem, name) for name in given.to]
         self._shares: dict[str, float] = {}
 
-    def of(
-        self, derivatives: Derivatives, contacts: Sequence[ContactFields], time: float | None = None
-    ) -> dict[str, Any]:
-        """The entries of summary.json about one solution; with a ``time``, the end of a step.
+    def after(
+        self, solution: StudySolution, report: SolverReport, time: float | None
+    ) -> StudySolution:
+        """The solution with the entries of its summary; with a ``time``, the end of a step.
 
         The shares near a change are the largest of the steps so far, as friction remembers each.
         """
+        if not solution.converged:
+            return solution
+        if time is None:
+            self._monitor.message("computing derivatives")
+        lazy = self._solver.derivatives(report)
+        assert isinstance(lazy, LazyDerivatives)
+        derivatives, numbers = lazy.made, self._numbers
         for kind, share in derivatives.share_at_change().items():
             self._shares[kind] = max(share, self._shares.get(kind, 0.0))
         if time is None:
-            return entry(derivatives.table(self._given.of, self._numbers), self._shares)
-        for number in self._numbers:
-            number.advance(time)
-        table, changes = derivatives.forward(self._given.of, self._numbers)
-        for number, change in zip(self._numbers, changes, strict=True):
-            number.remember(contacts, change, derivatives.frozen)
-        return entry(table, self._shares)
+            table = derivatives.table(self._given.of, numbers)
+        else:
+            for number in numbers:
+                number.advance(time)
+            table, changes = derivatives.forward(self._given.of, numbers)
+            for number, change in zip(numbers, changes, strict=True):
+                number.remember(solution.contacts, change, derivatives.frozen)
+        entries = entry(table, self._shares)
+        steps = solution.parameters.steps
+        if self._given.check and (steps is None or time == steps.planned[-1]):
+            self._check(entries["sensitivities"], solution)
+        return solution.telling(**entries)
+
+    def _check(self, found: dict[str, Any], solution: StudySolution) -> None:
+        """Add to each derivative the difference of two solves; collective."""
+        given, options = self._given, self._solver.settings.petsc
+
+        def values(changed: Parameters) -> list[float] | None:
+            changed = changed.model_copy(update={"sensitivities": None})
+            problem = assemble(changed, solution.domain.comm, solution.domain, solution.element)
+            other = solve_assembled(problem, Monitor(), options)
+            return [value_of(name, other) for name in given.of] if other.converged else None
+
+        for key in given.to:
+            self._monitor.message(f"solving twice around {key}, to check its derivatives")
+            length = solution.domain.extent
+            differences = central_differences(solution.parameters, key, length, values)
+            for number, name in enumerate(given.of):
+                rate = None if differences is None else differences[number]
+                found[name][key]["checked"] = rate
 
     def close(self) -> None:
         """Destroy the PETSc objects."""

@@ -21,7 +21,6 @@ from contact_locking.results.derived import ContactFields, Contacts, gather_cont
 from contact_locking.results.quantities import QUANTITIES, computed
 from contact_locking.results.solution import Differentiable, Solution, State
 from contact_locking.solver.task import SavedState
-from contact_locking.theory.other_solutions import share_against_sliding
 
 _WAY_OUT_OF_SLIDING = (
     "Press the body more, raise friction.coefficient, or hold it by loads.displacements."
@@ -55,7 +54,7 @@ def solution_of(
         **{name: getattr(body, name) for name in BodyFields.FIELDS},
         error_indicator=indicator and indicator.field,
         elastic_error_indicator=indicator and indicator.elastic_field,
-        error_bound=certificate and certificate.error_bound,
+        error_bound=certificate and certificate.proofs.error_bound,
         contacts=state.contacts,
         contact_points=points,
         contact_facets=facets,
@@ -102,8 +101,6 @@ def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
     found += plausibility.about_held_nodes(
         [fields.contact.key for fields in state.contacts], held, state.largest_displacement
     )
-    if problem.sliding and not any(contact.friction.depends_on_slip for contact in data.contacts):
-        found += plausibility.about_the_friction_used(share_against_sliding(state))
     for fields in state.contacts:
         between = fields.entry
         found += plausibility.about_an_entry(
@@ -218,17 +215,17 @@ def _judged(
     summary: dict[str, Any], state: SolvedState, certificate: Certificate
 ) -> dict[str, Any]:
     """The summary with the results of the certificate."""
-    report, load = state.report, certificate.limit_load
+    report, proofs = state.report, certificate.proofs
     summary |= {
         "reactions": certificate.reactions,
         "residual": certificate.residual,
-        "bounds": certificate.bounds,
         "certificate": certificate.summary(),
-        "warnings": [*summary["warnings"], *certificate.warnings],
+        "warnings": [*summary["warnings"], *proofs.warnings],
     }
-    if not report.converged and load is not None and load["infeasible"]:
-        most = f"{100.0 * load['load_factor'][1]:.3g}"
-        summary["reason"] += f"; on no mesh can more than {most} % of them be followed"
+    if "bounds" in proofs.entries:
+        summary["bounds"] = proofs.entries["bounds"]
+    if not report.converged and proofs.reason:
+        summary["reason"] += f"; {proofs.reason}"
     if report.converged and certificate.complaint:
         enters = bool(state.contacts) and not certificate.criteria[ENTRY].holds
         way_out = _way_out_of_entry(state.problem.domain) if enters else _WAY_OUT_OF_COMPLAINTS

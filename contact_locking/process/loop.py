@@ -26,9 +26,9 @@ from contact_locking.certificate.energy import EnergyBalance, Moment, energy_bal
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError, Misplaced, ProcessEnded, with_key
-from contact_locking.inverse.sensitivities import Sensitivities
 from contact_locking.monitor import Monitor
 from contact_locking.process.checkpoint.restart import restored_step
+from contact_locking.process.followers import followers_of
 from contact_locking.process.of_study import certified, of_study, solver_of
 from contact_locking.process.out_of_reach import AdmissibilityData, OutOfReach
 from contact_locking.process.timeline import Timeline
@@ -153,7 +153,12 @@ class Steps(Iterator[StudySolution]):
         solution: StudySolution | None = None
         last: State | None = None
         before: Moment | None = None
-        sensitivities = self._sensitivities()
+        if self._saved and self.problem.parameters.sensitivities is not None:
+            raise InputError(
+                "take all steps of a process, as friction remembers each: start without --restart",
+                "sensitivities",
+            )
+        followers = followers_of(self.problem, self._solver, self._monitor)
         try:
             for path in self._saved:
                 state, step, energy = restored_step(path, self.problem, self._solver)
@@ -233,9 +238,8 @@ class Steps(Iterator[StudySolution]):
                         yield self._stopped(solution, found.summary["reason"])
                         return
                 solution, before = found, after
-                if sensitivities is not None and solution.converged:
-                    made = self._solver.derivatives(report).made
-                    solution = solution.telling(**sensitivities.of(made, state.contacts, at))
+                for follower in followers:
+                    solution = follower.after(solution, report, at)
                 seconds = self._seconds = time.perf_counter() - began
                 self.history.rows.append(row_of(solution, self.history, at, energy, seconds))
                 self._require_columns()
@@ -247,21 +251,10 @@ class Steps(Iterator[StudySolution]):
                 last = solution.state
                 self._remember(last, at)
         finally:
-            if sensitivities is not None:
-                sensitivities.close()
+            for follower in followers:
+                follower.close()
             self._solver.close()
             self.problem.close()
-
-    def _sensitivities(self) -> Sensitivities | None:
-        """The derivatives that the study asks for, through all of its steps; collective."""
-        if self.problem.parameters.sensitivities is None:
-            return None
-        if self._saved:
-            raise InputError(
-                "take all steps of a process, as friction remembers each: start without --restart",
-                "sensitivities",
-            )
-        return Sensitivities(self.problem, self._solver)
 
     def _require_columns(self) -> None:
         """Raise InputError, after the first step, for charts of columns that there are not."""

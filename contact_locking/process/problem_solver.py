@@ -4,29 +4,25 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from dolfinx import fem
 from numpy.linalg import norm
 
+from contact_locking import wings
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
-from contact_locking.inverse.lazy import LazyDerivatives, require_derivatives
-from contact_locking.inverse.quantities import require_quantities
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.derived import penalised
+from contact_locking.results.solution import Differentiable
 from contact_locking.solver.interior_point.feasibility import Verdict, judge
 from contact_locking.solver.linear.factorised import chosen
-from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.strategy import solve as solve_system
 from contact_locking.solver.task import SavedState, Settings, SolverReport, Target, Task
-from contact_locking.theory.equilibria.diagram import Diagram, diagram
-from contact_locking.theory.equilibria.search import Equilibrium, equilibria
 
 # The frame of bodies that touch each other is that of the solution after one to three solves.
 _MOST_FRAMES = 8
@@ -48,9 +44,11 @@ class ProblemSolver:
         self, problem: DiscreteProblem, settings: Settings, monitor: Monitor | None = None
     ) -> None:
         self.problem, self._monitor = problem, monitor or Monitor()
-        self._derivatives: LazyDerivatives | None = None
+        self._derivatives: tuple[SolverReport, Differentiable] | None = None
         self._method = _method(problem, settings.method)
-        self.settings = dataclasses.replace(settings, linear=_linear(problem, settings.linear))
+        self.settings = dataclasses.replace(
+            settings, linear=linear_solver(problem, settings.linear)
+        )
         self.system = PenalisedSystem(
             problem.data,
             problem.u,
@@ -96,7 +94,7 @@ class ProblemSolver:
 
         def task() -> Task:
             return dataclasses.replace(
-                self._task,
+                self.task,
                 is_unbalanced=self.is_unbalanced,
                 follows_branch=follows_branch,
                 searches=searches,
@@ -133,7 +131,8 @@ class ProblemSolver:
         )
 
     @property
-    def _task(self) -> Task:
+    def task(self) -> Task:
+        """The present problem for a solver."""
         return Task(self.system, self.target, self.settings, self._monitor)
 
     @property
@@ -145,60 +144,25 @@ class ProblemSolver:
 
     def verdict(self) -> Verdict | None:
         """Whether nothing is admissible at present, None without a proof; collective."""
-        return judge(dataclasses.replace(self._task, monitor=Monitor()))
+        return judge(dataclasses.replace(self.task, monitor=Monitor()))
 
     def is_unbalanced(self) -> bool:
         """Whether a proof shows that no forces balance the present loads; collective."""
         return self.problem.free > 0 and self.problem.rigidity.is_unheld()
 
-    def equilibria(self, report: SolverReport, most: int) -> Iterator[Equilibrium]:
-        """The solution of a report, and up to ``most - 1`` others; collective.
-
-        Each is in the system in its turn.  Raises InputError where they cannot be searched.
-        """
-        yield from equilibria(self._task, report, most)
-
-    def diagram(self, to: float, load: Callable[[float], None] | None = None) -> Diagram:
-        """The branch of solutions up to ``to`` times the friction, or the loads; collective.
-
-        ``load`` gives a share of the loads to the data of the problem.  Raises InputError as
-        :func:`diagram`.
-        """
-
-        def put(share: float) -> None:
-            assert load is not None
-            load(share)
-            self.system.assemble_loads()
-
-        return diagram(self._task, to, None if load is None else put)
-
-    def derivatives(self, report: SolverReport) -> LazyDerivatives:
+    def derivatives(self, report: SolverReport) -> Differentiable | None:
         """The derivatives of the solution of a report, until the next solve."""
-        if self._derivatives is not None and self._derivatives.report is report:
-            return self._derivatives
-        self.close()
-        self._derivatives = LazyDerivatives(
-            self.problem, self.system, lambda: self.target, self._deriving, report
-        )
-        return self._derivatives
-
-    @property
-    def _deriving(self) -> Settings:
-        """The settings for derivatives, which take a factorisation where the body is small."""
-        if _linear(self.problem, "auto") == "direct" and self.settings.linear != "direct":
-            # The options are those of an iterative solver.
-            return dataclasses.replace(self.settings, linear="direct", petsc=UserOptions({}))
-        return self.settings
-
-    def require_derivatives(self, names: Sequence[str]) -> None:
-        """Raise InputError, before a solve, for quantities or a problem without derivatives."""
-        require_derivatives(self._deriving)
-        require_quantities(names, self.problem.domain, self.system)
+        if self._derivatives is None or self._derivatives[0] is not report:
+            self.close()
+            made = (derivatives(self, report) for derivatives in wings.DERIVATIVES)
+            if (first := next(made, None)) is not None:
+                self._derivatives = report, first
+        return self._derivatives and self._derivatives[1]
 
     def close(self) -> None:
         """Destroy the PETSc objects of derivatives; collective."""
         if self._derivatives is not None:
-            self._derivatives.close()
+            self._derivatives[1].close()
             self._derivatives = None
 
     def state(self, report: SolverReport) -> SolvedState:
@@ -215,7 +179,7 @@ class ProblemSolver:
         return [f"PETSc has not used these options: {names} (solver.petsc, or after --)"]
 
 
-def _linear(problem: DiscreteProblem, linear: str) -> str:
+def linear_solver(problem: DiscreteProblem, linear: str) -> str:
     """The linear solver, with the choice for this body made; collective."""
     domain, size = problem.domain, problem.constraints.space.dofmap.index_map.size_global
     compact = domain.compact_size(size * domain.dim, problem.element.degree)

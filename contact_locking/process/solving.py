@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import time
 from collections import deque
@@ -11,14 +12,9 @@ from typing import Any
 
 from mpi4py import MPI
 
-from contact_locking import study_file
+from contact_locking import study_file, wings
 from contact_locking._version import __version__
-from contact_locking.inverse.sensitivities import (
-    Sensitivities,
-    central_differences,
-    require_known,
-    value_of,
-)
+from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
@@ -27,14 +23,13 @@ from contact_locking.process import forecast
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.checkpoint.restart import solved_already, start_in_words
 from contact_locking.process.checkpoint.saved_steps import saved_steps
+from contact_locking.process.followers import followers_of
 from contact_locking.process.loop import Steps
 from contact_locking.process.of_study import certified, of_study, settings_of, solver_of
 from contact_locking.results.solution import StudySolution
 from contact_locking.study import assembly
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.theory import several
-from contact_locking.theory.constants import is_unique
 
 _NUMBERS = re.compile(r"(?<![\w.])[-+]?\d[\d.e+-]*")
 
@@ -68,15 +63,14 @@ def solve_steps(
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
     domain: Domain | None = None,
-    most: int | None = None,
 ) -> Iterator[StudySolution]:
     """Solve one step after the other, and yield the solution of each; collective.
 
     Without steps in the parameters the one solution is that of :func:`solve`.  A step that does not
     converge is halved, down to ``steps.least``; the last solution is then not converged.
     ``restart`` is the folder of a run that saved a step of a process: the saved steps are yielded
-    again, and the process goes on from the last of them.  With ``most`` the solutions are those of
-    :func:`find_equilibria`.  Raises InputError for data that cannot be used.
+    again, and the process goes on from the last of them.  Raises InputError for data that cannot be
+    used.
     """
     monitor = Attentive(monitor or Monitor())
     start = time.perf_counter()
@@ -90,7 +84,7 @@ def solve_steps(
     for warning in problem.warnings:
         monitor.message(f"warning: {warning}")
     told = set[str]()
-    for solution in _solutions(problem, monitor, petsc_options, restart, most):
+    for solution in _solutions(problem, monitor, petsc_options, restart):
         for warning in solution.summary["warnings"]:
             # Steps differ in the numbers of a warning; those in keys, as contact.1, tell it apart.
             words = _NUMBERS.sub("", warning)
@@ -100,33 +94,10 @@ def solve_steps(
         if parameters.certificate.limit and solution.converged:
             measured = _distance_to_limit(solution, monitor, petsc_options)
             solution = with_errors(solution, penalty_measured=measured)
-        checked = _checked_derivatives(solution, monitor, petsc_options)
-        seconds = time.perf_counter() - start
-        yield solution.telling(
-            **checked, version=__version__, fingerprint=fingerprint, wall_seconds=seconds
-        )
-
-
-def find_equilibria(
-    parameters: Parameters,
-    comm: MPI.Intracomm = MPI.COMM_WORLD,
-    monitor: Monitor | None = None,
-    petsc_options: Mapping[str, Any] | None = None,
-) -> list[StudySolution]:
-    """The solution of (25)/(26), and others, ``equilibria.find`` at most; collective.
-
-    The first is that of :func:`solve`.  Each is certified.  The entry ``equilibria`` of the first
-    summary has a row for each, and says by their indices whether some are missing; nothing proves
-    that none is.  Without the section ``equilibria`` there is one solution.  Raises InputError
-    for data that cannot be used, or where there is no map of the friction bounds.
-    """
-    study_file.require_parameters(parameters)
-    given = parameters.equilibria
-    most = None if given is None else given.find
-    found = list(solve_steps(parameters, comm, monitor, petsc_options, most=most))
-    if given is not None and found[0].converged:
-        found[0] = found[0].telling(equilibria=several.entry(found))
-    return found
+        entries = {"version": __version__, "fingerprint": fingerprint}
+        entries["wall_seconds"] = time.perf_counter() - start
+        others = tuple(other.telling(**entries) for other in solution.others)
+        yield dataclasses.replace(solution.telling(**entries), others=others)
 
 
 def solve_assembled(
@@ -150,13 +121,12 @@ def _solutions(
     monitor: Monitor,
     petsc_options: Mapping[str, Any] | None,
     restart: str | Path | None,
-    most: int | None = None,
 ) -> Iterator[StudySolution]:
-    """The solutions of an assembled problem: of the steps, one, or ``most`` at most; collective."""
+    """The solutions of an assembled problem: of the steps, or one; collective."""
     if problem.parameters.steps is not None:
         saved = [] if restart is None else saved_steps(Path(restart))
         return Steps(problem, monitor, petsc_options, saved)
-    return _static(problem, monitor, petsc_options, restart, most)
+    return _static(problem, monitor, petsc_options, restart)
 
 
 def _static(
@@ -164,42 +134,26 @@ def _static(
     monitor: Monitor,
     petsc_options: Mapping[str, Any] | None,
     restart: str | Path | None,
-    most: int | None,
 ) -> Iterator[StudySolution]:
-    """The solution of a problem without steps, and others, ``most`` in all; collective."""
+    """The solution of a problem without steps, with derivatives until it is done; collective."""
+    if restart is not None and problem.parameters.equilibria is not None:
+        raise InputError("does not go with --restart", "equilibria")
     saved = None if restart is None else checkpoint.read(restart, problem)
     solver = solver_of(problem, monitor, petsc_options)
-    # A quantity without a derivative is refused before the solve.
-    is_derived = problem.parameters.sensitivities is not None
-    sensitivities = Sensitivities(problem, solver) if is_derived else None
+    followers = followers_of(problem, solver, monitor)
     report = saved and solved_already(saved, problem, solver)
     report = report or solver.solve(None if saved is None else saved.state)
     monitor.message("computing fields and the certificate")
     state = solver.state(report)
     certificate = certified(problem.parameters, state)
     solution = of_study(problem, state, certificate, solver.derivatives(report))
-    told: dict[str, Any] = {"warnings": [*solution.summary["warnings"], *solver.unused_options()]}
-    if sensitivities is not None:
-        if solution.converged:
-            monitor.message("computing derivatives")
-            told |= sensitivities.of(solver.derivatives(report).made, state.contacts)
-        sensitivities.close()
-    told["restart"] = None if restart is None else start_in_words(restart, report)
-    if problem.parameters.branches is not None:
-        monitor.message("following the branch of solutions")
-        told["branches"] = several.branch_of_study(problem, solver, solution.converged)
-    solution = solution.telling(**told)
-    if most is None or not solution.converged:
-        yield solution
-    else:
-        most = 1 if is_unique(solution.summary) else most
-        for number, other in enumerate(solver.equilibria(report, most)):
-            if number > 0:
-                monitor.message(f"another solution: {number + 1} so far")
-                state = solver.state(other.report)
-                solution = of_study(problem, state, certified(problem.parameters, state))
-                solution = solution.telling(restart=None)
-            yield solution.telling(index=other.index)
+    told = [*solution.summary["warnings"], *solver.unused_options()]
+    start = None if restart is None else start_in_words(restart, report)
+    solution = solution.telling(warnings=told, restart=start)
+    for follower in followers:
+        solution = follower.after(solution, report, None)
+        follower.close()
+    yield solution
     solver.close()
     problem.close()
 
@@ -210,7 +164,7 @@ def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[
     ``estimate`` is what the solve would take (:class:`contact_locking.process.forecast.Estimate`).
     """
     settings_of(parameters)
-    return forecast.completed(assembly.check(parameters, comm, require_known), parameters, comm)
+    return forecast.completed(assembly.check(parameters, comm, wings.CHECKS), parameters, comm)
 
 
 def with_errors(solution: StudySolution, **errors: Any) -> StudySolution:
@@ -219,31 +173,6 @@ def with_errors(solution: StudySolution, **errors: Any) -> StudySolution:
     return solution.telling(
         certificate={**certificate, "errors": {**certificate["errors"], **errors}}
     )
-
-
-def _checked_derivatives(
-    solution: StudySolution, monitor: Monitor, petsc_options: Mapping[str, Any] | None
-) -> dict[str, Any]:
-    """The derivatives of the summary beside differences of solves, if asked for; collective."""
-    parameters, found = solution.parameters, solution.summary.get("sensitivities")
-    given, steps = parameters.sensitivities, parameters.steps
-    is_last = steps is None or solution.time == steps.planned[-1]
-    if given is None or not given.check or found is None or not is_last:
-        return {}
-
-    def values(changed: Parameters) -> list[float] | None:
-        problem = assemble(changed, solution.domain.comm, solution.domain, solution.element)
-        other = solve_assembled(problem, Monitor(), petsc_options)
-        return [value_of(name, other) for name in given.of] if other.converged else None
-
-    checked = {name: {**found[name]} for name in given.of}
-    for key in given.to:
-        monitor.message(f"solving twice around {key}, to check its derivatives")
-        differences = central_differences(parameters, key, solution.domain.extent, values)
-        for number, name in enumerate(given.of):
-            rate = None if differences is None else differences[number]
-            checked[name][key] = {**found[name][key], "checked": rate}
-    return {"sensitivities": checked}
 
 
 def _distance_to_limit(

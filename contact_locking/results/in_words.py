@@ -78,14 +78,14 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("reactions", _reactions(summary)),
         *_tools(summary["contacts"]),
         ("criteria", _criteria(certificate["criteria"])),
-        ("proved", _proved(summary)),
+        ("proved", _proved(summary) if "bounds" in summary else None),
         ("guaranteed bound", None if bound.get("applicable", True) else bound["reason"]),
         ("moving friction", _if_known(errors.get("moving_friction"), "relative", _moving)),
         ("limit load", _if_known(certificate.get("limit_load"), "load_factor", _limit_load)),
         ("critical friction", _if_known(critical, "share", _critical_friction)),
         ("estimated", _estimated(summary)),
         ("weakest number", _weakest(summary)),
-        ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"])),
+        ("uniqueness", _uniqueness(look_up(certificate, "constants.uniqueness"))),
         ("solutions found", _several(summary.get("equilibria"))),
         ("branch of solutions", _branch(summary.get("branches"))),
         ("derivatives", (summary.get("share_at_change") or {}).get("in_words")),
@@ -337,8 +337,10 @@ def _weakest(summary: Mapping[str, Any]) -> str:
     return f"{weak.words}; it takes {weak.advice}" if weak.is_rough else weak.words
 
 
-def _uniqueness(entry: Mapping[str, Any]) -> str:
-    verdict = entry["verdict"]
+def _uniqueness(entry: Mapping[str, Any] | None) -> str | None:
+    if entry is None:
+        return None
+    verdict: str = entry["verdict"]
     if verdict == "not unique":
         return f"proved: there are other solutions, as {entry['why']}"
     if verdict == "unique on this mesh":

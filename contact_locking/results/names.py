@@ -12,6 +12,8 @@ CONTACT, FACETS = "contact.csv", "contact_facets.csv"
 PROBES = "probes.csv"
 #: The points of a branch of solutions.
 BRANCHES = "branches.csv"
+#: The folders of further solutions of a run, as a pattern.
+OTHERS = "equilibrium_*"
 #: The picture of a run, and the arrays that the picture shows.
 PICTURE, SNAPSHOT = "picture.png", "snapshot.npz"
 #: The animation of a process.
@@ -27,10 +29,17 @@ FILES_OF_RUN = (
     *(PARAMETERS, CONTACT, FACETS, HISTORY, MESHES, FIELDS, XDMF_DATA, XDMF),
     *(PROBES, BRANCHES, SNAPSHOT, PICTURE, ANIMATION, FIT, FIT_PICTURE, CHECKPOINT, SUMMARY),
 )
+#: The report of a run or a study: its page, and the folder of its charts.
+PAGE, CHARTS = "report.html", "report"
 #: More than the bytes of a summary, the parameters and some hundred contact points.
 TEXTS_BYTES = 65_536
 #: The table of a study, in CSV and in JSON lines.
 TABLE_CSV, TABLE_LINES = "table.csv", "table.jsonl"
+
+
+def folder_of(number: int) -> str:
+    """The folder of solution 2, 3, ... below that of the first."""
+    return OTHERS.replace("*", str(number))
 
 
 def not_writable(directory: object) -> str:

@@ -50,6 +50,9 @@ class Differentiable(Protocol):
     def derivative(self, quantity: str, of: Any) -> Any:
         """As :meth:`Solution.derivative`."""
 
+    def close(self) -> None:
+        """Destroy the PETSc objects; collective."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Solution:
@@ -154,6 +157,7 @@ class StudySolution(Solution):
     history: History = field(default_factory=History)  # the steps up to this one, none without
     probes: tuple[ProbeSample, ...] = ()  # the probes of the steps up to this one, none without
     halved: tuple[str, ...] = ()  # which steps were halved, in words
+    others: tuple[StudySolution, ...] = ()  # further solutions, where the study asks for them
 
 
 def summary_text(summary: Mapping[str, Any]) -> str:

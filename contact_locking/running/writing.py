@@ -6,22 +6,21 @@ import contextlib
 import ctypes
 import gc
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
 from mpi4py import MPI
 
-from contact_locking import study_file
+from contact_locking import study_file, wings
 from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, require_kind
 from contact_locking.files import atomic, ownership
+from contact_locking.files.csv_file import csv_text
 from contact_locking.files.lock import make_folders
 from contact_locking.process.checkpoint import stored as checkpoints
 from contact_locking.results import adapted_meshes, contact_table, fields, names, probe_table, xdmf
 from contact_locking.results.output_folder import KEY, explained_in, on_root_of, require_own
 from contact_locking.results.solution import StudySolution, summary_text
-from contact_locking.theory import several
-from contact_locking.view import pictures, report
 
 # The solution of a ContactProblem has no parameters that its files could tell.
 _OF_STUDY = "the solution of a study file"
@@ -103,13 +102,11 @@ def write(
         if wanted.fields and "xdmf" in wanted.formats:
             with _explained_alone(target, comm):
                 xdmf.write(solution, staging / names.XDMF, comm)
-        if wanted.picture:
+        for write_files in wings.FILES:
             try:
-                problem = pictures.picture(solution, staging)
+                warnings += write_files(solution, staging)
             except NoRoom as error:
-                refused.append(f"no picture was drawn: {error}")
-            else:
-                warnings += [problem] if problem else []
+                refused.append(str(error))
         if checkpoint and (problem := _checkpoint(solution, target, staging)) is not None:
             is_possible = checkpoints.unavailable() is None
             is_possible = is_possible and checkpoints.has_cells_everywhere(solution.domain)
@@ -122,28 +119,16 @@ def write(
             if animation is not None:
                 (staging / names.ANIMATION).write_bytes(animation)
             adapted_meshes.save(solution.meshes, staging / names.MESHES)
-            report.discard(target)
-            for other in target.glob(several.FOLDERS):
+            _discard_report(target)
+            for other in target.glob(names.OTHERS):
                 ownership.discard(other)
             ownership.replace(target, staging, names.FILES_OF_RUN, KEY)
 
         on_root_of(comm, target, finish)
+    for number, other in enumerate(solution.others, start=2):
+        warnings += write(other, target / names.folder_of(number), checkpoint)
     if refused:
         raise NoRoom(f"{'; '.join(refused)}; all other results are in {target}\n{MAKE_ROOM}")
-    return warnings
-
-
-def write_equilibria(
-    solutions: Sequence[StudySolution], directory: str | Path, checkpoint: bool = False
-) -> list[str]:
-    """Write several solutions of one problem, as :func:`write`, and return the warnings.
-
-    The first is in the folder itself, the others below it; collective.
-    """
-    target = Path(directory)
-    warnings = write(solutions[0], target, checkpoint)
-    for number, solution in enumerate(solutions[1:], start=2):
-        warnings += write(solution, target / several.folder_of(number), checkpoint)
     return warnings
 
 
@@ -210,11 +195,20 @@ def _write_texts(solution: StudySolution, folder: Path) -> None:
     if solution.history.rows:
         texts[names.HISTORY] = solution.history.text()
     if branches := solution.summary.get("branches"):
-        texts[names.BRANCHES] = several.branches_text(branches)
+        # The points in the order of the branch, with all digits.
+        columns = branches["points"]
+        texts[names.BRANCHES] = csv_text(columns, zip(*columns.values(), strict=True))
     if solution.probes:
         texts[names.PROBES] = probe_table.text(solution.probes)
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
+
+
+def _discard_report(target: Path) -> None:
+    """Remove the report of an earlier run; files that others have put in its place stay."""
+    own = [name for name in (names.PAGE, names.CHARTS) if ownership.is_own(target / name)]
+    with atomic.staging(target) as empty:
+        ownership.replace(target, empty, own)
 
 
 def _explained_alone(

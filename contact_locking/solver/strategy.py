@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from contact_locking import wings
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import Infeasible, InputError, NotConverged
@@ -37,8 +38,6 @@ from contact_locking.solver.task import (
     Task,
     stage_of,
 )
-from contact_locking.theory.equilibria.search import solve_on_branch
-from contact_locking.theory.equilibria.stiffening import solve_by_penalties
 
 # Stages before the last only have to be good starting points.
 _INTERMEDIATE_TOLERANCE = 1e-2
@@ -50,8 +49,8 @@ _RESCUE = 30
 # this, and by as much less as the tolerance is below the default.  Sharper solves take more
 # tangents; rougher ones pass their errors for contraction.
 _ROUGHER = 1e6
-# The solutions over the penalty, and then the branch over the share of friction, may take so many
-# times the tangents of the solve that fails, or so many where that fails at once.
+# What wings try after a failure may take so many times the tangents of the solve that fails, or so
+# many where that fails at once.
 _TIMES, _AT_LEAST = 16, 1000
 # From a saved state Newton either arrives within so many steps and updates of the bound, or takes
 # more tangents than the interior point method needs from nothing.  Where it is that near, the
@@ -66,10 +65,6 @@ _NOT_NESTED = (
 )
 _FACTORISED = (
     "the iterative solver of solver.linear did not converge; the direct solver took its place"
-)
-_PAST_FOLDS = (
-    "with less friction there are several solutions: the branch of solutions over the share of "
-    "friction.coefficient turns {folds} times before this one, so there may be others here as well"
 )
 _MORE_ITERATIONS = "Raise solver.max_iterations if it was low."
 _BOUND_WAY_OUT = (
@@ -173,6 +168,19 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
     return _solved(task, attempt.found, attempt.warnings, attempt.from_last)
 
 
+@dataclass(frozen=True)
+class Rescue:
+    """What is found after a failure: a solution, or what the report says of it.
+
+    ``is_explained`` says that the report has the cause of the failure.
+    """
+
+    report: SolverReport
+    found: Outcome | None = None
+    warnings: Sequence[str] = ()
+    is_explained: bool = False
+
+
 class Proofs:
     """The proofs that a problem has no solution, each computed when it is first asked for."""
 
@@ -209,7 +217,7 @@ def _solved(
 def _by_other_ways(
     task: Task, attempt: Attempt, failure: NotConverged, proofs: Proofs
 ) -> SolverReport:
-    """What Newton's method, penalties or the branch find after a failure, or why there is none."""
+    """What Newton's method or a wing finds after a failure, or why there is no solution."""
     report = SolverReport(
         **vars(attempt.found),
         is_infeasible=isinstance(failure, Infeasible),
@@ -224,19 +232,13 @@ def _by_other_ways(
         return _solved(task, polished, attempt.warnings)
     if proofs.leave_hope(failure):
         most = max(_AT_LEAST, _TIMES * task.counts.tangents)
-        stiffened = solve_by_penalties(task, most)
-        if stiffened is not None and stiffened.growth:
-            known, reason = vars(stiffened.found), report.reason + stiffened.growth
-            report = replace(report, **known, reason=reason, suggestion=FRICTION_WAY_OUT)
-            return _ended(report, task)
-        if stiffened is not None:
-            return _solved(task, stiffened.found, [*attempt.warnings, *_past(stiffened.folds)])
-        try:
-            if task.follows_branch:
-                found, folds = solve_on_branch(task, most)
-                return _solved(task, found, [*attempt.warnings, *_past(folds)])
-        except NotConverged as end:
-            report = replace(report, reason="; ".join(filter(None, (report.reason, str(end)))))
+        for rescue in wings.RESCUES:
+            other = rescue(task, report, most)
+            if other.found is not None:
+                return _solved(task, other.found, [*attempt.warnings, *other.warnings])
+            report = other.report
+            if other.is_explained:
+                return _ended(report, task)
     return _ended(_explained(report, proofs.verdict, task), task)
 
 
@@ -244,11 +246,6 @@ def _ended(report: SolverReport, task: Task) -> SolverReport:
     """The report of a failure with what all ways together took."""
     stages = [stage_of(task.target.penalty, task.counts.tangents)]
     return replace(report, **vars(task.counts), stages=stages)
-
-
-def _past(folds: int) -> list[str]:
-    """The warning about folds that lie before a solution."""
-    return [_PAST_FOLDS.format(folds=folds)] if folds else []
 
 
 def _explained(report: SolverReport, verdict: Verdict | None, task: Task) -> SolverReport:

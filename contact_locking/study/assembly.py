@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -132,11 +132,12 @@ class StudyProblem(DiscreteProblem):
 def check(
     parameters: Parameters,
     comm: MPI.Intracomm,
-    judged: Callable[[StudyProblem], None] = lambda _: None,
+    checks: Iterable[Callable[[StudyProblem], None]] = (),
 ) -> dict[str, Any]:
-    """The facts and warnings of the assembled problem, which ``judged`` may refuse; collective."""
+    """The facts and warnings of the assembled problem, which ``checks`` may refuse; collective."""
     problem = assemble(parameters, comm)
-    judged(problem)
+    for check_problem in checks:
+        check_problem(problem)
     problem.close()
     return {**problem.facts(), "warnings": problem.warnings}
 

@@ -1,1 +1,51 @@
-"""What can be proved about a solution, and about how many there are; the core does without."""
+"""A wing: what can be proved about a solution, and about how many there are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from contact_locking import wings
+
+if TYPE_CHECKING:
+    from contact_locking.certificate.elliptic import Lifting
+    from contact_locking.certificate.solved_state import SolvedState
+    from contact_locking.certificate.verdict import Extras, Proofs
+    from contact_locking.monitor import Monitor
+    from contact_locking.process.followers import Follower
+    from contact_locking.process.problem_solver import ProblemSolver
+    from contact_locking.solver.strategy import Rescue
+    from contact_locking.solver.task import SolverReport, Task
+    from contact_locking.study.assembly import StudyProblem
+
+
+# Modules are imported where they are used: most runs use few of them.
+@wings.PROOFS.add
+def _proofs(state: SolvedState, lifting: Lifting, extras: Extras) -> Proofs:
+    from contact_locking.theory.proofs import proofs
+
+    return proofs(state, lifting, extras)
+
+
+@wings.RESCUES.add
+def _rescue(task: Task, report: SolverReport, most_tangents: int) -> Rescue:
+    from contact_locking.theory.rescue import rescue
+
+    return rescue(task, report, most_tangents)
+
+
+@wings.FOLLOWERS.add
+def _branches(problem: StudyProblem, solver: ProblemSolver, monitor: Monitor) -> Follower | None:
+    if problem.parameters.branches is None:
+        return None
+    from contact_locking.theory.several import Branches
+
+    return Branches(problem, solver, monitor)
+
+
+@wings.FOLLOWERS.add
+def _equilibria(problem: StudyProblem, solver: ProblemSolver, monitor: Monitor) -> Follower | None:
+    if problem.parameters.equilibria is None:
+        return None
+    from contact_locking.theory.several import Equilibria
+
+    return Equilibria(problem, solver, monitor)

@@ -1,28 +1,72 @@
-"""The words of a summary about several solutions of one problem."""
+"""Several solutions of a study: the sections ``equilibria`` and ``branches``, and their words."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
-from contact_locking.files.csv_file import csv_text
+from contact_locking.monitor import Monitor
+from contact_locking.process.of_study import certified, of_study
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.results import names
 from contact_locking.results.solution import StudySolution
+from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem
 from contact_locking.study_file.named_numbers import with_load_share
 from contact_locking.theory.constants import is_unique
-from contact_locking.theory.equilibria.diagram import NO_START, Diagram, DiagramPoint
+from contact_locking.theory.equilibria.diagram import NO_START, Diagram, DiagramPoint, diagram
+from contact_locking.theory.equilibria.search import equilibria
 
 _COLUMNS = ("index", "contact_force", "friction_force", "elastic_energy", "compliance")
 _NONE = "there is no other on this mesh, as kappa is below 1, and none was searched"
-#: The folders of all further solutions, as a pattern.
-FOLDERS = "equilibrium_*"
 
 
-def folder_of(number: int) -> str:
-    """The folder of solution 2, 3, ... below that of the first."""
-    return f"equilibrium_{number}"
+class Equilibria:
+    """The section ``equilibria`` of a study; collective."""
+
+    def __init__(self, problem: StudyProblem, solver: ProblemSolver, monitor: Monitor) -> None:
+        self._problem, self._solver, self._monitor = problem, solver, monitor
+
+    def after(
+        self, solution: StudySolution, report: SolverReport, time: float | None
+    ) -> StudySolution:
+        """The solution with others, each certified, and their table in its summary."""
+        given, problem = self._problem.parameters.equilibria, self._problem
+        if given is None or not solution.converged:
+            return solution
+        most = 1 if is_unique(solution.summary) else given.find
+        solutions = [solution]
+        for number, item in enumerate(equilibria(self._solver.task, report, most)):
+            if number > 0:
+                self._monitor.message(f"another solution: {number + 1} so far")
+                state = self._solver.state(item.report)
+                other = of_study(problem, state, certified(problem.parameters, state))
+                solutions.append(other.telling(restart=None))
+            solutions[-1] = solutions[-1].telling(index=item.index)
+        first = solutions[0].telling(equilibria=entry(solutions))
+        return dataclasses.replace(first, others=tuple(solutions[1:]))
+
+    def close(self) -> None:
+        """Nothing: the solutions are done."""
+
+
+class Branches:
+    """The section ``branches`` of a study; collective."""
+
+    def __init__(self, problem: StudyProblem, solver: ProblemSolver, monitor: Monitor) -> None:
+        self._problem, self._solver, self._monitor = problem, solver, monitor
+
+    def after(
+        self, solution: StudySolution, report: SolverReport, time: float | None
+    ) -> StudySolution:
+        """The solution with the branch in its summary."""
+        self._monitor.message("following the branch of solutions")
+        branch = branch_of_study(self._problem, self._solver, solution.converged)
+        return solution.telling(branches=branch)
+
+    def close(self) -> None:
+        """Nothing: the branch is done."""
 
 
 def entry(found: Sequence[StudySolution]) -> dict[str, Any]:
@@ -32,7 +76,7 @@ def entry(found: Sequence[StudySolution]) -> dict[str, Any]:
     and bounded, and regular at its fixed points, those of all solutions add up to 1.
     """
     rows = [
-        {"folder": folder_of(number) if number > 1 else "."}
+        {"folder": names.folder_of(number) if number > 1 else "."}
         | {name: solution.summary[name] for name in _COLUMNS}
         for number, solution in enumerate(found, start=1)
     ]
@@ -51,7 +95,7 @@ def branch_of_study(
     given = problem.parameters.branches
     assert given is not None
     if given.is_over_friction:
-        return branches_entry(given.over, solver.diagram(given.to))
+        return branches_entry(given.over, diagram(solver.task, given.to))
     if not converged:
         return branches_entry(given.over, NO_START)
     parameters = with_load_share(problem.parameters)
@@ -60,7 +104,12 @@ def branch_of_study(
     shared.enter(shared.at_rest())
     other = ProblemSolver(shared, solver.settings)
     other.system.bounds.enter(shared.contacts, problem.data.bounds.at(problem.contacts))
-    found = other.diagram(given.to, shared.advance)
+
+    def load(share: float) -> None:
+        shared.advance(share)
+        other.system.assemble_loads()
+
+    found = diagram(other.task, given.to, load)
     other.close()
     shared.close()
     return branches_entry(given.over, found)
@@ -82,12 +131,6 @@ def branches_entry(over: str, found: Diagram) -> dict[str, Any]:
         "leaves_at": leaves,
         "points": points,
     }
-
-
-def branches_text(entry: Mapping[str, Any]) -> str:
-    """branches.csv: a row for each point in the order of the branch, numbers with all digits."""
-    columns = entry["points"]
-    return csv_text(columns, zip(*columns.values(), strict=True))
 
 
 def _missing(total: int) -> str:

@@ -15,6 +15,7 @@ from petsc4py import PETSc
 from slow import slow
 
 import contact_locking as cl
+from contact_locking.inverse import lazy
 from contact_locking.inverse.parameters import entries, number
 from contact_locking.process import problem_solver
 from contact_locking.solver.linear.options import PREFIX
@@ -139,7 +140,8 @@ def test_a_derivative_is_refused_with_its_reason(make: Make) -> None:
 
 
 def test_a_refusal_has_the_names_of_a_script(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(problem_solver, "_linear", lambda problem, linear: "iterative")
+    for module in (problem_solver, lazy):
+        monkeypatch.setattr(module, "linear_solver", lambda problem, linear: "iterative")
     made = make(linear="iterative", tolerance=1e-6, friction_tolerance=1e-6)
     solution = made.problem.solve()
     with pytest.raises(cl.InputError, match="factorisation") as raised:

@@ -191,7 +191,7 @@ def test_a_branch_over_a_constant_of_a_script_is_that_of_the_study() -> None:
         ],
         n=math.inf,
     )
-    found = problem.branch(to=1.3, over=pull)
+    found = cl.branch(problem, to=1.3, over=pull)
     problem.close()
     assert tuple(pull.value) == (0.004, -0.02)
     points = study_solution.summary["branches"]["points"]

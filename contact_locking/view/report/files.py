@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 from contact_locking.errors import ContactLockingError, explained
 from contact_locking.files import atomic, ownership
 from contact_locking.files.atomic import remove_abandoned, staging
+from contact_locking.results.names import CHARTS
 
 if TYPE_CHECKING:
     from .charts import Chart
 
-PAGE, CHARTS = "report.html", "report"
 #: The name of the page and of the charts of a study whose folder holds the report of a run too.
 BESIDE_RUN = "report-study"
 
@@ -39,17 +39,6 @@ def replace(folder: Path, html: str, charts: Sequence[Chart], name: str = CHARTS
         (unfinished / page).write_text(html, encoding="utf-8", newline="")
         ownership.replace(folder, unfinished, [name, page])
     return folder / page
-
-
-def discard(directory: str | Path) -> None:
-    """Remove a report that has become out of date.  Raises OSError.
-
-    Files that others have put in its place stay.
-    """
-    folder = Path(directory)
-    own = [name for name in (PAGE, CHARTS) if ownership.is_own(folder / name)]
-    with staging(folder) as empty:
-        ownership.replace(folder, empty, own)
 
 
 _PROGRAMS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")

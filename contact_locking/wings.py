@@ -1,0 +1,68 @@
+"""The seams where the wings theory/, inverse/ and view/ join the core, which runs without them.
+
+A wing is a package beside the core, and the core never imports it.  When it is imported, it adds
+functions to the seams below; a seam imports the wings that are installed when it is first used.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import importlib.util
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
+
+from contact_locking.errors import InputError
+
+NAMES = ("theory", "inverse", "view")
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+class Seam:
+    """The functions of one signature that wings add to the core."""
+
+    def __init__(self) -> None:
+        self._functions: list[Callable[..., Any]] = []
+
+    def add(self, function: _Function) -> _Function:
+        """Add a function, as its decorator."""
+        self._functions.append(function)
+        return function
+
+    def __iter__(self) -> Iterator[Callable[..., Any]]:
+        _load()
+        return iter(self._functions)
+
+
+#: ``(SolvedState, Lifting, Extras) -> Proofs``: what is proved, for a certificate; collective.
+PROOFS = Seam()
+#: ``(Task, SolverReport, most_tangents) -> Rescue``: what is found after a failure; collective.
+RESCUES = Seam()
+#: ``(ProblemSolver, SolverReport) -> Differentiable``: made when somebody asks.
+DERIVATIVES = Seam()
+#: ``(StudyProblem, ProblemSolver, Monitor) -> Follower | None``: what a study asks for beside its
+#: solutions; raises InputError before the first solve; collective.
+FOLLOWERS = Seam()
+#: ``(StudyProblem) -> None``: raises InputError for what a study cannot ask for; collective.
+CHECKS = Seam()
+#: ``(StudySolution, folder) -> list[str]``: writes files of a run, and returns warnings;
+#: raises NoRoom; collective.
+FILES = Seam()
+
+
+def require(wing: str, key: str) -> None:
+    """Raise InputError for a key whose wing is not installed."""
+    if _package(wing) is None:
+        raise InputError(f"needs contact_locking.{wing}, which is not installed", key)
+
+
+def _package(wing: str) -> str | None:
+    name = f"{__package__}.{wing}"
+    return name if importlib.util.find_spec(name) else None
+
+
+@functools.cache
+def _load() -> None:
+    """Import the wings that are installed."""
+    for name in filter(None, map(_package, NAMES)):
+        importlib.import_module(name)
