@@ -13,7 +13,7 @@ optional = ./in-env sh -c 'if command -v $(1) >/dev/null; then $(2); \
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo test test-all lint sandbox serial serial-all parallel parallel-all bench peers sweep punches derivatives verification studies docs format image image-test clean
+.PHONY: help demo test test-all lint sandbox serial serial-all parallel parallel-all bench peers golden golden-write sweep punches derivatives verification studies docs format image image-test clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 13
@@ -61,6 +61,13 @@ N =
 sweep: ## solve and judge random problems of many families (SEEDS=20 FIRST=0 FAMILIES= JOBS=2 LINEAR=auto N=): results/sweep
 	./in-env env PYTHONPATH=tests:tests/support OMP_NUM_THREADS=1 python3 -m sweep.run --seeds $(SEEDS) --first $(FIRST) --jobs $(JOBS) \
 		--linear $(LINEAR) $(if $(N),--n $(N)) --families $(FAMILIES)
+
+ONLY =
+GOLDEN = ./in-env env PYTHONPATH=tests:tests/support OMP_NUM_THREADS=1 python3 -m golden.run --jobs $(JOBS) --only $(ONLY)
+golden: ## compare forces, displacements and tangents of some 300 problems with tests/golden/numbers.json (JOBS=2 ONLY=): minutes
+	$(GOLDEN)
+golden-write: ## write these numbers anew, after a change that is meant to change them (ONLY="demos/block sweep/disc")
+	$(GOLDEN) --write
 
 PROBLEMS = 300
 punches: ## compare random bodies with edges on a block with nodes against segments (PROBLEMS=300 FIRST=0 JOBS=2): ten minutes

@@ -1,0 +1,1 @@
+"""Golden numbers: what the program computes, which a change of its design must not change."""
