@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from numbers import Real
 from typing import Any
@@ -18,7 +19,7 @@ from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import InputError, with_key
 from contact_locking.laws.foundation import LevelSet, Sphere
 from contact_locking.laws.friction import FrictionLaw
-from contact_locking.parallel import agree, minimum, on_every_rank
+from contact_locking.parallel import agree, on_every_rank
 
 # The vectors of the foundations of this package.
 _VECTORS = ("point", "normal", "centre", "axis")
@@ -89,12 +90,13 @@ def check_friction(contact: NodalContact) -> None:
             mu[:] = with_key(key, lambda: law(points, np.zeros(len(points))))
 
     agree(comm, evaluate)
-    least = minimum(comm, np.nan_to_num(mu, nan=-np.inf))
-    if not least >= 0.0:
+    is_right = np.isfinite(mu) & (mu >= 0.0)
+    if not on_every_rank(comm, is_right):
+        wrong = np.concatenate(comm.allgather(mu[~is_right]))
         raise InputError(
-            f"mu must be a number from 0 up everywhere, and is {least:g} somewhere", key
+            f"mu must be a finite number from 0 up everywhere, and is {wrong[0]:g} somewhere", key
         )
-    if not (contact.friction.is_coulomb or contact.friction.stands):
+    if not contact.friction.is_coulomb:
         _check_bound(contact, key)
 
 
@@ -156,7 +158,10 @@ def _check_coefficient(mu: Any, require: Callable[..., None]) -> None:
         "(k,) such as lambda x, s: 0.1 + 0.2*x[:, 0]"
     )
     require(_is_number(mu) or _is_function(mu), "friction", wanted, mu)
-    require(not isinstance(mu, Real) or float(mu) >= 0.0, "friction", f"mu must be >= 0, not {mu}")
+    if isinstance(mu, Real):
+        require(float(mu) >= 0.0, "friction", f"mu must be >= 0, not {mu}")
+        wanted = "mu must be finite: take 1e3, with which hardly anything slips"
+        require(math.isfinite(float(mu)), "friction", wanted)
 
 
 def _is_number(value: Any) -> bool:

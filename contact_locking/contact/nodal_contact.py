@@ -11,7 +11,6 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.contact import Contact, Gap
-from contact_locking.contact.coulomb import NoSlip
 from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
 from contact_locking.contact.smoothing import Identity
 from contact_locking.contact.surface import ContactSurface
@@ -75,8 +74,8 @@ class NodalContact:
     On a foundation that moves, the slip is relative to it: ``reference`` is
     ``(u_{k-1} + drag)_tau`` as a function, for the forms.
 
-    The constructor is collective.  ``surface`` is the place of the contact, ``others`` are those of
-    all other contacts, and ``slip`` is the regularisation of a friction that has none of its own.
+    The constructor is collective.  ``surface`` is the place of the contact, and ``slip`` the
+    regularisation of a friction that has none of its own.
     Raises InputError for a foundation behind Gamma_C.
     """
 
@@ -84,7 +83,6 @@ class NodalContact:
         self,
         given: Contact,
         surface: ContactSurface,
-        others: Sequence[ContactSurface],
         constraints: Constraints,
         slip: float,
     ) -> None:
@@ -98,10 +96,9 @@ class NodalContact:
         self.against = tuple(given.against or ())
         self._sides: IntArray = surface.sides(normals)
         smoothing = given.friction.smoothing.on(surface, self.free, self._sides)
-        friction = given.friction.on(surface, smoothing)
-        self.friction = friction.beside(others) if isinstance(friction, NoSlip) else friction
-        own = 0.0 if self.friction.stands else given.friction.regularisation
-        self.regularisation = slip if own is None else own
+        self.friction = given.friction.on(surface, smoothing)
+        regularisation = given.friction.regularisation
+        self.regularisation = slip if regularisation is None else regularisation
         count, dim = len(surface.nodes), domain.dim
         self.normal = surface.vector_function(normals, "contact_normal")
         self.gap = surface.scalar_function(surface.limited_gap(gap), "gap")
@@ -122,13 +119,13 @@ class NodalContact:
             *self.surface.warnings(),
             *about_the_gap(self.surface.domain, self._first_gap, f"{self.key}.{kind}"),
             *self.foundation.warnings(self.surface, self._first_gap),
-            *(() if self.friction.stands else self.given.friction.smoothing.warnings(self.surface)),
+            *self.given.friction.smoothing.warnings(self.surface),
         ]
 
     def constant_support(self) -> str | None:
         """A held node beside which R keeps constants, as a place in words; collective."""
         domain, bound = self.surface.domain, self.friction
-        if bound.frictionless or bound.stands or isinstance(bound.smoothing, Identity):
+        if bound.frictionless or isinstance(bound.smoothing, Identity):
             return None
         held = np.concatenate(domain.comm.allgather(self.surface.points[~self.free]))
         if not len(held) or not bound.smoothing.keeps_constants:

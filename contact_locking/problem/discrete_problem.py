@@ -93,8 +93,8 @@ class DiscreteProblem:
         contacts = named(contacts)
         places = [place_of(item, domain, space, element, limited) for item in contacts]
         nodal = tuple(
-            NodalContact(item, places[i], [*places[:i], *places[i + 1 :]], body.constraints, slip)
-            for i, item in enumerate(contacts)
+            NodalContact(item, place, body.constraints, slip)
+            for item, place in zip(contacts, places, strict=True)
         )
         self.warnings = [
             text for contact in nodal for text in (*contact.warnings(), *_overlap_warnings(contact))

@@ -26,7 +26,6 @@ from contact_locking.theory.other_solutions import share_against_sliding
 _WAY_OUT_OF_SLIDING = (
     "Press the body more, raise friction.coefficient, or hold it by loads.displacements."
 )
-_WAY_OUT_WITHOUT_SLIP = "Press the body more, or hold it by loads.displacements."
 _WAY_OUT_OF_COMPLAINTS = (
     "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
 )
@@ -145,8 +144,7 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
     """summary.json, without the entries that only the caller knows; collective."""
     problem, report, target = state.problem, state.report, state.target
     domain, data, u = problem.domain, problem.data, problem.u
-    slide, stands = None, any(contact.friction.stands for contact in problem.contacts)
-    way_out = _WAY_OUT_WITHOUT_SLIP if stands else _WAY_OUT_OF_SLIDING
+    slide = None
     if problem.free and not report.converged:
         slide = problem.rigidity.describe_slide()
         if slide is None and data.tools:
@@ -158,7 +156,7 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
     summary: dict[str, Any] = {
         "converged": report.converged,
         "reason": f"{slide}; {report.reason}" if slide else report.reason,
-        "suggestion": way_out if slide else report.suggestion,
+        "suggestion": _WAY_OUT_OF_SLIDING if slide else report.suggestion,
         "discretisation": data.element.facts(),
         "dofs": int(u.function_space.dofmap.index_map.size_global * domain.dim),
         "cells": domain.num_cells,

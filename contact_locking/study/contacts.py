@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -143,9 +142,7 @@ def contact_of(
     that is zero at all times or changes its direction.
     """
     coefficient: float | FrictionLaw = 0.0
-    if given.friction.coefficient == math.inf:
-        coefficient = math.inf
-    elif given.friction.coefficient != 0:
+    if given.friction.coefficient != 0:
         coefficient = _friction_law(domain, given, clock)
     friction = Coulomb(coefficient, _kernel(domain, given), given.friction.regularisation)
     body, against = given.foundation, given.against or None
@@ -165,8 +162,6 @@ def contact_of(
 
 def friction_warnings(domain: Domain, given: ContactParameters, clock: Clock) -> list[str]:
     """Features of the friction coefficient between the nodes; collective.  Raises for a pole."""
-    if given.friction.coefficient == math.inf:
-        return []
     key = given.friction_key("coefficient")
     expression = parse(given.friction.coefficient, (*AXES, "s"), tables=clock.tables)
     facets = Entities.of(domain, domain.dim - 1, domain.facets(given.on))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -90,7 +89,6 @@ STACKED = {
     [
         ({"loads": SLIDING}, "displacement conditions alone do not hold the body"),
         ({"contact": [{"on": "bottom"}, {"on": "left"}]}, "two contacts acts at one node"),
-        ({"friction__coefficient": math.inf}, "without slip there is no coefficient"),
         ({"contact__foundation": PUSHED}, "forces decide where a foundation is"),
         (STACKED, "two bodies touch"),
     ],

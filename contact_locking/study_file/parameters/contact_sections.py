@@ -51,8 +51,7 @@ class FrictionParameters(Section):
 
     coefficient: NonNegativeSlipScalar = entry(
         0.0,
-        "mu >= 0, a number or an expression of x, y, z and s = |u_tau|; .inf: no slip where the "
-        "body is pressed",
+        "mu >= 0, a number or an expression of x, y, z and s = |u_tau|",
         "1",
     )
     smoothing: Smoothing = entry(Smoothing(), "the mollifier R")

@@ -6,4 +6,6 @@ from __future__ import annotations
 KEYS: dict[str, str] = {}
 
 #: By the name of a key and one of its values; the sentence is the whole message.
-VALUES: dict[tuple[str, str], str] = {}
+VALUES: dict[tuple[str, str], str] = {
+    ("coefficient", "inf"): "must be finite: take 1e3, with which hardly anything slips",
+}

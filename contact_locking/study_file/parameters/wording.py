@@ -125,9 +125,6 @@ def entry(value: Any) -> str:
 def value_message(details: Any) -> str:
     """The message for an error of pydantic about one value."""
     given = details["input"]
-    for key in map(str, details["loc"]):
-        if message := removed.VALUES.get((key, str(given))):
-            return message
     in_a_mapping = ", or of entries that begin with '- '" if isinstance(given, dict) else ""
     template = _MESSAGES.get(details["type"])
     if template is None:
