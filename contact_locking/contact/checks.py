@@ -12,7 +12,7 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import present
-from contact_locking.contact.contact import Contact, FoundationSpring, Gap, Motion, Tilt
+from contact_locking.contact.contact import Contact, FoundationSpring, Gap, Motion
 from contact_locking.contact.coulomb import Coulomb, Kernel
 from contact_locking.contact.foundation import PlacedFoundation
 from contact_locking.contact.nodal_contact import NodalContact
@@ -55,7 +55,6 @@ def check(given: Contact, dim: int) -> None:
     is_force = given.force is None or _has(given.force, "size")
     require(is_force, "force", "must be a Force", given.force)
     spring: Any = given.spring
-    tilt: Any = given.tilt
     if spring is not None:
         is_spring = isinstance(spring, FoundationSpring)
         require(is_spring, "spring", "must be a FoundationSpring", spring)
@@ -69,11 +68,6 @@ def check(given: Contact, dim: int) -> None:
             require(0.0 < np.linalg.norm(spring.along) < np.inf, "spring", wanted)
         wanted = "stiffness must be a number"
         require(_is_number(spring.stiffness), "spring", wanted, spring.stiffness)
-    if tilt is not None:
-        require(isinstance(tilt, Tilt), "tilt", "must be a Tilt", tilt)
-        wanted = f"about must have {dim} components in {dim}D"
-        require(np.shape(present(tilt.about)) == (dim,), "tilt", wanted)
-        require(_is_number(tilt.stiffness), "tilt", "stiffness must be a number", tilt.stiffness)
 
 
 def check_friction(contact: NodalContact) -> None:

@@ -18,7 +18,7 @@ from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.plausibility import about_the_gap
 from contact_locking.laws.convex import normal_part, tangential_part
-from contact_locking.laws.rigid_motion import RigidMotion, SmallMotion
+from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.supports.conditions import Constraints
@@ -35,7 +35,7 @@ class ContactState:
 
     Friction acts on the slip of the present step, ``u_tau - u_{k-1,tau}``, and the friction
     coefficient depends on ``s_k``.  ``place`` (k, d) is ``u_{k-1}`` and ``slip`` (k,) is
-    ``s_{k-1}`` at the owned nodes of the contact.  ``travel`` is how far forces
+    ``s_{k-1}`` at the owned nodes of the contact.  ``travel`` (d,) is how far forces
     had moved the foundation, and ``motion`` is where the foundation itself was.  All are zero at
     the beginning, and in a static problem.  ``displacement`` are the values of
     ``u_{k-1}`` at all local dofs, from which bodies are paired anew; it is None at the beginning,
@@ -44,7 +44,7 @@ class ContactState:
 
     place: FloatArray
     slip: FloatArray
-    travel: SmallMotion
+    travel: FloatArray
     motion: RigidMotion
     displacement: FloatArray | None = None
     touches: bool = True
@@ -52,8 +52,8 @@ class ContactState:
     @classmethod
     def at_rest(cls, nodes: int, dim: int) -> ContactState:
         """Nothing has moved."""
-        nothing = SmallMotion.rest(dim), RigidMotion.rest(dim)
-        return cls(np.zeros((nodes, dim)), np.zeros(nodes), *nothing)
+        place, slip = np.zeros((nodes, dim)), np.zeros(nodes)
+        return cls(place, slip, np.zeros(dim), RigidMotion.rest(dim))
 
 
 class NodalContact:
@@ -69,8 +69,8 @@ class NodalContact:
     ``against`` are the boundary parts of the other body that ``on`` touches, none for a foundation;
     displacements are jumps then.
 
-    ``state`` is the memory of friction from earlier steps, ``travel`` the motion that forces give
-    to the foundation, and ``drag`` (k, d) how far the foundation has moved in the step.
+    ``state`` is the memory of friction from earlier steps, ``travel`` (d,) how far forces
+    have moved the foundation, and ``drag`` (k, d) how far the foundation has moved in the step.
     On a foundation that moves, the slip is relative to it: ``reference`` is
     ``(u_{k-1} + drag)_tau`` as a function, for the forms.
 
@@ -104,7 +104,7 @@ class NodalContact:
         self.gap = surface.scalar_function(surface.limited_gap(gap), "gap")
         self.reference = surface.vector_function(np.zeros((count, dim)), "old_slip")
         self.state = ContactState.at_rest(count, dim)
-        self.travel = SmallMotion.rest(dim)
+        self.travel: FloatArray = np.zeros(dim)
         self._gaps = self.gaps
         # How far the foundation itself has moved in the step, without its travel.
         self._moved: FloatArray = np.zeros((count, dim))
@@ -221,18 +221,18 @@ class NodalContact:
         self.normal.x.scatter_forward()
         self._refresh()
 
-    def move_foundation(self, travel: SmallMotion) -> None:
-        """Let forces have moved the foundation by ``travel``; collective."""
+    def move_foundation(self, travel: FloatArray) -> None:
+        """Let forces have moved the foundation by ``travel`` (d,); collective."""
         self.travel = travel
         self._refresh()
 
     def _refresh(self) -> None:
         """Take the travel of the foundation into gaps and slips; collective."""
-        normals, points = self.normals, self.surface.arms
-        way = self.travel.at(points)
-        self.gap.x.array[self.surface.nodes] = self._gaps + np.sum(normals * way, axis=1)
+        normals = self.normals
+        opened = np.sum(normals * self.travel, axis=1)
+        self.gap.x.array[self.surface.nodes] = self._gaps + opened
         self.gap.x.scatter_forward()
-        self.drag = self._moved + (way - self.state.travel.at(points))
+        self.drag = self._moved + (self.travel - self.state.travel)
         place = self.state.place + self.drag
         self._refer(place - np.sum(place * normals, axis=1)[:, None] * normals)
 
@@ -271,7 +271,7 @@ class NodalContact:
 
     @property
     def is_free(self) -> bool:
-        """Whether the place of the foundation is unknown: forces and moments decide."""
+        """Whether the place of the foundation is unknown: forces decide."""
         return self.given.is_free
 
     @property

@@ -192,14 +192,12 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
     entries: list[dict[str, Any]] = []
     for fields in state.contacts:
         found = computed("contact", Contacts(domain, (fields,)))
-        moved = [
-            item.summary(size)
-            for item, size in zip(tools, tools.travels, strict=True)
-            if item.contact is fields.contact
-        ]
         contact, against = fields.contact, fields.contact.against
         places = {"on": list(contact.on), **({"against": list(against)} if against else {})}
-        entry = {"name": contact.given.name, **places, **found, **dict(moved)}
+        entry = {"name": contact.given.name, **places, **found}
+        for tool, size in zip(tools, tools.travels, strict=True):
+            if tool.contact is fields.contact:
+                entry["tool"] = tool.summary(size)
         if contact.foundation.moves:
             entry["motion"] = contact.foundation.motion().translation.tolist()
         entries.append(entry)

@@ -63,8 +63,6 @@ def row_of(
         row |= columns(entry, dim, ending) if several else {}
         for name in ("force", "travel") if "tool" in entry else ():
             row[f"tool_{name}{ending}"] = entry["tool"][name]
-        for name in ("angle", "moment") if "tilt" in entry else ():
-            row |= components(f"tilt_{name}{ending}", entry["tilt"][name])
         if "motion" in entry:
             row |= components(f"motion{ending}", entry["motion"])
     row |= {

@@ -12,7 +12,7 @@ import numpy as np
 from mpi4py import MPI
 
 from contact_locking.arrays import AXES, FloatArray
-from contact_locking.contact.contact import Contact, FoundationSpring, Tilt
+from contact_locking.contact.contact import Contact, FoundationSpring
 from contact_locking.contact.coulomb import Convolution, Coulomb, Helmholtz, Kernel, Local
 from contact_locking.contact.foundation import GivenGap, RigidFoundation
 from contact_locking.contact.surface import ContactSurface
@@ -156,7 +156,6 @@ def contact_of(
         _foundation(domain, given, body, clock),
         force=force,
         spring=None if body.spring is None else FoundationSpring(**dict(body.spring)),
-        tilt=None if body.tilt is None else Tilt(**dict(body.tilt)),
     )
 
 

@@ -51,7 +51,7 @@ _NO_LARGE_STRAIN = (
 _ABSENT = {
     **removed.KEYS,
     "periodic": "there are no periodic pairs: mirror planes are rollers in loads.displacements",
-    "spread": "a force is spread evenly: for a rigid plate see contact.foundation.force and tilt",
+    "spread": "a force is spread evenly: for a rigid plate see contact.foundation.force",
     **dict.fromkeys(("plasticity", "plastic", "yield_stress", "hardening"), _NO_PLASTICITY),
     **dict.fromkeys(("adhesion", "adhesive", "cohesion", "cohesive"), _NO_ADHESION),
     **dict.fromkeys(("tied", "tie", "glued", "bonded"), _NO_TIES),

@@ -228,7 +228,7 @@ def require_map(task: Task, key: str = "equilibria") -> None:
     """Raise InputError, for a key, where other equilibria cannot be searched; collective."""
     if not has_map(task):
         raise InputError(
-            "needs friction with a coefficient below .inf and a body that more than friction "
+            "needs friction and a body that more than friction "
             f"holds, and takes at most {_MOST_NODES} nodes with friction",
             key,
         )
