@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from numbers import Real
-from typing import Literal
 
 import numpy as np
 from dolfinx import fem
@@ -16,11 +15,9 @@ from contact_locking.contact.smoothing import (
     HelmholtzOperator,
     Identity,
     Smoothing,
-    VanishingOperator,
 )
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.contact.surface_mesh import SurfaceMesh
-from contact_locking.errors import InputError
 from contact_locking.laws.friction import Coefficient, FrictionLaw
 from contact_locking.parallel import maximum
 
@@ -65,28 +62,16 @@ class Convolution(Kernel):
     """``R w(x) = int k(|x - y|/r) w(y) / int k(|x - y|/r)``, k a smooth bump with the radius r.
 
     ``radius`` is r, a length; without one it is a tenth of the extent of the contact, and twice its
-    longest facet at least.  ``key`` names the radius in messages.  ``at_supports`` is ``"keep"`` or
-    ``"vanish"``: beside nodes whose normal displacement is prescribed, R keeps constants, or falls
-    to zero over the distance r: then it is ``f R f`` with ``f = min(1, d/r)`` and the distance d to
-    these nodes.
+    longest facet at least.  ``key`` names the radius in messages.
     """
 
     radius: float | None = None
     key: str = "smoothing.radius"
-    at_supports: Literal["keep", "vanish"] = "keep"
-
-    def __post_init__(self) -> None:
-        if self.at_supports not in ("keep", "vanish"):
-            key = f"{self.key.rpartition('.')[0]}.at_supports"
-            raise InputError(f"is 'keep' or 'vanish', not {self.at_supports!r}", key)
 
     def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
         whole = surface.whole(free, sides)
         radius = default_radius(surface) if self.radius is None else self.radius
-        smoothing = self._inside(surface, whole, sides, radius)
-        if self.at_supports == "keep":
-            return smoothing
-        return VanishingOperator(smoothing, whole, radius)
+        return self._inside(surface, whole, sides, radius)
 
     def _inside(
         self, surface: ContactSurface, whole: SurfaceMesh, sides: IntArray, radius: float

@@ -291,14 +291,11 @@ def _of_time(value: float | str, clock: Clock) -> Expression:
 def _kernel(domain: Domain, part: ContactParameters) -> Kernel:
     given = part.friction.smoothing
     if given.kernel == "none":
-        if given.at_supports == "vanish":
-            key = part.friction_key("smoothing.at_supports")
-            raise InputError("needs a kernel with a radius, over which R can vanish", key)
         return Local()
     # A refined mesh keeps the default radius of the first mesh.
     radius = given.radius or domain.smoothing_radii.get(part.key)
     kind = Convolution if given.kernel == "convolution" else Helmholtz
-    return kind(radius, part.friction_key("smoothing.radius"), given.at_supports)
+    return kind(radius, part.friction_key("smoothing.radius"))
 
 
 def _friction_law(domain: Domain, part: ContactParameters, clock: Clock) -> FrictionLaw:

@@ -17,6 +17,7 @@ pytestmark = pytest.mark.serial
     ("key", "value"),
     [
         ("friction.coefficient", float("inf")),
+        ("friction.smoothing.at_supports", "vanish"),
         ("contact.foundation.tilt", {"about": [0.0, 0.0]}),
     ],
 )

@@ -23,7 +23,6 @@ from .values import (
 )
 
 Kernel = Literal["convolution", "helmholtz", "none"]
-AtSupports = Literal["keep", "vanish"]
 Pair = Literal["once", "each_step"]
 
 
@@ -38,11 +37,6 @@ class Smoothing(Section):
         "r, of the kernel, measured along Gamma_C; null: a tenth of the extent of Gamma_C, two "
         "facets at least",
         "length",
-    )
-    at_supports: AtSupports = entry(
-        "keep",
-        "beside points of Gamma_C whose normal displacement is prescribed, keep constant "
-        "pressures, or vanish over the distance r",
     )
 
 
@@ -68,7 +62,6 @@ class OwnSmoothing(Section):
 
     kernel: Kernel | None = entry(None, "null: friction.smoothing.kernel")
     radius: Positive | None = entry(None, "null: friction.smoothing.radius", "length")
-    at_supports: AtSupports | None = entry(None, "null: friction.smoothing.at_supports")
 
 
 class OwnFriction(Section):

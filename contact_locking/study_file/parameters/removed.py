@@ -4,6 +4,7 @@ from __future__ import annotations
 
 #: By the name of a key; the sentence stands in brackets after "unknown key".
 KEYS: dict[str, str] = {
+    "at_supports": "beside supports R keeps constant pressures, as by keep; leave the key out",
     "tilt": "a foundation does not turn by itself: give motion a rotation, or take a stiff body "
     "that touches in its place",
 }
