@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from contact_locking.contact.contact import FoundationSpring as FoundationSpring
     from contact_locking.contact.contact import Gap as Gap
     from contact_locking.contact.contact import Motion as Motion
-    from contact_locking.contact.contact import Tilt as Tilt
     from contact_locking.contact.coulomb import Convolution as Convolution
     from contact_locking.contact.coulomb import Coulomb as Coulomb
     from contact_locking.contact.coulomb import FrictionBound as FrictionBound
@@ -76,7 +75,7 @@ if TYPE_CHECKING:
 # The public names of each module.
 _NAMES = {
     "certificate.verdict": "Extras",
-    "contact.contact": "Contact Force FoundationSpring Gap Motion Tilt",
+    "contact.contact": "Contact Force FoundationSpring Gap Motion",
     "contact.coulomb": "Convolution Coulomb FrictionBound Helmholtz Kernel Local",
     "contact.smoothing": "Smoothing",
     "contact_problem": "ContactProblem",

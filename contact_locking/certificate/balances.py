@@ -167,6 +167,6 @@ def _tool_balances(state: SolvedState, least: float) -> tuple[float, ...]:
         fields = of_contact[id(tool.contact)]
         resultant, magnitude = tool.resultant(fields.pressure, fields.traction)
         left = abs(float(force) - resultant)
-        size = max(abs(tool.force), magnitude, least * tool.reach)
+        size = max(abs(tool.force), magnitude, least)
         found.append(left / size if size > 0.0 else left)
     return tuple(found)

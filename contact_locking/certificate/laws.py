@@ -127,7 +127,7 @@ def _sliver(fields: ContactFields) -> float:
 
 def _is_local(friction: FrictionBound) -> bool:
     """Whether the friction bound is zero at open nodes: Coulomb's, and R does not smooth it."""
-    return friction.stands or (friction.is_coulomb and isinstance(friction.smoothing, Identity))
+    return friction.is_coulomb and isinstance(friction.smoothing, Identity)
 
 
 def open_traction(state: SolvedState, local: list[ContactFields]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from numbers import Real
 from typing import Any
@@ -11,14 +12,14 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import present
-from contact_locking.contact.contact import Contact, FoundationSpring, Gap, Motion, Tilt
+from contact_locking.contact.contact import Contact, FoundationSpring, Gap, Motion
 from contact_locking.contact.coulomb import Coulomb, Kernel
 from contact_locking.contact.foundation import PlacedFoundation
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import InputError, with_key
 from contact_locking.laws.foundation import LevelSet, Sphere
 from contact_locking.laws.friction import FrictionLaw
-from contact_locking.parallel import agree, minimum, on_every_rank
+from contact_locking.parallel import agree, on_every_rank
 
 # The vectors of the foundations of this package.
 _VECTORS = ("point", "normal", "centre", "axis")
@@ -54,7 +55,6 @@ def check(given: Contact, dim: int) -> None:
     is_force = given.force is None or _has(given.force, "size")
     require(is_force, "force", "must be a Force", given.force)
     spring: Any = given.spring
-    tilt: Any = given.tilt
     if spring is not None:
         is_spring = isinstance(spring, FoundationSpring)
         require(is_spring, "spring", "must be a FoundationSpring", spring)
@@ -68,11 +68,6 @@ def check(given: Contact, dim: int) -> None:
             require(0.0 < np.linalg.norm(spring.along) < np.inf, "spring", wanted)
         wanted = "stiffness must be a number"
         require(_is_number(spring.stiffness), "spring", wanted, spring.stiffness)
-    if tilt is not None:
-        require(isinstance(tilt, Tilt), "tilt", "must be a Tilt", tilt)
-        wanted = f"about must have {dim} components in {dim}D"
-        require(np.shape(present(tilt.about)) == (dim,), "tilt", wanted)
-        require(_is_number(tilt.stiffness), "tilt", "stiffness must be a number", tilt.stiffness)
 
 
 def check_friction(contact: NodalContact) -> None:
@@ -89,12 +84,13 @@ def check_friction(contact: NodalContact) -> None:
             mu[:] = with_key(key, lambda: law(points, np.zeros(len(points))))
 
     agree(comm, evaluate)
-    least = minimum(comm, np.nan_to_num(mu, nan=-np.inf))
-    if not least >= 0.0:
+    is_right = np.isfinite(mu) & (mu >= 0.0)
+    if not on_every_rank(comm, is_right):
+        wrong = np.concatenate(comm.allgather(mu[~is_right]))
         raise InputError(
-            f"mu must be a number from 0 up everywhere, and is {least:g} somewhere", key
+            f"mu must be a finite number from 0 up everywhere, and is {wrong[0]:g} somewhere", key
         )
-    if not (contact.friction.is_coulomb or contact.friction.stands):
+    if not contact.friction.is_coulomb:
         _check_bound(contact, key)
 
 
@@ -156,7 +152,10 @@ def _check_coefficient(mu: Any, require: Callable[..., None]) -> None:
         "(k,) such as lambda x, s: 0.1 + 0.2*x[:, 0]"
     )
     require(_is_number(mu) or _is_function(mu), "friction", wanted, mu)
-    require(not isinstance(mu, Real) or float(mu) >= 0.0, "friction", f"mu must be >= 0, not {mu}")
+    if isinstance(mu, Real):
+        require(float(mu) >= 0.0, "friction", f"mu must be >= 0, not {mu}")
+        wanted = "mu must be finite: take 1e3, with which hardly anything slips"
+        require(math.isfinite(float(mu)), "friction", wanted)
 
 
 def _is_number(value: Any) -> bool:

@@ -116,18 +116,6 @@ class FoundationSpring:
 
 
 @dataclass(frozen=True)
-class Tilt:
-    """A foundation that turns about a point by a small angle: the moment about it is ``-k angle``.
-
-    ``about`` (d,) is the point of the foundation at rest.  ``stiffness`` is k, a moment per angle;
-    without it the contact forces have no moment about the point.
-    """
-
-    about: Sequence[float] | fem.Constant
-    stiffness: float | fem.Constant = 0.0
-
-
-@dataclass(frozen=True)
 class Contact:
     """``u_nu <= gap``, ``sigma_nu <= 0``, ``(u_nu - gap) sigma_nu = 0`` (5) and friction (6).
 
@@ -137,8 +125,7 @@ class Contact:
     has been placed.  ``motion``, such as a :class:`Motion`, is a function that each solve calls for
     the motion of the foundation from rest; without it the foundation rests.  ``force`` pushes the
     foundation, which then moves along the line of the force until it is in equilibrium; with a
-    ``spring`` it gives way as far as the spring lets it, and with a ``tilt`` it turns about a point
-    until the moments are in equilibrium.  ``key`` names the contact in messages.
+    ``spring`` it gives way as far as the spring lets it.  ``key`` names the contact in messages.
 
     ``against`` is the place of another side, of another body on the same mesh or of the same one;
     it has no node of ``on`` but at the tip of a crack.  Contact then limits the jump
@@ -161,13 +148,12 @@ class Contact:
     against: Where | None = None
     pair: Literal["once", "each_step"] = "each_step"
     spring: FoundationSpring | None = None
-    tilt: Tilt | None = None
     name: str = ""
 
     @property
     def is_free(self) -> bool:
-        """Whether the place of the foundation is unknown: forces and moments decide."""
-        return any(item is not None for item in (self.force, self.spring, self.tilt))
+        """Whether the place of the foundation is unknown: forces decide."""
+        return self.force is not None or self.spring is not None
 
 
 def named(contacts: Sequence[Contact]) -> list[Contact]:

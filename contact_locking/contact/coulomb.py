@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from numbers import Real
-from typing import Literal
 
 import numpy as np
 from dolfinx import fem
@@ -18,11 +15,9 @@ from contact_locking.contact.smoothing import (
     HelmholtzOperator,
     Identity,
     Smoothing,
-    VanishingOperator,
 )
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.contact.surface_mesh import SurfaceMesh
-from contact_locking.errors import InputError
 from contact_locking.laws.friction import Coefficient, FrictionLaw
 from contact_locking.parallel import maximum
 
@@ -36,13 +31,6 @@ _LARGEST_RADIUS_SHARE = 1e4
 _SIZE_ROUNDING = 1e-9
 # The central differences of mu take steps of this share of the slip.
 _DIFFERENCE = 1e-3
-# Where the pressure is below this share of the largest, the body is not pressed.
-_PRESSED = 1e-4
-# Friction that holds everything is bounded by this multiple of the largest pressure, and friction
-# that holds nothing by this share of it, so that each friction cone has an inside.
-_ALL, _NONE = 3e2, 1e-9
-# With this coefficient what is pressed hardly slips.
-_LARGE = 1e5
 
 
 class Kernel(ABC):
@@ -74,28 +62,16 @@ class Convolution(Kernel):
     """``R w(x) = int k(|x - y|/r) w(y) / int k(|x - y|/r)``, k a smooth bump with the radius r.
 
     ``radius`` is r, a length; without one it is a tenth of the extent of the contact, and twice its
-    longest facet at least.  ``key`` names the radius in messages.  ``at_supports`` is ``"keep"`` or
-    ``"vanish"``: beside nodes whose normal displacement is prescribed, R keeps constants, or falls
-    to zero over the distance r: then it is ``f R f`` with ``f = min(1, d/r)`` and the distance d to
-    these nodes.
+    longest facet at least.  ``key`` names the radius in messages.
     """
 
     radius: float | None = None
     key: str = "smoothing.radius"
-    at_supports: Literal["keep", "vanish"] = "keep"
-
-    def __post_init__(self) -> None:
-        if self.at_supports not in ("keep", "vanish"):
-            key = f"{self.key.rpartition('.')[0]}.at_supports"
-            raise InputError(f"is 'keep' or 'vanish', not {self.at_supports!r}", key)
 
     def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
         whole = surface.whole(free, sides)
         radius = default_radius(surface) if self.radius is None else self.radius
-        smoothing = self._inside(surface, whole, sides, radius)
-        if self.at_supports == "keep":
-            return smoothing
-        return VanishingOperator(smoothing, whole, radius)
+        return self._inside(surface, whole, sides, radius)
 
     def _inside(
         self, surface: ContactSurface, whole: SurfaceMesh, sides: IntArray, radius: float
@@ -130,11 +106,8 @@ class FrictionBound:
     ``law`` maps points (k, d) and accumulated slips s (k,) to ``mu`` (k,): a
     :class:`~contact_locking.laws.friction.FrictionLaw`, or a function, for which the
     certificate samples mu* and L_mu.  ``smoothing`` is R.  ``frictionless`` says that mu is zero
-    everywhere, and ``stands`` that the bound does not move within a solve.  A user's own friction
-    bound is a subclass with another :meth:`evaluate`.
+    everywhere.  A user's own friction bound is a subclass with another :meth:`evaluate`.
     """
-
-    stands = False
 
     def __init__(
         self,
@@ -177,54 +150,15 @@ class FrictionBound:
         return type(self).evaluate is FrictionBound.evaluate
 
 
-class NoSlip(FrictionBound):
-    """``u_tau = 0`` where ``p > 0``, and ``sigma_tau = 0`` elsewhere: mu = inf without R.
-
-    The friction bound is above every traction where the body is pressed, and does not move with the
-    pressure: the points that are pressed are found by one solve after the other.  ``shared`` (k,)
-    marks the nodes of another contact, where nothing sticks: the pressure of one foundation and the
-    friction of the other would hold each other up to any size.
-    """
-
-    stands = True
-
-    def __init__(self, surface: ContactSurface, shared: BoolArray | None = None) -> None:
-        def infinite(points: FloatArray, slip: FloatArray) -> FloatArray:
-            return np.full(len(slip), math.inf)
-
-        super().__init__(surface, Identity(), FrictionLaw(infinite, math.inf, 0.0))
-        self._shared = np.zeros(len(surface.nodes), dtype=bool) if shared is None else shared
-
-    def beside(self, others: Sequence[ContactSurface]) -> NoSlip:
-        """The same beside other contacts."""
-        nodes = [np.zeros(0, dtype=np.int32), *(other.nodes for other in others)]
-        return NoSlip(self.surface, np.isin(self.surface.nodes, np.concatenate(nodes)))
-
-    def on_all(self, level: float) -> FloatArray:
-        """A bound (k,) that holds whether the body is pressed or not."""
-        return np.where(self._shared, _NONE / _ALL * level, level)
-
-    def yielding(self) -> FrictionBound:
-        """``_LARGE |p|``, which follows the pressure within a solve."""
-        mu = np.where(self._shared, 0.0, _LARGE)
-        return FrictionBound(self.surface, Identity(), FrictionLaw(lambda *_: mu, _LARGE, 0.0))
-
-    def evaluate(self, pressure: FloatArray, slip: FloatArray) -> FloatArray:
-        largest = maximum(self.surface.domain.comm, pressure)
-        is_pressed = (pressure > _PRESSED * largest) & ~self._shared
-        return np.where(is_pressed, _ALL * largest, _NONE * largest)
-
-
 @dataclass(frozen=True)
 class Coulomb:
     """``|sigma_tau| <= mu(x, s) |R sigma_nu|`` (6), with s the accumulated slip.
 
-    ``coefficient`` is mu: a number, infinity for no slip where the body is pressed, a constant of
-    DOLFINx, a function of points (k, d) and slips (k,), or a
-    :class:`~contact_locking.laws.friction.FrictionLaw`.  ``regularisation`` is the slip, a length,
-    at which friction reaches 71 % of its bound (22); 0 is Coulomb's law itself, and None
-    stands for the compliance of the contact times Young's modulus.  A user's own friction bound is
-    a subclass whose :meth:`on` returns another :class:`FrictionBound`.
+    ``coefficient`` is mu: a finite number, a constant of DOLFINx, a function of points (k, d) and
+    slips (k,), or a :class:`~contact_locking.laws.friction.FrictionLaw`.  ``regularisation`` is the
+    slip, a length, at which friction reaches 71 % of its bound (22); 0 is Coulomb's law itself, and
+    None stands for the compliance of the contact times Young's modulus.  A user's own friction
+    bound is a subclass whose :meth:`on` returns another :class:`FrictionBound`.
     """
 
     coefficient: float | fem.Constant | Coefficient | FrictionLaw = 0.0
@@ -245,19 +179,12 @@ class Coulomb:
         return FrictionLaw(self.coefficient)
 
     @property
-    def sticks(self) -> bool:
-        """Whether nothing slips where the body is pressed."""
-        return self.coefficient == math.inf
-
-    @property
     def is_zero(self) -> bool:
         """Whether there is no friction."""
         return isinstance(self.coefficient, Real) and self.coefficient == 0.0
 
     def on(self, surface: ContactSurface, smoothing: Smoothing) -> FrictionBound:
         """The friction bound on a surface, with R there."""
-        if self.sticks:
-            return NoSlip(surface)
         # Without friction nothing asks for R, whose matrix would be made for its field.
         kernel = Identity() if self.is_zero else smoothing
         return FrictionBound(surface, kernel, self.law, self.is_zero)

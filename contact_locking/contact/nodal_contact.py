@@ -11,7 +11,6 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.contact import Contact, Gap
-from contact_locking.contact.coulomb import NoSlip
 from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
 from contact_locking.contact.smoothing import Identity
 from contact_locking.contact.surface import ContactSurface
@@ -19,7 +18,7 @@ from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.plausibility import about_the_gap
 from contact_locking.laws.convex import normal_part, tangential_part
-from contact_locking.laws.rigid_motion import RigidMotion, SmallMotion
+from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.supports.conditions import Constraints
@@ -36,7 +35,7 @@ class ContactState:
 
     Friction acts on the slip of the present step, ``u_tau - u_{k-1,tau}``, and the friction
     coefficient depends on ``s_k``.  ``place`` (k, d) is ``u_{k-1}`` and ``slip`` (k,) is
-    ``s_{k-1}`` at the owned nodes of the contact.  ``travel`` is how far forces
+    ``s_{k-1}`` at the owned nodes of the contact.  ``travel`` (d,) is how far forces
     had moved the foundation, and ``motion`` is where the foundation itself was.  All are zero at
     the beginning, and in a static problem.  ``displacement`` are the values of
     ``u_{k-1}`` at all local dofs, from which bodies are paired anew; it is None at the beginning,
@@ -45,7 +44,7 @@ class ContactState:
 
     place: FloatArray
     slip: FloatArray
-    travel: SmallMotion
+    travel: FloatArray
     motion: RigidMotion
     displacement: FloatArray | None = None
     touches: bool = True
@@ -53,8 +52,8 @@ class ContactState:
     @classmethod
     def at_rest(cls, nodes: int, dim: int) -> ContactState:
         """Nothing has moved."""
-        nothing = SmallMotion.rest(dim), RigidMotion.rest(dim)
-        return cls(np.zeros((nodes, dim)), np.zeros(nodes), *nothing)
+        place, slip = np.zeros((nodes, dim)), np.zeros(nodes)
+        return cls(place, slip, np.zeros(dim), RigidMotion.rest(dim))
 
 
 class NodalContact:
@@ -70,13 +69,13 @@ class NodalContact:
     ``against`` are the boundary parts of the other body that ``on`` touches, none for a foundation;
     displacements are jumps then.
 
-    ``state`` is the memory of friction from earlier steps, ``travel`` the motion that forces give
-    to the foundation, and ``drag`` (k, d) how far the foundation has moved in the step.
+    ``state`` is the memory of friction from earlier steps, ``travel`` (d,) how far forces
+    have moved the foundation, and ``drag`` (k, d) how far the foundation has moved in the step.
     On a foundation that moves, the slip is relative to it: ``reference`` is
     ``(u_{k-1} + drag)_tau`` as a function, for the forms.
 
-    The constructor is collective.  ``surface`` is the place of the contact, ``others`` are those of
-    all other contacts, and ``slip`` is the regularisation of a friction that has none of its own.
+    The constructor is collective.  ``surface`` is the place of the contact, and ``slip`` the
+    regularisation of a friction that has none of its own.
     Raises InputError for a foundation behind Gamma_C.
     """
 
@@ -84,7 +83,6 @@ class NodalContact:
         self,
         given: Contact,
         surface: ContactSurface,
-        others: Sequence[ContactSurface],
         constraints: Constraints,
         slip: float,
     ) -> None:
@@ -98,16 +96,15 @@ class NodalContact:
         self.against = tuple(given.against or ())
         self._sides: IntArray = surface.sides(normals)
         smoothing = given.friction.smoothing.on(surface, self.free, self._sides)
-        friction = given.friction.on(surface, smoothing)
-        self.friction = friction.beside(others) if isinstance(friction, NoSlip) else friction
-        own = 0.0 if self.friction.stands else given.friction.regularisation
-        self.regularisation = slip if own is None else own
+        self.friction = given.friction.on(surface, smoothing)
+        regularisation = given.friction.regularisation
+        self.regularisation = slip if regularisation is None else regularisation
         count, dim = len(surface.nodes), domain.dim
         self.normal = surface.vector_function(normals, "contact_normal")
         self.gap = surface.scalar_function(surface.limited_gap(gap), "gap")
         self.reference = surface.vector_function(np.zeros((count, dim)), "old_slip")
         self.state = ContactState.at_rest(count, dim)
-        self.travel = SmallMotion.rest(dim)
+        self.travel: FloatArray = np.zeros(dim)
         self._gaps = self.gaps
         # How far the foundation itself has moved in the step, without its travel.
         self._moved: FloatArray = np.zeros((count, dim))
@@ -122,13 +119,13 @@ class NodalContact:
             *self.surface.warnings(),
             *about_the_gap(self.surface.domain, self._first_gap, f"{self.key}.{kind}"),
             *self.foundation.warnings(self.surface, self._first_gap),
-            *(() if self.friction.stands else self.given.friction.smoothing.warnings(self.surface)),
+            *self.given.friction.smoothing.warnings(self.surface),
         ]
 
     def constant_support(self) -> str | None:
         """A held node beside which R keeps constants, as a place in words; collective."""
         domain, bound = self.surface.domain, self.friction
-        if bound.frictionless or bound.stands or isinstance(bound.smoothing, Identity):
+        if bound.frictionless or isinstance(bound.smoothing, Identity):
             return None
         held = np.concatenate(domain.comm.allgather(self.surface.points[~self.free]))
         if not len(held) or not bound.smoothing.keeps_constants:
@@ -224,18 +221,18 @@ class NodalContact:
         self.normal.x.scatter_forward()
         self._refresh()
 
-    def move_foundation(self, travel: SmallMotion) -> None:
-        """Let forces have moved the foundation by ``travel``; collective."""
+    def move_foundation(self, travel: FloatArray) -> None:
+        """Let forces have moved the foundation by ``travel`` (d,); collective."""
         self.travel = travel
         self._refresh()
 
     def _refresh(self) -> None:
         """Take the travel of the foundation into gaps and slips; collective."""
-        normals, points = self.normals, self.surface.arms
-        way = self.travel.at(points)
-        self.gap.x.array[self.surface.nodes] = self._gaps + np.sum(normals * way, axis=1)
+        normals = self.normals
+        opened = np.sum(normals * self.travel, axis=1)
+        self.gap.x.array[self.surface.nodes] = self._gaps + opened
         self.gap.x.scatter_forward()
-        self.drag = self._moved + (way - self.state.travel.at(points))
+        self.drag = self._moved + (self.travel - self.state.travel)
         place = self.state.place + self.drag
         self._refer(place - np.sum(place * normals, axis=1)[:, None] * normals)
 
@@ -274,7 +271,7 @@ class NodalContact:
 
     @property
     def is_free(self) -> bool:
-        """Whether the place of the foundation is unknown: forces and moments decide."""
+        """Whether the place of the foundation is unknown: forces decide."""
         return self.given.is_free
 
     @property

@@ -216,37 +216,3 @@ class HelmholtzOperator(Smoothing):
     def destroy(self) -> None:
         for item in (self._solver, self._operator, self._rhs, self._solution):
             item.destroy()
-
-
-class VanishingOperator(Smoothing):
-    """``f R (f w)`` with ``f = min(1, d/r)`` and the distance d to the held nodes of Gamma_C.
-
-    Beside a clamp the normal stress is in the dual of ``H^1/2_00(Gamma_C)`` alone, and the kernel
-    of ``f R f`` is in that space, as it vanishes there in both of its points.  ``surface`` is
-    Gamma_C with the weight 0 at held nodes, and the distance is measured along it.  ``radius`` is
-    r.  ``smoothing`` is R, which this object destroys.
-    """
-
-    keeps_constants = False
-
-    def __init__(self, smoothing: Smoothing, surface: SurfaceMesh, radius: float) -> None:
-        self._smoothing = smoothing
-        self._factor: FloatArray = np.ones(len(surface.weights[surface.own]))
-        for row, column, distance in surface.within(radius):
-            held = surface.weights[column] == 0.0
-            np.minimum.at(self._factor, row[held], distance[held] / radius)
-
-    def apply(self, values: FloatArray) -> FloatArray:
-        return self._factor * self._smoothing.apply(self._factor * values)
-
-    def adjoint(self, values: FloatArray) -> FloatArray:
-        return self._factor * self._smoothing.adjoint(self._factor * values)
-
-    def norm(self) -> float:
-        return self._smoothing.norm()
-
-    def is_positive(self) -> bool:
-        return self._smoothing.is_positive()
-
-    def destroy(self) -> None:
-        self._smoothing.destroy()

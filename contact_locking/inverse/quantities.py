@@ -8,7 +8,6 @@ friction_force.i           ``int sigma_tau_i``, or contacts.NAME.friction_force.
 reactions.PART.i           the resultant of the reactions and springs of a boundary part
 pressure_max               the pressure at the node where it is largest, and stays so
 contacts.NAME.tool.travel     the way of a tool that a force pushes
-contacts.NAME.tilt.angle      the angle of a tool that turns, in 2D
 ============================ ==================================================================
 
 The forces without a name are those of the summary: of several contacts, the sums over those with
@@ -27,7 +26,6 @@ import ufl
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.reactions import shares_by_part
-from contact_locking.contact.free_motions import Travel, Turn
 from contact_locking.errors import InputError
 from contact_locking.inverse.equations import Equations, Residual
 from contact_locking.inverse.linearisation import Gradient
@@ -51,7 +49,7 @@ def known() -> list[str]:
     forces = [f"{item.key}.0" for item in own if item.unit == "force"]
     scalars = [item.key for item in own if item.unit != "force"]
     each = [f"contacts.NAME.{name}" for name in forces]
-    free = [f"contacts.NAME.{name}" for name in ("tool.travel", "tilt.angle")]
+    free = ["contacts.NAME.tool.travel"]
     return [*scalars, *forces, *each, *free, "reactions.PART.0"]
 
 
@@ -121,12 +119,10 @@ def _named(name: str, domain: Domain, system: PenalisedSystem) -> Quantity:
         if axis < dim and chosen:
             cones = ContactCones if kind == "contact" else FrictionCones
             return _Resultant(name, chosen, cones, axis)
-    if found := re.fullmatch(r"contacts\.([^.]+)\.(tool\.travel|tilt\.angle)", name):
-        motion = Travel if found[2] == "tool.travel" else Turn
+    if found := re.fullmatch(r"contacts\.([^.]+)\.tool\.travel", name):
         for number, tool in enumerate(system.tools):
-            is_wanted = isinstance(tool, motion) and (motion is Travel or dim == 2)
             own = system.contacts.index(tool.contact)
-            if is_wanted and own in _contacts_named(found[1], system):
+            if own in _contacts_named(found[1], system):
                 return _Travel(name, number)
     if found := re.fullmatch(r"reactions\.(.+)\.(\d)", name):
         reaction = _Reaction(name, found[1], int(found[2]), domain)
@@ -249,7 +245,7 @@ class _LargestPressure(Quantity):
 
 @dataclass(frozen=True)
 class _Travel(Quantity):
-    """The travel of the free motion of tools with a number."""
+    """The travel of the tool with a number."""
 
     number: int
 

@@ -42,49 +42,12 @@ class RigidMotion:
         return self.place(before.origin(places)) - places
 
 
-@dataclass(frozen=True)
-class SmallMotion:
-    """``w(x) = translation + turn x``: a rigid motion for small turns.
-
-    ``translation`` is (d,), and ``turn`` is a skew matrix (d, d).
-    """
-
-    translation: FloatArray
-    turn: FloatArray
-
-    @classmethod
-    def rest(cls, dim: int) -> SmallMotion:
-        """The motion that moves nothing."""
-        return cls(np.zeros(dim), np.zeros((dim, dim)))
-
-    @classmethod
-    def about(cls, pivot: FloatArray, turn: FloatArray) -> SmallMotion:
-        """``w(x) = turn (x - pivot)``."""
-        return cls(-turn @ pivot, turn)
-
-    def at(self, points: FloatArray) -> FloatArray:
-        """The displacements of points (..., d)."""
-        return np.asarray(self.translation + points @ self.turn.T)
-
-    def times(self, size: float) -> SmallMotion:
-        """The motion of another size."""
-        return SmallMotion(size * self.translation, size * self.turn)
-
-    def __add__(self, other: SmallMotion) -> SmallMotion:
-        return SmallMotion(self.translation + other.translation, self.turn + other.turn)
-
-
 def skew(axis: FloatArray) -> FloatArray:
     """The skew matrix of ``x -> axis x x``, for an axis (1,) across the plane or (3,) in space."""
     if len(axis) == 1:
         return np.array([[0.0, -axis[0]], [axis[0], 0.0]])
     x, y, z = axis
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
-def axis_of(turn: FloatArray) -> FloatArray:
-    """The axis (1,) or (3,) of a skew matrix, the inverse of :func:`skew`."""
-    return turn[[1], [0]] if len(turn) == 2 else turn[[2, 0, 1], [1, 2, 0]]
 
 
 def rotation(angles: FloatArray) -> FloatArray:

@@ -13,13 +13,13 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.contact.contact import Contact, named
 from contact_locking.contact.foundation import GivenGap
-from contact_locking.contact.free_motions import free_motions
 from contact_locking.contact.nodal_contact import (
     BoundsInForce,
     ContactState,
     NodalContact,
     place_of,
 )
+from contact_locking.contact.travel import Travel
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.plausibility import about_an_overlap_at_rest
@@ -93,8 +93,8 @@ class DiscreteProblem:
         contacts = named(contacts)
         places = [place_of(item, domain, space, element, limited) for item in contacts]
         nodal = tuple(
-            NodalContact(item, places[i], [*places[:i], *places[i + 1 :]], body.constraints, slip)
-            for i, item in enumerate(contacts)
+            NodalContact(item, place, body.constraints, slip)
+            for item, place in zip(contacts, places, strict=True)
         )
         self.warnings = [
             text for contact in nodal for text in (*contact.warnings(), *_overlap_warnings(contact))
@@ -115,7 +115,7 @@ class DiscreteProblem:
             epsilon=fem.Constant(domain.mesh, epsilon),
             element=element,
             limits=tuple(replace(item.strain_set, origin=origin) for item in self.limits.others),
-            tools=tuple(motion for item in nodal for motion in free_motions(item)),
+            tools=tuple(Travel(item) for item in nodal if item.is_free),
             own_energy=body.own_energy,
             eigenstrain=self.material.eigenstrain,
             springs=tuple(body.springs),

@@ -14,8 +14,8 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.contact.free_motions import FreeMotion
 from contact_locking.contact.nodal_contact import BoundsInForce, NodalContact
+from contact_locking.contact.travel import Travel
 from contact_locking.fem.spaces import Element
 from contact_locking.laws.friction import (
     contact_energy,
@@ -60,7 +60,7 @@ class ProblemData:
     epsilon: fem.Constant
     element: Element
     limits: tuple[StrainSet, ...] = ()
-    tools: tuple[FreeMotion, ...] = ()
+    tools: tuple[Travel, ...] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
     eigenstrain: Eigenstrain | None = None
     springs: tuple[ElasticSupport, ...] = ()
@@ -71,8 +71,8 @@ class ProblemData:
         return self.element.strain(u)
 
     @property
-    def loose_tools(self) -> tuple[FreeMotion, ...]:
-        """The free motions that no spring holds back, but the body alone."""
+    def loose_tools(self) -> tuple[Travel, ...]:
+        """The tools that no spring holds back, but the body alone."""
         return tuple(item for item in self.tools if not item.is_sprung)
 
     @property

@@ -25,7 +25,6 @@ from contact_locking.solver.task import SavedState
 _WAY_OUT_OF_SLIDING = (
     "Press the body more, raise friction.coefficient, or hold it by loads.displacements."
 )
-_WAY_OUT_WITHOUT_SLIP = "Press the body more, or hold it by loads.displacements."
 _WAY_OUT_OF_COMPLAINTS = (
     "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
 )
@@ -142,8 +141,7 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
     """summary.json, without the entries that only the caller knows; collective."""
     problem, report, target = state.problem, state.report, state.target
     domain, data, u = problem.domain, problem.data, problem.u
-    slide, stands = None, any(contact.friction.stands for contact in problem.contacts)
-    way_out = _WAY_OUT_WITHOUT_SLIP if stands else _WAY_OUT_OF_SLIDING
+    slide = None
     if problem.free and not report.converged:
         slide = problem.rigidity.describe_slide()
         if slide is None and data.tools:
@@ -155,7 +153,7 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
     summary: dict[str, Any] = {
         "converged": report.converged,
         "reason": f"{slide}; {report.reason}" if slide else report.reason,
-        "suggestion": way_out if slide else report.suggestion,
+        "suggestion": _WAY_OUT_OF_SLIDING if slide else report.suggestion,
         "discretisation": data.element.facts(),
         "dofs": int(u.function_space.dofmap.index_map.size_global * domain.dim),
         "cells": domain.num_cells,
@@ -191,14 +189,12 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
     entries: list[dict[str, Any]] = []
     for fields in state.contacts:
         found = computed("contact", Contacts(domain, (fields,)))
-        moved = [
-            item.summary(size)
-            for item, size in zip(tools, tools.travels, strict=True)
-            if item.contact is fields.contact
-        ]
         contact, against = fields.contact, fields.contact.against
         places = {"on": list(contact.on), **({"against": list(against)} if against else {})}
-        entry = {"name": contact.given.name, **places, **found, **dict(moved)}
+        entry = {"name": contact.given.name, **places, **found}
+        for tool, size in zip(tools, tools.travels, strict=True):
+            if tool.contact is fields.contact:
+                entry["tool"] = tool.summary(size)
         if contact.foundation.moves:
             entry["motion"] = contact.foundation.motion().translation.tolist()
         entries.append(entry)

@@ -2,9 +2,8 @@
 
 1. Put the problem to the next time: loads, prescribed displacements, gaps.
 2. Solve the problem of the step, from the state before if that helps.
-   A time that proofs for other times exclude is not tried: go back to 1 with half the step.
-   Where the solve fails, and a proof says that a time a little later is out of reach, the limit of
-   the strain is the cause, and no other way of solving is tried.
+   Where the solve fails, and a proof says that nothing is admissible a little later, the limit of
+   the strain is the cause: no other way of solving is tried, nor a time that failed before.
 3. Judge the solution: the certificate, and the energy balance of the step.  If the solve or a
    criterion fails, or if a foundation has moved to where none can be, go back to 1 with half the
    step, down to the least step.  There the process fails, or stops with the last solution.
@@ -30,7 +29,6 @@ from contact_locking.monitor import Monitor
 from contact_locking.process.checkpoint.restart import restored_step
 from contact_locking.process.followers import followers_of
 from contact_locking.process.of_study import certified, of_study, solver_of
-from contact_locking.process.out_of_reach import AdmissibilityData, OutOfReach
 from contact_locking.process.timeline import Timeline
 from contact_locking.results.history import History, Row
 from contact_locking.results.history_values import values_of
@@ -63,8 +61,6 @@ def row_of(
         row |= columns(entry, dim, ending) if several else {}
         for name in ("force", "travel") if "tool" in entry else ():
             row[f"tool_{name}{ending}"] = entry["tool"][name]
-        for name in ("angle", "moment") if "tilt" in entry else ():
-            row |= components(f"tilt_{name}{ending}", entry["tilt"][name])
         if "motion" in entry:
             row |= components(f"motion{ending}", entry["motion"])
     row |= {
@@ -134,9 +130,7 @@ class Steps(Iterator[StudySolution]):
         self._timeline = Timeline(given)
         self._planned = self._timeline.left
         self._halved: tuple[str, ...] = ()
-        self._out_of_reach, self._is_unbalanced = OutOfReach(), False
-        self._follows_branch, self._seconds = True, 0.0
-        self._failed: dict[float, str] = {}
+        self._is_unbalanced, self._follows_branch, self._seconds = False, True, 0.0
         self._probes: tuple[ProbeSample, ...] = ()
         self._saved = saved
         self._solutions = self._solve()
@@ -168,29 +162,26 @@ class Steps(Iterator[StudySolution]):
                 yield solution
                 timeline.skip_to(step.time)
                 last, before = solution.state, Moment.of(state)
-                self._remember(last, step.time)
+                self.problem.enter(last.contacts)
             self._began, self._to_solve = time.perf_counter(), timeline.left
             while not timeline.is_over:
                 began = time.perf_counter()
                 at = timeline.target
                 try:
-                    self.problem.advance(at)
-                    self._solver.begin()
-                    data = AdmissibilityData.of(self._solver.system, at)
-                    # Near what is out of reach a time that failed is not tried from nearer either.
-                    if at in self._failed or self._out_of_reach.excludes(data):
-                        if timeline.fail(at_limit=True):
+                    if timeline.is_barred:
+                        if timeline.fail():
                             continue
                         if solution is not None and self._stops:
-                            reason = self._failed.get(at, "")
-                            told = self._out_of_reach.explained(reason, at, -math.inf)
+                            told = timeline.explained(timeline.failed.get(at, ""), at, -math.inf)
                             yield self._stopped(solution, told["reason"])
                             return
+                    self.problem.advance(at)
+                    self._solver.begin()
                     # The proofs of balance are asked for where a solve has failed before.
                     is_unbalanced = self._is_unbalanced and self._solver.is_unbalanced()
                     if is_unbalanced and timeline.fail():
                         continue
-                    report = self._solve_at(at, last, data)
+                    report = self._solve_at(at, last)
                 except InputError as error:
                     is_misplaced = isinstance(error, Misplaced)
                     if is_misplaced and self._halve(
@@ -206,9 +197,10 @@ class Steps(Iterator[StudySolution]):
                     entries = self._end(solution, f"{error.key}: {text}")
                     raise ProcessEnded(text, error.key, entries) from error
                 reached = at == timeline.planned
-                self._out_of_reach.add(data, report)
-                if not report.converged and self._out_of_reach.are_after(at):
-                    self._failed[at] = report.reason
+                if report.is_infeasible:
+                    timeline.refuse(at, report)
+                if not report.converged and timeline.refused is not None:
+                    timeline.failed[at] = report.reason
                 self._is_unbalanced |= report.is_unbalanced
                 # The branch is followed once at most on the way to a planned time.
                 self._follows_branch = report.converged and (reached or self._follows_branch)
@@ -232,7 +224,7 @@ class Steps(Iterator[StudySolution]):
                 if not found.converged:
                     # Where the process stops, its words begin with the last time.
                     last_time = solution.time if solution and not self._stops else -math.inf
-                    told = self._out_of_reach.explained(found.summary["reason"], at, last_time)
+                    told = timeline.explained(found.summary["reason"], at, last_time)
                     found = found.telling(**told)
                     if solution is not None and self._stops:
                         yield self._stopped(solution, found.summary["reason"])
@@ -249,7 +241,7 @@ class Steps(Iterator[StudySolution]):
                     return
                 timeline.succeed()
                 last = solution.state
-                self._remember(last, at)
+                self.problem.enter(last.contacts)
         finally:
             for follower in followers:
                 follower.close()
@@ -263,15 +255,8 @@ class Steps(Iterator[StudySolution]):
                 key = f"output.charts.{number}.{key}"
                 with_key(key, partial(values_of, text, self.history))
 
-    def _remember(self, state: State, time: float) -> None:
-        """End a step; collective."""
-        # A displacement that exceeds a limit or a gap by a penalty is not admissible.
-        if self.problem.penalty.is_strict:
-            self._out_of_reach.reach(AdmissibilityData.of(self._solver.system, time))
-        self.problem.enter(state.contacts)
-
-    def _solve_at(self, at: float, last: State | None, data: AdmissibilityData) -> SolverReport:
-        """Solve at the present time, with these data; collective."""
+    def _solve_at(self, at: float, last: State | None) -> SolverReport:
+        """Solve at the present time; collective."""
         left = self._timeline.left
         planned, taken = self._to_solve - left, time.perf_counter() - self._began
         # Nothing tells how long it takes to find out how far the process can go.
@@ -279,33 +264,32 @@ class Steps(Iterator[StudySolution]):
         seconds = left * max(taken / planned, self._seconds) if is_known else None
         self._monitor.step(len(self.history) + 1, left, at, seconds)
         saved = None if last is None else last.saved
-        is_near = self._out_of_reach.are_after(at)
+        is_near = self._timeline.refused is not None
         asks = not is_near and at == self._timeline.planned and self._solver.may_lock_up
         searches = not (is_near or asks)
         report = self._solver.solve(saved, self._follows_branch, searches)
-        if report.converged or report.is_infeasible or not asks or self._locks_up_after(data):
+        if report.converged or report.is_infeasible or not asks or self._locks_up_after(at):
             return report
         self.problem.advance(at)
         self._solver.begin()
         return self._solver.solve(saved, self._follows_branch)
 
-    def _locks_up_after(self, data: AdmissibilityData) -> bool:
+    def _locks_up_after(self, at: float) -> bool:
         """Whether a proof shows that nothing is admissible a little later; collective."""
-        beyond = data.time + _BEYOND * (data.time - self.problem.clock.start)
+        beyond = at + _BEYOND * (at - self.problem.clock.start)
         try:
             self.problem.advance(beyond)
             self._solver.begin()
             verdict = self._solver.verdict()
-            later = AdmissibilityData.of(self._solver.system, beyond)
         except InputError:
             return False
         finally:
-            self.problem.advance(data.time)
+            self.problem.advance(at)
             self._solver.begin()
         if verdict is None:
             return False
         told = SolverReport(is_infeasible=True, reason=verdict.reason, suggestion=verdict.way_out)
-        self._out_of_reach.add(later, told)
+        self._timeline.refuse(beyond, told)
         return True
 
     @property
@@ -322,7 +306,7 @@ class Steps(Iterator[StudySolution]):
 
     def _halve(self, failure: str) -> bool:
         """Halve the step after a failure, if it may be halved, and say so."""
-        if not self._timeline.fail(self._out_of_reach.are_after(self._timeline.target)):
+        if not self._timeline.fail():
             return False
         # The line about the failed solve comes before the line that says why.
         self._monitor.finish()

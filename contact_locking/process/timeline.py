@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
+from contact_locking.solver.task import SolverReport
 from contact_locking.study_file.parameters.numerics import StepParameters
 
 # Steps that differ by less than this share have the same length.
@@ -16,6 +17,9 @@ class Timeline:
 
     ``done`` is the time of the last solution, at first the time before the first step.  A failure
     halves the step; a success between two planned times lets the next step be twice as long.
+    ``refused`` is the earliest time, since the last planned one, at which a proof shows that no
+    displacement is admissible, with the report that says so.  ``failed`` has the reasons by the
+    times that failed near it.
     """
 
     def __init__(self, given: StepParameters) -> None:
@@ -23,6 +27,8 @@ class Timeline:
         self._planned = deque(given.planned)
         self._interval_start = self.done = given.start
         self._longest = math.inf
+        self.refused: tuple[float, SolverReport] | None = None
+        self.failed: dict[float, str] = {}
 
     @property
     def is_over(self) -> bool:
@@ -56,23 +62,51 @@ class Timeline:
         """The solve at the target has converged."""
         self.done = self.target
         self._longest *= 2.0
+        if self.refused is not None and self.refused[0] <= self.done:
+            self.refused = None
         if self.done == self._planned[0]:
             self._interval_start = self._planned.popleft()
-            self._longest = math.inf
+            self._longest, self.refused, self.failed = math.inf, None, {}
+
+    @property
+    def is_barred(self) -> bool:
+        """Whether the target has failed before, or lies behind a time that is refused."""
+        refused = self.refused
+        return self.target in self.failed or (refused is not None and self.target >= refused[0])
+
+    def refuse(self, time: float, report: SolverReport) -> None:
+        """Take a time at which nothing is admissible, as the report says."""
+        if self.refused is None or time < self.refused[0]:
+            self.refused = time, report
 
     @property
     def is_halved(self) -> bool:
         """Whether failures have come between the last planned time and the next."""
         return self._longest < math.inf
 
-    def fail(self, at_limit: bool = False) -> bool:
-        """The solve at the target has failed; False if the step must not be halved.
-
-        ``at_limit`` says that a proof excludes the whole step.
-        """
+    def fail(self) -> bool:
+        """The solve at the target has failed; False if the step must not be halved."""
         half = 0.5 * (self.target - self.done)
+        at_limit = self.refused is not None
         least = self._given.least_after(self._planned[0] - self._interval_start, at_limit)
         if not half > 0.0 or half < least * (1.0 - _ROUNDING):
             return False
         self._longest = half
         return True
+
+    def explained(self, reason: str, at: float, reached: float) -> dict[str, str]:
+        """The reason and the suggestion of a process that ends before the refused time.
+
+        Its last step failed to get to the time ``at``, where a solve may fail for a ``reason`` that
+        says little, as this is close to the largest load that can be followed.  ``reached`` is the
+        time of the last solution, -inf without one.  Empty without a refused time.
+        """
+        if self.refused is None:
+            return {}
+        time, report = self.refused
+        told = [f"{report.reason}, at t = {time:.6g}"]
+        if reached > -math.inf:
+            told.append(f"the last time that was reached is t = {reached:.6g}")
+        if time > at:
+            told.append(f"the step to t = {at:.6g} did not converge: {reason}")
+        return {"reason": "; ".join(told), "suggestion": report.suggestion}

@@ -137,7 +137,7 @@ class _Facets:
         normals = contact.normal.x.array.reshape(-1, dim)[blocks]
         self._u_normal = np.sum(self._u * normals, axis=2)
         #: The displacement relative to a foundation that forces have moved.
-        self._past = self._u - contact.travel.at(self._x)
+        self._past = self._u - contact.travel
         self._moved = self._x[:, :dim] + self._past[:, :dim]
         self._outward = _outward(surface, self._x[:, :dim], len(halves))
         away = self._moved - self._moved.mean(axis=1, keepdims=True)
@@ -367,7 +367,7 @@ def uncovered_entry(
         nodes, places = nodes[apart], places[apart]
     moved = places + u.x.array.reshape(-1, dim)[nodes]
     # A foundation that a force has moved is entered like one at rest by a body that moved back.
-    depths = np.maximum(-contact.foundation.distance((moved - contact.travel.at(places)).T), 0.0)
+    depths = np.maximum(-contact.foundation.distance((moved - contact.travel).T), 0.0)
     depth, place = peak(domain.comm, depths, places)
     return depth, tuple(place or ())
 

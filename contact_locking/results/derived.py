@@ -59,9 +59,7 @@ class ContactFields:
         self.paired_at = None if frame is None else frame.displacement
         domain = contact.surface.domain
         box = box_around(domain.bounding_box, domain.axisymmetric)
-        shift = contact.travel.at(box.mean(axis=0))
-        facets = contact.foundation.outline(box - shift)
-        self.outline = facets + contact.travel.at(facets)
+        self.outline = contact.foundation.outline(box - contact.travel) + contact.travel
         # How far the foundation has moved in the step.
         self.drag, self.free = contact.drag, contact.free
         self.pressure = forces.pressure

@@ -240,18 +240,12 @@ def _tools(contacts: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
     """How the forces on each free foundation have moved it."""
     found = []
     for entry in contacts:
-        told = []
         if tool := entry.get("tool"):
-            told.append(f"moved by {tool['travel']:.6g} along {_vector(tool['direction'])}")
+            told = [f"moved by {tool['travel']:.6g} along {_vector(tool['direction'])}"]
             if tool["force"] or "spring_force" not in tool:
                 told.append(f"pushed by {tool['force']:.6g}")
             if "spring_force" in tool:
                 told.append(f"spring force {tool['spring_force']:.6g}")
-        if tilt := entry.get("tilt"):
-            angle = tilt["angle"]
-            shown = _vector(angle) if isinstance(angle, Sequence) else f"{angle:.6g}"
-            told.append(f"turned by {shown} rad about {_vector(tilt['about'])}")
-        if told:
             found.append((f"foundation on {entry['name']}", ", ".join(told)))
     return found
 

@@ -121,13 +121,8 @@ def friction_force(contacts: Contacts) -> Any:
 @quantity("contact", "friction used", "1", trend="jumps", share_of="the friction bound")
 def friction_used(contacts: Contacts) -> Any:
     """∫ |σ_τ| / ∫ G, the share that acts of what friction could hold: 1 if all of it is used."""
-
-    def rubs(fields: ContactFields) -> Any:
-        """1 where friction may act and has a bound."""
-        return 0.0 if fields.contact.friction.stands else fields.free
-
-    bound = contacts.integral(lambda fields: fields.bound * rubs(fields))
-    size = contacts.integral(lambda fields: np.linalg.norm(fields.traction, axis=1) * rubs(fields))
+    bound = contacts.integral(lambda fields: fields.bound * fields.free)
+    size = contacts.integral(lambda fields: np.linalg.norm(fields.traction, axis=1) * fields.free)
     return size / bound if bound > 0.0 else None
 
 

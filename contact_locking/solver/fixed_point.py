@@ -8,12 +8,12 @@ same fixed points but other contraction factors; for eps = 0 it is not defined.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.nodal_contact import NodalContact, joint_norm
+from contact_locking.contact.nodal_contact import joint_norm
 from contact_locking.errors import NotConverged
 from contact_locking.solver.task import Task
 
@@ -33,20 +33,19 @@ def fixed_point(
     task: Task,
     solve: Callable[[float], bool],
     evaluate: Callable[[], list[FloatArray]],
-    contacts: Sequence[NodalContact] | None = None,
 ) -> tuple[float, float | None]:
     """Repeat ``g <- mu |R sigma_nu(u(g))|`` until g changes by ``friction_tolerance`` of itself.
 
-    ``solve`` solves under the present bounds of ``contacts``, by default all with friction,
-    more sharply than the last change that it is given (infinity at first), and returns whether
-    it was as sharp as the tolerances; ``evaluate`` gives the bounds of a solution.  Changes
-    count relative to the norm of the bound, or to ``task.least_bound()`` if that is larger.
-    Afterwards the system holds the bound of the last solve.  Returns the last change and the
-    geometric mean of the ratios of successive changes.  Raises Unsettled after
-    ``max_friction_updates``, or as soon as the changes shrink too slowly to arrive by then.
+    ``solve`` solves under the present bounds, more sharply than the last change that it is given
+    (infinity at first), and returns whether it was as sharp as the tolerances; ``evaluate`` gives
+    the bounds of a solution.  Changes count relative to the norm of the bound, or to
+    ``task.least_bound()`` if that is larger.  Afterwards the system holds the bound of the last
+    solve.  Returns the last change and the geometric mean of the ratios of successive changes.
+    Raises Unsettled after ``max_friction_updates``, or as soon as the changes shrink too slowly to
+    arrive by then.
     """
     settings, counts, bounds = task.settings, task.counts, task.system.bounds
-    rubbing = task.system.rubbing if contacts is None else contacts
+    rubbing = task.system.rubbing
     changes: list[float] = []
     contraction: float | None = None
     for _ in range(settings.max_friction_updates):

@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 from petsc4py import PETSc
 
 from contact_locking.errors import NotConverged, raise_callback_error
@@ -47,10 +46,9 @@ class ToolBorder:
         floor *= float(system.held_by_contact)
         for surface, tractions, corner in system.tools.borders(system.u, floor):
             corners.append(corner)
-            for own in tractions:
-                column, forces = next(columns), surface.nodal_forces(own)
-                column.array_w[:] = system.constraints.free_part(forces[: column.getLocalSize()])
-        self._border.refresh(scipy.linalg.block_diag(*corners), self._ksp.solve)
+            column, forces = next(columns), surface.nodal_forces(tractions)
+            column.array_w[:] = system.constraints.free_part(forces[: column.getLocalSize()])
+        self._border.refresh(np.diag(corners), self._ksp.solve)
 
     def solve(self, f: PETSc.Vec, y: PETSc.Vec) -> None:
         """Solve for y; collective."""

@@ -12,7 +12,6 @@ import numpy as np
 
 from contact_locking import wings
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import Infeasible, InputError, NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
@@ -76,12 +75,6 @@ _HELD_BY_FRICTION = (
     "Friction alone holds the body: if the loads need all of the friction there is, press the body "
     "more, raise friction.coefficient, or hold the body by loads.displacements.  If the friction "
     "bound does not settle, enlarge friction.smoothing.radius."
-)
-# The limit of large coefficients: such a node has a traction beside no pressure, and slides.
-_NO_SLIP_WAY_OUT = (
-    "Without slip, a node where the bodies part may press if it slides and open if it sticks, so "
-    "that neither is a solution; take friction.coefficient: 1e3 in place of .inf, with which such "
-    "a node slides a little."
 )
 _VERGE_WAY_OUT = (
     "If the strain limit only just admits the prescribed displacements and the gap, as round "
@@ -261,10 +254,7 @@ def _explained(report: SolverReport, verdict: Verdict | None, task: Task) -> Sol
     share = share_of_friction(task) if task.searches else None
     if share is None:
         return report
-    # Without slip the suggestion names a smaller coefficient already.
-    stands = any(contact.friction.stands for contact in task.system.rubbing)
-    suggestion = report.suggestion if stands else FRICTION_WAY_OUT
-    return replace(report, reason=f"{report.reason}; {share}", suggestion=suggestion)
+    return replace(report, reason=f"{report.reason}; {share}", suggestion=FRICTION_WAY_OUT)
 
 
 @dataclass(frozen=True)
@@ -286,12 +276,11 @@ def _attempted(
     first.  No two solvers are there at a time, nor beside what ``goes_on`` solves, as each takes
     much memory.  An approach that an iterative solver ends goes again with a direct one, if auto
     would have taken that.  ``last`` is the solution of the step before, for the first solve.
-    Contacts without slip are tried once more with those that slip a little.  Collective.
+    Collective.
     """
     failure, warnings, contraction = NotConverged(), list[str](), None
-    standing = [item for item in task.system.rubbing if item.friction.stands]
     if task.settings.nested and task.system.rubbing:
-        made = _attempt(InteriorPoint(task, bound_moves=False), task.system.rubbing, task, last)
+        made = _attempt(InteriorPoint(task, bound_moves=False), task, last)
         if made.failure is None or isinstance(made.failure, Infeasible):
             return made
         # The factor of nested updates is known also where another way arrives after them.
@@ -302,7 +291,7 @@ def _attempted(
         solver = InteriorPoint(task)
         count = len(solver.approaches)
         solver.approach = solver.approaches[number]
-        made, last = _attempt(solver, standing, task, last), None
+        made, last = _attempt(solver, task, last), None
         found = replace(made.found, contraction=contraction or made.found.contraction)
         made = replace(made, found=found, warnings=[*warnings])
         if made.failure is None:
@@ -313,17 +302,13 @@ def _attempted(
             warnings.append(_FACTORISED)
         else:
             number += 1
-    if standing and goes_on(failure) and (slipping := _from_little_slip(task)) is not None:
-        return replace(slipping, warnings=warnings)
     return made
 
 
-def _attempt(
-    solver: InteriorPoint, nested: Sequence[NodalContact], task: Task, last: LastIterate | None
-) -> Attempt:
+def _attempt(solver: InteriorPoint, task: Task, last: LastIterate | None) -> Attempt:
     """What a solver finds, to its last digits, as far as a method arrives there; collective."""
     try:
-        made = _solve_by(solver, nested, task, last)
+        made = _solve_by(solver, task, last)
         return made if made.failure else replace(made, found=_finished(task, solver, made.found))
     finally:
         solver.destroy()
@@ -336,45 +321,14 @@ def _finished(task: Task, solver: InteriorPoint, found: Outcome) -> Outcome:
     return (polish(task, _POLISH, found, direct) if polishes else None) or solver.finish(found)
 
 
-def _from_little_slip(task: Task) -> Attempt | None:
-    """A solve that starts from what is pressed with a large coefficient in place of no slip.
-
-    None, and the system left as it was, where it does not arrive.  Collective.
-    """
-    system, rubbing = task.system, task.system.rubbing
-    solver, found = InteriorPoint(task, yields=True), Outcome()
-
-    def solve(change: float) -> bool:
-        nonlocal found
-        assert found.last is not None
-        found = solver.solve_near(found.last)
-        return True
-
-    try:
-        with system.preserved(only_on_failure=True):
-            system.u.x.array[:] = system.constraints.held_part(system.u.x.array)
-            found = solver.solve()
-            solver.destroy()
-            solver = InteriorPoint(task, bound_moves=False)
-            system.bounds.enter(rubbing, _bounds_of(found, system, rubbing))
-            settled = fixed_point(task, solve, lambda: _bounds_of(found, system, rubbing))
-        return Attempt(_finished(task, solver, found.settled(*settled)))
-    except NotConverged:
-        return None
-    finally:
-        solver.destroy()
-
-
-def _bounds_of(
-    found: Outcome, system: PenalisedSystem, contacts: Sequence[NodalContact]
-) -> list[FloatArray]:
-    """The friction bounds of some contacts that a solution asks for; collective."""
+def _bounds_of(found: Outcome, system: PenalisedSystem) -> list[FloatArray]:
+    """The friction bounds that a solution asks for; collective."""
     assert found.multipliers is not None
     pairs = zip(system.contacts, found.multipliers.contacts, strict=True)
     return [
         contact.friction_bound(system.u, forces.pressure)
         for contact, forces in pairs
-        if contact in contacts
+        if contact in system.rubbing
     ]
 
 
@@ -398,26 +352,22 @@ def _friction_way_out(task: Task) -> list[str]:
     """What may help where the friction bound does not settle; nothing without friction."""
     if not task.system.rubbing:
         return []
-    if any(contact.friction.stands for contact in task.system.rubbing):
-        return [_NO_SLIP_WAY_OUT]
     return [_HELD_BY_FRICTION if task.system.held_by_friction else _BOUND_WAY_OUT]
 
 
-def _solve_by(
-    solver: InteriorPoint, nested: Sequence[NodalContact], task: Task, last: LastIterate | None
-) -> Attempt:
-    """Solve once, or for each value of ``nested`` bounds, from the solution before; collective."""
+def _solve_by(solver: InteriorPoint, task: Task, last: LastIterate | None) -> Attempt:
+    """Solve once, or for each value of bounds that do not move, from the one before; collective."""
     system, found = task.system, Outcome()
     start = system.constraints.held_part(system.u.x.array)
 
     def enough(change: float) -> float:
         """The multiple of the tolerances that is enough after a change of the bounds."""
-        if not nested or solver.bound_moves:
+        if solver.bound_moves:
             return 1.0
         share = task.settings.tolerance / Settings.tolerance
         return max(_ROUGHER * share * min(change, 1.0), 1.0)
 
-    def solve(change: float, nothing_slips: bool = False) -> bool:
+    def solve(change: float) -> bool:
         nonlocal found
         loosened = enough(change)
         if solver.can_go_on:
@@ -425,15 +375,14 @@ def _solve_by(
                 found = solver.solve_on(loosened)
                 return loosened == 1.0
         system.u.x.array[:] = start
-        found = solver.solve(last, nothing_slips, loosened)
+        found = solver.solve(last, loosened)
         return loosened == 1.0
 
     try:
-        # Nothing slips at first, also where the body turns out not to be pressed.
-        solve(math.inf, nothing_slips=True)
-        if nested:
-            system.bounds.enter(nested, _bounds_of(found, system, nested))
-            settled = fixed_point(task, solve, lambda: _bounds_of(found, system, nested), nested)
+        solve(math.inf)
+        if not solver.bound_moves:
+            system.bounds.enter(system.rubbing, _bounds_of(found, system))
+            settled = fixed_point(task, solve, lambda: _bounds_of(found, system))
             found = found.settled(*settled)
         return Attempt(found, from_last=solver.from_last)
     except NotConverged as failure:

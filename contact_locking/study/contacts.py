@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -13,7 +12,7 @@ import numpy as np
 from mpi4py import MPI
 
 from contact_locking.arrays import AXES, FloatArray
-from contact_locking.contact.contact import Contact, FoundationSpring, Tilt
+from contact_locking.contact.contact import Contact, FoundationSpring
 from contact_locking.contact.coulomb import Convolution, Coulomb, Helmholtz, Kernel, Local
 from contact_locking.contact.foundation import GivenGap, RigidFoundation
 from contact_locking.contact.surface import ContactSurface
@@ -143,9 +142,7 @@ def contact_of(
     that is zero at all times or changes its direction.
     """
     coefficient: float | FrictionLaw = 0.0
-    if given.friction.coefficient == math.inf:
-        coefficient = math.inf
-    elif given.friction.coefficient != 0:
+    if given.friction.coefficient != 0:
         coefficient = _friction_law(domain, given, clock)
     friction = Coulomb(coefficient, _kernel(domain, given), given.friction.regularisation)
     body, against = given.foundation, given.against or None
@@ -159,14 +156,11 @@ def contact_of(
         _foundation(domain, given, body, clock),
         force=force,
         spring=None if body.spring is None else FoundationSpring(**dict(body.spring)),
-        tilt=None if body.tilt is None else Tilt(**dict(body.tilt)),
     )
 
 
 def friction_warnings(domain: Domain, given: ContactParameters, clock: Clock) -> list[str]:
     """Features of the friction coefficient between the nodes; collective.  Raises for a pole."""
-    if given.friction.coefficient == math.inf:
-        return []
     key = given.friction_key("coefficient")
     expression = parse(given.friction.coefficient, (*AXES, "s"), tables=clock.tables)
     facets = Entities.of(domain, domain.dim - 1, domain.facets(given.on))
@@ -297,14 +291,11 @@ def _of_time(value: float | str, clock: Clock) -> Expression:
 def _kernel(domain: Domain, part: ContactParameters) -> Kernel:
     given = part.friction.smoothing
     if given.kernel == "none":
-        if given.at_supports == "vanish":
-            key = part.friction_key("smoothing.at_supports")
-            raise InputError("needs a kernel with a radius, over which R can vanish", key)
         return Local()
     # A refined mesh keeps the default radius of the first mesh.
     radius = given.radius or domain.smoothing_radii.get(part.key)
     kind = Convolution if given.kernel == "convolution" else Helmholtz
-    return kind(radius, part.friction_key("smoothing.radius"), given.at_supports)
+    return kind(radius, part.friction_key("smoothing.radius"))
 
 
 def _friction_law(domain: Domain, part: ContactParameters, clock: Clock) -> FrictionLaw:

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from contact_locking.errors import InputError, require_kind
 from contact_locking.plain_text import nearest
-from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters import Parameters, removed
 from contact_locking.study_file.parameters.base import MOST_FAULTS, Fault, FaultsError
 from contact_locking.study_file.parameters.keys import known_keys
 from contact_locking.study_file.parameters.values import CHOICES
@@ -33,8 +33,16 @@ def faults_of(error: ValidationError) -> list[Fault]:
         if isinstance(cause, FaultsError):
             found += [Fault((*place, *fault.place), fault.message) for fault in cause.faults]
         else:
-            found.append(Fault(place, str(cause) if cause else _message(details, place)))
+            told = str(cause) if cause else _message(details, place)
+            found.append(Fault(place, _instead_of_removed(details) or told))
     return found
+
+
+def _instead_of_removed(details: Any) -> str | None:
+    """What to do instead of a value that has gone."""
+    given = str(details["input"])
+    messages = (removed.VALUES.get((str(key), given)) for key in details["loc"])
+    return next(filter(None, messages), None)
 
 
 def _message(details: Any, place: tuple[str | int, ...]) -> str:

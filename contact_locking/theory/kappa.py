@@ -98,8 +98,6 @@ def require_coulomb(state: SolvedState) -> None:
         raise NotApplicable(
             "forces decide where a foundation is, and the slip is relative to its unknown travel"
         )
-    if any(bound.stands for bound in bounds):
-        raise NotApplicable("without slip there is no coefficient of friction")
     if not all(bound.is_coulomb for bound in bounds):
         raise NotApplicable("the friction bound is the user's own")
 

@@ -23,7 +23,6 @@ from scipy.linalg import block_diag
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.contact.free_motions import Travel
 from contact_locking.problem.rigidity.at_contact import MotionsAtContact
 from contact_locking.problem.rigidity.programmes import sliding_motions
 from contact_locking.problem.rigidity.words import describe_motion, point
@@ -144,10 +143,7 @@ class _FreeMotions:
             reach = self._reach(allowed, first + number)
             if reach is not None:
                 on = ", ".join(tool.contact.on)
-                how = (
-                    f"along {point(tool.direction, 1.0)}" if isinstance(tool, Travel) else "turned"
-                )
-                return f"the tool on {on} {how}, {reach}"
+                return f"the tool on {on} along {point(tool.direction, 1.0)}, {reach}"
         of_parts = (self._coefficients @ motion)[:first].reshape(-1, size)
         most = int(np.argmax(np.linalg.norm(of_parts, axis=1)))
         of_part = f"{self._part_names[most]}, " if several else ""

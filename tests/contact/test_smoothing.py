@@ -14,11 +14,9 @@ from problems import block, column
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.coulomb import Convolution
 from contact_locking.contact.smoothing import ConvolutionOperator, HelmholtzOperator, Smoothing
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.contact.surface_mesh import SurfaceMesh
-from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
@@ -220,41 +218,6 @@ def test_a_fold_in_three_dimensions_is_left_out_and_a_flat_piece_measured_straig
     assert np.bincount(rows, minlength=len(points))[bottom] == pytest.approx(near.sum(axis=1))
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("kernel", KERNELS)
-def test_a_kernel_that_vanishes_at_supports_is_r_farther_away(dim: int, kernel: str) -> None:
-    radius = 0.3
-    given = {"kernel": kernel, "radius": radius, "at_supports": "vanish"}
-    problems = [
-        assemble(
-            block(dim, 0.05 if dim == 2 else 0.2, friction__smoothing=smoothing), MPI.COMM_WORLD
-        )
-        for smoothing in ({**given, "at_supports": "keep"}, given)
-    ]
-    (keeping,), (vanishing,) = (problem.contacts for problem in problems)
-    points, free = vanishing.surface.points, vanishing.free
-    held = np.concatenate(vanishing.surface.domain.comm.allgather(points[~free]))
-    x, apart = points[:, 0], np.linalg.norm(points[:, None] - held, axis=2)
-    factor = np.minimum(1.0, apart.min(axis=1) / radius)
-    operators = [item.friction.smoothing for item in (keeping, vanishing)]
-    assert operators[0].keeps_constants and not operators[1].keeps_constants
-    rng = np.random.default_rng(2)
-    for values in (np.ones_like(x), np.exp(x), rng.random(len(x))):
-        expected = factor * operators[0].apply(factor * values)
-        found = operators[1].apply(values)
-        assert found == pytest.approx(expected, abs=1e-12)
-        assert (found[~free] == 0.0).all()
-        assert (found >= 0.0).all() or not operators[1].is_positive()
-        products = [
-            vanishing.surface.integral(found * np.cos(x)),
-            vanishing.surface.integral(values * operators[1].adjoint(np.cos(x))),
-        ]
-        assert products[0] == pytest.approx(products[1], rel=1e-12)
-    assert operators[1].norm() == operators[0].norm()
-    for problem in problems:
-        problem.close()
-
-
 def test_a_kernel_that_keeps_constants_beside_a_clamp_is_known() -> None:
     def place(**changes: Any) -> str | None:
         problem = assemble(block(**changes), MPI.COMM_WORLD)
@@ -262,17 +225,6 @@ def test_a_kernel_that_keeps_constants_beside_a_clamp_is_known() -> None:
         return problem.contacts[0].constant_support()
 
     assert place() == "x = 0, y = 0"
-    assert place(friction__smoothing={"at_supports": "vanish"}) is None
     assert place(friction__smoothing={"kernel": "none"}) is None
     assert place(friction__coefficient=0.0) is None
     assert place(loads__displacements=[{"on": "top", "value": [0.0, -0.01]}]) is None
-
-
-def test_without_a_radius_nothing_can_vanish() -> None:
-    study = block(friction__smoothing={"kernel": "none", "at_supports": "vanish"})
-    with pytest.raises(InputError, match="a radius, over which R can vanish") as refused:
-        assemble(study, MPI.COMM_WORLD)
-    assert refused.value.key == "friction.smoothing.at_supports"
-    with pytest.raises(InputError, match="'keep' or 'vanish'") as refused:
-        Convolution(0.1, at_supports="fade")  # type: ignore[arg-type]
-    assert refused.value.key == "smoothing.at_supports"

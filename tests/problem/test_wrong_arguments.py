@@ -117,6 +117,11 @@ WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str, str]]
         "mu must be >= 0, not -0.3",
         "contacts.0.friction",
     ),
+    "mu without an end": (
+        lambda space: {"friction": cl.Coulomb(np.inf)},
+        "take 1e3",
+        "contacts.0.friction",
+    ),
     "mu alone": (
         lambda space: {"friction": 0.3},
         "must be Coulomb",

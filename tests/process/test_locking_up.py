@@ -5,14 +5,21 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from rings import floor, ring
 from seal import seal
+from slow import slow
 
-from contact_locking import solve_steps
+from contact_locking import Parameters, solve, solve_steps
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.process.timeline import Timeline
 from contact_locking.results.in_words import verdict
 from contact_locking.results.solution import StudySolution
 from contact_locking.running.process import run_steps
 from contact_locking.solver.task import SolverReport
+from contact_locking.study.assembly import StudyProblem
+from contact_locking.study_file.parameters.numerics import StepParameters
+
+STEPS = {"times": [0.3, 1.0], "least": 0.04}
 
 
 def searching(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
@@ -62,3 +69,61 @@ def test_a_run_that_stops_has_the_last_solution_in_its_files(
     assert isinstance(last, StudySolution) and last.converged and last.time == 0.5
     assert len(last.history) == 1 and "it is late" in last.summary["steps"]["ended"]
     assert (tmp_path / "history.csv").read_text().count("\n") == 2
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        ring([0.02, "-0.1*t"], floor(), steps=STEPS),
+        slow(ring([0.02, 0.0], floor(motion=[0.0, "0.1*t"]), steps=STEPS)),
+    ],
+    ids=["body", "tool"],
+)
+def test_no_time_beyond_one_at_which_nothing_is_admissible_is_tried(
+    parameters: Parameters, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times, reports, solve_one = list[float](), list[SolverReport](), ProblemSolver.solve
+
+    def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
+        assert isinstance(solver.problem, StudyProblem)
+        times.append(solver.problem.clock.now)
+        reports.append(solve_one(solver, *given))
+        return reports[-1]
+
+    monkeypatch.setattr(ProblemSolver, "solve", solved)
+    *_, last = solve_steps(parameters)
+    assert not last.converged and "infeasible" in last.summary["reason"]
+    refused = [t for t, report in zip(times, reports, strict=True) if report.is_infeasible]
+    assert refused[0] == 1.0 and len(refused) > 1
+    assert refused == sorted(set(refused), reverse=True)
+    for number, time in enumerate(times[1:], start=1):
+        assert time == 1.0 or all(time < t for t in times[:number] if t in refused)
+    # The last row is the state where the process ended; charts leave it out.
+    (*converged, failed), steps = last.history.column("converged"), last.summary["steps"]
+    assert all(converged) and not failed and steps["solved"] == len(converged)
+
+
+def test_what_is_impossible_is_not_tried_in_other_ways() -> None:
+    """The proof that nothing is admissible comes after the first approach to the solution."""
+    mesh = {"builder": "annulus", "h": 0.2}
+    found = solve(ring([0.02, -0.07], floor(), mesh=mesh, friction={"coefficient": 0.4}))
+    assert found.summary["reason"].startswith("infeasible")
+    assert found.summary["iterations"]["friction"] <= 100
+    low, high = found.summary["admissible_load_factor"]
+    assert 0.5 < low < high < 1.0
+
+
+def test_a_refused_time_bars_later_ones_up_to_the_next_planned_time() -> None:
+    timeline = Timeline(StepParameters(times=(1.0, 2.0)))
+    timeline.refuse(1.1, SolverReport(reason="too far"))
+    timeline.refuse(1.0, SolverReport(reason="infeasible"))
+    assert timeline.is_barred and timeline.fail()
+    assert timeline.target == 0.5 and not timeline.is_barred
+    assert timeline.explained("late", 0.5, 0.25)["reason"].startswith("infeasible, at t = 1; ")
+    timeline.succeed()
+    # The step to the time that is refused is halved three times at most.
+    assert timeline.target == 1.0 and timeline.is_barred
+    assert timeline.fail() and timeline.fail() and not timeline.fail()
+    timeline.skip_to(1.0)
+    timeline.succeed()
+    assert timeline.refused is None and timeline.explained("late", 2.0, 1.0) == {}

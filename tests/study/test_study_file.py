@@ -124,7 +124,7 @@ def test_overrides_replace_and_add(file: Path) -> None:
         ("penalty.m=1", "--set penalty.m: unknown key"),
         ("penalti.n=1", "--set penalti.n: penalti: unknown key (did you mean 'penalty'?)"),
         ("loads.periodic=[left, right]", "unknown key (there are no periodic pairs"),
-        ("loads.spread=rigid", "for a rigid plate see contact.foundation.force and tilt"),
+        ("loads.spread=rigid", "for a rigid plate see contact.foundation.force"),
         (
             "material.regions={soft: {locking: [{limit: 1}]}}",
             "known here: norm, at_most, at_least, along, matrix",

@@ -1,4 +1,4 @@
-"""Families of foundations on springs, and of foundations that turn about a pivot."""
+"""Families of foundations on springs."""
 
 from __future__ import annotations
 
@@ -143,38 +143,3 @@ def sprung(random: Random) -> Case:
     friction = pick(random, [0.0, 0.2, 0.5]) if held else 0.0
     study = scale.study(mesh, loads, {"on": "top", "foundation": foundation}, friction)
     return Case(study | {"discretisation": _element(random)}, own_judge=True)
-
-
-@family
-def tilting(random: Random) -> Case:
-    """A block below a plate or a ball that turns about a pivot, by a force, a spring or neither."""
-    scale = Scale.draw(random, pick(random, [2, 3]))
-    mesh, loads = held_block(scale, held=True)
-    foundation = plate(scale, 1.0)
-    turn(scale, foundation, [0.5] * (scale.dim - 1), 1.0)
-    friction = pick(random, [0.0, 0.2, 0.5])
-    study = scale.study(mesh, loads, {"on": "top", "foundation": foundation}, friction)
-    return Case(study | {"discretisation": _element(random)}, own_judge=True)
-
-
-def turn(scale: Scale, foundation: Study, middle: list[float], top: float) -> None:
-    """A pivot near a place of the contact, and what presses the foundation."""
-    random, dim = scale.random, scale.dim
-    beside = vector(random, dim - 1, 0.15)
-    pivot = [x + y for x, y in zip(middle, beside, strict=True)]
-    # A pivot far off the surface lets the foundation slide along itself as well.
-    tilt: Study = {"about": scale.at(*pivot, top + between(random, -0.1, 0.3))}
-    if chance(random, 0.4):
-        stiffness = decades(random, -4.0, 0.0) * scale.young * scale.length**dim
-        tilt["stiffness"] = float(f"{stiffness:.6g}")
-    foundation["tilt"] = tilt
-    kind = pick(random, ["force", "force", "spring", "motion"])
-    if kind == "force":
-        size = scale.force * between(random, 0.1, 0.5)
-        lean = vector(random, dim - 1, 0.2 * size)
-        foundation["force"] = scale.over_time(*lean, -size)
-    elif kind == "spring":
-        spring(scale, foundation, at_rest=chance(random, 0.3))
-    else:
-        way = scale.depth * scale.length
-        foundation["motion"] = scale.over_time(*vector(random, dim - 1, 0.5 * way), -way)

@@ -108,42 +108,14 @@ class Contact:
     @property
     def is_free(self) -> bool:
         """Whether the place of the foundation is unknown."""
-        return bool({"force", "spring", "tilt"} & set(self.section.get("foundation", {})))
+        return bool({"force", "spring"} & set(self.section.get("foundation", {})))
 
-    @property
-    def spin(self) -> Array:
-        """The axis about which the foundation turns along itself alone; no turn in 2D does that."""
-        if self.body.dim == 2:
-            return np.zeros(1)
-        given = self.section["foundation"]
-        if "half_space" in given:
-            axis = np.array(given["half_space"]["normal"], dtype=float)
-        else:
-            axis = np.array(given["sphere"]["centre"]) - np.array(given["tilt"]["about"])
-        return np.asarray(axis / np.linalg.norm(axis))
-
-    def _arms(self, time: float) -> Array:
-        """(k, d) the nodes beside the pivot, which the motion takes along."""
-        R, t = self._place(time)
-        return np.asarray(self.x - R @ np.array(self.section["foundation"]["tilt"]["about"]) - t)
-
-    def own_way(self, told: dict[str, Any], time: float) -> Array:
+    def own_way(self, told: dict[str, Any]) -> Array:
         """(k, d) how far the foundation has moved beyond its motion, in the limited values."""
         way = np.zeros_like(self.x)
         if "tool" in told:
             way += told["tool"]["travel"] * np.array(told["tool"]["direction"])
-        if "tilt" in told:
-            arms, angle = self._arms(time), told["tilt"]["angle"]
-            turned = [-arms[:, 1], arms[:, 0]] if self.body.dim == 2 else np.cross(angle, arms).T
-            way += np.array(turned).T * (angle if self.body.dim == 2 else 1.0)
         return np.asarray(self.controls @ way)
-
-    def moments(self, forces: Array, time: float) -> Array:
-        """(1 | 3,) the moments of nodal forces about the pivot."""
-        arms = self._arms(time)
-        if self.body.dim == 2:
-            return np.array([np.sum(arms[:, 0] * forces[:, 1] - arms[:, 1] * forces[:, 0])])
-        return np.asarray(np.cross(arms, forces).sum(axis=0))
 
     def drag(self, before: float, now: float) -> Array:
         """(k, d) how far the points of the tool that were at the nodes before have moved."""

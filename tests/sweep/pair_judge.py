@@ -101,7 +101,7 @@ class _Step:
         self.resultants: list[tuple[Array, Array]] = []
         told = moment.summary["contacts"]
         parts = list(zip(judge.contacts, told, strict=True))
-        self.ways = [contact.own_way(entry, moment.time) for contact, entry in parts]
+        self.ways = [contact.own_way(entry) for contact, entry in parts]
         pushes: list[Array] = []
         for contact, touch in zip(judge.contacts, moment.contacts, strict=True):
             normal = contact.weights[:, None] * -touch.pressure[:, None] * touch.normal
@@ -248,17 +248,6 @@ class _Step:
             rounding = stiffness * 20.0 * _EPS * (self.size + self.judge.extent)
             tolerated = size + 1e-12 * float(np.linalg.norm(force)) + rounding
             self._tell("force of a tool", off, tolerated)
-        if "tilt" in told:
-            stiffness = given["tilt"].get("stiffness", 0.0)
-            moments = contact.moments(pushes, now)
-            angle, spin = np.atleast_1d(told["tilt"]["angle"]), contact.spin
-            self._tell("spin of a foundation", abs(float(angle @ spin)), 1e-9)
-            off = moments + stiffness * angle
-            off = off - (off @ spin) * spin
-            tolerated = size * self.judge.extent + stiffness * 20.0 * _EPS
-            self._tell("moment about a pivot", np.abs(off), tolerated)
-            apart = np.abs(np.atleast_1d(told["tilt"]["moment"]) + stiffness * angle)
-            self._tell("reported moment", apart, 1e-9 * stiffness * np.abs(angle).max())
 
     def _contact(
         self,

@@ -78,14 +78,10 @@ def _round(scale: Scale, kind: str) -> tuple[Study, Study, Study]:
         radius = between(random, 1.0, 4.0)
         ball = scale.at(*[0.0] * (dim - 1), -room - radius)
         tool = {"sphere": {"centre": ball, "radius": scale.at(radius)[0]}}
-    pushed = pick(random, ["no", "force", "spring"] + ["tilt"] * (not quarter))
+    pushed = pick(random, ["no", "force", "spring"])
     size = scale.force * between(random, 0.02, 0.1)
     if pushed == "force":
         tool["force"] = scale.over_time(*[0.0] * (dim - 1), size)
-    elif pushed == "tilt":
-        pivot = scale.at(*vector(random, dim - 1, 0.03), -room)
-        tool["tilt"] = {"about": pivot, "stiffness": 0.1 * scale.young * scale.length**dim}
-        tool["motion"] = scale.over_time(*vector(random, dim - 1, 0.5 * way), way)
     elif pushed == "spring":
         stiffness = decades(random, -1.0, 2.0) * scale.young * scale.length ** (dim - 2 + around)
         tool["spring"] = {"stiffness": stiffness, "along": [0.0] * (dim - 1) + [1.0]}

@@ -180,8 +180,7 @@ class Transform:
         return f"{factor!r}*({_COORDINATE.sub(old, value)})"
 
     def _foundation(self, given: Study, power: int) -> None:
-        factors = {"point": self.length, "centre": self.length, "about": self.length}
-        factors |= {"normal": 1.0, "along": 1.0}
+        factors = {"point": self.length, "centre": self.length, "normal": 1.0, "along": 1.0}
         force = self.stress * self.length**power
         for key, body in given.items():
             if key == "expression":
@@ -194,8 +193,7 @@ class Transform:
                 for name in {"radius"} & body.keys():
                     body[name] *= self.length
                 for name in {"stiffness"} & body.keys():
-                    turn = self.length**2 if key == "tilt" else 1.0
-                    body[name] *= force / self.length * turn
+                    body[name] *= force / self.length
         if "cylinder" in given and self.dim == 3:
             body = given["cylinder"]
             body["axis"] = self._vector(body.get("axis", [0.0, 1.0, 0.0]), 1.0)

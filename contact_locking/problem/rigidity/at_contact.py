@@ -9,8 +9,8 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.contact.free_motions import FreeMotion
 from contact_locking.contact.nodal_contact import BoundsInForce, NodalContact
+from contact_locking.contact.travel import Travel
 from contact_locking.parallel import maximum
 from contact_locking.supports.conditions import Constraints
 
@@ -29,7 +29,7 @@ class MotionsAtContact:
         contact: NodalContact,
         motions: FloatArray,
         part: BoolArray,
-        tools: Sequence[FreeMotion],
+        tools: Sequence[Travel],
     ) -> None:
         self.contact, self._own = contact, contact.surface.is_of(part)
         limited, dim = contact.surface.limited, contact.surface.domain.dim
@@ -38,7 +38,7 @@ class MotionsAtContact:
         of_tools = np.zeros((len(tools), *of_body.shape[1:]))
         for number, tool in enumerate(tools):
             if tool.contact is contact:
-                of_tools[number] = -tool.field[self._own]
+                of_tools[number] = -tool.direction
         self._motions = np.concatenate([of_body, of_tools])
         #: The normal components (k, f).
         self.normals = np.einsum("fkd,kd->kf", self._motions, contact.normals[self._own])

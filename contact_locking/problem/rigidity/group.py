@@ -229,11 +229,6 @@ class GroupMotions:
         words = self._words(motion)
         rate = float(np.linalg.norm(moved if words.startswith("translation") else turn))
         how = "lifts off" if len(normals) else "slides"
-        if any(item.contact.friction.stands for item in self.at_contacts):
-            return (
-                "no state without slip was found, as the points that were taken as pressed do not "
-                f"hold the body: it {how} (rigid motion: {words}), which needs {push / rate:.4g}"
-            )
         depends = any(item.contact.friction.depends_on_slip for item in self.at_contacts)
         of_which = "the solver reached" + ", which another slip changes" * depends
         return (

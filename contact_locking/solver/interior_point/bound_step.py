@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.coulomb import FrictionBound, NoSlip
+from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.system import PenalisedSystem
@@ -45,29 +45,28 @@ from contact_locking.solver.interior_point.tuning import Tuning
 class MovingBound:
     """``G = mu(|u_tau|) |R p|`` of ``contact``, from the pressure p of the cones ``pressing``.
 
-    It is the bound in force of the ``system``, and ``law`` gives it.  The cones ``friction`` use
-    the bound, times ``share``.  No bound is smaller than the share ``least`` of the largest, so
+    It is the bound in force of the ``system``.  The cones ``friction`` use the bound, times
+    ``share``.  No bound is smaller than the share ``least`` of the largest, so
     that the friction cones have an inside.
     """
 
     system: PenalisedSystem
     contact: NodalContact
-    law: FrictionBound
     pressing: ContactCones
     friction: FrictionCones
     least: float
     share: float = 1.0
 
     @property
-    def stands(self) -> bool:
-        """Whether the bound stays as it is within a solve."""
-        return self.law.stands
+    def law(self) -> FrictionBound:
+        """The law that gives the bound."""
+        return self.contact.friction
 
     @property
     def follows_pressure(self) -> bool:
         """Whether the bound follows the pressure, and nothing else."""
         law = self.law
-        return law.is_coulomb and not (law.depends_on_slip or law.stands)
+        return law.is_coulomb and not law.depends_on_slip
 
     @property
     def in_force(self) -> FloatArray:
@@ -77,11 +76,6 @@ class MovingBound:
     def set(self, bound: FloatArray) -> None:
         """Set the bound at all nodes of the contact; collective."""
         self.system.bounds[self.contact] = bound
-
-    def hold(self, stress: float) -> None:
-        """Let a bound without slip hold tractions up to ``stress`` everywhere; collective."""
-        if isinstance(self.law, NoSlip):
-            self.set(self.contact.rubbing(self.law.on_all(stress)))
 
     def start(self, moves: bool, least: float) -> None:
         """Give the cones a bound: where it ``moves`` that of the pressure; collective."""

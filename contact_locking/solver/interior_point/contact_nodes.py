@@ -35,9 +35,9 @@ class ContactNodes:
         self._nodes, self._blocks = surface.nodes[self._active], surface.blocks[self._active]
         self.weights = surface.weights[self._active]
         own = [(i, tool) for i, tool in enumerate(system.tools) if tool.contact is contact]
-        #: The numbers of the free motions of the foundation here.
+        #: The number of the foundation here among the free ones, if it is free.
         self.tools = tuple(i for i, _ in own)
-        self._ways = [(i, tool.field[self._active].T) for i, tool in own]
+        self._ways = [(i, tool.direction) for i, tool in own]
         space = system.u.function_space
         self._rows = surface.limited.by_blocks[self._active]
         self._own_blocks = space.dofmap.index_map.local_range
@@ -89,9 +89,9 @@ class ContactNodes:
     def add_tool_forces(
         self, traction: FloatArray, forces: FloatArray, magnitudes: bool = False
     ) -> None:
-        """``forces -= int traction . m`` for motions m here, or ``+= int |traction . m|``."""
+        """``forces -= int traction . d`` for a travel d here, or ``+= int |traction . d|``."""
         for number, way in self._ways:
-            along = dot(traction, way)
+            along = way @ traction
             forces[number] += np.abs(along) @ self.weights if magnitudes else -along @ self.weights
 
     def stiffer_than(self, stiffness: float, springs: FloatArray) -> IndexArray:
@@ -164,7 +164,7 @@ class ContactNodes:
         self._matrix.mult(self._displacement, self._values)
         values = self._values.array_r.reshape(-1, self.dim).T
         for number, way in self._ways:
-            values = values - displacement[owned + number] * way
+            values = values - displacement[owned + number] * way[:, None]
         return values
 
 

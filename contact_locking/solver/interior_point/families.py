@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from contact_locking.contact.coulomb import NoSlip
 from contact_locking.parallel import on_any_rank
 from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet, PrincipalSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
@@ -51,15 +50,14 @@ def families_of(
     target: Target,
     least_bound: float,
     share: float = 1.0,
-    yields: bool = False,
 ) -> Families:
     """A family for each set of strains, and contact and friction for each part of Gamma_C.
 
     A set without a limit anywhere has no family: its forms take as long as some tangents.
     Without friction on a part there is no family for it, and there is none at all for the contact
     of a tool without a force, which does not touch the body.  ``least_bound`` is the share of the
-    largest friction bound that no bound is smaller than, ``share`` that of friction that acts, and
-    ``yields`` lets contacts without slip have a large coefficient.  Collective.
+    largest friction bound that no bound is smaller than, and ``share`` that of friction that acts.
+    Collective.
     """
     penalty = target.penalty
     data, space = system.data, system.u.function_space
@@ -84,7 +82,5 @@ def families_of(
             regularisation = penalty.regularisations[number]
             rubbing = FrictionCones(nodes, regularisation, target.length)
             families.append(rubbing)
-            law = contact.friction
-            law = law.yielding() if yields and isinstance(law, NoSlip) else law
-            bounds.append(MovingBound(system, contact, law, pressing, rubbing, least_bound, share))
+            bounds.append(MovingBound(system, contact, pressing, rubbing, least_bound, share))
     return Families(families, bounds, strains, touching)

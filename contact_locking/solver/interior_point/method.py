@@ -56,17 +56,14 @@ class InteriorPoint:
     """Solves from a cold start: a previous case, on the boundary of its cones, is no better.
 
     ``bound_moves`` lets the friction bounds follow the pressure; otherwise they stay as they are.
-    ``share`` is that of the friction that acts, and ``yields`` gives contacts without slip a large
-    coefficient.
+    ``share`` is that of the friction that acts.
     """
 
-    def __init__(
-        self, task: Task, bound_moves: bool = True, share: float = 1.0, yields: bool = False
-    ) -> None:
+    def __init__(self, task: Task, bound_moves: bool = True, share: float = 1.0) -> None:
         self._task, self.bound_moves = task, bound_moves
         self._tuning = tuning = Tuning()
         self.approach = tuning.approaches[0]
-        self._families = families_of(task.system, task.target, tuning.least_bound, share, yields)
+        self._families = families_of(task.system, task.target, tuning.least_bound, share)
         self._tangent = Tangent(task, self._families.every, tuning)
         self._iterate = Iterate(self._tangent, tuning.band)
         self._search = Search(self._iterate, [], tuning, task.settings)
@@ -79,19 +76,13 @@ class InteriorPoint:
         self._first: tuple[float, float] | None = None
         self._goes_on, self._loosened, self._opening = False, 1.0, 0.0
 
-    def solve(
-        self,
-        last: LastIterate | None = None,
-        nothing_slips: bool = False,
-        loosened: float = 1.0,
-    ) -> Outcome:
+    def solve(self, last: LastIterate | None = None, loosened: float = 1.0) -> Outcome:
         """Iterate to the tolerances; raises NotConverged, the best iterate left in place.
 
-        ``last`` is the solution of the step before, if there is one.  ``nothing_slips`` lets
-        contacts without slip hold every traction, also where nothing presses.  ``loosened`` is the
+        ``last`` is the solution of the step before, if there is one.  ``loosened`` is the
         multiple of the tolerances that is enough.
         """
-        return self._solve(loosened, lambda: self._start(last, nothing_slips))
+        return self._solve(loosened, lambda: self._start(last))
 
     def solve_on(self, loosened: float = 1.0) -> Outcome:
         """As :meth:`solve`, from the iterate of the solve before, for other friction bounds."""
@@ -103,8 +94,8 @@ class InteriorPoint:
 
     @property
     def can_go_on(self) -> bool:
-        """Whether :meth:`solve_on` can; the bounds must not be those of contacts without slip."""
-        return self._goes_on and not any(bound.stands for bound in self._families.bounds)
+        """Whether :meth:`solve_on` can."""
+        return self._goes_on
 
     def _solve(self, loosened: float, start: Callable[[], bool]) -> Outcome:
         self._loosened, self._goes_on = loosened, False
@@ -293,7 +284,7 @@ class InteriorPoint:
 
     # 1. The start.
 
-    def _start(self, last: LastIterate | None, nothing_slips: bool) -> bool:
+    def _start(self, last: LastIterate | None) -> bool:
         """Start around the elastic displacement; True if the pieces of the laws solve before."""
         task, target, tuning = self._task, self._task.target, self._tuning
         tangent, bounds = self._tangent, self._families.bounds
@@ -307,9 +298,6 @@ class InteriorPoint:
         elastic = ElasticStart(task, tangent, tuning)
         task.counts.tangents += 1
         is_admissible = elastic.solve()
-        if nothing_slips:
-            for bound in bounds:
-                bound.hold(target.young * min(tuning.holding * elastic.strain, 1.0))
         # A bound that stands still holds what it holds without any pressure, too.
         self.is_elastic = is_admissible and (
             self.bound_moves or all(bound.is_zero() for bound in bounds)
@@ -326,7 +314,7 @@ class InteriorPoint:
         for family in tangent.families:
             family.start(level, least)
         for bound in bounds:
-            bound.start(self.bound_moves and not bound.stands, least)
+            bound.start(self.bound_moves, least)
             if not (bound.friction.takes_part or task.system.held_by_friction):
                 # The springs of the elastic start hold a body that nothing else holds.
                 bound.friction.hold(0.0)
@@ -353,11 +341,7 @@ class InteriorPoint:
         tangent, tuning, bounds = self._tangent, self._tuning, self._families.bounds
         self._iterate = Iterate(tangent, tuning.band)
         self._iterate.soften(0.0)
-        self._moving = [
-            bound
-            for bound in bounds
-            if self.bound_moves and bound.friction.takes_part and not bound.stands
-        ]
+        self._moving = [bound for bound in bounds if self.bound_moves and bound.friction.takes_part]
         settings, foresees = self._task.settings, self.approach.foresees
         self._search = Search(
             self._iterate, self._moving, tuning, settings, foresees, self._loosened

@@ -42,9 +42,6 @@ class Tuning:
     #: the strain at least.  Limits beyond the strain by more than the reciprocal of this number
     #: count as so far: there few cells lock.
     least_overstrain: float = 0.01
-    #: The first bound of contacts without slip over Young's modulus times the strain without
-    #: contact: above all tractions, and not so far that forces lose their digits.
-    holding: float = 10.0
     #: The share of the loads' displacement that the start keeps, so that few cells are far beyond
     #: their limit.
     start_load: float = 0.001

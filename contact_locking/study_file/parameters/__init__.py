@@ -52,11 +52,6 @@ from .values import NAMED, Number, ScalarRule, Text
 
 #: What holds a part with contact along its surface.
 HOLD_ALONG = "stiff loads.springs with along: a tangent, such as [1, 0], hold it along its surface"
-# Values of friction that have no smooth law: the key, the value, its words, and another value.
-_NOT_BY_NEWTON = (
-    ("coefficient", math.inf, ".inf, no slip,", "a finite coefficient"),
-    ("regularisation", 0.0, "0, without a smooth law,", "a positive length"),
-)
 
 
 def _no_characters(value: Any, place: Place = ()) -> Iterator[Place]:
@@ -311,10 +306,9 @@ class Parameters(Section):
         if self.penalty.n == math.inf:
             yield Fault(("penalty", "n"), f".inf {instead}, or a finite n such as 1e6")
         for contact in self.contacts:
-            for name, refused, told, other in _NOT_BY_NEWTON:
-                if getattr(contact.friction, name) == refused:
-                    place = tuple(contact.friction_key(name).split("."))
-                    yield Fault(place, f"{told} {instead}, or {other}")
+            if contact.friction.regularisation == 0.0:
+                place = tuple(contact.friction_key("regularisation").split("."))
+                yield Fault(place, f"0, without a smooth law, {instead}, or a positive length")
 
     def _mesh_faults(self) -> Iterator[Fault]:
         element = self.discretisation

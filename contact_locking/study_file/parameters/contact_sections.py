@@ -23,7 +23,6 @@ from .values import (
 )
 
 Kernel = Literal["convolution", "helmholtz", "none"]
-AtSupports = Literal["keep", "vanish"]
 Pair = Literal["once", "each_step"]
 
 
@@ -39,11 +38,6 @@ class Smoothing(Section):
         "facets at least",
         "length",
     )
-    at_supports: AtSupports = entry(
-        "keep",
-        "beside points of Gamma_C whose normal displacement is prescribed, keep constant "
-        "pressures, or vanish over the distance r",
-    )
 
 
 class FrictionParameters(Section):
@@ -51,8 +45,7 @@ class FrictionParameters(Section):
 
     coefficient: NonNegativeSlipScalar = entry(
         0.0,
-        "mu >= 0, a number or an expression of x, y, z and s = |u_tau|; .inf: no slip where the "
-        "body is pressed",
+        "mu >= 0, a number or an expression of x, y, z and s = |u_tau|",
         "1",
     )
     smoothing: Smoothing = entry(Smoothing(), "the mollifier R")
@@ -69,7 +62,6 @@ class OwnSmoothing(Section):
 
     kernel: Kernel | None = entry(None, "null: friction.smoothing.kernel")
     radius: Positive | None = entry(None, "null: friction.smoothing.radius", "length")
-    at_supports: AtSupports | None = entry(None, "null: friction.smoothing.at_supports")
 
 
 class OwnFriction(Section):

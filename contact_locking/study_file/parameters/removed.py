@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 #: By the name of a key; the sentence stands in brackets after "unknown key".
-KEYS: dict[str, str] = {}
+KEYS: dict[str, str] = {
+    "at_supports": "beside supports R keeps constant pressures, as by keep; leave the key out",
+    "tilt": "a foundation does not turn by itself: give motion a rotation, or take a stiff body "
+    "that touches in its place",
+}
 
 #: By the name of a key and one of its values; the sentence is the whole message.
-VALUES: dict[tuple[str, str], str] = {}
+VALUES: dict[tuple[str, str], str] = {
+    ("coefficient", "inf"): "must be finite: take 1e3, with which hardly anything slips",
+}

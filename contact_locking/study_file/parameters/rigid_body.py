@@ -13,7 +13,6 @@ from .values import (
     SECTION,
     TEXT,
     Direction,
-    NonNegative,
     Number,
     Point,
     Positive,
@@ -147,18 +146,6 @@ class FoundationSpring(Section):
     along: Direction | None = entry(None, "its line, of any length; null: the line of force", "1")
 
 
-class Tilt(Section):
-    """The rigid body turns by a small angle about a point until the moments balance."""
-
-    about: Point = entry(..., "the point of the rigid body at rest", "length")
-    stiffness: NonNegative = entry(
-        0.0,
-        "moment per angle of a spring about the point, in 2D for a unit of thickness; 0: the "
-        "contact forces have no moment",
-        "moment/rad",
-    )
-
-
 class Foundation(Section):
     """A rigid body that the deformed body does not enter: shape, motion, and forces on it."""
 
@@ -190,11 +177,6 @@ class Foundation(Section):
         None,
         "the rigid body gives way along a line by force/stiffness, beyond its motion; a force is "
         "its preload; null: no spring",
-    )
-    tilt: Tilt | None = entry(
-        None,
-        "the rigid body is free to turn about a point, its angle is an unknown; null: it does not "
-        "turn by itself",
     )
 
     def _faults(self) -> Iterator[Fault]:
@@ -254,8 +236,6 @@ class Foundation(Section):
         yield from _radial_faults(("force",), self.force)
         if self.spring is not None:
             yield from _radial_faults(("spring", "along"), self.spring.along)
-        if self.tilt is not None:
-            yield Fault(("tilt",), "must be left out: it would leave the axis of the body")
         if self.moved is not None:
             where = ("motion",) if isinstance(self.motion, tuple) else ("motion", "translation")
             yield from _radial_faults(where, self.moved.translation)
@@ -272,5 +252,5 @@ def _radial_faults(place: Place, vector: tuple[float | str, ...] | None) -> Iter
 
 #: The keys of a foundation that describe a shape.
 SHAPES = tuple(
-    name for name in Foundation.model_fields if name not in ("motion", "force", "spring", "tilt")
+    name for name in Foundation.model_fields if name not in ("motion", "force", "spring")
 )

@@ -190,7 +190,7 @@ def list_or(tag: str) -> Discriminator:
 _IN_SPACE_AND_TIME = ScalarRule((*POSITION, TIME), has_tables=True)
 _IN_SPACE, _OR_INFINITE = ScalarRule(POSITION), ScalarRule(POSITION, infinite=True)
 _OR_MINUS_INFINITE = ScalarRule(POSITION, bound=-math.inf)
-_OF_SLIP = ScalarRule((*POSITION, "s"), bound=math.inf, has_tables=True)
+_OF_SLIP = ScalarRule((*POSITION, "s"), has_tables=True)
 _OF_TIME = ScalarRule((TIME,), has_tables=True)
 _Text = Annotated[str, Tag(TEXT)]
 _PositiveOrText = Annotated[

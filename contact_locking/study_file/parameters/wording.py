@@ -51,7 +51,7 @@ _NO_LARGE_STRAIN = (
 _ABSENT = {
     **removed.KEYS,
     "periodic": "there are no periodic pairs: mirror planes are rollers in loads.displacements",
-    "spread": "a force is spread evenly: for a rigid plate see contact.foundation.force and tilt",
+    "spread": "a force is spread evenly: for a rigid plate see contact.foundation.force",
     **dict.fromkeys(("plasticity", "plastic", "yield_stress", "hardening"), _NO_PLASTICITY),
     **dict.fromkeys(("adhesion", "adhesive", "cohesion", "cohesive"), _NO_ADHESION),
     **dict.fromkeys(("tied", "tie", "glued", "bonded"), _NO_TIES),
@@ -125,9 +125,6 @@ def entry(value: Any) -> str:
 def value_message(details: Any) -> str:
     """The message for an error of pydantic about one value."""
     given = details["input"]
-    for key in map(str, details["loc"]):
-        if message := removed.VALUES.get((key, str(given))):
-            return message
     in_a_mapping = ", or of entries that begin with '- '" if isinstance(given, dict) else ""
     template = _MESSAGES.get(details["type"])
     if template is None:

@@ -31,7 +31,7 @@ class BoundVectors:
 
     def __init__(self, system: PenalisedSystem) -> None:
         self._comm, self._bounds = system.comm, system.bounds
-        self.contacts = [item for item in system.rubbing if not item.friction.stands]
+        self.contacts = system.rubbing
         self._counts = [int(np.count_nonzero(item.free)) for item in self.contacts]
         sizes = self._comm.allgather(sum(self._counts))
         first = sum(sizes[: self._comm.rank])

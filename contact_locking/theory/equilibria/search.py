@@ -42,7 +42,7 @@ _ENDS = (
 def has_map(task: Task) -> bool:
     """Whether the map of friction bounds has values everywhere, and a derivative; collective."""
     system, rubbing = task.system, task.system.rubbing
-    knows = all(item.friction.is_coulomb and not item.friction.stands for item in rubbing)
+    knows = all(item.friction.is_coulomb for item in rubbing)
     if not (rubbing and knows) or system.held_by_friction:
         return False
     nodes = system.comm.allreduce(sum(int(np.count_nonzero(item.free)) for item in rubbing))
@@ -228,7 +228,7 @@ def require_map(task: Task, key: str = "equilibria") -> None:
     """Raise InputError, for a key, where other equilibria cannot be searched; collective."""
     if not has_map(task):
         raise InputError(
-            "needs friction with a coefficient below .inf and a body that more than friction "
+            "needs friction and a body that more than friction "
             f"holds, and takes at most {_MOST_NODES} nodes with friction",
             key,
         )

@@ -33,8 +33,6 @@ _OTHERS = {
     "tool_force": ("force on the foundation on", "force"),
     "tool_travel": ("travel of", "length"),
     "motion": ("motion of", "length"),
-    "tilt_angle": ("angle of", "rad"),
-    "tilt_moment": ("moment on the foundation on", "force · length"),
 }
 _ENERGIES = ("stored", "work", "dissipated", "numerical")
 # The names of files for units that are no words.

@@ -58,7 +58,6 @@ _TITLES: Mapping[str, str] = {
     "friction.regularisation": "regularisation δ",
     "friction.smoothing.kernel": "smoothing kernel",
     "friction.smoothing.radius": "smoothing radius r",
-    "friction.smoothing.at_supports": "smoothing beside displacement conditions",
     "material.elasticity.poisson": "Poisson's ratio ν",
     "material.elasticity.young": "Young's modulus E",
     "material.locking_limit": "strain limit M",
