@@ -10,7 +10,6 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.certificate.reactions import are_held
@@ -73,11 +72,8 @@ class SolvedState:
         With the largest eigenvalue of A in the place of alpha, the mean strain would vanish for
         nearly incompressible bodies.
         """
-        tolerance, energy = self.settings.tolerance, self.energy
-        if self.problem.data.origin is not None:
-            # A body that is held where it is has an elastic strain nevertheless.
-            energy = max(energy, self.system.elastic_energy())
-        return self.target.mean_strain(energy, self.largest_displacement, tolerance)
+        tolerance = self.settings.tolerance
+        return self.target.mean_strain(self.energy, self.largest_displacement, tolerance)
 
     @cached_property
     def largest_displacement(self) -> float:
@@ -93,15 +89,12 @@ class SolvedState:
     def work(self) -> float:
         """The work of the state: ``alpha |Omega| |eps|^2/2 + |int Z : eps|``; collective.
 
-        Z works at ``eps - eps_0`` where the limits are those of this strain.
-
         With the mean strain |eps| the first term is the elastic energy, except for rounding.  The
         second term is the work of the locking stress, which can exceed the elastic energy by far.
         """
         elastic = 0.5 * self.mean_stress * self.mean_strain * self.points.volume
         points = self.points
-        strain = points.strain - points.origin
-        products = np.einsum("kij,kij->k", points.locking_stress, strain)
+        products = np.einsum("kij,kij->k", points.locking_stress, points.strain)
         return elastic + abs(self.sum(points.weights * products))
 
     @cached_property
@@ -142,7 +135,7 @@ class StrainPoints:
 
     ``weights`` (k,) are the weights of the locking rule, and ``volume`` is the volume of the body.
     ``sets`` are the sets of strains; ``limit`` and ``locking_stress`` are M of the ball and the sum
-    of the stresses of all sets, and ``origin`` is eps_0 that the sets begin at, 0 without one.
+    of the stresses of all sets.
     """
 
     def __init__(self, state: SolvedState) -> None:
@@ -163,9 +156,6 @@ class StrainPoints:
         self.locking_stress = self.of(state.body.locking_stress)
         self._strained = kept("strained", lambda: fem.Function(state.problem.u.function_space))
         self._strain = element.strain(self._strained)
-        self.origin = np.zeros_like(self.locking_stress)
-        if state.problem.data.origin is not None:
-            self.origin = self._at_points("origin", state.problem.data.origin)
         pairs = zip(state.problem.data.sets, state.body.locking_parts, strict=True)
         self.sets = [self._set(item, part) for item, part in pairs]
         self.strain = self._measured(NormSet("strain", state.problem.data.inverse_limit))(
@@ -183,13 +173,6 @@ class StrainPoints:
         dofs = function.function_space.dofmap.list[: self._owned].reshape(-1)
         return function.x.array.reshape(-1, *function.ufl_shape)[dofs]
 
-    def _at_points(self, name: str, expr: Expr) -> FloatArray:
-        """The values (k, m, m) of a tensor in UFL; collective."""
-        function = fem.Function(self._space)
-        values = self._kept(name, lambda: compiled.interpolation(expr, self._space))
-        function.interpolate(values)
-        return self.of(function)
-
     def _set(self, law: StrainSet, multiplier: fem.Function) -> SetAtPoints:
         """A set with its multiplier; collective."""
         with np.errstate(divide="ignore"):
@@ -198,10 +181,10 @@ class StrainPoints:
         return made(self._measured(law), limit, self.of(multiplier))
 
     def _measured(self, law: StrainSet) -> Callable[[fem.Function], FloatArray]:
-        """``L (eps(w) - eps_0)`` of displacements w; collective."""
+        """``L eps(w)`` of displacements w; collective."""
 
         def compiled_strain() -> tuple[fem.Function, fem.Expression]:
-            expr = law.measured(law.limited(self._strain))
+            expr = law.measured(self._strain)
             function = fem.Function(self._space if expr.ufl_shape else self._scalar)
             return function, compiled.interpolation(expr, function.function_space)
 

@@ -11,15 +11,13 @@ Frobenius norm for the ball, for half spaces and in three dimensions for the dev
 
 ``eps_I <= M`` for the largest principal strain in the plane is no norm.  L is the identity, the
 multiplier is a tensor without negative eigenvalues, and ``tr y`` takes the place of ``|y|``.
-
-Sets of the elastic strain have an ``origin`` eps_0: ``eps - eps_0`` takes the place of eps.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from typing import ClassVar
 
 import dolfinx
@@ -48,10 +46,10 @@ def _identity(eps: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class StrainSet(ABC):
-    """A closed convex set of strains with eps_0 in its inside; all functions take and return UFL.
+    """A closed convex set of strains with 0 in its inside; all functions take and return UFL.
 
     ``name`` is the name of the set in results.  ``inverse_limit`` is 1/M in the space of strains,
-    and 0 where the set does not limit the strain.  ``origin`` is eps_0, None for 0.
+    and 0 where the set does not limit the strain.
     """
 
     #: Whether multipliers are tensors, and not scalars.
@@ -63,12 +61,6 @@ class StrainSet(ABC):
 
     name: str
     inverse_limit: fem.Function
-    _: KW_ONLY
-    origin: Expr | None = None
-
-    def limited(self, eps: Expr) -> Expr:
-        """``eps - eps_0``, the strain that stays in the set: eps itself without an origin."""
-        return eps if self.origin is None else eps - self.origin
 
     @abstractmethod
     def measured(self, eps: Expr) -> Expr:
@@ -84,15 +76,15 @@ class StrainSet(ABC):
 
     def multiplier(self, eps: Expr, n: Expr) -> Expr:
         """The multiplier y of the penalty law."""
-        return self.penalty_stress(self.measured(self.limited(eps)), self.inverse_limit, n)
+        return self.penalty_stress(self.measured(eps), self.inverse_limit, n)
 
     def energy(self, eps: Expr, n: Expr) -> Expr:
         """The density of the penalty."""
-        return self.penalty_energy(self.measured(self.limited(eps)), self.inverse_limit, n)
+        return self.penalty_energy(self.measured(eps), self.inverse_limit, n)
 
     def utilisation(self, eps: Expr) -> Expr:
         """``|L eps|/M`` or ``[L eps]^+/M``: 1 on the boundary of the set, 0 without a limit."""
-        used = self.inverse_limit * self.size(self.measured(self.limited(eps)))
+        used = self.inverse_limit * self.size(self.measured(eps))
         return used if isinstance(self, NormSet) else ufl.max_value(used, 0.0)
 
     def multipliers(

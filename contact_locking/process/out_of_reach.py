@@ -22,10 +22,9 @@ _ROUNDING = 1e-12
 class AdmissibilityData:
     """Data that decide which displacements are admissible at a time, on this rank.
 
-    ``moving`` are prescribed displacements and gaps.  ``fixed`` are contact normals, the inverse
-    limits of the strain, and the values of eps_0 that the limits begin at, none for limits of the
-    whole strain: a user may change the limits between two steps.  Foundations that forces move do
-    not count, because they may retreat.  Friction decides nothing here.
+    ``moving`` are prescribed displacements and gaps.  ``fixed`` are contact normals and the inverse
+    limits of the strain: a user may change the limits between two steps.  Foundations that forces
+    move do not count, because they may retreat.  Friction decides nothing here.
     """
 
     comm: MPI.Intracomm
@@ -37,15 +36,12 @@ class AdmissibilityData:
     def of(cls, system: PenalisedSystem, time: float) -> AdmissibilityData:
         """The data of the system, which has been set to the time."""
         contacts = [contact for contact in system.contacts if not contact.is_free]
-        data, nothing = system.data, np.empty(0)
+        nothing = np.empty(0)
         gaps = np.concatenate([nothing, *(contact.gaps for contact in contacts)])
         normals = np.concatenate([nothing, *(item.normals.ravel() for item in contacts)])
-        limits = np.concatenate([law.inverse_limit.x.array for law in data.sets])
-        origin = nothing
-        if data.origin is not None and data.eigenstrain is not None:
-            origin = data.eigenstrain.values.x.array.copy()
+        limits = np.concatenate([law.inverse_limit.x.array for law in system.data.sets])
         held = system.constraints.held_part(system.u.x.array)
-        return cls(system.comm, time, (held, gaps), (normals, limits, origin))
+        return cls(system.comm, time, (held, gaps), (normals, limits))
 
     def repeats(self, other: AdmissibilityData) -> bool:
         """Whether the same displacements are admissible as at another time; collective."""

@@ -17,6 +17,7 @@ pytestmark = pytest.mark.serial
     ("key", "value"),
     [
         ("friction.coefficient", float("inf")),
+        ("material.limits_of", "elastic"),
     ],
 )
 def test_what_has_gone_is_refused_by_its_key_with_what_to_do_instead(key: str, value: Any) -> None:

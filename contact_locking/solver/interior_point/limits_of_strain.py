@@ -53,20 +53,6 @@ class LimitsOfStrain(Family):
     def see(self, displacement: FloatArray) -> FloatArray:
         return self.strains.strains(displacement)
 
-    def look(self, displacement: FloatArray) -> None:
-        """The seen strain is ``L (eps - eps_0)``, with the origin of the set; collective."""
-        super().look(displacement)
-        self.seen = self.seen - self._origin
-
-    @property
-    def _origin(self) -> FloatArray | float:
-        """``L eps_0`` in the shape of what is seen."""
-        return self.strains.origin
-
-    def origin_work(self, reactions: FloatArray) -> float:
-        """``int reactions . o`` of the origin o that the seen strain begins at, on this rank."""
-        return self.power(reactions, self._origin + np.zeros_like(self.seen))
-
     def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
         self.strains.add_forces(reactions, forces)
 
@@ -99,9 +85,7 @@ class LimitsOfStrain(Family):
 
     def describe_excess(self) -> str:
         """Where what was seen exceeds its limit the most, "" below; collective."""
-        law = self.strains.law
-        what = "the strain" if law.origin is None else "the elastic strain"
-        what += "" if self._number == 0 else f" of {law.name}"
+        what = "the strain" if self._number == 0 else f"the strain of {self.strains.law.name}"
         return self.strains.describe_excess(np.maximum(self.reach, 0.0) / self.limit, what)
 
 

@@ -172,11 +172,6 @@ class StrainHalfLines(LimitsOfStrain, HalfLines):
         return super().see(displacement)[0]
 
     @property
-    def _origin(self) -> FloatArray | float:
-        origin = super()._origin
-        return origin if isinstance(origin, float) else origin[0]
-
-    @property
     def reach(self) -> FloatArray:
         return self.seen
 

@@ -207,17 +207,13 @@ class StrainLimit(Section):
                 "solvers do not have; take direction for the fibres that stretch most, or strain, "
                 "which implies it",
             )
-        if self.norm in _ACROSS_THE_PLANE and body.strains == 2:
-            why = ""
-            if body.elastic_limits:
-                why = "limits_of: elastic in 2D, where the elastic strain across the plane is that "
-                why += "of the eigenstrain"
-            elif body.plane_stress:
-                why = "material.plane: stress: it limits the strain across the plane as well, "
-                why += "which is not known there"
-            instead = "take strain, direction or weighted, the limits of the strain in the plane"
-            if why:
-                yield Fault(("norm",), f"{self.norm} does not go with {why}; {instead}")
+        if self.norm in _ACROSS_THE_PLANE and body.strains == 2 and body.plane_stress:
+            yield Fault(
+                ("norm",),
+                f"{self.norm} does not go with material.plane: stress: it limits the strain across "
+                "the plane as well, which is not known there; take strain, direction or weighted, "
+                "the limits of the strain in the plane",
+            )
 
 
 StrainLimits: TypeAlias = Annotated[tuple[StrainLimit, ...], Field(max_length=_MOST_LIMITS)]
@@ -373,16 +369,10 @@ class MaterialParameters(Section):
     eigenstrain: Eigenstrains = entry(
         (), "strains that are not elastic: one section, or a list of sections, which add up"
     )
-    limits_of: Literal["total", "elastic"] = entry(
-        "total",
-        "which strain has the limits: total, eps(u), or elastic, eps(u) - eps_0 of the eigenstrain",
-    )
     regions: dict[str, Region] = entry({}, "other materials, by name of the group of cells")
 
     def _faults(self) -> Iterator[Fault]:
-        yield from limit_faults(self.locking, self.locking_limit)
-        if self.limits_of == "elastic" and not self.eigenstrains:
-            yield Fault(("limits_of",), "elastic needs an eigenstrain; leave the key out")
+        return limit_faults(self.locking, self.locking_limit)
 
     @property
     def eigenstrains(self) -> list[tuple[Place, Eigenstrain]]:

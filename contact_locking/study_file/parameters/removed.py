@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 #: By the name of a key; the sentence stands in brackets after "unknown key".
-KEYS: dict[str, str] = {}
+KEYS: dict[str, str] = {
+    "limits_of": "limits are those of the whole strain eps(u); leave the key out, and add the "
+    "expansion to the limit where the body may expand freely",
+}
 
 #: By the name of a key and one of its values; the sentence is the whole message.
 VALUES: dict[tuple[str, str], str] = {
