@@ -16,7 +16,7 @@ from contact_locking.certificate.reactions import are_held
 from contact_locking.fem import compiled
 from contact_locking.parallel import maximum
 from contact_locking.problem.discrete_problem import DiscreteProblem
-from contact_locking.problem.strain_sets import NormSet, PrincipalSet, StrainSet
+from contact_locking.problem.strain_sets import NormSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.derived import ContactFields, penalised
@@ -177,8 +177,7 @@ class StrainPoints:
         """A set with its multiplier; collective."""
         with np.errstate(divide="ignore"):
             limit = np.reciprocal(self.of(law.inverse_limit))
-        made = PrincipalAtPoints if isinstance(law, PrincipalSet) else SetAtPoints
-        return made(self._measured(law), limit, self.of(multiplier))
+        return SetAtPoints(self._measured(law), limit, self.of(multiplier))
 
     def _measured(self, law: StrainSet) -> Callable[[fem.Function], FloatArray]:
         """``L eps(w)`` of displacements w; collective."""
@@ -202,8 +201,8 @@ class StrainPoints:
 class SetAtPoints:
     """One set of strains at the points of the strains, with its multiplier y.
 
-    ``measured`` gives ``L (eps(w) - eps_0)`` of a displacement w: (k, d, d), or (k,) for a half
-    space.  ``limit`` (k,) is M.
+    ``measured`` gives ``L eps(w)`` of a displacement w: (k, d, d), or (k,) for a half space.
+    ``limit`` (k,) is M.
     """
 
     measured: Callable[[fem.Function], FloatArray]
@@ -211,15 +210,10 @@ class SetAtPoints:
     multiplier: FloatArray
 
     @cached_property
-    def strength(self) -> FloatArray:
-        """The norm (k,) of y, ``2n`` times the excess by the penalty law."""
+    def size(self) -> FloatArray:
+        """``|y|`` (k,), ``2n`` times the excess by the penalty law."""
         y = self.multiplier
         return np.asarray(np.linalg.norm(y, axis=(1, 2)) if y.ndim > 1 else np.abs(y))
-
-    @cached_property
-    def size(self) -> FloatArray:
-        """``|y|`` (k,)."""
-        return self.strength
 
     @cached_property
     def pulling(self) -> FloatArray:
@@ -251,39 +245,3 @@ class SetAtPoints:
         if measured.ndim == 1:
             return self.multiplier * measured
         return np.einsum("kij,kij->k", self.multiplier, measured)
-
-
-class PrincipalAtPoints(SetAtPoints):
-    """A limit of the largest principal strain, ``eps_I`` in the place of ``|L eps|``.
-
-    ``size`` is ``tr y``, and ``pulling`` the negative part of the least eigenvalue of y.
-    """
-
-    @cached_property
-    def _eigenvalues(self) -> FloatArray:
-        return np.asarray(np.linalg.eigvalsh(self.multiplier))
-
-    @cached_property
-    def size(self) -> FloatArray:
-        return np.asarray(np.abs(self._eigenvalues).sum(axis=1))
-
-    @cached_property
-    def pulling(self) -> FloatArray:
-        return np.maximum(-self._eigenvalues[:, 0], 0.0)
-
-    def reach(self, measured: FloatArray) -> FloatArray:
-        return np.asarray(np.linalg.eigvalsh(measured)[:, 1])
-
-    def excess(self, measured: FloatArray) -> FloatArray:
-        beyond = np.linalg.eigvalsh(measured) - self.limit[:, None]
-        return np.asarray(np.linalg.norm(np.maximum(beyond, 0.0), axis=1))
-
-    def most_work(self, measured: FloatArray) -> FloatArray:
-        """``sum y_i max(M, eps_i)`` with the eigenvalues in the order of their size.
-
-        It is ``y : eps`` at least, and equal where y stretches along the strain beyond M alone.
-        """
-        strains = np.linalg.eigvalsh(measured)
-        limit = self.limit[:, None]
-        reached = np.maximum(np.where(np.isfinite(limit), limit, strains), strains)
-        return np.asarray(np.sum(np.abs(self._eigenvalues) * reached, axis=1))

@@ -8,9 +8,6 @@ stress is ``L^T y``.  So the work of the multiplier at a strain in the set is ``
 The maps have the norm 1, so that the penalty of a set does not depend on how the set is written:
 it is n times the squared distance of the strain to the set, in the norm ``|L eps|``.  That is the
 Frobenius norm for the ball, for half spaces and in three dimensions for the deviator.
-
-``eps_I <= M`` for the largest principal strain in the plane is no norm.  L is the identity, the
-multiplier is a tensor without negative eigenvalues, and ``tr y`` takes the place of ``|y|``.
 """
 
 from __future__ import annotations
@@ -32,9 +29,6 @@ from contact_locking.laws.locking import (
     locking_stress,
     one_sided_energy,
     one_sided_stress,
-    principal_energy,
-    principal_strains,
-    principal_stress,
 )
 
 StrainMap = Callable[[Expr], Expr]
@@ -142,20 +136,3 @@ class HalfSpaceSet(StrainSet):
 
     def size(self, measured: Expr) -> Expr:
         return measured
-
-
-@dataclass(frozen=True)
-class PrincipalSet(StrainSet):
-    """``eps_I <= M`` for the largest eigenvalue of (2, 2) strains: the cone ``M I - eps >= 0``."""
-
-    penalty_stress = staticmethod(principal_stress)
-    penalty_energy = staticmethod(principal_energy)
-
-    def measured(self, eps: Expr) -> Expr:
-        return eps
-
-    def stress(self, y: Expr) -> Expr:
-        return y
-
-    def size(self, measured: Expr) -> Expr:
-        return principal_strains(measured)[0]

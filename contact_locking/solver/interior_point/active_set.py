@@ -29,14 +29,11 @@ from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.interior_point.judge import Judge
-from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
-from contact_locking.solver.interior_point.locking_cones import LockingCones
-from contact_locking.solver.interior_point.principal_cones import PrincipalCones
+from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain, LockingCones
 from contact_locking.solver.interior_point.projections import (
     FrictionProjection,
     HalfLineProjection,
     LockingProjection,
-    PrincipalProjection,
     Projection,
 )
 from contact_locking.solver.interior_point.tangent import Tangent
@@ -118,8 +115,6 @@ class ActiveSet:
             return FrictionProjection(family, stiffness, _STIFFEST)
         if isinstance(family, LockingCones):
             return LockingProjection(family, stiffness, _STIFFEST)
-        if isinstance(family, PrincipalCones):
-            return PrincipalProjection(family, stiffness, _STIFFEST)
         assert isinstance(family, HalfLines)
         floor = _FLOOR * self._springs * isinstance(family, ContactCones)
         return HalfLineProjection(family, stiffness, _STIFFEST, floor)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 import ufl
 from dolfinx import fem, la
@@ -58,7 +56,6 @@ class StrainOperator:
         by_cell.destroy()
         self.scalars = element.shared_strain_space(kept, mesh)
         self.tensors = element.shared_strain_space(kept, mesh, element.strain_shape(mesh))
-        self._element = element
         weights: FloatArray = kept(
             "locking weights",
             lambda: fem.assemble_vector(compiled.form(ufl.TestFunction(self.scalars) * dx)).array,
@@ -109,14 +106,9 @@ class StrainOperator:
             tensors[self.dofs, i, j] = tensors[self.dofs, j, i] = row / mandel_factor(i, j)
         function.x.scatter_forward()
 
-    @cached_property
-    def matrices(self) -> fem.FunctionSpace:
-        """The space of Mandel matrices (m, m); collective."""
-        return self._element.strain_space(self.space.mesh, (self.rows, self.rows))
-
     def set_values(self, function: fem.Function, values: FloatArray) -> None:
-        """Give a function of ``scalars`` or :attr:`matrices` values (k, ...); collective."""
-        function.x.array.reshape(-1, *function.ufl_shape)[self.dofs] = values
+        """Give a function of ``scalars`` values (k,); collective."""
+        function.x.array[self.dofs] = values
         function.x.scatter_forward()
 
     def describe_excess(self, ratio: FloatArray, what: str) -> str:

@@ -11,4 +11,6 @@ KEYS: dict[str, str] = {
 #: By the name of a key and one of its values; the sentence is the whole message.
 VALUES: dict[tuple[str, str], str] = {
     ("coefficient", "inf"): "must be finite: take 1e3, with which hardly anything slips",
+    ("norm", "largest_principal"): "largest_principal is no norm of limits; take strain, which "
+    "implies it, or direction along the fibres that stretch most",
 }
