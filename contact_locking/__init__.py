@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from contact_locking.problem.elasticity import Elasticity as Elasticity
     from contact_locking.problem.limits import Deviator as Deviator
     from contact_locking.problem.limits import Direction as Direction
-    from contact_locking.problem.limits import LargestPrincipal as LargestPrincipal
     from contact_locking.problem.limits import StrainBall as StrainBall
     from contact_locking.problem.limits import Volume as Volume
     from contact_locking.problem.limits import Weighted as Weighted
@@ -84,7 +83,7 @@ _NAMES = {
     "laws.foundation": "Cylinder HalfSpace LevelSet Sphere",
     "laws.friction": "FrictionLaw",
     "problem.elasticity": "Elasticity",
-    "problem.limits": "Deviator Direction LargestPrincipal StrainBall Volume Weighted",
+    "problem.limits": "Deviator Direction StrainBall Volume Weighted",
     "process.adaptivity": "solve solve_adaptively",
     "process.solving": "check solve_assembled solve_steps",
     "results.solution": "Solution State StudySolution",

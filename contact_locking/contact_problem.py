@@ -61,8 +61,6 @@ class ContactProblem:
     ``limit_at`` chooses the points where quadratic displacements keep K: the "vertices" of each
     cell, which is the default on simplices, or the "gauss" points.  ``axisymmetric`` says that the
     mesh is the half section (r, z) of a body of revolution; ``a`` is then an :class:`Elasticity`.
-    ``limits_of`` says whether ``limits`` are those of the "total" strain eps(u) or of the "elastic"
-    strain eps(u) - eps_0, with an eigenstrain eps_0.
 
     The problem is made once.  Each solve reads the present values of the constants and functions
     in the data.  The constructor is collective, as all methods are, and raises InputError for data
@@ -86,7 +84,6 @@ class ContactProblem:
         energy: Callable[[fem.Function], Expr] | None = None,
         limit_at: str | None = None,
         axisymmetric: bool = False,
-        limits_of: str = "total",
         settings: Settings | None = None,
         monitor: Monitor | None = None,
     ) -> None:
@@ -95,8 +92,6 @@ class ContactProblem:
         space = _space_of(a, L, space)
         if axisymmetric and not isinstance(a, Elasticity):
             raise InputError("must be an Elasticity for an axisymmetric body", "a")
-        if limits_of not in ("total", "elastic"):
-            raise InputError(f"must be total or elastic, not {limits_of!r}", "limits_of")
         element = _element_of(space, limit_at, axisymmetric)
         places = NamedFacets(space.mesh, tags, names)
         placed = [
@@ -127,7 +122,6 @@ class ContactProblem:
             limits=limits,
             own_energy=energy,
             supports=[name for support in held for name in support.on],
-            limits_of=limits_of,
         )
         self._discrete = DiscreteProblem(body, placed, n, compliance)
         self._check_friction()

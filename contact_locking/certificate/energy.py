@@ -13,9 +13,6 @@ of the change ``e`` of eps_0: with the same D_k,
     N_k + A e : e/2 - A e : eps(d),   E_k - A eps_0 : eps(u_k) + A eps_0 : eps_0/2,
 
 so that the distance of N_k to its lower bound, ``A(eps(d) - e)^2/2`` now, does not change.
-
-Limits of the elastic strain ``eps - eps_0`` move with eps_0 as foundations do: E has the excess of
-that strain, W_k less ``int Z_k : e``, and V_k less ``int Z_{k-1} : e``.
 """
 
 from __future__ import annotations
@@ -87,8 +84,7 @@ class Moment:
     ``contacts`` has what acts at each contact.  ``stored`` is the stored energy, and ``work`` the
     work that defects are relative to.  ``negligible`` is the norm of forces that the tolerance of
     the solver does not tell from rounding.  ``eigenstrain`` has the local values of eps_0, and
-    ``eigenstrain_energy`` is ``-(A eps_0, eps(u)) + (A eps_0, eps_0)/2``.  ``locking_stress`` and
-    ``origin``, that of the limits, are (k, m, m) at the points of the strains.
+    ``eigenstrain_energy`` is ``-(A eps_0, eps(u)) + (A eps_0, eps_0)/2``.
     """
 
     displacement: FloatArray
@@ -99,8 +95,6 @@ class Moment:
     negligible: float
     eigenstrain: FloatArray
     eigenstrain_energy: float
-    locking_stress: FloatArray
-    origin: FloatArray
 
     @classmethod
     def of(cls, state: SolvedState) -> Moment:
@@ -114,8 +108,6 @@ class Moment:
             negligible=state.system.rounding.in_forces() / state.settings.tolerance,
             eigenstrain=_eigenstrain(state).copy(),
             eigenstrain_energy=_eigenstrain_energy(state, state.problem.u),
-            locking_stress=state.points.locking_stress.copy(),
-            origin=state.points.origin.copy(),
         )
 
     @classmethod
@@ -134,10 +126,7 @@ class Moment:
             stored = integral(state.problem.domain, data.own_energy(rest))
         contacts = tuple(Touch.at_rest(state, fields) for fields in state.contacts)
         nothing = np.zeros_like(_eigenstrain(state))
-        none = np.zeros_like(state.points.origin)
-        return cls(
-            rest.x.array.copy(), forces, contacts, stored, 0.0, 0.0, nothing, 0.0, none, none
-        )
+        return cls(rest.x.array.copy(), forces, contacts, stored, 0.0, 0.0, nothing, 0.0)
 
 
 @dataclass(frozen=True)
@@ -182,8 +171,6 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
     def work_of(moment: Moment, at: Moment) -> float:
         """The work of the forces of a moment, with the change of the room at a displacement."""
         total = state.sum(moment.forces * moved)
-        shifted = np.einsum("kij,kij->k", moment.locking_stress, after.origin - before.origin)
-        total -= state.sum(state.points.weights * shifted)
         for (fields, old, new), acting, placed in zip(
             places, moment.contacts, at.contacts, strict=True
         ):

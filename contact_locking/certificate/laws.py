@@ -164,7 +164,7 @@ def locking(state: SolvedState) -> tuple[float, float, float]:
     products = violation = squares = 0.0
     for item in points.sets:
         measured = item.measured(state.problem.u)
-        left = np.abs(item.excess(measured) - item.strength / (2.0 * n))
+        left = np.abs(item.excess(measured) - item.size / (2.0 * n))
         products += state.sum(
             points.weights * np.abs(item.most_work(measured) - item.work(measured))
         )

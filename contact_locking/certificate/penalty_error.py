@@ -9,7 +9,7 @@ from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import Lifting, NotApplicable, require_still_foundations
-from contact_locking.certificate.solved_state import PrincipalAtPoints, SetAtPoints, SolvedState
+from contact_locking.certificate.solved_state import SetAtPoints, SolvedState
 from contact_locking.parallel import maximum, minimum
 
 # The rounding in w_nu - gap after the penetration is subtracted, relative to the body.
@@ -81,12 +81,7 @@ def energy_distance(state: SolvedState, w: fem.Function) -> float:
 
 
 def _longest_step(item: SetAtPoints, a: FloatArray, b: FloatArray) -> float:
-    """A theta in [0, 1] with ``a + theta b`` in the set at all points, as a is; the largest.
-
-    Of principal strains, which are subadditive, it is the largest if a is zero.
-    """
-    if isinstance(item, PrincipalAtPoints):
-        a, b = item.reach(a), item.reach(b)
+    """The largest theta in [0, 1] with ``a + theta b`` in the set at all points, as a is."""
     locks = np.isfinite(item.limit)
     a, b, limit = a[locks], b[locks], item.limit[locks]
     if a.ndim == 1:

@@ -10,14 +10,13 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.certificate.reactions import are_held
 from contact_locking.fem import compiled
 from contact_locking.parallel import maximum
 from contact_locking.problem.discrete_problem import DiscreteProblem
-from contact_locking.problem.strain_sets import NormSet, PrincipalSet, StrainSet
+from contact_locking.problem.strain_sets import NormSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.derived import ContactFields, penalised
@@ -73,11 +72,8 @@ class SolvedState:
         With the largest eigenvalue of A in the place of alpha, the mean strain would vanish for
         nearly incompressible bodies.
         """
-        tolerance, energy = self.settings.tolerance, self.energy
-        if self.problem.data.origin is not None:
-            # A body that is held where it is has an elastic strain nevertheless.
-            energy = max(energy, self.system.elastic_energy())
-        return self.target.mean_strain(energy, self.largest_displacement, tolerance)
+        tolerance = self.settings.tolerance
+        return self.target.mean_strain(self.energy, self.largest_displacement, tolerance)
 
     @cached_property
     def largest_displacement(self) -> float:
@@ -93,15 +89,12 @@ class SolvedState:
     def work(self) -> float:
         """The work of the state: ``alpha |Omega| |eps|^2/2 + |int Z : eps|``; collective.
 
-        Z works at ``eps - eps_0`` where the limits are those of this strain.
-
         With the mean strain |eps| the first term is the elastic energy, except for rounding.  The
         second term is the work of the locking stress, which can exceed the elastic energy by far.
         """
         elastic = 0.5 * self.mean_stress * self.mean_strain * self.points.volume
         points = self.points
-        strain = points.strain - points.origin
-        products = np.einsum("kij,kij->k", points.locking_stress, strain)
+        products = np.einsum("kij,kij->k", points.locking_stress, points.strain)
         return elastic + abs(self.sum(points.weights * products))
 
     @cached_property
@@ -142,7 +135,7 @@ class StrainPoints:
 
     ``weights`` (k,) are the weights of the locking rule, and ``volume`` is the volume of the body.
     ``sets`` are the sets of strains; ``limit`` and ``locking_stress`` are M of the ball and the sum
-    of the stresses of all sets, and ``origin`` is eps_0 that the sets begin at, 0 without one.
+    of the stresses of all sets.
     """
 
     def __init__(self, state: SolvedState) -> None:
@@ -163,9 +156,6 @@ class StrainPoints:
         self.locking_stress = self.of(state.body.locking_stress)
         self._strained = kept("strained", lambda: fem.Function(state.problem.u.function_space))
         self._strain = element.strain(self._strained)
-        self.origin = np.zeros_like(self.locking_stress)
-        if state.problem.data.origin is not None:
-            self.origin = self._at_points("origin", state.problem.data.origin)
         pairs = zip(state.problem.data.sets, state.body.locking_parts, strict=True)
         self.sets = [self._set(item, part) for item, part in pairs]
         self.strain = self._measured(NormSet("strain", state.problem.data.inverse_limit))(
@@ -183,25 +173,17 @@ class StrainPoints:
         dofs = function.function_space.dofmap.list[: self._owned].reshape(-1)
         return function.x.array.reshape(-1, *function.ufl_shape)[dofs]
 
-    def _at_points(self, name: str, expr: Expr) -> FloatArray:
-        """The values (k, m, m) of a tensor in UFL; collective."""
-        function = fem.Function(self._space)
-        values = self._kept(name, lambda: compiled.interpolation(expr, self._space))
-        function.interpolate(values)
-        return self.of(function)
-
     def _set(self, law: StrainSet, multiplier: fem.Function) -> SetAtPoints:
         """A set with its multiplier; collective."""
         with np.errstate(divide="ignore"):
             limit = np.reciprocal(self.of(law.inverse_limit))
-        made = PrincipalAtPoints if isinstance(law, PrincipalSet) else SetAtPoints
-        return made(self._measured(law), limit, self.of(multiplier))
+        return SetAtPoints(self._measured(law), limit, self.of(multiplier))
 
     def _measured(self, law: StrainSet) -> Callable[[fem.Function], FloatArray]:
-        """``L (eps(w) - eps_0)`` of displacements w; collective."""
+        """``L eps(w)`` of displacements w; collective."""
 
         def compiled_strain() -> tuple[fem.Function, fem.Expression]:
-            expr = law.measured(law.limited(self._strain))
+            expr = law.measured(self._strain)
             function = fem.Function(self._space if expr.ufl_shape else self._scalar)
             return function, compiled.interpolation(expr, function.function_space)
 
@@ -219,8 +201,8 @@ class StrainPoints:
 class SetAtPoints:
     """One set of strains at the points of the strains, with its multiplier y.
 
-    ``measured`` gives ``L (eps(w) - eps_0)`` of a displacement w: (k, d, d), or (k,) for a half
-    space.  ``limit`` (k,) is M.
+    ``measured`` gives ``L eps(w)`` of a displacement w: (k, d, d), or (k,) for a half space.
+    ``limit`` (k,) is M.
     """
 
     measured: Callable[[fem.Function], FloatArray]
@@ -228,15 +210,10 @@ class SetAtPoints:
     multiplier: FloatArray
 
     @cached_property
-    def strength(self) -> FloatArray:
-        """The norm (k,) of y, ``2n`` times the excess by the penalty law."""
+    def size(self) -> FloatArray:
+        """``|y|`` (k,), ``2n`` times the excess by the penalty law."""
         y = self.multiplier
         return np.asarray(np.linalg.norm(y, axis=(1, 2)) if y.ndim > 1 else np.abs(y))
-
-    @cached_property
-    def size(self) -> FloatArray:
-        """``|y|`` (k,)."""
-        return self.strength
 
     @cached_property
     def pulling(self) -> FloatArray:
@@ -268,39 +245,3 @@ class SetAtPoints:
         if measured.ndim == 1:
             return self.multiplier * measured
         return np.einsum("kij,kij->k", self.multiplier, measured)
-
-
-class PrincipalAtPoints(SetAtPoints):
-    """A limit of the largest principal strain, ``eps_I`` in the place of ``|L eps|``.
-
-    ``size`` is ``tr y``, and ``pulling`` the negative part of the least eigenvalue of y.
-    """
-
-    @cached_property
-    def _eigenvalues(self) -> FloatArray:
-        return np.asarray(np.linalg.eigvalsh(self.multiplier))
-
-    @cached_property
-    def size(self) -> FloatArray:
-        return np.asarray(np.abs(self._eigenvalues).sum(axis=1))
-
-    @cached_property
-    def pulling(self) -> FloatArray:
-        return np.maximum(-self._eigenvalues[:, 0], 0.0)
-
-    def reach(self, measured: FloatArray) -> FloatArray:
-        return np.asarray(np.linalg.eigvalsh(measured)[:, 1])
-
-    def excess(self, measured: FloatArray) -> FloatArray:
-        beyond = np.linalg.eigvalsh(measured) - self.limit[:, None]
-        return np.asarray(np.linalg.norm(np.maximum(beyond, 0.0), axis=1))
-
-    def most_work(self, measured: FloatArray) -> FloatArray:
-        """``sum y_i max(M, eps_i)`` with the eigenvalues in the order of their size.
-
-        It is ``y : eps`` at least, and equal where y stretches along the strain beyond M alone.
-        """
-        strains = np.linalg.eigvalsh(measured)
-        limit = self.limit[:, None]
-        reached = np.maximum(np.where(np.isfinite(limit), limit, strains), strains)
-        return np.asarray(np.sum(np.abs(self._eigenvalues) * reached, axis=1))

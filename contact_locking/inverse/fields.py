@@ -31,7 +31,7 @@ from contact_locking.inverse.quantities import scale_of
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem import forms
 from contact_locking.problem.discrete_problem import DiscreteProblem
-from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
+from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 
 # The difference along a direction agrees with a field to this share, or to this share of what
 # quantities of the unit have.
@@ -96,7 +96,7 @@ def _by_forms(
             if isinstance(family, LimitsOfStrain):
                 inverse = family.strains.law.inverse_limit
                 gains = np.zeros_like(inverse.x.array)
-                by_limit = family.by_limit(adjoint.gaps[family])
+                by_limit = np.atleast_2d(adjoint.gaps[family])[0]
                 gains[family.strains.dofs] = -family.weights * by_limit * family.limit**2
                 pairs.append((inverse, gains))
         found.x.array[:] += _through_points(problem, pairs, of, steps).x.array

@@ -21,7 +21,7 @@ from contact_locking.parallel import maximum
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
-from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
+from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.lorentz import norm
 
 # A point is near a change where both are below this share of the largest, or of the limit.

@@ -2,8 +2,7 @@
 
 The limit of the paper is the ball ``|eps| <= M`` with the penalty R_n (23).  A limit
 ``|L eps| <= M`` with a linear map L has the same penalty of ``L eps``, and a limit ``s <= M`` of a
-scalar ``s = N : eps`` has the penalty :func:`one_sided_stress`.  The limit ``eps_I <= M`` of the
-largest principal strain in the plane has the penalty :func:`principal_stress`.
+scalar ``s = N : eps`` has the penalty :func:`one_sided_stress`.
 """
 
 from __future__ import annotations
@@ -15,8 +14,6 @@ from ufl.core.expr import Expr
 
 from contact_locking.laws.convex import positive_part, squared_norm, unit_ball_excess
 from contact_locking.laws.elasticity import mandel_product
-
-_TINY = 1e-200
 
 
 def locking_stress(eps: Expr, inverse_limit: Expr, n: Expr) -> Expr:
@@ -46,37 +43,6 @@ def one_sided_energy(s: Expr, inverse_limit: Expr, n: Expr) -> Expr:
 def _one_sided_excess(s: Expr, inverse_limit: Expr) -> Expr:
     """``[s - M]^+`` as ``(1 - 1/max(s/M, 1)) [s]^+``, which takes 1/M."""
     return (1.0 - 1.0 / ufl.max_value(inverse_limit * s, 1.0)) * positive_part(s)
-
-
-def principal_strains(eps: Expr) -> tuple[Expr, Expr]:
-    """``eps_I >= eps_II = tr(eps)/2 +- |dev eps|/sqrt(2)`` of a (2, 2) tensor."""
-    mean, radius = 0.5 * ufl.tr(eps), _radius(eps)
-    return mean + radius, mean - radius
-
-
-def principal_stress(eps: Expr, inverse_limit: Expr, n: Expr) -> Expr:
-    """``2 n [eps - M I]^+`` of a (2, 2) tensor: its part with positive eigenvalues.
-
-    It is 2 n times the difference between eps and the nearest strain with ``eps_I <= M`` in the
-    Frobenius norm, and exactly zero where ``eps_I <= M`` and for ``1/M = 0``.
-    """
-    first, second = principal_strains(eps)
-    half = 0.5 * ufl.Identity(2)
-    # One direction only: I/2 + dev eps/(2 r) is its projection.
-    one = _one_sided_excess(first, inverse_limit) * (half + 0.5 * ufl.dev(eps) / _radius(eps))
-    both = eps - 2.0 / ufl.max_value(inverse_limit, _TINY) * half
-    is_both = ufl.gt(inverse_limit * second, 1.0)
-    return 2.0 * n * ufl.conditional(is_both, both, one)
-
-
-def principal_energy(eps: Expr, inverse_limit: Expr, n: Expr) -> Expr:
-    """``n ([eps_I - M]^+)^2 + n ([eps_II - M]^+)^2``, with the derivative `principal_stress`."""
-    return sum(one_sided_energy(value, inverse_limit, n) for value in principal_strains(eps))
-
-
-def _radius(eps: Expr) -> Expr:
-    """``|dev eps|/sqrt(2)``, above zero so that a derivative does not divide by it."""
-    return ufl.sqrt(ufl.max_value(0.5 * squared_norm(ufl.dev(eps)), _TINY))
 
 
 def deviator(eps: Expr) -> Expr:

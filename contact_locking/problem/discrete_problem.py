@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import ufl
@@ -20,7 +20,6 @@ from contact_locking.contact.nodal_contact import (
     place_of,
 )
 from contact_locking.contact.travel import Travel
-from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.plausibility import about_an_overlap_at_rest
 from contact_locking.laws.penalty import Penalty
@@ -41,8 +40,7 @@ class Body:
     ``space`` is the space of displacements of ``element``.  ``elasticity`` is A, or the A in the
     bilinear ``form`` if one is given.  ``loads`` is the linear form (f, .), and ``own_energy`` maps
     u to a convex and differentiable functional.  ``regions`` are cells whose stress may jump
-    against that of all others.  ``springs`` act on the boundary.  ``limits_of`` says whether
-    the limits are those of the "total" or of the "elastic" strain.  ``displacements`` and
+    against that of all others.  ``springs`` act on the boundary.  ``displacements`` and
     ``supports`` name the boundary parts with prescribed displacements and with supports, for
     messages.
     """
@@ -58,7 +56,6 @@ class Body:
     own_energy: Callable[[fem.Function], Expr] | None = None
     regions: Sequence[IndexArray] = ()
     springs: Sequence[ElasticSupport] = ()
-    limits_of: str = "total"
     displacements: Sequence[str] = ()
     supports: Sequence[str] = ()
 
@@ -101,7 +98,6 @@ class DiscreteProblem:
         ]
         slips = tuple(contact.regularisation for contact in nodal)
         self.penalty = Penalty(n, epsilon, slips)
-        origin = _origin(body, self.material)
         self.data = forms.ProblemData(
             elasticity=_elastic(body, self.material),
             elastic_stress=self.material.stress,
@@ -114,12 +110,11 @@ class DiscreteProblem:
             n=fem.Constant(domain.mesh, n),
             epsilon=fem.Constant(domain.mesh, epsilon),
             element=element,
-            limits=tuple(replace(item.strain_set, origin=origin) for item in self.limits.others),
+            limits=tuple(item.strain_set for item in self.limits.others),
             tools=tuple(Travel(item) for item in nodal if item.is_free),
             own_energy=body.own_energy,
             eigenstrain=self.material.eigenstrain,
             springs=tuple(body.springs),
-            origin=origin,
         )
         self.u = fem.Function(space, name="displacement")
         self.rigidity = Rigidity(domain, space, self.data, self.constraints)
@@ -227,15 +222,6 @@ def _elastic(body: Body, material: Material) -> Callable[[Expr, Expr], ufl.Form]
         return ufl.replace(form, {trial: u, test: w})
 
     return of_form
-
-
-def _origin(body: Body, material: Material) -> Expr | None:
-    """eps_0 of the limits, None for those of the whole strain."""
-    if body.limits_of == "total":
-        return None
-    if material.eigenstrain is None:
-        raise InputError("needs a strain that is not elastic, an eigenstrain", "limits_of")
-    return material.eigenstrain.of_body(body.domain.kinematics.tensor_size(body.domain.dim))
 
 
 def _loads(body: Body, material: Material) -> ufl.Form | None:

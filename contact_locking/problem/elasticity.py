@@ -83,10 +83,6 @@ class Eigenstrain:
         part = ufl.as_tensor([[-stress[i, j] for j in range(size)] for i in range(size)])
         return cls(values, part, 0.5 * ufl.inner(stress, counted))
 
-    def of_body(self, size: int) -> Expr:
-        """eps_0 as a (size, size) tensor of the strains of the body."""
-        return ufl.as_tensor([[self.values[i, j] for j in range(size)] for i in range(size)])
-
 
 class Material:
     """The elasticity on the mesh, for the forms and the certificate.

@@ -44,8 +44,7 @@ class ProblemData:
     are the free motions of foundations.  ``own_energy`` is for a law that this package does not
     have: it maps u to a convex and differentiable functional J(u), whose derivative is added to
     (25).  The work of an ``eigenstrain`` is a part of ``loads``, and ``springs`` on the boundary
-    are a part of a(., .).  ``origin`` is eps_0 of limits of the elastic strain, None for those of
-    eps(u).
+    are a part of a(., .).
     """
 
     elasticity: Callable[[Expr, Expr], ufl.Form]
@@ -64,7 +63,6 @@ class ProblemData:
     own_energy: Callable[[fem.Function], Expr] | None = None
     eigenstrain: Eigenstrain | None = None
     springs: tuple[ElasticSupport, ...] = ()
-    origin: Expr | None = None
 
     def strain(self, u: Expr) -> Expr:
         """``eps(u)`` of the body."""
@@ -83,11 +81,7 @@ class ProblemData:
     @property
     def sets(self) -> tuple[StrainSet, ...]:
         """All sets of strains, the ball first; K is their intersection."""
-        return (NormSet("strain", self.inverse_limit, origin=self.origin), *self.limits)
-
-    def limited_strain(self, u: Expr) -> Expr:
-        """``eps(u) - eps_0``, the strain that the sets limit: eps(u) without an origin."""
-        return self.sets[0].limited(self.strain(u))
+        return (NormSet("strain", self.inverse_limit), *self.limits)
 
     @property
     def only_ball(self) -> bool:
@@ -101,9 +95,7 @@ class ProblemData:
         for item in self.limits:
             if isinstance(item, NormSet) and item.least > 0.0:
                 bound = ufl.max_value(bound, item.least * item.inverse_limit)
-        if self.origin is None:
-            return bound
-        return bound / (1.0 + bound * ufl.sqrt(ufl.inner(self.origin, self.origin)))
+        return bound
 
     @property
     def locking_dx(self) -> ufl.Measure:

@@ -19,7 +19,7 @@ from contact_locking.laws.locking import deviator, weighted
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import minimum, on_any_rank
 from contact_locking.problem.points import Points, Sampler, Value, least
-from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet, PrincipalSet, StrainSet
+from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet, StrainSet
 
 _NEVER = -math.inf
 
@@ -98,29 +98,6 @@ class Volume:
         dim = points.element.kinematics.tensor_size(points.domain.dim)
         root = math.sqrt(dim)
         return _on_both_sides(points, self, "volume", ufl.Identity(dim) / root, root)
-
-
-@dataclass(frozen=True)
-class LargestPrincipal:
-    """``eps_I <= M`` for the largest principal strain in the plane: the body tears beyond it.
-
-    ``tr(eps)/2 + |dev eps|/sqrt(2) <= M`` is a second-order cone.  Raises InputError for a body in
-    space and for a body of revolution: the limit of the eigenvalues of a 3 by 3 tensor is a
-    semidefinite cone, which the solvers do not have.
-    """
-
-    at_most: Value
-    key: str = "limits"
-
-    def on(self, points: Points) -> list[Limited]:
-        if points.element.kinematics.tensor_size(points.domain.dim) != 2:
-            raise InputError(
-                "the largest principal strain is limited in 2D only, and not for axisymmetric "
-                "bodies: a limit of three eigenvalues is a semidefinite cone; take Direction",
-                self.key,
-            )
-        limits = _positive(points, self.at_most, f"{self.key}.at_most", "the limit")
-        return _where_any(points, limits, partial(PrincipalSet, "largest_principal"))
 
 
 @dataclass(frozen=True)

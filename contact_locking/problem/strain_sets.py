@@ -8,18 +8,13 @@ stress is ``L^T y``.  So the work of the multiplier at a strain in the set is ``
 The maps have the norm 1, so that the penalty of a set does not depend on how the set is written:
 it is n times the squared distance of the strain to the set, in the norm ``|L eps|``.  That is the
 Frobenius norm for the ball, for half spaces and in three dimensions for the deviator.
-
-``eps_I <= M`` for the largest principal strain in the plane is no norm.  L is the identity, the
-multiplier is a tensor without negative eigenvalues, and ``tr y`` takes the place of ``|y|``.
-
-Sets of the elastic strain have an ``origin`` eps_0: ``eps - eps_0`` takes the place of eps.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from typing import ClassVar
 
 import dolfinx
@@ -34,9 +29,6 @@ from contact_locking.laws.locking import (
     locking_stress,
     one_sided_energy,
     one_sided_stress,
-    principal_energy,
-    principal_strains,
-    principal_stress,
 )
 
 StrainMap = Callable[[Expr], Expr]
@@ -48,10 +40,10 @@ def _identity(eps: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class StrainSet(ABC):
-    """A closed convex set of strains with eps_0 in its inside; all functions take and return UFL.
+    """A closed convex set of strains with 0 in its inside; all functions take and return UFL.
 
     ``name`` is the name of the set in results.  ``inverse_limit`` is 1/M in the space of strains,
-    and 0 where the set does not limit the strain.  ``origin`` is eps_0, None for 0.
+    and 0 where the set does not limit the strain.
     """
 
     #: Whether multipliers are tensors, and not scalars.
@@ -63,12 +55,6 @@ class StrainSet(ABC):
 
     name: str
     inverse_limit: fem.Function
-    _: KW_ONLY
-    origin: Expr | None = None
-
-    def limited(self, eps: Expr) -> Expr:
-        """``eps - eps_0``, the strain that stays in the set: eps itself without an origin."""
-        return eps if self.origin is None else eps - self.origin
 
     @abstractmethod
     def measured(self, eps: Expr) -> Expr:
@@ -84,15 +70,15 @@ class StrainSet(ABC):
 
     def multiplier(self, eps: Expr, n: Expr) -> Expr:
         """The multiplier y of the penalty law."""
-        return self.penalty_stress(self.measured(self.limited(eps)), self.inverse_limit, n)
+        return self.penalty_stress(self.measured(eps), self.inverse_limit, n)
 
     def energy(self, eps: Expr, n: Expr) -> Expr:
         """The density of the penalty."""
-        return self.penalty_energy(self.measured(self.limited(eps)), self.inverse_limit, n)
+        return self.penalty_energy(self.measured(eps), self.inverse_limit, n)
 
     def utilisation(self, eps: Expr) -> Expr:
         """``|L eps|/M`` or ``[L eps]^+/M``: 1 on the boundary of the set, 0 without a limit."""
-        used = self.inverse_limit * self.size(self.measured(self.limited(eps)))
+        used = self.inverse_limit * self.size(self.measured(eps))
         return used if isinstance(self, NormSet) else ufl.max_value(used, 0.0)
 
     def multipliers(
@@ -150,20 +136,3 @@ class HalfSpaceSet(StrainSet):
 
     def size(self, measured: Expr) -> Expr:
         return measured
-
-
-@dataclass(frozen=True)
-class PrincipalSet(StrainSet):
-    """``eps_I <= M`` for the largest eigenvalue of (2, 2) strains: the cone ``M I - eps >= 0``."""
-
-    penalty_stress = staticmethod(principal_stress)
-    penalty_energy = staticmethod(principal_energy)
-
-    def measured(self, eps: Expr) -> Expr:
-        return eps
-
-    def stress(self, y: Expr) -> Expr:
-        return y
-
-    def size(self, measured: Expr) -> Expr:
-        return principal_strains(measured)[0]

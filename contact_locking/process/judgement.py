@@ -46,7 +46,6 @@ def solution_of(
     own = problem.u.copy()
     own.name = problem.u.name
     return Solution(
-        limits_of=state.problem.body.limits_of,
         domain=problem.domain,
         element=problem.element,
         displacement=own,

@@ -38,9 +38,8 @@ class BodyFields:
 
     ``locking_limit`` is M of the ball.  With other sets of strains it is the largest ``|eps|`` in K
     along the strain eps(u), so that ``|eps|`` over it is the utilisation of K: the largest of all
-    sets.  Cells are locked that use up their limit.  With limits of the elastic strain,
-    ``strain_norm`` and the utilisation are those of ``eps(u) - eps_0``.  ``von_mises`` is None for
-    a body in the plane whose stress across the plane is not known.
+    sets.  Cells are locked that use up their limit.  ``von_mises`` is None for a body in the plane
+    whose stress across the plane is not known.
     """
 
     #: The names of all fields.
@@ -57,7 +56,7 @@ class BodyFields:
         data, self._kept = system.data, system.kept
         self._element, self._dx = data.element, data.dx
         eps = data.strain(system.u)
-        norm = functools.partial(_norm, data.limited_strain(system.u))
+        norm = functools.partial(_norm, eps)
         self.strain_norm = self._at_points(data.element, norm, "strain_norm")
         stress = functools.partial(data.elastic_stress, eps)
         self.elastic_stress = self._at_points(data.element, stress, "elastic_stress")

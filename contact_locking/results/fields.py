@@ -79,7 +79,7 @@ def _fill(copy: fem.Function, function: fem.Function, name: str, solution: Solut
     kinematics = solution.element.kinematics
     element, is_constant = solution.element, values.shape[1] == 1
     varies = element.strain_degree > 0 and not kinematics.axisymmetric
-    if name == "strain_norm" and varies and solution.limits_of == "total":
+    if name == "strain_norm" and varies:
         eps = kinematics.strain(solution.displacement)
         norm = ufl.sqrt(ufl.inner(eps, eps))
         copy.interpolate(compiled.interpolation(norm, space))

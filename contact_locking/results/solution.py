@@ -61,10 +61,9 @@ class Solution:
     P1 stands for the space of displacements, and P0 for that of strains.  The fields on Gamma_C are
     functions on the whole mesh, zero off Gamma_C.  Without contact its tables are empty.
 
-    ``displacement`` (P1, vector) is u, and ``strain_norm`` (P0) is ``|eps(u)|``, or
-    ``|eps(u) - eps_0|`` where ``limits_of`` is "elastic".  ``locking_limit`` (P0) is M, with other
-    sets the largest ``|eps|`` along eps(u), and ``locked`` (P0) is 1 where
-    ``|eps| >= M (1 - 1e-6)``, else 0.
+    ``displacement`` (P1, vector) is u, and ``strain_norm`` (P0) is ``|eps(u)|``.
+    ``locking_limit`` (P0) is M, with other sets the largest ``|eps|`` along eps(u), and ``locked``
+    (P0) is 1 where ``|eps| >= M (1 - 1e-6)``, else 0.
     ``elastic_stress`` (P0, (d, d)) is A eps(u), ``locking_stress`` (P0, (d, d)) is Z, and
     ``locking_parts`` (P0) are the multipliers of the sets of strains.  ``von_mises`` (P0) is that
     of both stresses, None if sigma_zz is not known.
@@ -107,7 +106,6 @@ class Solution:
     state: State
     summary: Mapping[str, Any]
     differentiable: Differentiable | None = None
-    limits_of: str = "total"
     data: ProblemData | None = None
 
     def distance(self, other: Solution) -> dict[str, float]:

@@ -78,7 +78,6 @@ class StudyProblem(DiscreteProblem):
             limits=given.limits,
             regions=given.regions,
             springs=springs,
-            limits_of=parameters.material.limits_of,
             displacements=[name for item in parameters.loads.displacements for name in item.on],
             supports=[name for item in parameters.loads.supports for name in item.on],
         )

@@ -21,7 +21,6 @@ from contact_locking.problem.elasticity import Elasticity, require_symmetric
 from contact_locking.problem.limits import (
     Deviator,
     Direction,
-    LargestPrincipal,
     Limit,
     StrainBall,
     Volume,
@@ -283,8 +282,6 @@ class MaterialOfStudy:
         limits: list[Limit] = [StrainBall(Bounds(upper.get("strain", []), "the locking limit"))]
         if "deviator" in upper:
             limits.append(Deviator(_upper(upper["deviator"])))
-        if "largest_principal" in upper:
-            limits.append(LargestPrincipal(_upper(upper["largest_principal"])))
         if "volume" in upper:
             limits.append(Volume(_upper(upper["volume"]), _lower(lower)))
         return [*limits, *along]

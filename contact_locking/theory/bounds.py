@@ -42,7 +42,7 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
 
     They bound ``|u|_V``, ``int M |Z|``, ``|Z|^2/2n`` and ``eps |p|^2``, as sums over all sets of
     strains.  The proofs in docs/certificate.md test with ``v = u - w`` for an admissible field w
-    without slip; with limits of the elastic strain w is such a field, also if it is zero.
+    without slip.
 
     Each entry holds ``value``, ``bound`` and ``holds``.  If no bound is proved, ``bound`` and
     ``holds`` are None, and ``reason`` says why.  Collective; takes one linear solve, two with

@@ -15,7 +15,6 @@ from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.locking_cones import LockingCones, StrainHalfLines
 from contact_locking.solver.interior_point.lorentz import Scaling
-from contact_locking.solver.interior_point.principal_cones import PrincipalCones
 
 pytestmark = pytest.mark.serial
 
@@ -73,7 +72,7 @@ def test_friction_steps_leave_the_bound_alone_and_match_their_tangent(epsilon: f
     np.testing.assert_allclose(moved, resting + tangent, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", [LockingCones, StrainHalfLines, PrincipalCones])
+@pytest.mark.parametrize("kind", [LockingCones, StrainHalfLines])
 def test_points_on_the_central_path_tend_to_the_penalty_law(kind: type[Any]) -> None:
     seen = np.random.default_rng(4).standard_normal((3, 40))
     points = _points(weights=np.ones(40), rows=3, limit=np.full(40, 0.6))

@@ -47,11 +47,6 @@ BAD: dict[str, tuple[Any, str, str]] = {
         "0.matrix",
         "3x3 in 2D",
     ),
-    "no limit of principal strains": (
-        {"norm": "largest_principal", "at_least": -1},
-        "0.at_least",
-        "belongs to norm: volume or direction",
-    ),
     "direction of the volume": (
         {"norm": "volume", "at_most": 1, "along": [1, 0]},
         "0.along",
@@ -97,15 +92,6 @@ def test_two_balls_and_a_ball_beside_the_short_form_are_refused() -> None:
     ):
         with pytest.raises(InputError, match="locking"):
             from_mapping({"material": wrong})
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize("mesh", [{"dim": 3}, {"builder": "block", "axisymmetric": True}])
-def test_principal_strains_of_tensors_of_three_by_three_are_refused(mesh: dict[str, Any]) -> None:
-    limit = {"norm": "largest_principal", "at_most": 0.01}
-    with pytest.raises(InputError, match="semidefinite cone") as caught:
-        from_mapping({"mesh": mesh, "material": {"locking": [limit]}})
-    assert "material.locking.0.norm" in str(caught.value)
 
 
 @pytest.mark.serial

@@ -19,6 +19,7 @@ pytestmark = pytest.mark.serial
         ("friction.coefficient", float("inf")),
         ("friction.smoothing.at_supports", "vanish"),
         ("contact.foundation.tilt", {"about": [0.0, 0.0]}),
+        ("material.limits_of", "elastic"),
     ],
 )
 def test_what_has_gone_is_refused_by_its_key_with_what_to_do_instead(key: str, value: Any) -> None:
@@ -33,3 +34,10 @@ def test_what_has_gone_is_refused_by_its_key_with_what_to_do_instead(key: str, v
     message = str(caught.value)
     advice = removed.KEYS.get(last) or removed.VALUES[last, str(value)]
     assert key in message and advice in message
+
+
+def test_a_norm_that_has_gone_is_refused_by_its_key() -> None:
+    limit = {"norm": "largest_principal", "at_most": 0.01}
+    with pytest.raises(InputError, match=r"material\.locking\.0\.norm") as caught:
+        from_mapping({"material": {"locking": [limit]}})
+    assert removed.VALUES["norm", "largest_principal"] in str(caught.value)

@@ -40,14 +40,10 @@ class Contact:
 
 @dataclass(frozen=True)
 class StrainCone:
-    """``|B eps| <= limit`` in every cell for a matrix B (r, m), or ``B eps <= limit`` for r = 1.
-
-    With ``tilt`` (m,) it is ``|B eps| + tilt . eps <= limit``.
-    """
+    """``|B eps| <= limit`` in every cell for a matrix B (r, m), or ``B eps <= limit`` for r = 1."""
 
     matrix: FloatArray
     limit: float
-    tilt: FloatArray | None = None
 
     @property
     def rows(self) -> int:
@@ -57,8 +53,6 @@ class StrainCone:
         """By how much strains (c, m) exceed the limit (c,)."""
         measured = strains @ self.matrix.T
         size = measured[:, 0] if self.rows == 1 else np.linalg.norm(measured, axis=1)
-        if self.tilt is not None:
-            size = size + strains @ self.tilt
         return np.maximum(size - self.limit, 0.0)
 
 
@@ -160,8 +154,6 @@ class ConicProblem:
             size = 1 + item.rows if item.rows > 1 else 1
             below = np.vstack([np.zeros((1, item.rows)), np.eye(item.rows)])
             below = (below if item.rows > 1 else -np.eye(1)) @ item.matrix
-            if item.tilt is not None:
-                below[0] -= item.tilt
             measured = sp.kron(sp.eye(cells), sp.csc_matrix(below), "csc") @ body.strain
             blocks = {"u": measured[:, free]}
             if counts[1]:

@@ -69,13 +69,11 @@ class Discrete:
     """min 1/2 u'Ku - f'u over u = ``prescribed`` at the dofs that are not free, and the laws.
 
     ``strain`` maps u to strains at c points, the middle of each simplex or the Gauss points of each
-    box, with the weights ``volumes``; ``law`` (c, m, m) is A, ``limit`` (c,) is M there, and
-    ``origin`` (c, m) is eps_0 of limits of the elastic strain.  K has the ``springs``, and f the
-    forces of an eigenstrain.
+    box, with the weights ``volumes``; ``law`` (c, m, m) is A, and ``limit`` (c,) is M there.  K has
+    the ``springs``, and f the forces of an eigenstrain.
     """
 
     geometry: Geometry
-    origin: FloatArray
     volumes: FloatArray
     strain: Matrix
     springs: Matrix
@@ -103,10 +101,6 @@ class Discrete:
         """(c, m)."""
         return (self.strain @ u).reshape(len(self.volumes), -1)
 
-    def limited(self, u: FloatArray) -> FloatArray:
-        """The strains (c, m) that M is the limit of."""
-        return np.asarray(self.strains(u) - self.origin)
-
     def forces(self, stress: FloatArray) -> FloatArray:
         """The nodal forces of a stress (c, m)."""
         return np.asarray(self.strain.T @ (stress * self.volumes[:, None]).ravel())
@@ -124,8 +118,7 @@ def discretise(
     free, prescribed = _conditions(parameters, geometry)
     load, load_size = _loads(parameters, geometry, body)
     law, limit = _material(parameters, geometry, places)
-    thermal, origin = _thermal_stress(parameters, geometry, places, law)
-    stress = body.volumes[:, None] * thermal
+    stress = body.volumes[:, None] * _thermal_stress(parameters, geometry, places, law)
     strain = body.strain.tocsr()
     load = load + strain.T @ stress.ravel()
     load_size = load_size + abs(strain).T @ np.abs(stress).ravel()
@@ -140,7 +133,6 @@ def discretise(
         length = epsilon * float(mean_young(law, domain.dim).min())
     return Discrete(
         geometry=geometry,
-        origin=origin * (parameters.material.limits_of == "elastic"),
         volumes=body.volumes,
         strain=strain,
         springs=_springs(parameters, geometry),
@@ -236,10 +228,10 @@ def _material(
 
 def _thermal_stress(
     parameters: Parameters, geometry: Geometry, middle: FloatArray, law: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """``A eps_0`` and eps_0 (c, m); across a plane acts Lame's lambda of an isotropic law."""
+) -> FloatArray:
+    """``A eps_0`` (c, m); across a plane acts Lame's lambda of an isotropic law."""
     dim = geometry.x.shape[1]
-    found, strain = np.zeros((2, *law.shape[:2]))
+    found = np.zeros(law.shape[:2])
     for _, item in parameters.material.eigenstrains:
         _, tensor = item.tensor
         given = tensor if isinstance(tensor, tuple) else (tensor,) * 3
@@ -252,8 +244,7 @@ def _thermal_stress(
         parts = [_inside(geometry, name, middle) for name in names] or [np.arange(len(middle))]
         inside = np.concatenate(parts)
         found[inside] += stress[inside]
-        strain[inside, :dim] += normal[inside, :dim]
-    return found, strain
+    return found
 
 
 def _springs(parameters: Parameters, geometry: Geometry) -> Matrix:

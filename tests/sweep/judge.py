@@ -98,7 +98,7 @@ class _Scales:
             size = state.pressure[:, None] * np.abs(contact.normals) + np.abs(state.traction)
             self.tractions += contact.forces(np.abs(size))
         self.rounding = DIGITS * _EPS * (parts + self.tractions)
-        strain = np.linalg.norm(discrete.limited(u), axis=1)
+        strain = np.linalg.norm(discrete.strains(u), axis=1)
         stress = np.linalg.norm(state.locking, axis=1)
         # Where M is infinite there is no locking stress.
         held = np.where(stress > 0.0, np.minimum(discrete.limit, strain), 0.0)
@@ -192,7 +192,7 @@ def _equilibrium(discrete: Discrete, state: State, scales: _Scales) -> float:
 
 
 def _locking(discrete: Discrete, state: State, scales: _Scales) -> Found:
-    strains = discrete.limited(state.u)
+    strains = discrete.strains(state.u)
     size, stress = np.linalg.norm(strains, axis=1), np.linalg.norm(state.locking, axis=1)
     limit, n, volumes = discrete.limit, discrete.n, discrete.volumes
     locks = np.isfinite(limit)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -158,9 +157,6 @@ def heated(random: Random) -> Case:
     if chance(random, 0.3):
         given.append({"value": vector(random, dim, 0.3 * size)})
     case.study["material"]["eigenstrain"] = given
-    if chance(random, 0.4):
-        case.study["material"]["limits_of"] = "elastic"
-        case = replace(case, truth=replace(case.truth, admissible=None))
     loads = case.study["loads"]
     if chance(random, 0.6):
         beds: list[Study] = [

@@ -69,8 +69,7 @@ def _scalar_programme(discrete: Discrete, scales_prescribed: bool) -> float:
         moved = A @ discrete.prescribed
         last = -moved[:, None] if scales_prescribed else above.toarray()
         rows.A.append(sp.hstack([A[:, free] * size, sp.csr_matrix(last)], "csr"))
-        origin = below @ (discrete.origin[locks] / limit[locks, None]).ravel()
-        moved = above.toarray().ravel() + (0.0 if scales_prescribed else moved) - origin
+        moved = above.toarray().ravel() + (0.0 if scales_prescribed else moved)
         rows.b.append(moved)
         rows.cones += [clarabel.SecondOrderConeT(1 + m)] * len(locks)
     if discrete.contact is not None:
@@ -146,8 +145,7 @@ def minimiser(discrete: Discrete, bound: FloatArray) -> FloatArray:
         blocks = {"u": B[:, free] * size}
         if soft:
             blocks["q"] = first
-        origin = (discrete.origin[locks] / limits[:, None]).ravel()
-        b = first @ np.ones(len(locks)) + B @ start - below @ origin
+        b = first @ np.ones(len(locks)) + B @ start
         add((1 + m) * len(locks), [clarabel.SecondOrderConeT(1 + m)] * len(locks), b, **blocks)
     if len(nodes):
         assert contact is not None
@@ -171,7 +169,7 @@ def energy(discrete: Discrete, bound: FloatArray, u: FloatArray) -> float:
     """The objective at a displacement, with the least q, r and t that are feasible."""
     value = 0.5 * u @ (discrete.stiffness @ u) - discrete.load @ u
     if math.isfinite(discrete.n):
-        over = np.linalg.norm(discrete.limited(u), axis=1) - discrete.limit
+        over = np.linalg.norm(discrete.strains(u), axis=1) - discrete.limit
         value += discrete.n * discrete.volumes @ np.maximum(over, 0.0) ** 2
     contact = discrete.contact
     if contact is not None:

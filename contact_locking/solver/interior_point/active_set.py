@@ -24,19 +24,15 @@ from contact_locking.parallel import on_any_rank, on_every_rank
 from contact_locking.solver.interior_point.bound_step import BoundStep, MovingBound
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.family import Direction, Family
-from contact_locking.solver.interior_point.few_changes import FewChanges
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.interior_point.judge import Judge
-from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
-from contact_locking.solver.interior_point.locking_cones import LockingCones
-from contact_locking.solver.interior_point.principal_cones import PrincipalCones
+from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain, LockingCones
 from contact_locking.solver.interior_point.projections import (
     FrictionProjection,
     HalfLineProjection,
     LockingProjection,
-    PrincipalProjection,
     Projection,
 )
 from contact_locking.solver.interior_point.tangent import Tangent
@@ -109,7 +105,6 @@ class ActiveSet:
         self._moving = [dataclasses.replace(item, least=0.0) for item in bounds if bound_moves]
         self._standing = [] if bound_moves else list(bounds)
         self._laws = {family: self._law(family) for family in tangent.families}
-        self._few: FewChanges | None = None
 
     def _law(self, family: Family) -> Projection[Any]:
         """The semismooth equation of a family."""
@@ -118,8 +113,6 @@ class ActiveSet:
             return FrictionProjection(family, stiffness, _STIFFEST)
         if isinstance(family, LockingCones):
             return LockingProjection(family, stiffness, _STIFFEST)
-        if isinstance(family, PrincipalCones):
-            return PrincipalProjection(family, stiffness, _STIFFEST)
         assert isinstance(family, HalfLines)
         floor = _FLOOR * self._springs * isinstance(family, ContactCones)
         return HalfLineProjection(family, stiffness, _STIFFEST, floor)
@@ -236,7 +229,6 @@ class ActiveSet:
         iterate = Iterate(tangent, self._tuning.band)
         left: list[_Left] = []
         bound_step: BoundStep | None = None
-        self._few = None
         keeps = reached = False
         for number in range(min(_MOST_STEPS, task.settings.max_iterations)):
             for law in () if is_linearised else self._laws.values():
@@ -244,14 +236,13 @@ class ActiveSet:
                     law.linearise()
                 law.evaluate()
             is_linearised = False
-            if not (keeps or (self._few is not None and self._few.take())):
+            if keeps:
+                assert bound_step is not None
+                bound_step.look()
+            else:
                 tangent.refresh()
                 task.counts.tangents += 1
                 bound_step = BoundStep(self._moving, tangent, self._tuning)
-                self._few = self._few_changes()
-            else:
-                assert bound_step is not None
-                bound_step.look()
             self._advance(self._direction(bound_step))
             measures = self._judge.measure(iterate)
             task.monitor.iteration(number, measures.worst())
@@ -299,16 +290,7 @@ class ActiveSet:
 
     def _displacement(self) -> FloatArray:
         aims = [law.aim for law in self._laws.values()]
-        step = self._tangent.solve_step(aims, self._task.settings.tolerance)
-        return step if self._few is None else self._few.correct(step)
-
-    def _few_changes(self) -> FewChanges | None:
-        """What later steps correct of this tangent, if nothing but half lines acts; collective."""
-        families = [family for family in self._laws if isinstance(family, HalfLines)]
-        others = [family.weights for family in self._laws if family not in families]
-        if on_any_rank(self._tangent.comm, np.concatenate([np.zeros(0), *others]) > 0.0):
-            return None
-        return FewChanges(self._tangent, families, self._task.settings.tolerance)
+        return self._tangent.solve_step(aims, self._task.settings.tolerance)
 
     def _direction_of(self, du: FloatArray) -> Direction:
         return Direction(

@@ -18,7 +18,6 @@ from contact_locking.solver.interior_point.contact_nodes import OnContact
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.iterate import Iterate
-from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
 from contact_locking.solver.task import Target
 
 # Multipliers are balanced by a stress this many times stiffer than the material.
@@ -39,8 +38,7 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     that follows u_D, and s P for those that follow s u_D; but it is ``R = int M |Z| + int p gap``
     at most where ``|eps| <= M`` and ``u_nu <= gap``.  So no admissible field on this mesh follows
     s u_D with ``s > R/P``.  With several sets of strains Z is the sum of ``L^T y`` over them, and
-    ``M |y|``, with ``y >= 0`` for a half space, takes the place of ``M |Z|``.  Limits of the
-    elastic strain ``eps - eps_0`` add the work E of Z at eps_0 to R.
+    ``M |y|``, with ``y >= 0`` for a half space, takes the place of ``M |Z|``.
 
     The multipliers of ``iterate`` hardly balance each other.  With
 
@@ -92,25 +90,18 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
         for item in reactions
     ]
     power, resistance = _power(iterate, reactions), _resistance(iterate, reactions)
-    origin = sum(
-        item.family.origin_work(item.values)
-        for item in reactions
-        if isinstance(item.family, LimitsOfStrain)
-    )
-    origin = float(iterate.comm.allreduce(origin))
     resistance += _work_beyond(system, rho, _SMALL_STRAIN)
     # The residual of the linear solve and springs may work along any admissible displacement.
     farthest = system.largest_displacement() + _SMALL_STRAIN * target.length
     resistance += (tangent.left_unbalanced() + _pull_of_springs(system, rho)) * farthest
     # An infinite resistance is that of a foundation that would have to pull.
-    if not power - resistance > _ROUNDING * (abs(power) + abs(resistance) + abs(origin)):
+    if not power - resistance > _ROUNDING * (abs(power) + abs(resistance)):
         return None
-    resistance, power = resistance + origin, power + origin
     return resistance / power if resistance > 0.0 else math.inf
 
 
 def _power(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
-    """``B(u) - E`` of the displacement visited last; collective."""
+    """``B(u)`` of the displacement visited last; collective."""
     local = sum(item.family.power(item.values, item.family.seen) for item in reactions)
     return float(iterate.comm.allreduce(local))
 

@@ -196,5 +196,4 @@ def _rest_is_admissible(system: PenalisedSystem, prescribed: FloatArray) -> bool
     """Whether u = 0 is within the limit and the gaps and has the prescribed values; collective."""
     moves = bool(np.any(prescribed != 0.0))
     overlaps = any(bool(np.any(contact.gaps < 0.0)) for contact in system.contacts)
-    starts_elsewhere = system.data.origin is not None
-    return not system.comm.allreduce(moves or overlaps or starts_elsewhere)
+    return not system.comm.allreduce(moves or overlaps)

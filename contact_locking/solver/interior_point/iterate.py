@@ -11,7 +11,7 @@ from contact_locking.parallel import exceeded_by_few, maximum, minimum
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.solver.interior_point.family import Direction, Family, Reaction
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
-from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
+from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.tangent import Tangent
 
 # Mehrotra's second-order terms, with those of recentrings, of each family.

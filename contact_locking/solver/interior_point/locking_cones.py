@@ -1,19 +1,28 @@
-"""The cones of a limited norm of the strain: of the ball, the deviator, or a weighted norm."""
+"""The cones of limits of the strain: Lorentz cones of norms, and half lines of half spaces."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
 import ufl
 from dolfinx import fem
+from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import FloatArray
-from contact_locking.solver.interior_point.family import Springs, Step, dot
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.parallel import minimum
+from contact_locking.problem.rounding import ROUNDING
+from contact_locking.solver.interior_point.family import Family, Springs, Step, dot
 from contact_locking.solver.interior_point.half_lines import HalfLines
-from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain, StrainCones
-from contact_locking.solver.interior_point.lorentz import Scaling, inverse, norm
+from contact_locking.solver.interior_point.lorentz import (
+    LorentzCones,
+    Scaling,
+    aligned,
+    inverse,
+    norm,
+)
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
 from contact_locking.solver.multipliers import Multipliers
 
@@ -21,7 +30,74 @@ from contact_locking.solver.multipliers import Multipliers
 _MOST_STEPS = 40
 
 
-class LockingCones(StrainCones):
+class LimitsOfStrain(Family):
+    """Cones at the points of ``strains``, the family number ``number`` of the sets of strains.
+
+    ``compliance = 1/(2n)`` is 0 for n = inf.
+    """
+
+    scale = 1.0
+    #: Whether the start compares the elastic strain with M: a half space limits one component only.
+    bounds_norm = True
+
+    def __init__(self, strains: StrainOperator, compliance: float, number: int) -> None:
+        self.strains, self._number, self.compliance = strains, number, compliance
+        self.comm, self.weights = strains.comm, strains.weights
+
+    @property
+    def limit(self) -> FloatArray:
+        """M (k,)."""
+        return self.strains.limit
+
+    @property
+    @abstractmethod
+    def reach(self) -> FloatArray:
+        """The measure (k,) of the seen strain that M bounds."""
+
+    @property
+    @abstractmethod
+    def penalised(self) -> FloatArray:
+        """The reactions that the penalty law (23) gives for the seen strain, for n < inf."""
+
+    def see(self, displacement: FloatArray) -> FloatArray:
+        return self.strains.strains(displacement)
+
+    def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
+        self.strains.add_forces(reactions, forces)
+
+    def is_kept(self, margin: float, displacement: float) -> bool:
+        return bool(np.all(self.reach <= self.limit * (1.0 + margin + ROUNDING)))
+
+    @property
+    @abstractmethod
+    def stiffest(self) -> FloatArray:
+        """The largest eigenvalue (k,) of the block D."""
+
+    def is_stiff(self, factor: float, material: float) -> BoolArray:
+        """Where D is stiffer than the material, and than its softest point; collective."""
+        stiffness = self.stiffest
+        return np.asarray(stiffness > factor * max(material, minimum(self.comm, stiffness)))
+
+    def stiff_nodes(self, factor: float, material: float) -> IndexArray:
+        return self.strains.nodes_at(self.is_stiff(factor, material))
+
+    def write_block(self) -> None:
+        self.write_springs([values for _, values in self.springs])
+
+    def soften(self, factor: float, material: float) -> None:
+        is_stiff = self.is_stiff(factor, material)
+        self.write_springs([np.where(is_stiff, 0.0, values) for _, values in self.springs])
+
+    def along(self, points: IndexArray, directions: FloatArray) -> PETSc.Mat:
+        return self.strains.along(points, directions)
+
+    def describe_excess(self) -> str:
+        """Where what was seen exceeds its limit the most, "" below; collective."""
+        what = "the strain" if self._number == 0 else f"the strain of {self.strains.law.name}"
+        return self.strains.describe_excess(np.maximum(self.reach, 0.0) / self.limit, what)
+
+
+class LockingCones(LimitsOfStrain, LorentzCones):
     """``x = (M + q, L eps)`` in the cone with cost ``n q^2`` at every point; ``z = (z_0, -y)``.
 
     ``L`` is the linear map of the ``law`` of ``strains``, ``limit`` is M (k,).
@@ -48,6 +124,9 @@ class LockingCones(StrainCones):
         return beyond / self.compliance * self.seen
 
     # The iterate.
+
+    def write(self, multipliers: Multipliers, stiffness: float) -> None:
+        self.strains.set_tensors(multipliers.parts[self._number], self.reactions)
 
     def start(self, level: float, least: float) -> None:
         radius = np.maximum(self.limit, 1.5 * norm(self.seen))
@@ -81,6 +160,9 @@ class LockingCones(StrainCones):
         d_rest = self._gap[1:] + seen
         dz = self._dual_step(d_rest)
         return Step(np.vstack([self._gap[0] + self._yielding * dz[0], d_rest]), dz)
+
+    def centred(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return aligned(x, z, np.ones(len(self.weights), dtype=bool))
 
     def move_adjoint(self, seen: FloatArray) -> FloatArray:
         self.move(np.zeros_like(self.x))
@@ -151,6 +233,9 @@ class LockingCones(StrainCones):
 
     # Whether anything is admissible.
 
+    def largest_multiplier(self) -> float:
+        return float(self.z[0].max(initial=0.0))
+
     def resistance(self, reactions: FloatArray) -> float:
         """``int M |y|``."""
         return float(self.weights @ (self.limit * np.linalg.norm(reactions, axis=0)))
@@ -170,11 +255,6 @@ class StrainHalfLines(LimitsOfStrain, HalfLines):
 
     def see(self, displacement: FloatArray) -> FloatArray:
         return super().see(displacement)[0]
-
-    @property
-    def _origin(self) -> FloatArray | float:
-        origin = super()._origin
-        return origin if isinstance(origin, float) else origin[0]
 
     @property
     def reach(self) -> FloatArray:
@@ -209,6 +289,10 @@ class StrainHalfLines(LimitsOfStrain, HalfLines):
     @property
     def springs(self) -> Springs:
         return [(np.ones((1, len(self.stiffness))), self.stiffness)]
+
+    @property
+    def stiffest(self) -> FloatArray:
+        return self.stiffness
 
     def write_springs(self, stiffness: Sequence[FloatArray]) -> None:
         self.strains.set_values(self._k, stiffness[0])

@@ -23,7 +23,6 @@ from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.locking_cones import LockingCones
 from contact_locking.solver.interior_point.lorentz import norm
-from contact_locking.solver.interior_point.principal_cones import TURN, Frame, PrincipalCones
 from contact_locking.solver.task import Pair
 
 _TINY = float(np.finfo(float).tiny)
@@ -349,60 +348,6 @@ class LockingProjection(Projection[LockingCones]):
         family.z = np.vstack([stress, -y])
         limit = family.limit + family.compliance * stress
         family.x = np.vstack([limit, (self._shifted() - y) / self.c])
-
-
-class PrincipalProjection(Projection[PrincipalCones]):
-    """``z = [v]^+/(1 + c compliance)`` with ``v = z - c room``: the part with positive eigenvalues.
-
-    The derivative of ``[.]^+`` is diagonal in the frame of v, with the entries p that are 0 or 1
-    and, across, the difference quotient of both eigenvalues.
-    """
-
-    def linearise(self) -> None:
-        family, v = self.family, self._shifted()
-        self._active = _eigenvalues(v) > 0.0
-        first, second = _eigenvalues(v)
-        spread = first - second
-        positive = np.maximum(first, 0.0) - np.maximum(second, 0.0)
-        across = np.where(spread > 0.0, positive / np.where(spread > 0.0, spread, 1.0), first > 0.0)
-        share = np.array([*self._active.astype(float), across])
-        family.frame = Frame.of(v)
-        self._left = 1.0 + self.c * family.compliance - share * (1.0 - self.c * self.softness)
-        family.factors = self.c * share / self._left
-
-    def evaluate(self) -> None:
-        family, share = self.family, 1.0 + self.c * self.family.compliance
-        left = _positive(self._shifted()) / share - TURN @ self.y
-        factors = np.asarray(share / self._left)
-        self.rest = family.reactions_of(family.frame.apply(factors, left))
-
-    def step(self, seen: FloatArray) -> Step:
-        dz = TURN @ (self.rest + self.family.block(seen))
-        return Step(np.zeros_like(self.family.x), dz)
-
-    def advance(self, step: Step) -> None:
-        family = self.family
-        self.y = family.reactions_of(_positive(TURN @ self.y + step.dual))
-        v = self._shifted()
-        changed = (_eigenvalues(v) > 0.0) != self._active
-        self.changed = _count(changed.any(axis=0))
-        family.z = np.asarray(_positive(v) / (1.0 + self.c * family.compliance))
-        family.x = np.asarray(_positive(-v) / self.c)
-
-    def _shifted(self) -> FloatArray:
-        return np.asarray(TURN @ self.y - self.c * self.family.room)
-
-
-def _eigenvalues(v: FloatArray) -> FloatArray:
-    """``v_0 +- |v_1|`` (2, k)."""
-    length = norm(v[1:])
-    return np.array([v[0] + length, v[0] - length])
-
-
-def _positive(v: FloatArray) -> FloatArray:
-    """``[v]^+`` (3, k), the nearest point of the cone."""
-    first, second = np.maximum(_eigenvalues(v), 0.0)
-    return np.vstack([0.5 * (first + second), 0.5 * (first - second) * Frame.of(v).along])
 
 
 def _count(marked: BoolArray) -> int:

@@ -11,7 +11,7 @@ from contact_locking.problem.rigidity.motions import prescribed_motion
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.contact_nodes import OnContact
 from contact_locking.solver.interior_point.family import Reaction
-from contact_locking.solver.interior_point.limits_of_strain import LimitsOfStrain
+from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.task import Task

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 import ufl
 from dolfinx import fem, la
@@ -29,8 +27,7 @@ class StrainOperator:
     this rank that the set limits.  The points are the degrees of freedom ``dofs`` (k,) of the
     spaces of strains ``scalars`` and ``tensors``, and lie in the cells ``cells`` (k,).  ``weights``
     (k,) are the weights of the locking rule at the points, ``dx`` is the measure with this rule,
-    and ``limit`` (k,) is M.  ``origin`` is ``L eps_0`` (m, k), 0 without an origin of the set.
-    ``kept`` is that of the system.
+    and ``limit`` (k,) is M.  ``kept`` is that of the system.
     """
 
     def __init__(
@@ -59,14 +56,12 @@ class StrainOperator:
         by_cell.destroy()
         self.scalars = element.shared_strain_space(kept, mesh)
         self.tensors = element.shared_strain_space(kept, mesh, element.strain_shape(mesh))
-        self._element = element
         weights: FloatArray = kept(
             "locking weights",
             lambda: fem.assemble_vector(compiled.form(ufl.TestFunction(self.scalars) * dx)).array,
         )
         self.weights = weights[self.dofs]
         self._displacement, self._integrals = self._matrix.createVecs()
-        self.origin = self._of_origin(kept)
 
     def _vector(self, eps: Expr) -> Expr:
         """``L eps`` as a Mandel vector, or with one row for a scalar."""
@@ -74,19 +69,6 @@ class StrainOperator:
         if measured.ufl_shape:
             return mandel_vector(measured, self._pairs)
         return ufl.as_vector([measured])
-
-    def _of_origin(self, kept: Kept) -> FloatArray | float:
-        if self.law.origin is None:
-            return 0.0
-        expr, space = self._vector(self.law.origin), self.scalars
-
-        def made() -> tuple[fem.Function, fem.Expression]:
-            function = fem.Function(self._element.strain_space(space.mesh, (self.rows,)))
-            return function, compiled.interpolation(expr, function.function_space)
-
-        function, values = kept(("origin", self.law), made)
-        function.interpolate(values)
-        return np.asarray(function.x.array.reshape(-1, self.rows)[self.dofs].T)
 
     def strains(self, displacement: FloatArray) -> FloatArray:
         """``L eps`` (m, k) of a displacement (owned values, others are ignored); collective."""
@@ -124,14 +106,9 @@ class StrainOperator:
             tensors[self.dofs, i, j] = tensors[self.dofs, j, i] = row / mandel_factor(i, j)
         function.x.scatter_forward()
 
-    @cached_property
-    def matrices(self) -> fem.FunctionSpace:
-        """The space of Mandel matrices (m, m); collective."""
-        return self._element.strain_space(self.space.mesh, (self.rows, self.rows))
-
     def set_values(self, function: fem.Function, values: FloatArray) -> None:
-        """Give a function of ``scalars`` or :attr:`matrices` values (k, ...); collective."""
-        function.x.array.reshape(-1, *function.ufl_shape)[self.dofs] = values
+        """Give a function of ``scalars`` values (k,); collective."""
+        function.x.array[self.dofs] = values
         function.x.scatter_forward()
 
     def describe_excess(self, ratio: FloatArray, what: str) -> str:

@@ -358,9 +358,8 @@ class Parameters(Section):
         yield from self._faults_of_expressions(self.mesh.dim)
 
     def _dimension_faults(self, dim: int) -> Iterator[Fault]:
-        stress, elastic = self.material.plane == "stress", self.material.limits_of == "elastic"
-        body = BodyKind(dim, self.mesh.axisymmetric, stress, elastic)
-        yield from dimension_faults(self, body)
+        is_sheet = self.material.plane == "stress"
+        yield from dimension_faults(self, BodyKind(dim, self.mesh.axisymmetric, is_sheet))
 
     def _faults_of_expressions(self, dim: int | None) -> Iterator[Fault]:
         """Names and tables that there are not in ``dim`` dimensions, and t without steps."""

@@ -53,7 +53,6 @@ class BodyKind:
     dim: int
     axisymmetric: bool = False
     plane_stress: bool = False
-    elastic_limits: bool = False
 
     def __str__(self) -> str:
         return "for an axisymmetric body" if self.axisymmetric else f"in {self.dim}D"

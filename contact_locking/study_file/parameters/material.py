@@ -126,7 +126,7 @@ Eigenstrains: TypeAlias = Annotated[
 # Each limit adds integrals to the forms, and compiling long forms takes long.
 _MOST_LIMITS = 20
 #: The limits that one list has once at most: of two of them the smaller one counts everywhere.
-_ONCE = ("strain", "deviator", "volume", "largest_principal")
+_ONCE = ("strain", "deviator", "volume")
 #: The key that a norm needs, by the norm.
 _NEEDED = {"direction": "along", "weighted": "matrix"}
 _WITH_LOWER_LIMIT = ("volume", "direction")
@@ -137,18 +137,15 @@ _ACROSS_THE_PLANE = ("deviator", "volume")
 
 
 class StrainLimit(Section):
-    """|eps| <= M, |dev eps| <= M, m <= tr eps <= M, m <= a.eps a <= M, |C eps| or eps_I <= M.
+    """|eps| <= M, |dev eps| <= M, m <= tr eps <= M, m <= a.eps a <= M, or |C eps| <= M.
 
     In plane strain tr eps = eps_xx + eps_yy, and dev eps is the deviator of the three-dimensional
     strain with eps_zz = 0. In plane stress the limits are those of the strain in the plane.
     """
 
-    norm: Literal["strain", "deviator", "volume", "direction", "weighted", "largest_principal"] = (
-        entry(
-            ...,
-            "what is limited: |eps|, |dev eps|, tr eps, a.eps a along the unit vector a, |C eps|, "
-            "or the largest principal strain eps_I in the plane",
-        )
+    norm: Literal["strain", "deviator", "volume", "direction", "weighted"] = entry(
+        ...,
+        "what is limited: |eps|, |dev eps|, tr eps, a.eps a along the unit vector a, or |C eps|",
     )
     at_most: PositiveScalarOrInfinite | None = entry(None, "upper limit M > 0", "1")
     at_least: NegativeScalarOrInfinite | None = entry(
@@ -199,25 +196,13 @@ class StrainLimit(Section):
                 f"must have {number} components {body}, not {len(self.along)}: {show(self.along)}",
             )
         yield from _size_faults("matrix", self.matrix, body)
-        if self.norm == "largest_principal" and body.strains != 2:
+        if self.norm in _ACROSS_THE_PLANE and body.strains == 2 and body.plane_stress:
             yield Fault(
                 ("norm",),
-                "largest_principal is for bodies in 2D that are not axisymmetric: with three "
-                "principal strains the limit is a semidefinite cone of 3x3 tensors, which the "
-                "solvers do not have; take direction for the fibres that stretch most, or strain, "
-                "which implies it",
+                f"{self.norm} does not go with material.plane: stress: it limits the strain across "
+                "the plane as well, which is not known there; take strain, direction or weighted, "
+                "the limits of the strain in the plane",
             )
-        if self.norm in _ACROSS_THE_PLANE and body.strains == 2:
-            why = ""
-            if body.elastic_limits:
-                why = "limits_of: elastic in 2D, where the elastic strain across the plane is that "
-                why += "of the eigenstrain"
-            elif body.plane_stress:
-                why = "material.plane: stress: it limits the strain across the plane as well, "
-                why += "which is not known there"
-            instead = "take strain, direction or weighted, the limits of the strain in the plane"
-            if why:
-                yield Fault(("norm",), f"{self.norm} does not go with {why}; {instead}")
 
 
 StrainLimits: TypeAlias = Annotated[tuple[StrainLimit, ...], Field(max_length=_MOST_LIMITS)]
@@ -373,16 +358,10 @@ class MaterialParameters(Section):
     eigenstrain: Eigenstrains = entry(
         (), "strains that are not elastic: one section, or a list of sections, which add up"
     )
-    limits_of: Literal["total", "elastic"] = entry(
-        "total",
-        "which strain has the limits: total, eps(u), or elastic, eps(u) - eps_0 of the eigenstrain",
-    )
     regions: dict[str, Region] = entry({}, "other materials, by name of the group of cells")
 
     def _faults(self) -> Iterator[Fault]:
-        yield from limit_faults(self.locking, self.locking_limit)
-        if self.limits_of == "elastic" and not self.eigenstrains:
-            yield Fault(("limits_of",), "elastic needs an eigenstrain; leave the key out")
+        return limit_faults(self.locking, self.locking_limit)
 
     @property
     def eigenstrains(self) -> list[tuple[Place, Eigenstrain]]:

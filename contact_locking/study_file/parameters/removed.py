@@ -7,9 +7,13 @@ KEYS: dict[str, str] = {
     "at_supports": "beside supports R keeps constant pressures, as by keep; leave the key out",
     "tilt": "a foundation does not turn by itself: give motion a rotation, or take a stiff body "
     "that touches in its place",
+    "limits_of": "limits are those of the whole strain eps(u); leave the key out, and add the "
+    "expansion to the limit where the body may expand freely",
 }
 
 #: By the name of a key and one of its values; the sentence is the whole message.
 VALUES: dict[tuple[str, str], str] = {
     ("coefficient", "inf"): "must be finite: take 1e3, with which hardly anything slips",
+    ("norm", "largest_principal"): "largest_principal is no norm of limits; take strain, which "
+    "implies it, or direction along the fibres that stretch most",
 }

@@ -80,8 +80,6 @@ def _triangles(state: SolvedState) -> Triangles:
     """The triangles of a problem that the proof covers; collective."""
     problem = state.problem
     require_still_foundations(state)
-    if problem.data.origin is not None:
-        raise NotApplicable("no proof covers limits of the elastic strain")
     require_straight_triangles(state)
     if problem.element.degree != 1:
         raise NotApplicable("for linear elements")

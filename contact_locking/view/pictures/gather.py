@@ -64,11 +64,9 @@ class Pieces:
     def strain_norm(self, solution: StudySolution) -> FloatArray:
         """|eps(u)| (k,) at the midpoints of the pieces of owned cells; collective.
 
-        For an axisymmetric body, in boxes, and for elastic strains these are the values of
-        :meth:`at_points`.
+        For an axisymmetric body and in boxes these are the values of :meth:`at_points`.
         """
-        total = solution.limits_of == "total"
-        is_affine = self.of_simplex and not solution.domain.axisymmetric and total
+        is_affine = self.of_simplex and not solution.domain.axisymmetric
         if len(self.nodes) == 1 or not is_affine:
             return self.at_points(solution.strain_norm)
         domain, eps = solution.domain, strain(solution.displacement)
