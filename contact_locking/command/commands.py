@@ -115,7 +115,7 @@ def study(arguments: argparse.Namespace) -> int:
     from contact_locking.running.studies.executor import Plan
     from contact_locking.running.studies.runner import Study, finish, summary_rows
 
-    plan = Plan(arguments.jobs, arguments.ranks, arguments.executor)
+    plan = Plan(arguments.jobs, arguments.ranks)
     with _explained(file):
         done = Study.of(file)
         finish(done, file.parameters, plan, terminal.console())
@@ -160,11 +160,11 @@ def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
     """The best of several searches that a fit asks for, None for one search."""
     from contact_locking.running.studies.executor import Plan
 
-    plan = Plan(arguments.jobs, arguments.ranks, arguments.executor)
+    plan = Plan(arguments.jobs, arguments.ranks)
     given = file.parameters.fit
     if given is None or given.starts == 1:
         if plan != Plan():
-            raise InputError("--jobs, --ranks and --executor are for several searches: fit.starts")
+            raise InputError("--jobs and --ranks are for several searches: fit.starts")
         return None
     if terminal.world() is not None:
         raise InputError("start several searches without mpirun: --ranks K runs each on K ranks")

@@ -111,9 +111,7 @@ def _case(
 
 
 FAILURE, PROGRESS, LOG = "failure.json", "progress.json", "log.txt"
-#: With Slurm, the exit code of the command that has solved a case.
-EXIT_CODE = "exit_code.txt"
-_BESIDE_RESULTS = (FAILURE, PROGRESS, LOG, EXIT_CODE)
+_BESIDE_RESULTS = (FAILURE, PROGRESS, LOG)
 
 State = Literal["converged", "not converged", "failed", "not run"]
 

@@ -33,10 +33,7 @@ from .cases import (
     strangers,
     write_table,
 )
-from .executor import Plan, launcher
-from .local import LocalExecutor
-from .slurm import FILES as SLURM_FILES
-from .slurm import SlurmExecutor, require_slurm
+from .executor import Executor, Plan, launcher
 from .view import View
 
 if TYPE_CHECKING:
@@ -45,6 +42,7 @@ if TYPE_CHECKING:
 INDEX = "index.txt"
 KEY = "output.directory"
 _TABLE_SECONDS = 2.0
+_PAUSE_SECONDS = 0.05
 _GO_ON = "Finished cases are kept; make room, and repeat the command for the others."
 
 
@@ -90,8 +88,6 @@ def finish(study: Study, parameters: Parameters, plan: Plan, console: Console) -
     and if mpirun is missing; ContactLockingError if the disk is full.
     """
     launcher(plan.ranks)
-    if plan.executor == "slurm":
-        require_slurm()
     directory = study.directory
     with explained(not_writable(directory), directory, KEY, _GO_ON):
         make_folders(directory / "cases")
@@ -116,7 +112,7 @@ def finish(study: Study, parameters: Parameters, plan: Plan, console: Console) -
 def _require_own(study: Study, todo: Sequence[Case]) -> None:
     """Raise InputError, before the first case, for files of others in place of any results."""
     ownership.require_own(study.directory, (PARAMETERS, TABLE_CSV, TABLE_LINES), KEY)
-    ownership.require_own(study.directory / "cases", (INDEX, *SLURM_FILES), KEY)
+    ownership.require_own(study.directory / "cases", [INDEX], KEY)
     for case in todo:
         require_own(case)
 
@@ -125,7 +121,7 @@ def _announce(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> Non
     before = f", {study.finished} finished before" if study.finished else ""
     view.line(f"{len(study.cases)} cases in {study.directory}{before}")
     asked, cores = plan.jobs * plan.ranks, os.cpu_count() or 1
-    if plan.executor == "local" and asked > cores:
+    if asked > cores:
         text = f"warning: {asked} processes share the {cores} cores of this machine, and are slow"
         view.line(text, "yellow")
     if repeated := len(study.cases) - len(study.outcomes):
@@ -152,10 +148,7 @@ def _prepare(study: Study, parameters: Parameters) -> None:
 
 def _solve(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
     """Run the cases; write the table of the finished cases also if an error ends this."""
-    is_local = plan.executor == "local"
-    executor: LocalExecutor | SlurmExecutor = (
-        LocalExecutor(todo, plan) if is_local else SlurmExecutor(todo, plan, study.directory)
-    )
+    executor = Executor(todo, plan)
     written = time.monotonic()
     try:
         with stoppable():
@@ -171,7 +164,7 @@ def _solve(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
                     written = time.monotonic()
                 executor.start()
                 view.show(executor.running)
-                time.sleep(executor.pause)
+                time.sleep(_PAUSE_SECONDS)
     finally:
         executor.stop()
         study.look()
