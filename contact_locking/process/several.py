@@ -16,8 +16,6 @@ from contact_locking.study_file.named_numbers import with_load_share
 
 _COLUMNS = ("index", "contact_force", "friction_force", "elastic_energy", "compliance")
 _NONE = "there is no other on this mesh, as kappa is below 1, and none was searched"
-#: The folders of all further solutions, as a pattern.
-FOLDERS = "equilibrium_*"
 
 
 def folder_of(number: int) -> str:

@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from contact_locking.errors import ContactLockingError, explained
-from contact_locking.files import atomic, ownership
+from contact_locking.files import atomic
 from contact_locking.files.atomic import remove_abandoned, staging
+from contact_locking.results.names import REPORT
 
 if TYPE_CHECKING:
     from .charts import Chart
 
-PAGE, CHARTS = "report.html", "report"
+PAGE, CHARTS = REPORT, "report"
 #: The name of the page and of the charts of a study whose folder holds the report of a run too.
 BESIDE_RUN = "report-study"
 
@@ -25,10 +26,7 @@ GENERATOR = "contact_locking"
 
 
 def replace(folder: Path, html: str, charts: Sequence[Chart], name: str = CHARTS) -> Path:
-    """Write a report in place of an earlier one, and return the path of the page.
-
-    Raises OSError, and InputError if files of others are in its place.
-    """
+    """Write a report in place of an earlier one, and return the path of its page; OSError."""
     remove_abandoned(folder)
     with staging(folder) as unfinished:
         made = unfinished / name
@@ -37,19 +35,10 @@ def replace(folder: Path, html: str, charts: Sequence[Chart], name: str = CHARTS
             chart.write(made)
         page = f"{name}.html"
         (unfinished / page).write_text(html, encoding="utf-8", newline="")
-        ownership.replace(folder, unfinished, [name, page])
+        (folder / name).mkdir(exist_ok=True)
+        for path in [*made.iterdir(), unfinished / page]:
+            os.replace(path, folder / path.relative_to(unfinished))
     return folder / page
-
-
-def discard(directory: str | Path) -> None:
-    """Remove a report that has become out of date.  Raises OSError.
-
-    Files that others have put in its place stay.
-    """
-    folder = Path(directory)
-    own = [name for name in (PAGE, CHARTS) if ownership.is_own(folder / name)]
-    with staging(folder) as empty:
-        ownership.replace(folder, empty, own)
 
 
 _PROGRAMS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
@@ -90,7 +79,7 @@ def print_page(page: Path) -> Path:
             raise ContactLockingError(f"{program} could not print {page}: {_why(error)}") from error
         if not made.exists():
             raise ContactLockingError(f"{program} has printed nothing of {page}")
-        ownership.replace(page.parent, unfinished, [name])
+        os.replace(made, page.parent / name)
     return page.parent / name
 
 

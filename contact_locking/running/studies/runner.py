@@ -11,11 +11,17 @@ from typing import TYPE_CHECKING
 
 from contact_locking import study_file
 from contact_locking.errors import NoRoom, explained, tells_of_full_disk
-from contact_locking.files import ownership
-from contact_locking.files.atomic import remove_abandoned
+from contact_locking.files.atomic import remove_abandoned, write_text
 from contact_locking.files.lock import locked, make_folders
 from contact_locking.plain_text import duration
-from contact_locking.results.names import PARAMETERS, TABLE_CSV, TABLE_LINES, not_writable
+from contact_locking.results.names import (
+    KEY,
+    PARAMETERS,
+    TABLE_CSV,
+    TABLE_LINES,
+    not_writable,
+    require_own,
+)
 from contact_locking.running.studies.signals import stoppable
 from contact_locking.study_file import StudyFile
 from contact_locking.study_file.parameters import Parameters
@@ -29,7 +35,6 @@ from .cases import (
     each_once,
     other_version,
     outcome,
-    require_own,
     strangers,
     write_table,
 )
@@ -40,7 +45,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 INDEX = "index.txt"
-KEY = "output.directory"
 _TABLE_SECONDS = 2.0
 _PAUSE_SECONDS = 0.05
 _GO_ON = "Finished cases are kept; make room, and repeat the command for the others."
@@ -98,7 +102,7 @@ def finish(study: Study, parameters: Parameters, plan: Plan, console: Console) -
             with View(console, len(todo)) as view:
                 if not held:
                     view.line(f"warning: the file system of {directory} has no locks", "yellow")
-                _require_own(study, todo)
+                require_own(directory, (PARAMETERS, TABLE_CSV, TABLE_LINES))
                 _announce(study, todo, plan, view)
                 _prepare(study, parameters)
                 try:
@@ -107,14 +111,6 @@ def finish(study: Study, parameters: Parameters, plan: Plan, console: Console) -
                     of = f"{study.finished} of {len(study.cases)}"
                     view.line(f"{of} cases are finished; the same command does the others")
                     raise
-
-
-def _require_own(study: Study, todo: Sequence[Case]) -> None:
-    """Raise InputError, before the first case, for files of others in place of any results."""
-    ownership.require_own(study.directory, (PARAMETERS, TABLE_CSV, TABLE_LINES), KEY)
-    ownership.require_own(study.directory / "cases", [INDEX], KEY)
-    for case in todo:
-        require_own(case)
 
 
 def _announce(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
@@ -137,12 +133,12 @@ def _announce(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> Non
 
 
 def _prepare(study: Study, parameters: Parameters) -> None:
-    """Write the index of the cases, the parameters and a first table."""
+    """Write the parameters, the index of the cases and a first table."""
     for folder in (study.directory, study.directory / "cases"):
         remove_abandoned(folder)
+    write_text(study.directory / PARAMETERS, study_file.dump(parameters))
     lines = [f"{case.name}  {case.label}\n" for case in study.cases]
-    ownership.write_text(study.directory / "cases" / INDEX, "".join(lines))
-    ownership.write_text(study.directory / PARAMETERS, study_file.dump(parameters))
+    write_text(study.directory / "cases" / INDEX, "".join(lines))
     study.write_table()
 
 
