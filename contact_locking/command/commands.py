@@ -214,10 +214,6 @@ def check(arguments: argparse.Namespace) -> int:
 
     with _explained(study):
         output_folder.prepare(parameters.output.directory, comm)
-        if parameters.solver.petsc:
-            from contact_locking.process import of_study
-
-            of_study.settings_of(parameters)
         experiments, judged = [], []
         if parameters.fit is not None:
             from contact_locking.running.fit.curves import read_experiments

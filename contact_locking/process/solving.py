@@ -23,7 +23,7 @@ from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.checkpoint.restart import solved_already, start_in_words
 from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.loop import Steps
-from contact_locking.process.of_study import certified, of_study, settings_of, solver_of
+from contact_locking.process.of_study import certified, of_study, solver_of
 from contact_locking.process.sensitivities import (
     Sensitivities,
     central_differences,
@@ -81,7 +81,6 @@ def solve_steps(
     start = time.perf_counter()
     if restart is not None:
         checkpoint.expect(saved_steps(Path(restart))[-1], comm)
-    settings_of(parameters, petsc_options)  # refused before the mesh is made
     monitor.message("preparing the mesh and compiling forms (some seconds the first time)")
     problem = assemble(parameters, comm, domain)
     # Before the solve, because the mesh file may change during the solve.
@@ -208,7 +207,6 @@ def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[
 
     ``estimate`` is what the solve would take (:class:`contact_locking.process.forecast.Estimate`).
     """
-    settings_of(parameters)
     return forecast.completed(assembly.check(parameters, comm, require_known), parameters, comm)
 
 
