@@ -18,7 +18,7 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.problem.distance import distance
-from contact_locking.process import forecast, several
+from contact_locking.process import several
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.checkpoint.restart import solved_already, start_in_words
 from contact_locking.process.checkpoint.saved_steps import saved_steps
@@ -203,11 +203,8 @@ def _static(
 
 
 def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
-    """The facts and warnings of the assembled problem, without a solve; collective.
-
-    ``estimate`` is what the solve would take (:class:`contact_locking.process.forecast.Estimate`).
-    """
-    return forecast.completed(assembly.check(parameters, comm, require_known), parameters, comm)
+    """The facts and warnings of the assembled problem, without a solve; collective."""
+    return assembly.check(parameters, comm, require_known)
 
 
 def with_errors(solution: StudySolution, **errors: Any) -> StudySolution:
