@@ -80,9 +80,6 @@ def parser() -> argparse.ArgumentParser:
         command.add_argument(
             "--ranks", metavar="K", type=_positive, default=1, help="MPI ranks of each"
         )
-        command.add_argument(
-            "--executor", choices=("local", "slurm"), default="local", help=f"where {cases} run"
-        )
 
     one = add("new", "Write a study file to begin with: a demo with every key explained.")
     one.add_argument(

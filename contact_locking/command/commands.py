@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from contact_locking.command import terminal
 from contact_locking.command.terminal import petsc_complaints, world_with_dolfinx
 from contact_locking.errors import ContactLockingError, InputError, explained
+from contact_locking.plain_text import count, gigabytes
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -109,7 +110,7 @@ def study(arguments: argparse.Namespace) -> int:
     from contact_locking.running.studies.executor import Plan
     from contact_locking.running.studies.runner import Study, finish, summary_rows
 
-    plan = Plan(arguments.jobs, arguments.ranks, arguments.executor)
+    plan = Plan(arguments.jobs, arguments.ranks)
     with _explained(file):
         done = Study.of(file)
         finish(done, file.parameters, plan, terminal.console())
@@ -154,11 +155,11 @@ def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
     """The best of several searches that a fit asks for, None for one search."""
     from contact_locking.running.studies.executor import Plan
 
-    plan = Plan(arguments.jobs, arguments.ranks, arguments.executor)
+    plan = Plan(arguments.jobs, arguments.ranks)
     given = file.parameters.fit
     if given is None or given.starts == 1:
         if plan != Plan():
-            raise InputError("--jobs, --ranks and --executor are for several searches: fit.starts")
+            raise InputError("--jobs and --ranks are for several searches: fit.starts")
         return None
     if terminal.world() is not None:
         raise InputError("start several searches without mpirun: --ranks K runs each on K ranks")
@@ -202,16 +203,12 @@ def check(arguments: argparse.Namespace) -> int:
     comm = world_with_dolfinx(arguments)
     # The modules of the solvers and of the results take a third of the time of this command.
     from contact_locking.mesh import groups
-    from contact_locking.process import forecast
     from contact_locking.results import output_folder
+    from contact_locking.solver.linear.factorised import estimated_memory
     from contact_locking.study import assembly
 
     with _explained(study):
         output_folder.prepare(parameters.output.directory, comm)
-        if parameters.solver.petsc:
-            from contact_locking.process import of_study
-
-            of_study.settings_of(parameters)
         experiments, judged = [], []
         if parameters.fit is not None:
             from contact_locking.inverse.fit.curves import read_experiments
@@ -227,12 +224,11 @@ def check(arguments: argparse.Namespace) -> int:
         if comm.rank == 0 and cells > _MANY_CELLS:
             print(f"meshing, about {cells:.0e} cells", flush=True)
         facts = assembly.check(parameters, comm, *judged)
-        facts = forecast.completed(facts, parameters, comm)
     for warning in facts.pop("warnings"):
         terminal.complain(f"warning: {warning}")
     if comm.rank == 0:
         rows = [("mesh", parameters.mesh.file or str(parameters.mesh.builder))]
-        table, held, expected = (facts.pop(name) for name in ("groups", "held by", "estimate"))
+        table, held, size = (facts.pop(name) for name in ("groups", "held by", "compact dofs"))
         del facts["regions"], facts["boundary parts"]  # the table has them
         rows += [(name, _shown(value)) for name, value in facts.items()]
         rows += [(f"{part} is held by", words) for part, words in held.items()]
@@ -246,7 +242,13 @@ def check(arguments: argparse.Namespace) -> int:
             numbers = sum(one.count for one in experiments)
             told = f"{len(parameters.fit.parameters)} to {numbers} measured numbers"
             rows.append(("numbers to fit", told))
-        rows.append(("estimated memory", expected.words()))
+        unknowns = facts["dofs"]
+        if parameters.adapt is not None:
+            unknowns = size = max(unknowns, parameters.adapt.max_dofs)
+        linear, dim = parameters.solver.linear, facts["dimension"]
+        memory = gigabytes(estimated_memory(linear, dim, unknowns, size, comm.size))
+        about = "about" if parameters.adapt is None else "at most about"
+        rows.append(("estimated memory", f"{about} {memory} on {count(comm.size, 'rank')}"))
         print(f"{arguments.file} can be run:\n{terminal.columns(rows)}\n")
         print(terminal.columns(groups.table(table)))
     return 0

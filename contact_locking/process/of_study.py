@@ -13,22 +13,15 @@ from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.probe_table import sample
 from contact_locking.results.solution import Differentiable, StudySolution
-from contact_locking.solver.linear.options import UserOptions, require_usable
+from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.task import Settings
 from contact_locking.study.assembly import StudyProblem
-from contact_locking.study_file import require_parameters
 from contact_locking.study_file.parameters import Parameters
 
 
 def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None = None) -> Settings:
-    """The settings of a study file.
-
-    Raises InputError for a harmful PETSc option, or one that is no option.
-    """
-    require_parameters(parameters)
-    given, others = parameters.solver, petsc_options or {}
-    for options, section in ((given.petsc, "solver.petsc"), (others, None)):
-        require_usable(options, section)
+    """The settings of a study file."""
+    given = parameters.solver
     return Settings(
         method=given.method,
         tolerance=given.tolerance,
@@ -37,7 +30,7 @@ def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None 
         max_friction_updates=given.max_friction_updates,
         nested=given.friction == "nested",
         linear=given.linear,
-        petsc=UserOptions({**given.petsc, **others}),
+        petsc=UserOptions({**given.petsc, **(petsc_options or {})}),
     )
 
 

@@ -19,13 +19,12 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.problem.distance import distance
-from contact_locking.process import forecast
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.checkpoint.restart import solved_already, start_in_words
 from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.followers import followers_of
 from contact_locking.process.loop import Steps
-from contact_locking.process.of_study import certified, of_study, settings_of, solver_of
+from contact_locking.process.of_study import certified, of_study, solver_of
 from contact_locking.results.solution import StudySolution
 from contact_locking.study import assembly
 from contact_locking.study.assembly import StudyProblem, assemble
@@ -76,7 +75,6 @@ def solve_steps(
     start = time.perf_counter()
     if restart is not None:
         checkpoint.expect(saved_steps(Path(restart))[-1], comm)
-    settings_of(parameters, petsc_options)  # refused before the mesh is made
     monitor.message("preparing the mesh and compiling forms (some seconds the first time)")
     problem = assemble(parameters, comm, domain)
     # Before the solve, because the mesh file may change during the solve.
@@ -159,12 +157,8 @@ def _static(
 
 
 def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
-    """The facts and warnings of the assembled problem, without a solve; collective.
-
-    ``estimate`` is what the solve would take (:class:`contact_locking.process.forecast.Estimate`).
-    """
-    settings_of(parameters)
-    return forecast.completed(assembly.check(parameters, comm, wings.CHECKS), parameters, comm)
+    """The facts and warnings of the assembled problem, without a solve; collective."""
+    return assembly.check(parameters, comm, wings.CHECKS)
 
 
 def with_errors(solution: StudySolution, **errors: Any) -> StudySolution:

@@ -1,7 +1,16 @@
-"""The names of the files in the folders of runs and studies."""
+"""The names of the files in the folders of runs and studies, and the files that these replace."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from contact_locking.errors import InputError
+from contact_locking.study_file.dump import HEADER
+
+#: The key of the study file with the folder.
+KEY = "output.directory"
 SUMMARY, PARAMETERS, FIELDS = "summary.json", "parameters.yaml", "fields.bp"
 #: The fields for tools that do not read VTX: XDMF, and its data in HDF5.
 XDMF, XDMF_DATA = "fields.xdmf", "fields.h5"
@@ -22,15 +31,15 @@ ANIMATION = "animation.gif"
 MESHES = "meshes.npz"
 #: A fit to measured curves: its numbers, and the picture of data and model.
 FIT, FIT_PICTURE = "fit.json", "fit.png"
-#: The folder of the saved state.
-CHECKPOINT = "checkpoint"
+#: The report of a run or a study: its page, which a new run makes out of date, and its charts.
+PAGE, CHARTS = "report.html", "report"
+#: The folder of the saved state, and the file in it that says of what.
+CHECKPOINT, RECORD = "checkpoint", "record.json"
 #: All of a run in the order in which they are put in place: a folder with a summary has the others.
 FILES_OF_RUN = (
-    *(PARAMETERS, CONTACT, FACETS, HISTORY, MESHES, FIELDS, XDMF_DATA, XDMF),
-    *(PROBES, BRANCHES, SNAPSHOT, PICTURE, ANIMATION, FIT, FIT_PICTURE, CHECKPOINT, SUMMARY),
+    *(PARAMETERS, CONTACT, FACETS, HISTORY, MESHES, FIELDS, XDMF_DATA, XDMF, PROBES),
+    *(BRANCHES, SNAPSHOT, PICTURE, ANIMATION, FIT, FIT_PICTURE, PAGE, CHECKPOINT, SUMMARY),
 )
-#: The report of a run or a study: its page, and the folder of its charts.
-PAGE, CHARTS = "report.html", "report"
 #: More than the bytes of a summary, the parameters and some hundred contact points.
 TEXTS_BYTES = 65_536
 #: The table of a study, in CSV and in JSON lines.
@@ -47,3 +56,21 @@ def not_writable(directory: object) -> str:
     path = str(directory)
     shown = path if len(path) <= 300 else f"{path[:200]}...{path[-80:]}"
     return f"results cannot be written to {shown}"
+
+
+def require_own(directory: Path, names: Sequence[str] = FILES_OF_RUN) -> None:
+    """Raise InputError if results would replace files that no run or study has written; OSError.
+
+    In the folder of an earlier run or study, which its parameters tell, results replace all files
+    of their names; elsewhere they replace a saved state only.
+    """
+    parameters = directory / PARAMETERS
+    if parameters.is_file() and parameters.read_bytes().startswith(HEADER.encode()):
+        return
+    for path in [directory / name for name in names]:
+        if os.path.lexists(path) and not (path / RECORD).is_file():
+            raise InputError(
+                f"{path}: was not written by an earlier run, and would be replaced; move it away, "
+                "or write to another folder",
+                KEY,
+            )

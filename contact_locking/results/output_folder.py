@@ -10,14 +10,12 @@ from typing import TypeVar
 from mpi4py import MPI
 
 from contact_locking.errors import explained
-from contact_locking.files import atomic, ownership
+from contact_locking.files import atomic
 from contact_locking.files.lock import locked, new_folders
 from contact_locking.parallel import on_root
-from contact_locking.results.names import FILES_OF_RUN, TEXTS_BYTES, not_writable
+from contact_locking.results.names import KEY, TEXTS_BYTES, not_writable, require_own
 
 T = TypeVar("T")
-
-KEY = "output.directory"
 
 
 @contextlib.contextmanager
@@ -45,8 +43,6 @@ def reserved(directory: str | Path, comm: MPI.Intracomm) -> Iterator[None]:
 def prepare(directory: str | Path, comm: MPI.Intracomm) -> None:
     """Raise InputError if results cannot be written to ``directory``; leave no trace; collective.
 
-    This is so for a folder with files of others in place of the results.
-
     Raises ContactLockingError if the disk has no room for the text files.
     """
     target = Path(directory)
@@ -72,11 +68,6 @@ def on_root_of(comm: MPI.Intracomm, directory: Path, work: Callable[[], T]) -> T
 def explained_in(directory: Path) -> contextlib.AbstractContextManager[None]:
     """Raise an error about the folder of the results in place of an OSError."""
     return explained(not_writable(directory), directory, KEY)
-
-
-def require_own(directory: Path) -> None:
-    """Raise InputError if a result would replace or remove a file of others; OSError."""
-    ownership.require_own(directory, FILES_OF_RUN, KEY)
 
 
 def _require_writable(directory: Path) -> None:

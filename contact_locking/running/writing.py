@@ -14,12 +14,12 @@ from mpi4py import MPI
 
 from contact_locking import study_file, wings
 from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, require_kind
-from contact_locking.files import atomic, ownership
+from contact_locking.files import atomic
 from contact_locking.files.csv_file import csv_text
 from contact_locking.files.lock import make_folders
 from contact_locking.process.checkpoint import stored as checkpoints
 from contact_locking.results import adapted_meshes, contact_table, fields, names, probe_table, xdmf
-from contact_locking.results.output_folder import KEY, explained_in, on_root_of, require_own
+from contact_locking.results.output_folder import explained_in, on_root_of
 from contact_locking.results.solution import StudySolution, summary_text
 
 # The solution of a ContactProblem has no parameters that its files could tell.
@@ -76,13 +76,13 @@ def write(
     picture.png with snapshot.npz; ``checkpoint`` adds the folder checkpoint.  A step of a process
     adds history.csv.  ``series``, the file of a `FieldSeries`, is fields.bp in place of the fields
     of this step, and ``animation`` is on rank 0 the content of animation.gif.  The files are
-    written into a staging folder and moved when all are complete.  No file of an earlier run stays
-    in the folder, and a file that no run has written is neither replaced nor removed.
+    written into a staging folder and moved when all are complete.  They replace the results of an
+    earlier run in the folder, also those that this one does not have; all other files stay.
 
     If the picture or the checkpoint cannot be made, a warning says so, also in summary.json.
-    Raises InputError for a folder that cannot be written to or holds files of others in place of
-    these, and ContactLockingError for a full disk; if only the picture or the checkpoint has no
-    room, all other files are written first.
+    Raises InputError for a folder that cannot be written to or holds files of these names that no
+    run has written, and ContactLockingError for a full disk; if only the picture or the checkpoint
+    has no room, all other files are written first.
     """
     require_kind(solution, StudySolution, _OF_STUDY, "solution")
     comm, target = solution.domain.comm, Path(directory)
@@ -90,7 +90,7 @@ def write(
     warnings: list[str] = []
     refused: list[str] = []
     return_freed_memory()
-    on_root_of(comm, target, partial(require_own, target))
+    on_root_of(comm, target, partial(names.require_own, target))
     with _staging(comm, target) as staging:
         if series is not None:
             on_root_of(comm, target, partial(series.rename, staging / names.FIELDS))
@@ -119,10 +119,8 @@ def write(
             if animation is not None:
                 (staging / names.ANIMATION).write_bytes(animation)
             adapted_meshes.save(solution.meshes, staging / names.MESHES)
-            _discard_report(target)
-            for other in target.glob(names.OTHERS):
-                ownership.discard(other)
-            ownership.replace(target, staging, names.FILES_OF_RUN, KEY)
+            for name in names.FILES_OF_RUN:
+                atomic.put_in_place(staging / name, target / name)
 
         on_root_of(comm, target, finish)
     for number, other in enumerate(solution.others, start=2):
@@ -140,7 +138,9 @@ def save(solution: StudySolution, directory: str | Path) -> None:
     checkpoint of others.
     """
     require_kind(solution, StudySolution, _OF_STUDY, "solution")
-    save_as(solution, Path(directory), names.CHECKPOINT)
+    comm, target = solution.domain.comm, Path(directory)
+    on_root_of(comm, target, partial(names.require_own, target, [names.CHECKPOINT]))
+    save_as(solution, target, names.CHECKPOINT)
 
 
 def save_as(solution: StudySolution, directory: Path, name: str) -> None:
@@ -152,7 +152,7 @@ def save_as(solution: StudySolution, directory: Path, name: str) -> None:
     with _staging(comm, directory) as staging:
         folder = staging / name
         _write_checkpoint(solution, directory, folder)
-        on_root_of(comm, directory, lambda: ownership.replace(directory, staging, [name], KEY))
+        on_root_of(comm, directory, lambda: atomic.put_in_place(folder, directory / name))
 
 
 def _checkpoint(solution: StudySolution, target: Path, staging: Path) -> str | None:
@@ -202,13 +202,6 @@ def _write_texts(solution: StudySolution, folder: Path) -> None:
         texts[names.PROBES] = probe_table.text(solution.probes)
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
-
-
-def _discard_report(target: Path) -> None:
-    """Remove the report of an earlier run; files that others have put in its place stay."""
-    own = [name for name in (names.PAGE, names.CHARTS) if ownership.is_own(target / name)]
-    with atomic.staging(target) as empty:
-        ownership.replace(target, empty, own)
 
 
 def _explained_alone(

@@ -12,6 +12,9 @@ from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.base import Section
 from contact_locking.study_file.parameters.mesh import MeshParameters
 
+#: The first line of every file with the parameters of a run or of a study.
+HEADER = "# All parameters, written by contact_locking\n"
+
 
 def dump(parameters: Parameters) -> str:
     """A study file that loads back to equal parameters."""
@@ -23,6 +26,7 @@ def dump(parameters: Parameters) -> str:
         type(None), lambda writer, _: writer.represent_scalar("tag:yaml.org,2002:null", "null")
     )
     stream = io.StringIO()
+    stream.write(HEADER)
     yaml.dump(plain(parameters), stream)
     return stream.getvalue()
 

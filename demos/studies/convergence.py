@@ -14,7 +14,7 @@ from dolfinx import fem
 
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
-from contact_locking.files.ownership import write_text
+from contact_locking.files.atomic import write_text
 from contact_locking.laws.convex import squared_norm
 from contact_locking.mesh.domain import Domain
 from contact_locking.process.adaptivity.sharper_bound import on_mesh_of

@@ -59,7 +59,6 @@ RESULTS = {
     "parameters.yaml",
     "contact.csv",
     "contact_facets.csv",
-    "contact-locking-files.json",
 }
 
 

@@ -18,7 +18,6 @@ from report_folder import quick
 from slow import slow
 
 from contact_locking import InputError, Parameters, save, solve_steps, study_file
-from contact_locking.files import ownership
 from contact_locking.monitor import Monitor
 from contact_locking.results.history import History, read_history
 from contact_locking.running.process import run_steps
@@ -27,7 +26,6 @@ from contact_locking.view import report
 RUN = """
 import os, signal, sys
 from contact_locking import load
-from contact_locking.files import ownership
 from contact_locking.monitor import Monitor
 from contact_locking.running.process import run_steps
 
@@ -39,7 +37,6 @@ class Killing(Monitor):
 run_steps(load(sys.argv[1]).parameters, sys.argv[2], monitor=Killing())
 """
 FILES = {
-    ownership.LIST,
     "summary.json",
     "parameters.yaml",
     "contact.csv",

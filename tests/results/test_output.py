@@ -19,13 +19,12 @@ from solutions import made_up
 from contact_locking import solve, study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.files import ownership
 from contact_locking.results import fields, output_folder, xdmf
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing
 from contact_locking.view import pictures
 
-TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv", ownership.LIST}
+TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}
 FILES = TEXTS | {"fields.bp", "snapshot.npz", "picture.png"}
 
 

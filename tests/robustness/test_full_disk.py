@@ -19,7 +19,6 @@ from problems import SMALL_BLOCK
 from report_folder import run_folder
 from study_folder import FAKE, Folder
 
-from contact_locking.files import ownership
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.view.pictures.snapshot_file import load
 
@@ -99,7 +98,7 @@ def full(done: subprocess.CompletedProcess[str], what: str) -> None:
     assert "ake room" in done.stderr and done.stdout == ""
 
 
-TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv", ownership.LIST}
+TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}
 FILES = TEXTS | {"fields.bp"}
 DRAWN = FILES | {"picture.png", "snapshot.npz"}
 

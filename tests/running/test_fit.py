@@ -216,9 +216,7 @@ def test_several_searches_are_cases_of_a_study(
     assert folder.found["starts"] == found["starts"]
 
 
-def test_executors_are_for_several_searches(
-    folder: Folder, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_jobs_are_for_several_searches(folder: Folder, capfd: pytest.CaptureFixture[str]) -> None:
     folder.write(COLUMN + FIT, curve=LINE)
     assert folder.fit("--jobs", "2") == 2
     assert "are for several searches: fit.starts" in capfd.readouterr().err

@@ -11,9 +11,8 @@ import pytest
 from study_folder import STUDY, Folder
 
 from contact_locking.command import cli
-from contact_locking.running.studies import local
-from contact_locking.running.studies.executor import Plan
-from contact_locking.running.studies.local import LocalExecutor
+from contact_locking.running.studies import executor
+from contact_locking.running.studies.executor import Executor, Plan
 from contact_locking.running.studies.runner import Study
 
 pytestmark = pytest.mark.serial
@@ -33,26 +32,26 @@ for line in sys.stdin:
 """
 
 
-def solve_all(executor: LocalExecutor) -> dict[str, str]:
+def solve_all(running: Executor) -> dict[str, str]:
     """The reasons of all cases by their values, once all have ended."""
     found = {}
     end = time.monotonic() + 60
-    while executor.busy:
+    while running.busy:
         assert time.monotonic() < end
-        for ended in executor.poll():
+        for ended in running.poll():
             found[ended.case.label] = ended.why()
-        executor.start()
+        running.start()
         time.sleep(0.01)
-    executor.stop()
+    running.stop()
     return found
 
 
 def test_a_case_that_crashes_ends_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(local, "_PROGRAM", (sys.executable, "-c", STAND_IN))
+    monkeypatch.setattr(executor, "_WORKER", (sys.executable, "-c", STAND_IN))
     folder = Folder(tmp_path, monkeypatch)
     folder.write("{vary: {penalty.n: [10, 20, 9, 30, 5, 40]}}")
     cases = Study.of(folder.load()).cases
-    reasons = solve_all(LocalExecutor(cases, Plan()))
+    reasons = solve_all(Executor(cases, Plan()))
     assert len(reasons) == 6
     assert reasons["penalty.n = 9"].startswith("was killed by SIGKILL")
     assert reasons["penalty.n = 5"] == "in words"
@@ -64,27 +63,27 @@ def test_a_case_that_crashes_ends_alone(tmp_path: Path, monkeypatch: pytest.Monk
 def test_a_process_is_replaced_after_many_cases(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(local, "_PROGRAM", (sys.executable, "-c", STAND_IN))
-    monkeypatch.setattr(local, "_MOST_CASES", 2)
+    monkeypatch.setattr(executor, "_WORKER", (sys.executable, "-c", STAND_IN))
+    monkeypatch.setattr(executor, "_MOST_CASES", 2)
     folder = Folder(tmp_path, monkeypatch)
     folder.write("{vary: {penalty.n: [10, 20, 30, 40]}}")
     cases = Study.of(folder.load()).cases
-    solve_all(LocalExecutor(cases, Plan(jobs=1)))
+    solve_all(Executor(cases, Plan(jobs=1)))
     logs = [(case.folder / "log.txt").read_text() for case in cases]
     assert logs[0] == logs[1] != logs[2] == logs[3]
 
 
 def test_ending_a_study_ends_its_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     script = "import sys, time; sys.stdin.readline(); time.sleep(60)"
-    monkeypatch.setattr(local, "_PROGRAM", (sys.executable, "-c", script))
+    monkeypatch.setattr(executor, "_WORKER", (sys.executable, "-c", script))
     folder = Folder(tmp_path, monkeypatch)
     folder.write("{vary: {penalty.n: [10, 20, 30]}}")
-    executor = LocalExecutor(Study.of(folder.load()).cases, Plan(jobs=2))
-    executor.start()
+    several = Executor(Study.of(folder.load()).cases, Plan(jobs=2))
+    several.start()
     began = time.monotonic()
-    executor.stop()
+    several.stop()
     assert time.monotonic() - began < 30
-    assert all(running.ended() for running in executor.running)
+    assert all(slot.ended() for slot in several.running)
 
 
 @pytest.mark.slow

@@ -11,7 +11,6 @@ import textwrap
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
 
 import pytest
 from rich.console import Console
@@ -50,10 +49,10 @@ class Folder:
     def load(self) -> study_file.StudyFile:
         return study_file.load(self.file, [f"output.directory={self.output}"])
 
-    def run(self, jobs: int = 4, executor: Literal["local", "slurm"] = "local") -> str:
+    def run(self, jobs: int = 4) -> str:
         """Run the study with the fake program, and return what is said."""
         stream = io.StringIO()
-        plan = Plan(jobs, executor=executor, program=FAKE)
+        plan = Plan(jobs, program=FAKE)
         file = self.load()
         finish(Study.of(file), file.parameters, plan, Console(file=stream, width=200))
         return stream.getvalue()

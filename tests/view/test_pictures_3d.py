@@ -22,7 +22,6 @@ from solutions import made_up, snapshot
 from contact_locking import solve
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import NoRendering
-from contact_locking.files import ownership
 from contact_locking.running import writing
 from contact_locking.view.pictures import offscreen, snapshot_file, views
 from contact_locking.view.pictures.gather import gather
@@ -33,7 +32,7 @@ needs_pyvista = pytest.mark.skipif(
     importlib.util.find_spec("pyvista") is None or shutil.which("xvfb-run") is None,
     reason="PyVista or xvfb-run is not installed",
 )
-TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv", ownership.LIST}
+TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}
 FILES = TEXTS | {"snapshot.npz", "picture.png"}
 ABORT = "import os; os.abort()"
 RENDER_ALL = """

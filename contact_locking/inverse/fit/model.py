@@ -19,7 +19,7 @@ from mpi4py import MPI
 from contact_locking import study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import ContactLockingError, InputError, NoDerivatives
-from contact_locking.files import ownership
+from contact_locking.files import atomic
 from contact_locking.inverse.sensitivities import value_of
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import on_root
@@ -202,4 +202,4 @@ class Model:
     def _keep(self, name: str, found: Evaluation) -> None:
         folder = self._folders[0] / EVALUATIONS
         folder.mkdir(parents=True, exist_ok=True)
-        ownership.write_text(folder / name, json.dumps(found.as_mapping()) + "\n")
+        atomic.write_text(folder / name, json.dumps(found.as_mapping()) + "\n")

@@ -17,13 +17,13 @@ from contact_locking import study_file
 from contact_locking._version import __version__
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError, NotConverged
-from contact_locking.files import atomic, ownership
+from contact_locking.files import atomic
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
 from contact_locking.plain_text import count, per_cent
 from contact_locking.process.solving import solve
 from contact_locking.results.names import FIT, FIT_PICTURE
-from contact_locking.results.output_folder import KEY, on_root_of, reserved
+from contact_locking.results.output_folder import on_root_of, reserved
 from contact_locking.results.solution import StudySolution, summary_text
 from contact_locking.running import writing
 from contact_locking.running.process import run_steps
@@ -112,7 +112,8 @@ def _write(target: Path, content: dict[str, Any]) -> str | None:
             (made / FIT_PICTURE).write_bytes(fit_chart(content).png)
         except ImportError as error:
             problem = f"no picture of the fit was drawn: {error.name} cannot be imported"
-        ownership.replace(target, made, (FIT, FIT_PICTURE), KEY)
+        for name in (FIT, FIT_PICTURE):
+            atomic.put_in_place(made / name, target / name)
     return problem
 
 

@@ -13,12 +13,12 @@ from pydantic import BaseModel, ValidationError
 from contact_locking import study_file
 from contact_locking._version import __version__
 from contact_locking.errors import InputError
-from contact_locking.results.names import CHECKPOINT
+from contact_locking.results.names import CHECKPOINT, RECORD
 
 # A change of the written files raises this number.
 FORMAT = 5
 # The names in the folder of a checkpoint.
-RECORD, FIELDS, MESH = "record.json", "state.bp", "mesh"
+FIELDS, MESH = "state.bp", "mesh"
 _AGAIN = "save it again with contact-locking run --checkpoint"
 
 

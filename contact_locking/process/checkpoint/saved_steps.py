@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
 from pathlib import Path
 
 from contact_locking._version import __version__
-from contact_locking.files import ownership
-from contact_locking.process.checkpoint.record import RECORD
+from contact_locking.files import atomic
+from contact_locking.results.names import RECORD
 
 #: The folder of the saved steps in the folder of a run; it is removed when the run has ended.
 FOLDER = "steps"
@@ -54,25 +55,30 @@ def unfinished(directory: Path, fingerprint: str) -> list[Path]:
     """The saved steps of a killed run with the same parameters; empty if there is none.
 
     For rank 0.  The saved steps of other parameters are removed, and the folder is prepared for the
-    steps of these.  Raises OSError, and InputError if there is a folder of others in its place.
+    steps of these.  Raises OSError.
     """
     folder = directory / FOLDER
     if _is_of(folder, fingerprint):
         return [path.parent for path in _records(folder)]
-    ownership.discard(folder)
+    remove(directory)
     folder.mkdir(parents=True, exist_ok=True)
-    ownership.require_own(folder.parent, [FOLDER], "output.directory")
-    ownership.write_text(folder / _RUN, _mark(fingerprint))
+    atomic.write_text(folder / _RUN, _mark(fingerprint))
     return []
 
 
 def remove_before(directory: Path, number: int) -> None:
     """Remove the saved steps before a step; for rank 0."""
-    for path in (directory / FOLDER).glob("[0-9]*"):
-        if path.name < name_of(number) and ownership.is_own(path):
-            shutil.rmtree(path, ignore_errors=True)
+    for record in _records(directory / FOLDER):
+        if record.parent.name < name_of(number):
+            shutil.rmtree(record.parent, ignore_errors=True)
 
 
 def remove(directory: Path) -> None:
-    """Remove all saved steps; for rank 0."""
-    ownership.discard(directory / FOLDER)
+    """Remove all saved steps, and their folder unless it holds other files; for rank 0."""
+    folder = directory / FOLDER
+    for record in _records(folder):
+        shutil.rmtree(record.parent, ignore_errors=True)
+    (folder / _RUN).unlink(missing_ok=True)
+    atomic.remove_abandoned(folder)
+    with contextlib.suppress(OSError):
+        folder.rmdir()

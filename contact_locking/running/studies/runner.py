@@ -11,11 +11,17 @@ from typing import TYPE_CHECKING
 
 from contact_locking import study_file
 from contact_locking.errors import NoRoom, explained, tells_of_full_disk
-from contact_locking.files import ownership
-from contact_locking.files.atomic import remove_abandoned
+from contact_locking.files.atomic import remove_abandoned, write_text
 from contact_locking.files.lock import locked, make_folders
 from contact_locking.plain_text import duration
-from contact_locking.results.names import PARAMETERS, TABLE_CSV, TABLE_LINES, not_writable
+from contact_locking.results.names import (
+    KEY,
+    PARAMETERS,
+    TABLE_CSV,
+    TABLE_LINES,
+    not_writable,
+    require_own,
+)
 from contact_locking.running.studies.signals import stoppable
 from contact_locking.study_file import StudyFile
 from contact_locking.study_file.parameters import Parameters
@@ -29,22 +35,18 @@ from .cases import (
     each_once,
     other_version,
     outcome,
-    require_own,
     strangers,
     write_table,
 )
-from .executor import Plan, launcher
-from .local import LocalExecutor
-from .slurm import FILES as SLURM_FILES
-from .slurm import SlurmExecutor, require_slurm
+from .executor import Executor, Plan, launcher
 from .view import View
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 INDEX = "index.txt"
-KEY = "output.directory"
 _TABLE_SECONDS = 2.0
+_PAUSE_SECONDS = 0.05
 _GO_ON = "Finished cases are kept; make room, and repeat the command for the others."
 
 
@@ -90,8 +92,6 @@ def finish(study: Study, parameters: Parameters, plan: Plan, console: Console) -
     and if mpirun is missing; ContactLockingError if the disk is full.
     """
     launcher(plan.ranks)
-    if plan.executor == "slurm":
-        require_slurm()
     directory = study.directory
     with explained(not_writable(directory), directory, KEY, _GO_ON):
         make_folders(directory / "cases")
@@ -102,7 +102,7 @@ def finish(study: Study, parameters: Parameters, plan: Plan, console: Console) -
             with View(console, len(todo)) as view:
                 if not held:
                     view.line(f"warning: the file system of {directory} has no locks", "yellow")
-                _require_own(study, todo)
+                require_own(directory, (PARAMETERS, TABLE_CSV, TABLE_LINES))
                 _announce(study, todo, plan, view)
                 _prepare(study, parameters)
                 try:
@@ -113,19 +113,11 @@ def finish(study: Study, parameters: Parameters, plan: Plan, console: Console) -
                     raise
 
 
-def _require_own(study: Study, todo: Sequence[Case]) -> None:
-    """Raise InputError, before the first case, for files of others in place of any results."""
-    ownership.require_own(study.directory, (PARAMETERS, TABLE_CSV, TABLE_LINES), KEY)
-    ownership.require_own(study.directory / "cases", (INDEX, *SLURM_FILES), KEY)
-    for case in todo:
-        require_own(case)
-
-
 def _announce(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
     before = f", {study.finished} finished before" if study.finished else ""
     view.line(f"{len(study.cases)} cases in {study.directory}{before}")
     asked, cores = plan.jobs * plan.ranks, os.cpu_count() or 1
-    if plan.executor == "local" and asked > cores:
+    if asked > cores:
         text = f"warning: {asked} processes share the {cores} cores of this machine, and are slow"
         view.line(text, "yellow")
     if repeated := len(study.cases) - len(study.outcomes):
@@ -141,21 +133,18 @@ def _announce(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> Non
 
 
 def _prepare(study: Study, parameters: Parameters) -> None:
-    """Write the index of the cases, the parameters and a first table."""
+    """Write the parameters, the index of the cases and a first table."""
     for folder in (study.directory, study.directory / "cases"):
         remove_abandoned(folder)
+    write_text(study.directory / PARAMETERS, study_file.dump(parameters))
     lines = [f"{case.name}  {case.label}\n" for case in study.cases]
-    ownership.write_text(study.directory / "cases" / INDEX, "".join(lines))
-    ownership.write_text(study.directory / PARAMETERS, study_file.dump(parameters))
+    write_text(study.directory / "cases" / INDEX, "".join(lines))
     study.write_table()
 
 
 def _solve(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
     """Run the cases; write the table of the finished cases also if an error ends this."""
-    is_local = plan.executor == "local"
-    executor: LocalExecutor | SlurmExecutor = (
-        LocalExecutor(todo, plan) if is_local else SlurmExecutor(todo, plan, study.directory)
-    )
+    executor = Executor(todo, plan)
     written = time.monotonic()
     try:
         with stoppable():
@@ -171,7 +160,7 @@ def _solve(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
                     written = time.monotonic()
                 executor.start()
                 view.show(executor.running)
-                time.sleep(executor.pause)
+                time.sleep(_PAUSE_SECONDS)
     finally:
         executor.stop()
         study.look()

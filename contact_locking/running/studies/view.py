@@ -10,7 +10,7 @@ from contact_locking.plain_text import duration, printable
 from contact_locking.results.read import read_mapping
 
 from .cases import PROGRESS, Case, Outcome, State
-from .executor import Running
+from .executor import Slot
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -65,12 +65,12 @@ class View:
         for warning in outcome.warnings:
             self.line(f"{'':{2 * width + 3}} warning: {warning}", "yellow")
 
-    def show(self, running: Sequence[Running]) -> None:
+    def show(self, running: Sequence[Slot]) -> None:
         """Refresh the display of the running cases."""
         if self._live is not None:
             self._live.update(self._picture(running), refresh=True)
 
-    def _picture(self, running: Sequence[Running]) -> Table:
+    def _picture(self, running: Sequence[Slot]) -> Table:
         from rich.table import Table
         from rich.text import Text
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import itertools
-import re
 from collections.abc import Mapping
 from typing import Any
 
 from petsc4py import PETSc
 
 from contact_locking import _compat
-from contact_locking.errors import InputError
 
 PREFIX = "contact_locking_"
 
@@ -19,19 +17,6 @@ _NUMBERS = itertools.count(1)
 # Galerkin products on one rank, with the transpose written out, take half the time.  Matrices of
 # several ranks refuse this way, and PETSc asks for it without a prefix.
 _PRODUCTS_ON_ONE_RANK: dict[str, Any] = {"matptap_via": "rap"}
-
-# A name of an option is one word.
-_NAME = re.compile(r"[A-Za-z]\w*")
-# Names of options that load code, start programs, open windows or connections, or take a file.
-_HARMFUL = re.compile(
-    r"python|^dll_|library_preload|debug|terminal|popen|machine|saws|(^|_)display$|^x_|draw|_lg_"
-    r"|options_file|options_string|file|dirname|_path$|dump|(^|_)(save|load)(_|$)|trajectory"
-)
-# A view or a monitor takes where to print, and how, or a number.
-_REPORTS = re.compile(r"view|monitor|reason|(^|_)(log|info|citations|history)(_|$)")
-_PRINTED = re.compile(
-    r"(?i:|true|false|yes|no|on|off|[-+]?\d+(\.\d*)?(e[-+]?\d+)?|(ascii)?(:(stdout|stderr)?(:\w*)*)?)"
-)
 
 
 class UserOptions(dict[str, Any]):
@@ -102,34 +87,3 @@ def of_prefix(options: Mapping[str, Any], prefix: str) -> dict[str, Any]:
         for name, value in options.items()
         if name.startswith(part)
     }
-
-
-def require_usable(options: Mapping[str, Any], section: str | None = None) -> None:
-    """Raise InputError for the first name that is no word, has our prefix, or may do harm.
-
-    By a harmful option PETSc runs code, or writes or reads a file; a study file may come from
-    anybody.  PETSc has no list of its options.  A misspelt one has no effect, and the warning about
-    options that PETSc has not used names it after the solve.  ``section`` is the key of the study
-    file that holds the options.
-    """
-    for name, value in options.items():
-        key, shown = (f"{section}.{name}", "") if section else (None, f"-{name}: ")
-        lower, text = name.lower(), "" if value is None else str(value).strip()
-        if name.startswith(PREFIX):
-            raise InputError(f"{shown}leave out {PREFIX}, which is put before it anyway", key)
-        if not _NAME.fullmatch(name):
-            raise InputError(f"{shown}the name of a PETSc option is one word, as in ksp_type", key)
-        # "python" as a type imports a module, and a colon stands before the name of a file.
-        if _HARMFUL.search(lower) or text.lower().startswith("python"):
-            raise InputError(
-                f"{shown}options by which PETSc runs code, opens windows or connections, or takes "
-                "files are refused, as study files may come from anybody",
-                key,
-            )
-        if not _PRINTED.fullmatch(text) and (_REPORTS.search(lower) or ":" in text):
-            raise InputError(
-                f"{shown}{text!r} may be a file, which is refused as study files may come from "
-                "anybody; without a value, or with ascii::ascii_info_detail and its like, PETSc "
-                "prints to standard output",
-                key,
-            )

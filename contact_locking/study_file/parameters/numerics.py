@@ -138,8 +138,7 @@ class SolverParameters(Section):
     max_friction_updates: Count = entry(100, "updates of the friction bound", "1")
     linear: Literal["auto", "direct", "iterative"] = entry("auto", "auto, direct or iterative")
     petsc: dict[str, Option] = entry(
-        {},
-        "further PETSc options, such as {snes_monitor: null}; none that runs code or names files",
+        {}, "further PETSc options, such as {snes_monitor: null}; they can run code and write files"
     )
 
     @field_validator("petsc")

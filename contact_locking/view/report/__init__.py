@@ -19,8 +19,8 @@ def write(directory: str | Path) -> list[Path]:
     A folder with a run and a study gets ``report.html`` for the run, and ``report-study.html`` with
     ``report-study/`` for the study.  Returns the paths of the pages.  A new report replaces an
     earlier one when it is complete.  Raises InputError for a folder without results, with damaged
-    results or results of another version, with files of others in place of a report, and for a
-    folder that cannot be written to; ContactLockingError where the disk is full.
+    results or results of another version, and for a folder that cannot be written to;
+    ContactLockingError where the disk is full.
     """
     from jinja2 import TemplateError
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from contact_locking.errors import ContactLockingError, explained
-from contact_locking.files import atomic, ownership
+from contact_locking.files import atomic
 from contact_locking.files.atomic import remove_abandoned, staging
 from contact_locking.results.names import CHARTS
 
@@ -25,10 +25,7 @@ GENERATOR = "contact_locking"
 
 
 def replace(folder: Path, html: str, charts: Sequence[Chart], name: str = CHARTS) -> Path:
-    """Write a report in place of an earlier one, and return the path of the page.
-
-    Raises OSError, and InputError if files of others are in its place.
-    """
+    """Write a report in place of an earlier one, and return the path of its page; OSError."""
     remove_abandoned(folder)
     with staging(folder) as unfinished:
         made = unfinished / name
@@ -37,7 +34,9 @@ def replace(folder: Path, html: str, charts: Sequence[Chart], name: str = CHARTS
             chart.write(made)
         page = f"{name}.html"
         (unfinished / page).write_text(html, encoding="utf-8", newline="")
-        ownership.replace(folder, unfinished, [name, page])
+        (folder / name).mkdir(exist_ok=True)
+        for path in [*made.iterdir(), unfinished / page]:
+            os.replace(path, folder / path.relative_to(unfinished))
     return folder / page
 
 
@@ -79,7 +78,7 @@ def print_page(page: Path) -> Path:
             raise ContactLockingError(f"{program} could not print {page}: {_why(error)}") from error
         if not made.exists():
             raise ContactLockingError(f"{program} has printed nothing of {page}")
-        ownership.replace(page.parent, unfinished, [name])
+        os.replace(made, page.parent / name)
     return page.parent / name
 
 
