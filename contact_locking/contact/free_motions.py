@@ -76,7 +76,7 @@ class FreeMotion(ABC):
     @property
     def field(self) -> FloatArray:
         """The limited values (k, d) of the motion m."""
-        return self.motion.at(self.contact.surface.arms)
+        return self.motion.at(self.contact.surface.points)
 
     @property
     def facing(self) -> FloatArray:

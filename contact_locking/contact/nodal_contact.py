@@ -231,7 +231,7 @@ class NodalContact:
 
     def _refresh(self) -> None:
         """Take the travel of the foundation into gaps and slips; collective."""
-        normals, points = self.normals, self.surface.arms
+        normals, points = self.normals, self.surface.points
         way = self.travel.at(points)
         self.gap.x.array[self.surface.nodes] = self._gaps + np.sum(normals * way, axis=1)
         self.gap.x.scatter_forward()

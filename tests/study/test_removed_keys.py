@@ -1,0 +1,33 @@
+"""Keys and values that earlier versions had are refused with what to do instead."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from contact_locking.errors import InputError
+from contact_locking.study_file import from_mapping
+from contact_locking.study_file.parameters import removed
+
+pytestmark = pytest.mark.serial
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("mesh.curved", True),
+    ],
+)
+def test_what_has_gone_is_refused_by_its_key_with_what_to_do_instead(key: str, value: Any) -> None:
+    *path, last = key.split(".")
+    data: dict[str, Any] = {"contact": {"on": "bottom"}}
+    section = data
+    for name in path:
+        section = section.setdefault(name, {})
+    section[last] = value
+    with pytest.raises(InputError) as caught:
+        from_mapping(data)
+    message = str(caught.value)
+    advice = removed.KEYS.get(last) or removed.VALUES[last, str(value)]
+    assert key in message and advice in message
