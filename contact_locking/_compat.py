@@ -68,16 +68,6 @@ def entities_to_geometry(mesh: dmesh.Mesh, dim: int, entities: Any) -> IndexArra
     return dmesh.entities_to_geometry(mesh, dim, entities)[:, :count]
 
 
-def facet_nodes(mesh: dmesh.Mesh, facets: IndexArray) -> IndexArray:
-    """All geometry nodes (k, n) of k facets, the corners first."""
-    dim = mesh.topology.dim - 1
-    count = len(coordinate_map(mesh).create_dof_layout().entity_closure_dofs(dim, 0))
-    if len(facets) == 0:
-        return np.empty((0, count), dtype=np.int32)
-    mesh.topology.create_connectivity(dim, mesh.topology.dim)
-    return dmesh.entities_to_geometry(mesh, dim, facets)
-
-
 def collapse(component: Any) -> tuple[fem.FunctionSpace, IndexArray]:
     """The space of a component, and the dofs of the component in the whole space.
 

@@ -15,7 +15,6 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from ufl.core.expr import Expr
 
-from contact_locking import _compat
 from contact_locking.arrays import values_at
 from contact_locking.certificate import Extras, certify
 from contact_locking.contact import checks as contact_checks
@@ -54,7 +53,7 @@ class ContactProblem:
     form.  ``bcs`` are conditions of DOLFINx and :class:`Support`; ``limits`` are sets of strains
     whose intersection is K, and ``contacts`` are :class:`Contact`.  ``tags`` are mesh tags of
     facets whose values have the ``names`` that contacts and supports may use.  ``space`` is the
-    space of displacements of degree 1 or 2, of degree 2 where the sides of cells are curved, on a
+    space of displacements of degree 1 or 2 on a
     mesh of cells of one kind, where neither ``a`` nor ``L`` is a form.  ``n`` is a stress, and
     ``compliance`` a length over a stress, None for 1/n.
     ``energy`` maps u to a convex and differentiable functional J(u), which adds to the energy.
@@ -258,10 +257,7 @@ def _element_of(space: fem.FunctionSpace, limit_at: str | None, axisymmetric: bo
     if limit_at not in ("vertices", "gauss", None):
         raise InputError(f"must be vertices or gauss, not {limit_at!r}", "limit_at")
     kind = NAMED[space.mesh.topology.cell_name()]
-    boxes, curved = not kind.is_simplex, _compat.coordinate_map(space.mesh).degree > 1
-    if curved and not kind.curved:
-        raise InputError(f"{kind.plural} have straight sides; take a mesh of degree 1", "space")
-    return element_of(degree, limit_at, axisymmetric, boxes, curved)
+    return element_of(degree, limit_at, axisymmetric, boxes=not kind.is_simplex)
 
 
 def _contact(given: Contact, places: NamedFacets, key: str) -> Contact:

@@ -63,12 +63,12 @@ def empty_model(model_name: str = "body") -> Iterator[Any]:
 
 @contextmanager
 def build(
-    geometry: Geometry, model_name: str = "body", contact: Collection[str] = (), order: int = 1
+    geometry: Geometry, model_name: str = "body", contact: Collection[str] = ()
 ) -> Iterator[Any]:
     """``gmsh.model`` with the mesh of ``geometry``, until the end of the block; for one process.
 
     ``contact`` names the boundary parts that ``h_contact`` refines, by default those of
-    ``geometry.contact_names``.  Cells of ``order`` 2 have curved sides.
+    ``geometry.contact_names``.
 
     Raises RuntimeError if Gmsh cannot make the mesh. See also `empty_model`.
     """
@@ -81,8 +81,6 @@ def build(
         try:
             # The geometry kernel has absolute tolerances for lengths around 1.
             geometry.in_units_of(unit).build(model, contact)
-            if order > 1:
-                model.mesh.setOrder(order)
             if unit != 1.0:
                 model.mesh.affineTransform([unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, unit, 0])
         except Exception as error:  # Gmsh raises Exception itself
@@ -90,12 +88,10 @@ def build(
         yield model
 
 
-def write(
-    geometry: Geometry, path: str | os.PathLike[str], contact: Collection[str] = (), order: int = 1
-) -> None:
+def write(geometry: Geometry, path: str | os.PathLike[str], contact: Collection[str] = ()) -> None:
     """Mesh ``geometry`` and write a Gmsh file (format 4.1), complete or not at all.
 
-    ``contact`` and ``order`` as for `build`.  Raises ValueError if the name does not end in .msh,
+    ``contact`` as for `build`.  Raises ValueError if the name does not end in .msh,
     and OSError if the file cannot be written.
     """
     import gmsh
@@ -106,7 +102,7 @@ def write(
     with staging(target.parent) as folder:
         unfinished = folder / target.name
         unfinished.touch()
-        with build(geometry, target.stem, contact, order):
+        with build(geometry, target.stem, contact):
             gmsh.write(str(unfinished))
         _check_complete(unfinished)
         os.replace(unfinished, target)

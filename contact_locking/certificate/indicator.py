@@ -109,14 +109,11 @@ def _defect_of_quadratic(state: SolvedState, values: FloatArray) -> FloatArray:
     at_points = _at(state, values, gauss_points.points(kind.name, 1))
     given = _at(state, values, lagrange(kind.name, 2).points)
     affine, count = fem.functionspace(mesh, ("P", 1)).dofmap, len(given)
-    x = mesh.geometry.x[_compat.cell_nodes(mesh)[:count]][:, :, : state.dim]
-    of_cell = _compat.coordinate_map(mesh).degree
-    points = np.einsum("qn,knd->kqd", gauss_points.shares(kind.name, of_cell=of_cell), x)
+    x = mesh.geometry.x[_compat.cell_corners(mesh)[:count]][:, :, : state.dim]
+    points = np.einsum("qc,kcd->kqd", gauss_points.shares(kind.name), x)
     # (n, c) the share of each corner in each node.
     shares = kind.basis(lagrange(kind.name, 2).points)
-    nodes, x = x, x[:, : kind.corners]
-    if of_cell == 1:
-        nodes = np.einsum("nc,kcd->knd", shares, x)
+    nodes = np.einsum("nc,kcd->knd", shares, x)
     defect = np.empty_like(given)
     for inside in _regions(state, count):
         corners = affine.list[:count][inside]

@@ -301,8 +301,7 @@ def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
         require_new()
         try:
             with explained(f"cannot write {place}", place):
-                order = 2 if study.parameters.mesh.curved else 1
-                write(geometry, place, study.parameters.refined_names, order)
+                write(geometry, place, study.parameters.refined_names)
         except ImportError as error:
             raise ContactLockingError(f"Gmsh cannot be imported: {error}") from error
         except (ValueError, RuntimeError) as error:

@@ -274,7 +274,7 @@ class RigidFoundation(PlacedFoundation):
         return MovedFoundation(self._body, self.motion()) if self.moves else self._body
 
     def drag(self, surface: ContactSurface, before: RigidMotion) -> FloatArray:
-        return self.motion().step_from(before, surface.arms.T).T
+        return self.motion().step_from(before, surface.points.T).T
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         body, points, comm = self.now, surface.places.T, self._comm

@@ -38,20 +38,14 @@ class PairedSurface(ContactSurface):
     the sides, the extent of the body where a node faces nothing.  All ranks find the whole pairing.
     Where the sides are paired at a displacement w, ``distance`` is what the jump may reach in all:
     ``g + [w]_nu`` with the gap g between the displaced sides.
-    Raises InputError for sides that have nodes in common, for sides that do not face each other or
-    overlap too deep, and for curved cells.  The constructor is collective.
+    Raises InputError for sides that have nodes in common, and for sides that do not face each other
+    or overlap too deep.  The constructor is collective.
     """
 
     def __init__(
         self, domain: Domain, space: fem.FunctionSpace, given: Contact, element: Element
     ) -> None:
         key, names = given.key, tuple(given.against or ())
-        if element.curved:
-            raise InputError(
-                "bodies that touch each other are not there for curved cells, as the sides are cut "
-                "into straight pieces; take mesh.curved: false",
-                key,
-            )
         super().__init__(domain, space, given.on, f"{key}.on", element, space)
         other = domain.facets(names, f"{key}.against")
         among = set(given.on) == set(names)

@@ -22,7 +22,7 @@ from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.contact.surface_mesh import SurfaceMesh
 from contact_locking.fem import compiled
-from contact_locking.fem.spaces import P1, Element, diameter
+from contact_locking.fem.spaces import P1, Element
 from contact_locking.fem.trace import PointValues, facet_nodes
 from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.mesh.domain import Domain
@@ -114,8 +114,7 @@ class ContactSurface:
         #: The gap (k,) that the places of two sides leave.
         self.distance: FloatArray = np.zeros(len(self.nodes))
         self.ds = lengths
-        is_plain = domain.kind.facet.is_simplex and not (domain.axisymmetric or element.curved)
-        self._is_curved = element.curved
+        is_plain = domain.kind.facet.is_simplex and not domain.axisymmetric
         # Every rule is exact for the gradients of affine fields.
         is_exact = is_plain and element.degree == 1
         self._exact_ds = lengths if is_exact else domain.ds(names, key)
@@ -145,14 +144,13 @@ class ContactSurface:
     def places(self) -> FloatArray:
         """Where the nodes (k, d) are on the curved boundary that the facets are chords of.
 
-        The nodes of cells with curved sides are there.  Otherwise the middle of an edge from corner
-        1 to 2 is off the chord by the sagitta ``|x_2 - x_1| (nu_2 - nu_1) . t/8`` along the normal,
-        with the averaged normals nu of the body at the corners and the tangent t of the edge
-        (docs/problem.md), and that of a quadrilateral by half the sum of its edges.  The first use
-        is collective.
+        The middle of an edge from corner 1 to 2 is off the chord by the sagitta
+        ``|x_2 - x_1| (nu_2 - nu_1) . t/8`` along the normal, with the averaged normals nu of the
+        body at the corners and the tangent t of the edge (docs/problem.md), and that of a
+        quadrilateral by half the sum of its edges.  The first use is collective.
         """
         found = self.points.copy()
-        if self.limited.are_nodal or self._is_curved:
+        if self.limited.are_nodal:
             return found
         function = self.vector_function(self.body_normals())
         scalars = self.scalar_function(self.weights)
@@ -173,17 +171,6 @@ class ContactSurface:
         for faces in self.limited.entities(off)[1:]:
             nodal[faces[:, -1]] = 0.5 * nodal[faces[:, 4:8]].sum(axis=1)
         return found + nodal[self.blocks]
-
-    @cached_property
-    def arms(self) -> FloatArray:
-        """The limited values (k, d) of the coordinates, the arms of the moments of tractions.
-
-        An affine field m has the limited values ``m(arms)``.  They are the nodes, and beside the
-        nodes where control values are those of curved edges.  The first use is collective.
-        """
-        if self.limited.are_nodal or not self._is_curved:
-            return self.points
-        return self.limited.at_nodes(self.vector_function(self.points).x.array)
 
     def _is_end(self, edges: IndexArray) -> BoolArray:
         """(m, 2) whether edges (m, 3), as nodes of the scalar space, end at the rim; collective."""
@@ -357,7 +344,7 @@ class ContactSurface:
         if sides is not None and sides.any():
             side = ufl.grad(self._side_function(sides))
             along = side - ufl.dot(side, nu) * nu
-            size = diameter(self.domain.mesh, self._is_curved)
+            size = ufl.CellDiameter(self.domain.mesh)
             density *= ufl.conditional(ufl.lt(size**2 * ufl.inner(along, along), 0.5), 1.0, 0.0)
         full = petsc.assemble_matrix(compiled.form(density * self._exact_ds))
         full.assemble()
@@ -388,7 +375,7 @@ class ContactSurface:
         """The measure of Gamma_C with exact weights; sets ``weights``; collective.
 
         The rule of the trace would give the nodes on the axis of an axisymmetric body, where r is
-        0, no weight, and is not exact for the functions of nodes on curved facets and on a
+        0, no weight, and is not exact for the functions of nodes on a
         quadrilateral that is no parallelogram.  The weight of a node is therefore the integral of
         the function of its limited value, a hat function or one of Bernstein's; ``integrals`` are
         those of the nodal functions.  The density of the measure, which counts at the nodes alone,
@@ -424,11 +411,7 @@ class ContactSurface:
         own = sides[first : first + len(self.nodes)].astype(float)
         function = self.scalar_function(own)
         values = function.x.array
-        entities = self.limited.entities(function)
-        if self.degree == 2 and self.limited.are_nodal:
-            # The middles of curved edges have no control values.
-            entities = [self.facet_nodes]
-        for dim, nodes in enumerate(entities, start=1):
+        for dim, nodes in enumerate(self.limited.entities(function), start=1):
             values[nodes[:, -1]] = values[nodes[:, : 1 << dim]].mean(axis=1)
         function.x.scatter_forward()
         return function

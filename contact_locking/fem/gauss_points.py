@@ -22,12 +22,9 @@ from contact_locking.mesh.lagrange import lagrange, nodal_functions
 
 
 @cache
-def shares(cell: str, degree: int = 1, of_cell: int = 1) -> FloatArray:
-    """The values (q, n) of the functions of a cell's nodes, with a row for each point.
-
-    ``of_cell`` is the degree of the cell: 1 with its corners as nodes, or 2 with curved sides.
-    """
-    return nodal_functions(cell, of_cell, points(cell, degree))
+def shares(cell: str, degree: int = 1) -> FloatArray:
+    """The values (q, c) of the functions of a cell's corners, with a row for each point."""
+    return nodal_functions(cell, 1, points(cell, degree))
 
 
 def element(cell: str, shape: tuple[int, ...] = (), degree: int = 1) -> Any:

@@ -40,8 +40,7 @@ class Element:
     be the points of the strains: the limit then holds at these points, with the weights of the
     rule.  ``elastic_rule`` is the rule for integrals of the elastic stress; the empty rule is exact
     for elastic coefficients that are affine in a cell.  ``trace`` tells at which points of Gamma_C
-    contact and friction act.  ``kinematics`` are those of the body.  ``curved`` tells of cells with
-    curved sides, of the degree 2 as the displacements.
+    contact and friction act.  ``kinematics`` are those of the body.
     """
 
     degree: int
@@ -52,17 +51,13 @@ class Element:
     elastic_rule: Rule = field(default_factory=dict)
     kinematics: Kinematics = STRAIGHT
     boxes: bool = False
-    curved: bool = False
 
     def __str__(self) -> str:
         """The element in words."""
         where = {"vertices": "the vertices", "gauss": "the Gauss points"}[self.limit_at]
         body = ", axisymmetric" if self.kinematics.axisymmetric else ""
         if self.boxes:
-            body += " in curved quadrilaterals" * self.curved
-            body += " on quadrilaterals or hexahedra" * (not self.curved)
-        elif self.curved:
-            body += " in curved cells"
+            body += " on quadrilaterals or hexahedra"
         if self.strain_degree == 0:
             return f"degree {self.degree}{body}"
         return f"degree {self.degree}{body}, the locking limit at {where} of each cell"
@@ -71,7 +66,6 @@ class Element:
         """The keys of the study file that choose the element."""
         body: dict[str, Any] = {"axisymmetric": True} if self.kinematics.axisymmetric else {}
         body |= {"cells": "box"} if self.boxes else {}
-        body |= {"curved": True} if self.curved else {}
         return {"degree": self.degree, "limit_at": self.limit_at, **body}
 
     def strain(self, u: Expr) -> Expr:
@@ -122,16 +116,15 @@ class Element:
         if self.limit_at == "vertices":
             places = mesh.geometry.x[_compat.cell_corners(mesh)[cells], :dim]
         else:
-            of_cell = 2 if self.curved else 1
-            shares = gauss_points.shares(mesh.topology.cell_name(), self.strain_degree, of_cell)
-            nodes = mesh.geometry.x[_compat.cell_nodes(mesh)[cells], :dim]
-            places = np.einsum("pc,kcd->kpd", shares, nodes)
+            shares = gauss_points.shares(mesh.topology.cell_name(), self.strain_degree)
+            corners = mesh.geometry.x[_compat.cell_corners(mesh)[cells], :dim]
+            places = np.einsum("pc,kcd->kpd", shares, corners)
         return np.asarray(places.reshape(-1, dim).T)
 
     def height(self, mesh: ufl.Mesh, dim: int) -> Expr:
         """A length of the order of the height of each cell, in a measure of degree 1."""
-        if self.boxes or self.curved:
-            return abs(ufl.JacobianDeterminant(mesh)) / diameter(mesh, self.curved) ** (dim - 1)
+        if self.boxes:
+            return abs(ufl.JacobianDeterminant(mesh)) / ufl.CellDiameter(mesh) ** (dim - 1)
         return ufl.CellVolume(mesh) / ufl.Circumradius(mesh) ** (dim - 1)
 
     @property
@@ -140,7 +133,7 @@ class Element:
 
         A convex function of an affine strain is largest at a corner, and so is that of a bilinear
         or trilinear strain in a parallelogram or a parallelepiped; other boxes are near these, and
-        so are strains of degree 2 and those in curved cells.
+        so are strains of degree 2.
         This is the element itself if its strain is constant in a cell or has its points at the
         corners, and for bodies of revolution, where the hoop strain is not affine and not a number
         at a corner on the axis.
@@ -157,14 +150,6 @@ class Element:
     def elastic_dx(self, dx: ufl.Measure) -> ufl.Measure:
         """The measure ``dx`` with the elastic rule."""
         return _with_rule(dx, self.elastic_rule)
-
-
-def diameter(mesh: ufl.Mesh, curved: bool) -> Expr:
-    """A length of the order of the diameter of each cell, which UFL has for straight cells only."""
-    if not curved:
-        return ufl.CellDiameter(mesh)
-    jacobian = ufl.Jacobian(mesh)
-    return ufl.sqrt(ufl.inner(jacobian, jacobian))
 
 
 def _with_rule(dx: ufl.Measure, rule: Rule) -> ufl.Measure:
@@ -234,18 +219,6 @@ _MIDPOINT: Rule = {"quadrature_degree": 1}
 #: constant in a cell.
 P1_REVOLUTION = replace(P1, locking_rule=_MIDPOINT, elastic_rule=_MIDPOINT, kinematics=REVOLUTION)
 
-#: P2 in cells with curved sides.  Gauss's rule of degree 2 is exact for Z : eps(v) with constant Z
-#: in curved triangles, so that a body with constant stress is in equilibrium to rounding; the
-#: vertex rule is not.  Where the normal turns along an edge, control values of displacements are
-#: not those of the normal displacement, and the pressure on a ring would scatter.  So the values at
-#: the nodes are limited in 2D, with the weights of Simpson's rule.  In 3D these are 0 at corners.
-_NODES_OF_CURVES = replace(
-    P2.trace,
-    rules={2: {"quadrature_rule": "GLL", "quadrature_degree": 3}, 3: P2.trace.rules[3]},
-    controls=(3,),
-)
-P2_CURVED = replace(P2_GAUSS, trace=_NODES_OF_CURVES, curved=True)
-
 #: P2 for bodies of revolution.  Corners can lie on the axis, Gauss's points cannot.
 P2_REVOLUTION = replace(P2_GAUSS, kinematics=REVOLUTION)
 
@@ -294,10 +267,6 @@ Q2 = Element(
     boxes=True,
 )
 
-#: Q2 in quadrilaterals with curved sides.  The rule of the Gauss points is exact for Z : eps(v)
-#: with constant Z.  Contact and friction limit the values at the nodes, as in curved triangles.
-Q2_CURVED = replace(Q2, trace=_NODES_OF_CURVES, curved=True)
-
 _ELEMENTS = {(1, "vertices"): P1, (1, "gauss"): P1, (2, "vertices"): P2, (2, "gauss"): P2_GAUSS}
 _OF_REVOLUTION = {1: P1_REVOLUTION, 2: P2_REVOLUTION}
 
@@ -307,13 +276,11 @@ def element_of(
     limit_at: str | None = None,
     axisymmetric: bool = False,
     boxes: bool = False,
-    curved: bool = False,
 ) -> Element:
     """The element of a degree, 1 or 2, with the points where the strain keeps the limit.
 
     ``limit_at`` is "vertices" or "gauss"; None stands for the vertices, and for the Gauss points of
-    an axisymmetric body, of ``boxes`` and of ``curved`` cells.  Raises InputError where there is no
-    such element.
+    an axisymmetric body and of ``boxes``.  Raises InputError where there is no such element.
     """
     cells = "quadrilaterals and hexahedra"
     if boxes and axisymmetric:
@@ -321,23 +288,14 @@ def element_of(
             f"is for triangles so far, not for {cells}; mesh the half section with triangles",
             "mesh.axisymmetric",
         )
-    if curved and degree != 2:
-        raise InputError(
-            "must be 2 in curved cells, as their sides have the degree 2", "discretisation.degree"
-        )
-    if limit_at == "vertices" and (boxes or curved):
+    if limit_at == "vertices" and boxes:
         raise InputError(
             f"must be gauss on {cells}, where a rule with the corners as its points would not keep "
-            "a body with constant stress in equilibrium; leave the key out"
-            if boxes
-            else "must be gauss in curved cells, where the strain is not affine, so that a limit "
-            "at the corners would not hold in between; leave the key out, or take mesh.curved: "
-            "false",
+            "a body with constant stress in equilibrium; leave the key out",
             "discretisation.limit_at",
         )
     if boxes:
-        return Q2_CURVED if curved else {1: Q1, 2: Q2}[degree]
+        return {1: Q1, 2: Q2}[degree]
     if axisymmetric:
-        found = _OF_REVOLUTION[degree]
-        return replace(found, curved=True) if curved else found
-    return P2_CURVED if curved else _ELEMENTS[degree, limit_at or "vertices"]
+        return _OF_REVOLUTION[degree]
+    return _ELEMENTS[degree, limit_at or "vertices"]

@@ -15,7 +15,6 @@ from dolfinx import fem, la
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
@@ -163,14 +162,9 @@ class PointValues:
         """Take the present values of displacements; collective."""
 
     def at_nodes(self, values: FloatArray) -> FloatArray:
-        """The displacement or the jump (k, d) at the nodes, for local values; collective.
-
-        In curved cells these are limited values, which are others also for a rigid motion.
-        """
+        """The displacement or the jump (k, d) at the nodes, for local values; collective."""
         nodal = values.reshape(-1, self.space.dofmap.index_map_bs)
-        if self.are_nodal or _compat.coordinate_map(self.space.mesh).degree == 1:
-            return np.asarray(nodal[self.blocks[self._nodes]])
-        return np.asarray(self.matrix @ nodal)
+        return np.asarray(nodal[self.blocks[self._nodes]])
 
     def forces(self, at_nodes: FloatArray) -> FloatArray:
         """The forces at all local dofs of displacements for forces (k, d) on limited values.

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 
 import numpy as np
 
@@ -22,8 +21,6 @@ class CellKind:
 
     ``name`` is the name of the kind in DOLFINx, and ``plural`` that of several cells in words.
     ``gmsh`` is its number in Gmsh, and ``gmsh_order`` (c,) gives for each corner its place there.
-    ``curved`` (n,) does so for each node of a cell of second order, empty where such cells are read
-    by their corners.
     ``facets`` (f, n) are the corners of each facet.  ``simplices`` (p, dim + 1) divide the cell,
     and ``beside`` (s, dim + 1) are the simplices of each corner with its neighbours: their volumes
     are the Jacobian at the corners, and have one sign in a convex cell.
@@ -37,7 +34,6 @@ class CellKind:
     facets: tuple[tuple[int, ...], ...]
     simplices: tuple[tuple[int, ...], ...]
     beside: tuple[tuple[int, ...], ...]
-    curved: tuple[int, ...] = ()
 
     @property
     def corners(self) -> int:
@@ -47,14 +43,6 @@ class CellKind:
     def is_simplex(self) -> bool:
         """Whether the cell is a simplex, in which affine fields have constant gradients."""
         return self.corners == self.dim + 1
-
-    @property
-    def edges(self) -> IntArray:
-        """(e, 2) the ends of the edges in 2D and of a tetrahedron, in DOLFINx's order.
-
-        Their middles are nodes of curved cells, after the corners.
-        """
-        return np.array(self.facets if self.dim == 2 else [*combinations(range(4), 2)][::-1])
 
     @property
     def measure(self) -> float:
@@ -112,21 +100,18 @@ TRIANGLE = CellKind(
     facets=((1, 2), (0, 2), (0, 1)),
     simplices=((0, 1, 2),),
     beside=((0, 1, 2),),
-    curved=(0, 1, 2, 4, 5, 3),
 )
 QUADRILATERAL = CellKind(
     *("quadrilateral", "quadrilaterals", 2, 3, (0, 1, 3, 2)),
     facets=((0, 1), (0, 2), (1, 3), (2, 3)),
     simplices=((0, 1, 2), (3, 2, 1)),
     beside=((0, 1, 2), (1, 3, 0), (2, 0, 3), (3, 2, 1)),
-    curved=(0, 1, 3, 2, 4, 7, 5, 6, 8),
 )
 TETRAHEDRON = CellKind(
     *("tetrahedron", "tetrahedra", 3, 4, (0, 1, 2, 3)),
     facets=((1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)),
     simplices=((0, 1, 2, 3),),
     beside=((0, 1, 2, 3),),
-    curved=(0, 1, 2, 3, 8, 9, 5, 7, 6, 4),
 )
 HEXAHEDRON = CellKind(
     *("hexahedron", "hexahedra", 3, 5, (0, 1, 3, 2, 4, 5, 7, 6)),

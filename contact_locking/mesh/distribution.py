@@ -62,17 +62,16 @@ def distribute(comm: MPI.Intracomm, data: MeshData) -> Distributed:
     is distributed in the same way each time, so that solutions can be compared node by node.
     """
     kind, dim = data.kind, data.dim
-    cells = data.cells.nodes if data.curved is None else data.curved
+    cells = data.cells.nodes
     used = np.zeros(len(data.points), dtype=bool)
     used[cells] = True
     row = np.where(used, np.cumsum(used) - 1, -1)
-    degree = 1 if data.curved is None else 2
-    mesh = mesh_of(comm, data.points[used], row[cells], kind, degree)
+    corners = row[cells]
+    mesh = mesh_of(comm, data.points[used], corners, kind)
     mesh.topology.create_connectivity(dim - 1, dim)
     mesh.topology.create_connectivity(dim, dim - 1)
-    corners = row[data.cells.nodes]
-    nodes = np.unique(corners)
-    of_nodes = _of_entities(mesh, 0, nodes[:, None], data.numbers[used][nodes])
+    nodes = np.arange(np.count_nonzero(used))
+    of_nodes = _of_entities(mesh, 0, nodes[:, None], data.numbers[used])
     vertices = np.arange(len(of_nodes), dtype=np.int32)
     number: IntArray = np.zeros(len(mesh.geometry.x), dtype=np.int64)
     number[_compat.entities_to_geometry(mesh, 0, vertices).reshape(-1)] = of_nodes
@@ -102,16 +101,14 @@ def _tags(mesh: dmesh.Mesh, dim: int, nodes: IntArray, values: Any) -> dmesh.Mes
     return dmesh.meshtags_from_entities(mesh, dim, graph.adjacencylist(found), local)
 
 
-def mesh_of(
-    comm: MPI.Intracomm, points: FloatArray, cells: IntArray, kind: CellKind, degree: int = 1
-) -> dmesh.Mesh:
+def mesh_of(comm: MPI.Intracomm, points: FloatArray, cells: IntArray, kind: CellKind) -> dmesh.Mesh:
     """The mesh of cells (k, c) of a kind, as numbers of points (m, d); collective.
 
-    ``degree`` is that of the sides.  Each rank has a share of the cells and of the points, which
-    are numbered rank after rank.  The share may be empty.
+    Each rank has a share of the cells and of the points, which are numbered rank after rank.  The
+    share may be empty.
     """
     shape = (kind.dim,)
-    element = basix.ufl.element("Lagrange", kind.name, degree, shape=shape, dtype=default_real_type)
+    element = basix.ufl.element("Lagrange", kind.name, 1, shape=shape, dtype=default_real_type)
     # Keyword arguments, because DOLFINx 0.10 changed the order.
     with _one_partitioning_thread():
         return dmesh.create_mesh(

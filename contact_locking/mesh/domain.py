@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -35,10 +35,10 @@ from contact_locking.mesh.diagnosis import (
 from contact_locking.mesh.distribution import Regions, distribute, on_first_rank
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData
-from contact_locking.mesh.file.diagnosis import check_arrays, check_curved
+from contact_locking.mesh.file.diagnosis import check_arrays
 from contact_locking.mesh.file.gmsh_model import extract
 from contact_locking.mesh.file.reader import read
-from contact_locking.parallel import agree, maximum, on_root
+from contact_locking.parallel import agree, maximum
 from contact_locking.plain_text import nearest
 
 # A coordinate below this share of the largest is rounding.
@@ -87,11 +87,6 @@ class Domain:
     @property
     def kind(self) -> CellKind:
         return NAMED[self.mesh.topology.cell_name()]
-
-    @property
-    def is_curved(self) -> bool:
-        """Whether the cells have curved sides, of degree 2."""
-        return bool(_compat.coordinate_map(self.mesh).degree > 1)
 
     @property
     def kinematics(self) -> Kinematics:
@@ -293,22 +288,18 @@ def sound(data: MeshData, comm: MPI.Intracomm, origin: str, bodies: int = 1) -> 
     return assembled(made.mesh, made.regions, facets, origin, parts)
 
 
-def from_geometry(
-    geometry: Any, comm: MPI.Intracomm, contact: Collection[str] = (), curved: bool = False
-) -> Domain:
+def from_geometry(geometry: Any, comm: MPI.Intracomm, contact: Collection[str] = ()) -> Domain:
     """Generate a geometry of ``meshes`` with Gmsh on rank 0 and distribute it; collective.
 
-    ``contact`` names the boundary parts that ``h_contact`` refines, and ``curved`` asks for cells
-    with curved sides.
+    ``contact`` names the boundary parts that ``h_contact`` refines.
     """
     origin = type(geometry).__name__.lower()
 
     def make() -> MeshData:
         from contact_locking.meshes import build
 
-        with build(geometry, contact=contact, order=2 if curved else 1) as model:
+        with build(geometry, contact=contact) as model:
             mesh = extract(model, origin)
-        check_curved(mesh)
         if not mesh.kind.is_simplex:
             check_cells(mesh)
         return mesh
@@ -319,26 +310,17 @@ def from_geometry(
     return with_key("mesh.builder", made)
 
 
-def from_file(
-    path: Path, comm: MPI.Intracomm, touching: Touching = (), curved: bool | None = None
-) -> Domain:
+def from_file(path: Path, comm: MPI.Intracomm, touching: Touching = ()) -> Domain:
     """Read a Gmsh file with named physical groups on rank 0 and distribute it; collective.
 
-    ``touching`` are pairs of boundary parts that may touch each other without shared nodes.
-    ``curved`` keeps the curved sides of cells of second order, which are straight otherwise, with a
-    warning unless it is False; those of hexahedra are straight.
+    ``touching`` are pairs of boundary parts that may touch each other without shared nodes.  Cells
+    of second order are read by their corners, with a warning.
     Raises InputError if the file cannot be read, if the cells are not of one kind and of first or
     second order, and if the mesh is not a body.
     """
 
-    def make() -> MeshData:
-        mesh = read(path)
-        if curved:
-            return mesh
-        return replace(mesh.straight, straightened=None) if curved is False else mesh.straight
-
     def made() -> Domain:
-        return from_arrays(on_first_rank(comm, make), comm, str(path), touching)
+        return from_arrays(on_first_rank(comm, lambda: read(path)), comm, str(path), touching)
 
     return with_key("mesh.file", made)
 
@@ -349,7 +331,6 @@ def from_arrays(
     """Check and distribute a mesh, which rank 0 has and messages call ``origin``; collective."""
     with about(origin):
         check_arrays(comm, data)
-        on_root(comm, lambda: check_curved(data))
         made = distribute(comm, data)
         cells = DistributedCells(made.mesh, made.numbers)
         told = _told_of_order(data)
@@ -357,13 +338,12 @@ def from_arrays(
 
 
 def _told_of_order(mesh: MeshData) -> list[str]:
-    if mesh.straightened is None or mesh.curved is not None:
+    if mesh.straightened is None:
         return []
     what = "area" if mesh.dim == 2 else "volume"
     return [
         "its cells are of second order; their corners alone are taken, so that sides are straight: "
-        f"the {what} changes by {mesh.straightened:.1%}. discretisation.degree: 2 takes the curved "
-        "sides of triangles, quadrilaterals and tetrahedra, and needs no nodes on straight edges"
+        f"the {what} changes by {mesh.straightened:.1%}"
     ]
 
 

@@ -36,13 +36,12 @@ class NamedFacets:
         if mesh.topology.cell_name() not in NAMED:
             known = ", ".join(kind.plural for kind in NAMED.values())
             raise InputError(f"must have cells of one kind of these: {known}", "mesh")
-        of_simplices = NAMED[mesh.topology.cell_name()].is_simplex
-        highest = 2 if of_simplices else 1
         if mesh.geometry.dim != mesh.topology.dim:
             raise InputError("must have cells that fill the space around them", "mesh")
-        if _compat.coordinate_map(mesh).degree > highest:
+        if _compat.coordinate_map(mesh).degree > 1:
             raise InputError(
-                "must have cells with straight sides, or triangles or tetrahedra of degree 2",
+                "must have cells with straight sides; make the mesh of first order "
+                "(gmsh.model.mesh.setOrder(1))",
                 "mesh",
             )
         self._mesh, self._tags, self._names = mesh, tags, dict(names or {})

@@ -60,8 +60,8 @@ def table(rows: list[Group]) -> list[tuple[str, str, str, str, str]]:
 def _region(domain: Domain, name: str) -> Group:
     cells = domain.cells(name)
     cells = cells[cells < domain.mesh.topology.index_map(domain.dim).size_local]
-    nodes = domain.mesh.geometry.x[_compat.cell_nodes(domain.mesh)[cells], : domain.dim]
-    local = len(cells), float(measures(domain.kind, nodes).sum())
+    corners = domain.mesh.geometry.x[_compat.cell_corners(domain.mesh)[cells], : domain.dim]
+    local = len(cells), float(measures(domain.kind, corners).sum())
     count, measure = (domain.comm.allreduce(x) for x in local)
     return Group(name, domain.dim, count, measure)
 

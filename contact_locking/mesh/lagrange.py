@@ -1,4 +1,4 @@
-"""Lagrange's elements on the reference cells, and the maps of curved cells, of degree 2."""
+"""Lagrange's elements on the reference cells, and measures and normals of cells and facets."""
 
 from __future__ import annotations
 
@@ -9,13 +9,6 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.mesh.cell_kind import CellKind
-
-# The Jacobian has the degree 2 in triangles and 3 in other cells.  It is looked at on a lattice of
-# this degree.
-_LATTICE = 6
-# By the degree of the sides, rules for measures that are exact for cells.  For curved facets they
-# are so to many digits.
-_DEGREE = {1: 2, 2: 8}
 
 
 @cache
@@ -34,46 +27,25 @@ def nodal_functions(cell: str, degree: int, points: FloatArray) -> FloatArray:
     return np.asarray(element.tabulate(0, points)[0, :, :, 0])
 
 
-def curved_jacobians(kind: CellKind, nodes: FloatArray) -> FloatArray:
-    """The Jacobians (k, q) on a lattice of points of cells with nodes (k, n, d)."""
-    lattice = basix.create_lattice(
-        basix.CellType[kind.name], _LATTICE, basix.LatticeType.equispaced, True
-    )
-    slopes = lagrange(kind.name, 2).tabulate(1, lattice)[1:, :, :, 0]
-    return np.asarray(np.linalg.det(np.einsum("aqn,knd->kqda", slopes, nodes)))
+def measures(kind: CellKind, corners: FloatArray) -> FloatArray:
+    """The measures (k,) of cells with corners (k, c, d)."""
+    slopes, weights = _slopes(kind)
+    return np.abs(np.linalg.det(np.einsum("aqn,knd->kqda", slopes, corners))) @ weights
 
 
-def measures(kind: CellKind, nodes: FloatArray) -> FloatArray:
-    """The measures (k,) of cells with nodes (k, n, d)."""
-    slopes, weights = _slopes(kind, nodes)
-    return np.abs(np.linalg.det(np.einsum("aqn,knd->kqda", slopes, nodes))) @ weights
-
-
-def mean_normals(kind: CellKind, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The integrals of a normal (k, d) and of 1 (k,) over facets with nodes (k, n, d)."""
-    slopes, weights = _slopes(kind, nodes)
-    normals = _normals(slopes, nodes)
+def mean_normals(kind: CellKind, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The integrals of a normal (k, d) and of 1 (k,) over facets with corners (k, c, d)."""
+    slopes, weights = _slopes(kind)
+    along = np.einsum("aqn,knd->akqd", slopes, corners)
+    if len(along) == 1:
+        normals = np.stack([along[0][..., 1], -along[0][..., 0]], axis=-1)
+    else:
+        normals = np.cross(*along)
     return np.einsum("kqd,q->kd", normals, weights), np.linalg.norm(normals, axis=2) @ weights
 
 
-def normals_at_nodes(kind: CellKind, nodes: FloatArray) -> FloatArray:
-    """Unit normals (k, n, d) of curved facets at their nodes (k, n, d)."""
-    element = lagrange(kind.name, 2)
-    normals = _normals(element.tabulate(1, element.points)[1:, :, :, 0], nodes)
-    return np.asarray(normals / np.linalg.norm(normals, axis=2, keepdims=True))
-
-
-def _normals(slopes: FloatArray, nodes: FloatArray) -> FloatArray:
-    """Normals (k, q, d) whose lengths are the Jacobians, for derivatives (d - 1, q, n)."""
-    along = np.einsum("aqn,knd->akqd", slopes, nodes)
-    if len(along) == 1:
-        return np.stack([along[0][..., 1], -along[0][..., 0]], axis=-1)
-    return np.asarray(np.cross(*along))
-
-
-def _slopes(kind: CellKind, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The derivatives (dim, q, n) of the nodes' functions at Gauss's points, and their weights."""
-    degree = 1 if nodes.shape[1] == kind.corners else 2
-    rule = 1 if degree == 1 and kind.is_simplex else _DEGREE[degree]
+def _slopes(kind: CellKind) -> tuple[FloatArray, FloatArray]:
+    """The derivatives (dim, q, c) of the corners' functions at Gauss's points, and the weights."""
+    rule = 1 if kind.is_simplex else 2
     points, weights = basix.make_quadrature(basix.CellType[kind.name], rule)
-    return lagrange(kind.name, degree).tabulate(1, points)[1:, :, :, 0], np.asarray(weights)
+    return lagrange(kind.name, 1).tabulate(1, points)[1:, :, :, 0], np.asarray(weights)

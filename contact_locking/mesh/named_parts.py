@@ -22,8 +22,7 @@ from contact_locking.parallel import on_any_rank
 Test = Callable[[FloatArray], BoolArray]
 
 # The points of a facet are its centre and its corners, which are pulled towards the centre by this
-# share: a facet up to x = 1 is in x < 1.  A curved facet has its nodes, pulled likewise, as points:
-# its centre is off the chord.
+# share: a facet up to x = 1 is in x < 1.
 _PULLED = 1e-6
 # A facet faces a direction if the cosine between its normal and the direction is above this.
 _ALONG = 1e-6
@@ -59,11 +58,9 @@ def with_parts(domain: Domain, places: Mapping[str, Place], key: str) -> Domain:
     mesh.topology.create_connectivity(dim - 1, dim)
     outside = marked(mesh, np.asarray(dmesh.exterior_facet_indices(mesh.topology)))
     every = np.flatnonzero(outside).astype(np.int32)
-    nodes = mesh.geometry.x[_compat.facet_nodes(mesh, every), :dim]
-    centres = nodes.mean(axis=1, keepdims=True)
-    points = nodes + _PULLED * (centres - nodes)
-    if not domain.is_curved:
-        points = np.concatenate([points, centres], axis=1)
+    corners = mesh.geometry.x[_compat.entities_to_geometry(mesh, dim - 1, every), :dim]
+    centres = corners.mean(axis=1, keepdims=True)
+    points = np.concatenate([corners + _PULLED * (centres - corners), centres], axis=1)
     for name, place in places.items():
         own = f"{key}.{name}"
         if name in marks:

@@ -25,10 +25,10 @@ _CLOSED = 1e-6
 def area_normals(domain: Domain, facets: IndexArray) -> tuple[FloatArray, FloatArray]:
     """``int nu`` (k, d) with the outward normal nu, and ``int 1`` (k,) of local facets (k,)."""
     x = domain.mesh.geometry.x[:, : domain.dim]
-    nodes = x[_compat.facet_nodes(domain.mesh, facets)]
-    normals, areas = mean_normals(domain.kind.facet, nodes)
+    corners = x[_compat.entities_to_geometry(domain.mesh, domain.dim - 1, facets)]
+    normals, areas = mean_normals(domain.kind.facet, corners)
     cells = _compat.cell_corners(domain.mesh)[domain.owners(facets)]
-    inward = x[cells].mean(axis=1) - nodes[:, : domain.kind.facet.corners].mean(axis=1)
+    inward = x[cells].mean(axis=1) - corners.mean(axis=1)
     normals *= -np.sign(np.einsum("ki,ki->k", normals, inward))[:, None]
     return normals, areas
 
@@ -58,7 +58,7 @@ class Skins:
             mesh.topology.create_connectivity(dim - 1, other)
         facets = np.asarray(dmesh.exterior_facet_indices(mesh.topology), dtype=np.int32)
         facets = facets[facets < mesh.topology.index_map(dim - 1).size_local]
-        nodes = mesh.geometry.x[_compat.facet_nodes(mesh, facets), :dim]
+        nodes = mesh.geometry.x[_compat.entities_to_geometry(mesh, dim - 1, facets), :dim]
         if domain.axisymmetric:
             on_axis = is_on_axis(domain, nodes.reshape(-1, dim).T)
             kept = ~on_axis.reshape(nodes.shape[:2]).all(axis=1)
@@ -119,7 +119,7 @@ def open_part(domain: Domain, skins: Skins, names: tuple[str, ...]) -> OpenPart 
     strange = comm.allreduce(int(is_strange.sum()))
     normals, areas = skins.normals[has], skins.areas[has]
     if domain.axisymmetric:
-        nodes = _compat.facet_nodes(domain.mesh, skins.facets[has])
+        nodes = _compat.entities_to_geometry(domain.mesh, domain.dim - 1, skins.facets[has])
         circles = 2.0 * np.pi * domain.mesh.geometry.x[nodes, 0].mean(axis=1)
         normals, areas = circles[:, None] * normals * [0.0, 1.0], circles * areas
     resultant, size = comm.allreduce(normals.sum(axis=0)), comm.allreduce(areas.sum())

@@ -198,15 +198,9 @@ def export(domain: Domain, path: Path) -> None:
     """Write a mesh and its groups as a file that `from_xdmf` reads, with its data; collective.
 
     The files are ``path`` and the file beside it with the ending .h5, complete or not at all.
-    Raises InputError for curved cells, for the name of a group that XDMF files cannot have, and for
-    files that cannot be written, ContactLockingError where the disk is full.
+    Raises InputError for the name of a group that XDMF files cannot have, and for files that cannot
+    be written, ContactLockingError where the disk is full.
     """
-    if domain.is_curved:
-        raise InputError(
-            "is for cells with straight sides only, where an XDMF file is written; write a Gmsh "
-            "file (.msh), or take mesh.curved: false",
-            "mesh.curved",
-        )
     comm = domain.comm
     names = [_MESH, *domain.cell_names, *domain.facet_names]
     for name in names:

@@ -233,6 +233,4 @@ def _way_out_of_entry(domain: Domain) -> str:
     smaller = "mesh.h_contact or mesh.h"
     if not domain.kind.is_simplex:
         smaller += ", or mesh.cells: simplex, which a run refines"
-    elif domain.is_curved:
-        smaller += ", or mesh.curved: false, which a run refines"
     return f"Refine the mesh where the foundation enters: {smaller}; or take a rounder foundation."

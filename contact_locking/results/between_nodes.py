@@ -314,8 +314,6 @@ class _Facets:
         normal is that of the last facet, the other end knows the turn.
         """
         surface, dim = self._contact.surface, self._dim
-        if surface.domain.is_curved:
-            return np.zeros(len(blocks))
         normals = surface.vector_function(surface.body_normals()).x.array.reshape(-1, dim)
         known = np.zeros(len(blocks))
         for i, j in itertools.permutations(range(dim), 2):

@@ -131,7 +131,7 @@ def _mean_place(
 ) -> FloatArray:
     """``int w x / int w`` (d,) of weights (k,) at the nodes with the integral ``total``."""
     dim, size = contacts.domain.dim, np.abs(contacts.domain.bounding_box).max()
-    mean = contacts.integral(lambda f: weight(f)[:, None] * f.surface.arms, dim) / total
+    mean = contacts.integral(lambda f: weight(f)[:, None] * f.surface.points, dim) / total
     return np.where(np.abs(mean) <= _ROUNDING * size, 0.0, mean)
 
 
@@ -145,7 +145,7 @@ def contact_moment(contacts: Contacts) -> Any:
 
     def each(fields: ContactFields) -> FloatArray:
         forces = fields.traction - fields.pressure[:, None] * fields.normal
-        return moments(fields.surface.arms - centre, forces)
+        return moments(fields.surface.points - centre, forces)
 
     total = contacts.integral(each, 2 * dim - 3)
     size = contacts.integral(lambda fields: np.linalg.norm(each(fields), axis=1))

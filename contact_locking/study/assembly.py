@@ -162,7 +162,6 @@ def assemble(
         given.limit_at,
         domain.axisymmetric,
         boxes=not domain.kind.is_simplex,
-        curved=domain.is_curved,
     )
     if element.kinematics is not domain.kinematics:
         raise InputError(
@@ -185,15 +184,11 @@ def _given_mesh(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
     """The mesh of a builder, or the mesh in a file; collective."""
     geometry = parameters.mesh.geometry
     if geometry is not None:
-        curved = bool(parameters.mesh.curved)
-        return domains.from_geometry(geometry, comm, parameters.refined_names, curved)
+        return domains.from_geometry(geometry, comm, parameters.refined_names)
     assert parameters.mesh.file is not None
     path = Path(parameters.mesh.file)
     if not is_xdmf(path):
-        is_curved = parameters.mesh.curved
-        if is_curved is None and parameters.discretisation.degree == 2:
-            is_curved = True
-        return domains.from_file(path, comm, parameters.touching, is_curved)
+        return domains.from_file(path, comm, parameters.touching)
     # SciPy, which these meshes need, would take a tenth of the time of `check` for others.
     from contact_locking.mesh.xdmf_mesh import from_xdmf
 

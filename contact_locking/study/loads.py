@@ -168,10 +168,8 @@ class _Load:
     def metadata(self) -> dict[str, Any]:
         if self._constant:
             # The factor 2 pi r of an axisymmetric body has the degree 1, and so has the Jacobian of
-            # a box in each coordinate.  That of a curved cell has the degree 3 at most, and that of
-            # a curved facet is nearly such a polynomial.
+            # a box in each coordinate.
             factor = int(self._domain.axisymmetric or self._element.boxes)
-            factor += 3 * self._element.curved
             return {"quadrature_degree": self._element.degree + factor}
         found: dict[str, Any] = {"quadrature_degree": _DEGREE}
         if self.halvings > 0:

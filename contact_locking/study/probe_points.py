@@ -20,7 +20,6 @@ from contact_locking.study_file.parameters.numerics import Probe
 # A point is in a cell if it is off the reference cell by this share at most.  Rounding alone
 # must not take a point of the boundary out of the body.
 _MARGIN = 1e-9
-_BULGE = 0.25
 # The number of no cell.
 _NONE = np.iinfo(np.int64).max
 
@@ -90,14 +89,11 @@ def _first_cells(domain: Domain, x: FloatArray) -> tuple[IntArray, IndexArray]:
     original = np.asarray(mesh.topology.original_cell_index, dtype=np.int64)
     nodes = mesh.geometry.x[:, :dim]
     padding = _MARGIN * float(np.ptp(nodes, axis=0).max())
-    if domain.is_curved:
-        # Sides bulge out of the box around the nodes by less than this share of the largest cell.
-        padding += _BULGE * float(mesh.h(dim, entities).max())
     tree = geometry.bb_tree(mesh, dim, entities=entities, padding=padding)
     places = np.zeros((len(x), 3))
     places[:, :dim] = x
     found = geometry.compute_collisions_points(tree, places)
-    corners = nodes[_compat.cell_nodes(mesh)]
+    corners = nodes[_compat.cell_corners(mesh)]
     for point in range(len(x)):
         candidates = found.links(point)
         local = np.array([_pulled_back(mesh, corners[cell], x[point]) for cell in candidates])

@@ -19,7 +19,6 @@ from contact_locking.errors import InputError
 from contact_locking.fem.trace import facet_nodes
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.domain import Domain, Where
-from contact_locking.mesh.lagrange import normals_at_nodes
 from contact_locking.mesh.rank_sums import summed
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
 
@@ -342,8 +341,7 @@ def _nodal_normals(
     The normal at a vertex is the mean of the normals of the facets of the support around the
     vertex.  A facet with the edges e_i from the vertex has the weight ``1/|e_1|`` in 2D and
     ``sin(angle)/(|e_1| |e_2|)`` in 3D: the mean is then exact for vertices on a circle or a sphere
-    (N. Max, 1999, doi:10.1080/10867651.1999.10487501).  Curved facets have their own normal at each
-    node, and count alike.
+    (N. Max, 1999, doi:10.1080/10867651.1999.10487501).
     """
     dim, mesh = domain.dim, domain.mesh
     cells = domain.owners(facets)
@@ -352,14 +350,10 @@ def _nodal_normals(
     facets, cells = facets[own], cells[own]
     nodes, facet = facet_nodes(domain, space, facets, cells), domain.kind.facet
     corners = space.tabulate_dof_coordinates()[nodes[:, : facet.corners], :dim]
-    if domain.is_curved:
-        units = normals_at_nodes(facet, space.tabulate_dof_coordinates()[nodes, :dim])
-        weights = np.ones(nodes.shape)
-    else:
-        units, weights = _normals_at_corners(corners, facet)
-        # At the other nodes of quadratic displacements the facets count alike.
-        others = nodes.shape[1] - facet.corners
-        weights = np.concatenate([weights, np.ones((len(nodes), others))], axis=1)
+    units, weights = _normals_at_corners(corners, facet)
+    # At the other nodes of quadratic displacements the facets count alike.
+    others = nodes.shape[1] - facet.corners
+    weights = np.concatenate([weights, np.ones((len(nodes), others))], axis=1)
     inside = mesh.geometry.x[_compat.cell_corners(mesh)[cells]][..., :dim].mean(axis=1)
     outward = corners.mean(axis=1) - inside
     units = units * np.sign(np.sum(units * outward[:, None], axis=2))[..., None]

@@ -134,7 +134,6 @@ def test_a_thin_wire_that_the_refined_meshes_miss_fails_a_criterion(
 
 
 ROLLER = {"foundation": {"cylinder": {"centre": [5.53, 3.18], "radius": 0.2}}}
-ARCH = {"builder": "annulus", "outer_radius": 2.0, "h": 0.5, "quarter": True, "curved": True}
 
 
 @pytest.mark.serial
@@ -145,20 +144,6 @@ def test_boxes_are_not_refined_and_the_criterion_fails() -> None:
     # What it advises helps.
     for advised in ({"cells": "simplex"}, {"cells": "box", "h": 0.1}):
         assert adaptivity.solve(given(STRIP | advised, ROLLER)).converged
-
-
-@pytest.mark.serial
-def test_curved_cells_are_not_refined_and_the_criterion_fails() -> None:
-    """The tip of a wedge is between two nodes of a quarter of a ring."""
-    tip = [1.9 * math.cos(0.7), 1.9 * math.sin(0.7)]
-    wedge = [tip, [2.0, 1.42], [1.68, 1.68], tip]
-    contact = {"on": "outer", "foundation": {"polyline": wedge}}
-    degree = {"degree": 2, "limit_at": "gauss"}
-    found = adaptivity.solve(given(ARCH, contact, discretisation=degree))
-    assert not found.converged and not found.domain.is_refined
-    assert "depth of a foundation that the nodes miss" in found.summary["reason"]
-    assert "or mesh.curved: false, which a run refines" in found.summary["suggestion"]
-    assert adaptivity.solve(given(ARCH | {"curved": False}, contact)).converged
 
 
 def test_a_script_is_told_to_refine_its_own_mesh() -> None:

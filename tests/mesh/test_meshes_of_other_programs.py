@@ -229,7 +229,8 @@ def test_parts_stand_where_their_instances_do_and_assemblies_name_their_sets(
     assert set(domain.cell_names) == {"ONE.BODY", "TWO.BODY"}
     low, high = domain.bounding_box
     assert np.allclose(low, 0.0) and np.allclose(high, [3.0, 1.0, 1.0])
-    walls = domain.mesh.geometry.x[_compat.facet_nodes(domain.mesh, domain.facets(("Wall",)))]
+    corners = _compat.entities_to_geometry(domain.mesh, 2, domain.facets(("Wall",)))
+    walls = domain.mesh.geometry.x[corners]
     assert np.allclose(walls[..., 0], 1.0)
 
 

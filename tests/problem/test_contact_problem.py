@@ -16,6 +16,7 @@ from problems import block
 import contact_locking as cl
 from contact_locking.mesh.domain import Domain
 from contact_locking.process.solving import solve_assembled
+from contact_locking.results.xdmf import quadratic
 from contact_locking.study.assembly import assemble
 
 LIMITS = (cl.StrainBall(0.02),)
@@ -435,6 +436,15 @@ def test_a_form_that_sees_rotations_is_refused() -> None:
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     with pytest.raises(cl.InputError, match="rotations"):
         cl.ContactProblem(ufl.inner(ufl.grad(u), ufl.grad(v)) * ufl.dx)
+
+
+def test_a_mesh_of_second_order_is_refused() -> None:
+    body = square(2).mesh
+    curved = quadratic(fem.functionspace(body, ("Lagrange", 2, (2,))))
+    space = fem.functionspace(curved, ("Lagrange", 2, (2,)))
+    with pytest.raises(cl.InputError, match="setOrder") as caught:
+        cl.ContactProblem(cl.Elasticity(young=1.0, poisson=0.3), space=space)
+    assert caught.value.key == "mesh"
 
 
 def test_a_half_section_that_crosses_the_axis_is_refused() -> None:

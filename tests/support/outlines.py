@@ -28,10 +28,10 @@ Outlines = Mapping[str, Sequence[Side]]
 Size = Callable[[Place], float]
 
 
-def write_outlines(path: Path, bodies: Outlines, size: Size, order: int = 1) -> Path:
+def write_outlines(path: Path, bodies: Outlines, size: Size) -> Path:
     """A mesh file of triangles, of the ``size`` at each place; for one process.
 
-    Bodies share no nodes.  Triangles of ``order`` 2 have curved sides.
+    Bodies share no nodes.
     """
     import gmsh
 
@@ -57,8 +57,6 @@ def write_outlines(path: Path, bodies: Outlines, size: Size, order: int = 1) -> 
             model.addPhysicalGroup(2, [face], name=name)
         model.mesh.setSizeCallback(lambda dim, tag, x, y, z, before: size((x, y)))
         model.mesh.generate(2)
-        if order > 1:
-            model.mesh.setOrder(order)
         gmsh.write(str(path))
     return path
 

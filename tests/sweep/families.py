@@ -18,7 +18,6 @@ from . import (
     materials,
     processes,
     rest,
-    rounded,
     scales,
     shapes,
     sticking,
@@ -33,7 +32,6 @@ __all__ = ["FAMILIES", "MODULES", "PAIRS", "case_of"]
 MODULES = (
     scales,
     rest,
-    rounded,
     supports,
     held,
     free,
@@ -47,7 +45,6 @@ MODULES = (
     bodies,
     cells,
     free,
-    rounded,
 )
 
 

@@ -119,8 +119,6 @@ class Body:
         self.quadratic = mesh.cells.shape[1] > mesh.dim + 1
         self.at_vertices = study["discretisation"].get("limit_at") == "vertices"
         self.cells = ordered(mesh.x, mesh.cells, self.dim + 1)
-        #: Whether the nodes at the middles of edges are off the chords.
-        self.curved = bool(study["mesh"].get("curved"))
         c = self.dim + 1
         if not self.quadratic:
             self.law = self._points(np.full((1, c), 1.0 / c), np.ones(1))

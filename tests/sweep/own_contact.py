@@ -30,10 +30,6 @@ class Contact:
         self.facets = np.searchsorted(self.nodes, facets)
         self.x = mesh.x[self.nodes]
         self._given = facets
-        # In 2D the nodes are those of Simpson's rule.
-        self.has_controls = body.quadratic and not (
-            body.curved and dim == 2 and not mesh.axisymmetric
-        )
         bary, shares = simplex_rule(dim - 1)
         sizes = np.linalg.norm(body.normals(facets, bary), axis=2) * shares
         if mesh.axisymmetric:
@@ -47,7 +43,7 @@ class Contact:
     def _bernstein(self, bary: Array) -> tuple[Array, Array]:
         """Functions (q, s) of the values that contact limits, and derivatives (q, s, c)."""
         values, slopes = shapes(bary, self.body.quadratic)
-        if not self.has_controls:
+        if not self.body.quadratic:
             return values, slopes
         c = bary.shape[1]
         # The nodal functions by Bernstein's: u_m = (c_1 + c_2)/4 + c_m/2 at the middles.
@@ -60,7 +56,7 @@ class Contact:
     def controls(self) -> sp.csr_matrix:
         """Nodal values to the values that contact limits: 2 u_m - (u_1 + u_2)/2 at middles."""
         matrix, dim = sp.lil_matrix(sp.eye(len(self.nodes))), self.body.dim
-        if self.has_controls:
+        if self.body.quadratic:
             for n, (i, j) in enumerate(edges_of(dim), start=dim):
                 for facet in self.facets:
                     matrix[facet[n], [facet[i], facet[j], facet[n]]] = -0.5, -0.5, 2.0
@@ -83,8 +79,7 @@ class Contact:
         """Whether the middles of edges are off the curved boundary."""
         areas = self.body.normals(self._given)
         units = areas / np.linalg.norm(areas, axis=1)[:, None]
-        is_straight = self.body.quadratic and not self.body.curved
-        return bool(is_straight and np.ptp(units, axis=0).max() > 1e-6)
+        return bool(self.body.quadratic and np.ptp(units, axis=0).max() > 1e-6)
 
     def _place(self, time: float) -> tuple[Array, Array]:
         """Rotation and translation x = R X + t of the tool; at the time 0 it is at rest."""
@@ -138,7 +133,7 @@ class Contact:
         least."""
         found = self.controls @ gap
         for n, (i, j) in enumerate(edges_of(self.body.dim), start=self.body.dim):
-            if self.has_controls:
+            if self.body.quadratic:
                 edge = gap[self.facets[:, [i, j, n]]]
                 middle = self.facets[:, n]
                 found[middle] = np.clip(found[middle], edge.min(axis=1), edge.max(axis=1))

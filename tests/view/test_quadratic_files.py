@@ -131,9 +131,7 @@ def test_a_run_writes_everything(tmp_path: Path) -> None:
 
 
 @pytest.mark.serial
-def test_a_mesh_file_of_second_order_is_read_by_its_corners_where_it_is_not_curved(
-    tmp_path: Path,
-) -> None:
+def test_a_mesh_file_of_second_order_is_read_by_its_corners(tmp_path: Path) -> None:
     path = tmp_path / "disk.msh"
     gmsh.initialize(interruptible=False)
     try:
@@ -155,7 +153,7 @@ def test_a_mesh_file_of_second_order_is_read_by_its_corners_where_it_is_not_curv
     data = {"discretisation": GAUSS, "contact": {"on": []}, "loads": loads}
     energies = []
     for name in ("disk.msh", "straight.msh"):
-        study = from_mapping(data | {"mesh": {"file": str(tmp_path / name), "curved": False}})
+        study = from_mapping(data | {"mesh": {"file": str(tmp_path / name)}})
         summary = solved(study, MPI.COMM_SELF).summary
         assert summary["discretisation"]["degree"] == 2
         energies.append(summary["elastic_energy"])

@@ -49,8 +49,6 @@ class MeshElements:
 class MeshData:
     """Points (m, dim), the numbers (m,) of the nodes in the file, cells and facets.
 
-    ``curved`` (k, n) are all nodes of cells of second order whose sides are curved, the corners
-    first and then the middles of edges as in DOLFINx; None for a mesh with straight sides.
     ``straightened`` is by what share the measure of the body changes where nodes on edges, of cells
     of second order, are left out; None for a mesh of first order.
     """
@@ -61,25 +59,10 @@ class MeshData:
     cells: MeshElements
     facets: MeshElements = field(default_factory=lambda: MeshElements.unnamed(*_NOTHING))
     straightened: float | None = None
-    curved: IntArray | None = None
 
     @property
     def kind(self) -> CellKind:
         return KINDS[self.dim, self.cells.nodes.shape[1]]
-
-    @property
-    def straight(self) -> MeshData:
-        """The mesh with straight sides between the corners, without the other nodes."""
-        if self.straightened is None:
-            return self
-        parts = (self.cells, self.facets)
-        kept = np.unique(np.concatenate([elements.nodes.reshape(-1) for elements in parts]))
-        cells, facets = (
-            replace(elements, nodes=np.searchsorted(kept, elements.nodes)) for elements in parts
-        )
-        return MeshData(
-            self.dim, self.points[kept], self.numbers[kept], cells, facets, self.straightened
-        )
 
     @property
     def empty(self) -> MeshData:
@@ -88,14 +71,8 @@ class MeshData:
             elements.take(np.zeros(len(elements), dtype=bool))
             for elements in (self.cells, self.facets)
         )
-        curved = None if self.curved is None else self.curved[:0]
         return replace(
-            self,
-            points=self.points[:0],
-            numbers=self.numbers[:0],
-            cells=cells,
-            facets=facets,
-            curved=curved,
+            self, points=self.points[:0], numbers=self.numbers[:0], cells=cells, facets=facets
         )
 
     def save(self, path: Path) -> None:
@@ -106,8 +83,6 @@ class MeshData:
             for kind, elements in (("cells", self.cells), ("facets", self.facets))
             for part in ("nodes", "numbers", "groups")
         }
-        if self.curved is not None:
-            arrays["curved"] = self.curved
         np.savez(
             path,
             dim=self.dim,
@@ -140,5 +115,4 @@ class MeshData:
                 cells,
                 facets,
                 None if math.isnan(share) else share,
-                file.get("curved"),
             )

@@ -15,11 +15,7 @@ from contact_locking.errors import InputError
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData
 from contact_locking.mesh.file.topology import keys
-from contact_locking.mesh.lagrange import curved_jacobians
 from contact_locking.parallel import agree
-
-# A curved cell is folded if its least Jacobian is below this share of its largest.
-_COLLAPSED = 1e-12
 
 
 class _Defect(NamedTuple):
@@ -117,31 +113,3 @@ def _named(comm: MPI.Intracomm, share: MeshData, nodes: IntArray) -> tuple[str, 
     numbers[own], points[own] = share.numbers[local[own]], share.points[local[own]]
     words = places.listed(comm.allreduce(numbers))
     return words, places.at(comm.allreduce(points).mean(axis=0))
-
-
-def check_curved(mesh: MeshData) -> None:
-    """Raise InputError for a curved cell that is folded, and for edges that come apart."""
-    if mesh.curved is None:
-        return
-    first, edges = mesh.kind.corners, mesh.kind.edges
-    ends = np.sort(mesh.curved[:, edges], axis=2).reshape(-1, 2)
-    middles = mesh.curved[:, first : first + len(edges)].reshape(-1)
-    of_edge = np.unique(np.column_stack([ends, middles]), axis=0)
-    twice = (of_edge[1:, :2] == of_edge[:-1, :2]).all(axis=1)
-    if twice.any():
-        found = of_edge[np.argmax(twice)]
-        raise InputError(
-            f"{places.nodes(mesh, found[:2])} are the ends of an edge with two nodes in its "
-            f"middle, one of them {places.node(mesh, int(found[2]))}{places.more(int(twice.sum()))}"
-            "; neighbours have to share them (gmsh.model.mesh.removeDuplicateNodes)"
-        )
-    jacobians = curved_jacobians(mesh.kind, mesh.points[mesh.curved])
-    share = jacobians.min(axis=1) / np.abs(jacobians).max(axis=1)
-    share = np.maximum(share, (-jacobians).min(axis=1) / np.abs(jacobians).max(axis=1))
-    folded = ~(share > _COLLAPSED)
-    if folded.any():
-        raise InputError(
-            f"{places.cell(mesh, int(np.argmax(folded)))} is folded"
-            f"{places.more(int(folded.sum()))}: its curved sides meet; take smaller cells there, "
-            "or let Gmsh optimise them (gmsh.model.mesh.optimize with HighOrder)"
-        )

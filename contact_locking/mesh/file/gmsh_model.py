@@ -21,7 +21,6 @@ from contact_locking.mesh.file.topology import signed_measures
 from contact_locking.meshes import empty_model
 
 _FLAT = 1e-12  # of the largest coordinate
-_SAME_PLACE = 1e-6  # of an edge
 # The name of all cells where none has a group.
 _WHOLE = "body"
 
@@ -29,8 +28,7 @@ _WHOLE = "body"
 def extract(model: Any, origin: str) -> MeshData:
     """The points, the cells and the facets of a model.
 
-    Of cells of second order the corners are cells with straight sides, and all nodes of curved
-    cells are there as well.  Raises InputError, where ``origin`` names the
+    Cells of second order are read by their corners.  Raises InputError, where ``origin`` names the
     mesh, unless the cells are of one kind, and those of a body in 2D in a plane z = constant.
     Cells without any group are one.
     """
@@ -60,44 +58,20 @@ def extract(model: Any, origin: str) -> MeshData:
         ones = np.ones_like(cells.groups)
         cells = MeshElements(cells.nodes, cells.numbers, ones, {_WHOLE: (1,)})
     mesh = MeshData(dim, np.ascontiguousarray(points[:, :dim]), numbers, cells, facets)
-    return mesh if number == kind.gmsh else _of_second_order(model, mesh, number)
+    return mesh if number == kind.gmsh else _with_straight_sides(model, mesh, number)
 
 
-def _of_second_order(model: Any, mesh: MeshData, number: int) -> MeshData:
-    """The mesh of elements with this number in Gmsh, with their nodes if they are curved."""
-    kind = mesh.kind
-    pieces = kind.split(mesh.cells.nodes)
+def _with_straight_sides(model: Any, mesh: MeshData, number: int) -> MeshData:
+    """The mesh of the corners of elements with this number in Gmsh, without their other nodes."""
+    pieces = mesh.kind.split(mesh.cells.nodes)
     straight = np.abs(signed_measures(mesh.points, pieces)).sum() / math.factorial(mesh.dim)
-    found = replace(mesh, straightened=straight / _measure(model, number) - 1.0)
-    if kind.curved:
-        tags, nodes = model.mesh.getElementsByType(number)
-        rows = np.searchsorted(mesh.numbers, nodes.astype(np.int64)).reshape(len(tags), -1)
-        order = np.argsort(tags)
-        there = order[np.searchsorted(tags, mesh.cells.numbers, sorter=order)]
-        if rows.shape[1] == 2 * kind.corners == 8:
-            found, rows = _with_middles(found, rows)
-        found = replace(found, curved=rows[there][:, list(kind.curved)])
-    return found if found.curved is not None and _bends(found) else found.straight
-
-
-def _with_middles(mesh: MeshData, cells: IntArray) -> tuple[MeshData, IntArray]:
-    """Quadrilaterals of 8 nodes with the node (k, 9) in the middle that their functions give."""
-    x, count = mesh.points[cells], len(mesh.points)
-    middles = 0.5 * x[:, 4:].sum(axis=1) - 0.25 * x[:, :4].sum(axis=1)
-    added = np.arange(len(cells))
-    numbers = np.append(mesh.numbers, mesh.numbers.max() + 1 + added)
-    points = np.vstack([mesh.points, middles])
-    return replace(mesh, points=points, numbers=numbers), np.column_stack([cells, count + added])
-
-
-def _bends(mesh: MeshData) -> bool:
-    """Whether the node of any edge is off its middle by more than the rounding of a file."""
-    assert mesh.curved is not None
-    x = mesh.points[mesh.curved]
-    first, edges = mesh.kind.corners, mesh.kind.edges
-    ends = x[:, edges]
-    off = np.linalg.norm(x[:, first : first + len(edges)] - ends.mean(axis=2), axis=2)
-    return bool(np.any(off > _SAME_PLACE * np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)))
+    parts = (mesh.cells, mesh.facets)
+    kept = np.unique(np.concatenate([elements.nodes.reshape(-1) for elements in parts]))
+    cells, facets = (
+        replace(elements, nodes=np.searchsorted(kept, elements.nodes)) for elements in parts
+    )
+    share = straight / _measure(model, number) - 1.0
+    return MeshData(mesh.dim, mesh.points[kept], mesh.numbers[kept], cells, facets, share)
 
 
 def _measure(model: Any, number: int) -> float:

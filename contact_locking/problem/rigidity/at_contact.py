@@ -50,7 +50,7 @@ class MotionsAtContact:
     @property
     def points(self) -> FloatArray:
         """The positions (k, d) of the nodes, as limited values."""
-        return np.asarray(self.contact.surface.arms[self._own])
+        return np.asarray(self.contact.surface.points[self._own])
 
     @property
     def contact_normals(self) -> FloatArray:

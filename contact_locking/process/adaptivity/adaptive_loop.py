@@ -105,12 +105,6 @@ def solve_adaptively(
             "triangles or tetrahedra (mesh.cells: simplex), or leave out adapt",
             "adapt",
         )
-    if domain.is_curved:
-        raise InputError(
-            "DOLFINx refines cells with straight sides only, and those of the mesh are curved; "
-            "take mesh.curved: false, or leave out adapt",
-            "adapt",
-        )
     while True:
         solution = solving.solve(parameters, comm, monitor, petsc_options, restart, domain)
         restart = None

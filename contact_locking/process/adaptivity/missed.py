@@ -39,12 +39,11 @@ def solved_with_nodes(
     """The solution of ``attempt`` on a mesh whose nodes see the foundations; collective.
 
     ``attempt`` solves the study on the given mesh, None for that of the study, and ``domain`` is
-    the first mesh.  A warning of the solution tells of a refined mesh.  Quadrilaterals, hexahedra
-    and curved cells are not refined: there the criterion fails.
+    the first mesh.  A warning of the solution tells of a refined mesh.  Quadrilaterals and
+    hexahedra are not refined: there the criterion fails.
     """
     solution = attempt(domain)
-    refinable = solution.domain.kind.is_simplex and not solution.domain.is_curved
-    if not (solution.contacts and only_misses(solution) and refinable):
+    if not (solution.contacts and only_misses(solution) and solution.domain.kind.is_simplex):
         return solution
     first, most = solution.domain, max(_GROWTH * int(solution.summary["dofs"]), _SMALL)
     around = np.array(entered_places(solution))

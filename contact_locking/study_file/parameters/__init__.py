@@ -276,8 +276,6 @@ class Parameters(Section):
         derived = self.sensitivities is not None
         memory = "steps, whose friction remembers the slip on one mesh"
         yield ("adapt",), adapts and has_steps, memory
-        straight = "mesh.curved: DOLFINx refines cells with straight sides only"
-        yield ("adapt",), adapts and bool(self.mesh.curved), straight
         changing = "adapt, whose meshes change with the numbers"
         checks = self.sensitivities is not None and self.sensitivities.check
         yield ("sensitivities", "check"), adapts and checks, changing
@@ -312,11 +310,6 @@ class Parameters(Section):
 
     def _mesh_faults(self) -> Iterator[Fault]:
         element = self.discretisation
-        if self.mesh.curved and element.degree != 2:
-            yield Fault(
-                ("discretisation", "degree"),
-                "must be 2 with mesh.curved, as the sides of curved cells have the degree 2",
-            )
         if self.mesh.axisymmetric and element.degree > 1 and element.limit_at == "vertices":
             yield Fault(
                 ("discretisation", "limit_at"),

@@ -31,7 +31,7 @@ from .values import (
 from .wording import meant, show, unknown_key, value_message
 
 #: The keys that are no parameters of builders.
-_SHARED = ("builder", "file", "facets", "axisymmetric", "curved", "parts")
+_SHARED = ("builder", "file", "facets", "axisymmetric", "parts")
 
 
 class Plane(Section):
@@ -99,11 +99,6 @@ class MeshParameters(Section):
         "the 2D mesh is the half section of a body of revolution, in the coordinates "
         "(r, z) = (x, y) with x >= 0",
     )
-    curved: Switch | None = entry(
-        None,
-        "the cells have curved sides, of degree 2 as the displacements (discretisation.degree: 2); "
-        "null: those of a Gmsh file of second order have, and those of a builder have not",
-    )
     parts: dict[Text, BoundaryPart] = entry(
         {}, "more parts of the boundary, by name; they may overlap"
     )
@@ -141,8 +136,6 @@ class MeshParameters(Section):
     @model_serializer
     def _flat(self) -> dict[str, Any]:
         shared: dict[str, Any] = {"axisymmetric": True} if self.axisymmetric else {}
-        if self.curved is not None:
-            shared["curved"] = self.curved
         if self.parts:
             shared["parts"] = {
                 name: part.model_dump(exclude_defaults=True) for name, part in self.parts.items()
@@ -162,8 +155,6 @@ class MeshParameters(Section):
             yield Fault(("facets",), "goes with file, another XDMF file")
         elif self.facets is not None and not (is_xdmf(str(self.file)) and is_xdmf(self.facets)):
             yield Fault(("facets",), "is an XDMF file beside another one: both end with .xdmf")
-        if self.curved:
-            yield from self._curved_faults()
         if self.axisymmetric and self.geometry is not None:
             yield from _section_faults(str(self.builder), self.geometry)
         known = [] if self.geometry is None else list(self.geometry.facet_names)
@@ -179,12 +170,6 @@ class MeshParameters(Section):
                         message = f"no part before this one is named '{wanted}'; there are {there}"
                         yield Fault(("parts", name, "on"), message)
                 known.append(name)
-
-    def _curved_faults(self) -> Iterator[Fault]:
-        if self.file is not None and is_xdmf(self.file):
-            yield Fault(("curved",), "must be false: curved cells are read from Gmsh files only")
-        if self.geometry is not None and not self.geometry.curved:
-            yield Fault(("curved",), f"must be false: {self.builder} has straight sides")
 
 
 def _section_faults(builder: str, geometry: Any) -> Iterator[Fault]:

@@ -90,7 +90,7 @@ class DiscretisationParameters(Section):
         None,
         "where the strain of degree 2 keeps the limit: vertices of each cell, hence everywhere, or "
         "gauss, which is closer to the solution and exceeds M between the points; null: vertices, "
-        "and gauss for an axisymmetric body and curved cells; for degree 1 both are the same",
+        "and gauss for an axisymmetric body; for degree 1 both are the same",
     )
 
 

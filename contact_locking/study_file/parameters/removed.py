@@ -9,6 +9,7 @@ KEYS: dict[str, str] = {
     "that touches in its place",
     "limits_of": "limits are those of the whole strain eps(u); leave the key out, and add the "
     "expansion to the limit where the body may expand freely",
+    "curved": "all cells have straight sides; take a smaller mesh.h where a side is round",
 }
 
 #: By the name of a key and one of its values; the sentence is the whole message.

@@ -30,8 +30,6 @@ def require_straight_triangles(state: SolvedState) -> None:
         raise NotApplicable("not for axisymmetric bodies, whose equilibrium has other terms")
     if element.boxes:
         raise NotApplicable("the stresses in equilibrium are for triangles, not quadrilaterals")
-    if element.curved:
-        raise NotApplicable("the stresses in equilibrium are for cells with straight sides")
 
 
 def held_components(state: SolvedState, triangles: Triangles) -> BoolArray:
