@@ -37,8 +37,8 @@ _MODULI = ("young", "lambda", "mu", "stiffness")
 _SLOWER, _SPARE = 20, 60
 # Numbers below it that should be zero are rounding.
 _ROUNDING = 1e-6
-# A force below this share of the scale is none.
-_NOTHING = 1e-10
+# A force below this share of the scale is none, and so is any number below the other.
+_NO_FORCE, _NOTHING = 1e-10, 1e-25
 _STATES = 3
 
 
@@ -156,7 +156,7 @@ def _short(value: Any) -> Any:
 
 def _rounded(force: Sequence[float], scale: float) -> list[float]:
     """Without the digits that are rounding beside the other forces."""
-    return [_short(x) if abs(x) > _NOTHING * scale else 0.0 for x in force]
+    return [_short(x) if abs(x) > _NO_FORCE * scale else 0.0 for x in force]
 
 
 def _rows(tests: str) -> Data:
@@ -212,7 +212,8 @@ def _quantities(golden: Data, tolerance: float) -> Iterator[tuple[str, Any, Call
     """Each quantity with its value and whether another value agrees with it."""
 
     def within(value: Any, allowed: float) -> Callable[[Any], bool]:
-        return lambda other: bool(np.all(np.abs(np.subtract(other, value)) <= allowed))
+        least = max(allowed, _NOTHING)
+        return lambda other: bool(np.all(np.abs(np.subtract(other, value)) <= least))
 
     for name, force in golden.get("forces", {}).items():
         yield f"forces: {name}", force, within(force, tolerance * golden["scale"])
