@@ -28,7 +28,6 @@ from contact_locking.monitor import Attentive, Monitor
 from contact_locking.process import solving
 from contact_locking.process.adaptivity.marking import cells_at, entered_places, marked_cells
 from contact_locking.process.adaptivity.mesh_sequence import MEASURES, ErrorMeasure, MeshSequence
-from contact_locking.process.adaptivity.missed import solved_with_nodes
 from contact_locking.process.adaptivity.refinement import finer_mesh, singular_place
 from contact_locking.process.adaptivity.sharper_bound import sharper_errors
 from contact_locking.process.checkpoint import stored as checkpoint
@@ -49,21 +48,15 @@ def solve(
 ) -> StudySolution:
     """Solve (25)/(26) for the given parameters; collective.
 
-    With a section ``adapt`` this is the last solution of `solve_adaptively`.  Without it the mesh
-    is refined where a foundation enters between the nodes, see `missed`, and
+    With a section ``adapt`` this is the last solution of `solve_adaptively`.  Without it
     ``certificate.bound_meshes`` sharpens the guaranteed bound, see `sharper_bound`.  For the
     arguments and the errors see `contact_locking.process.solving.solve`.
     """
     require_parameters(parameters)
     if parameters.adapt is None:
-
-        def attempt(domain: Domain | None) -> StudySolution:
-            saved = restart if domain is first else None
-            return solving.solve(parameters, comm, monitor, petsc_options, saved, domain)
-
         began = time.perf_counter()
-        first = checkpoint.refined_mesh(restart, comm)
-        solution = solved_with_nodes(attempt, first)
+        domain = checkpoint.refined_mesh(restart, comm)
+        solution = solving.solve(parameters, comm, monitor, petsc_options, restart, domain)
         if parameters.certificate.bound_meshes is not None and solution.converged:
             errors = sharper_errors(solution, monitor or Monitor(), petsc_options)
             solution = solving.with_errors(solution, **errors)
