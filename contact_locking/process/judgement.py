@@ -55,7 +55,6 @@ def solution_of(
         **{name: getattr(body, name) for name in BodyFields.FIELDS},
         error_indicator=indicator and indicator.field,
         elastic_error_indicator=indicator and indicator.elastic_field,
-        error_bound=certificate and certificate.proofs.error_bound,
         contacts=state.contacts,
         contact_points=points,
         contact_facets=facets,

@@ -150,14 +150,12 @@ def finer_mesh(
     marks: Callable[[MeshData], BoolArray],
     most: int,
     name: str,
-    is_nested: bool = False,
 ) -> Domain:
     """The mesh of a solution with the cells ``marks`` (k,) refined; collective.
 
     ``marks`` is called on rank 0.  ``most`` is the largest number of unknowns, and ``name`` its
     name in words.  Default radii of smoothing stay those of the first mesh.  Curved sides of a
-    builder stay curved, unless the mesh ``is_nested`` in that of the solution.  Raises NotRefined,
-    on all ranks.
+    builder stay curved.  Raises NotRefined, on all ranks.
     """
     domain, geometry = solution.domain, solution.parameters.mesh.geometry
     mesh = gather_mesh(domain)
@@ -169,7 +167,7 @@ def finer_mesh(
     def work() -> None:
         assert mesh is not None
         told = mesh.warnings
-        curved = () if geometry is None or is_nested else geometry.curved
+        curved = () if geometry is None else geometry.curved
         finer = refined(mesh, marks(mesh.data), curved)
         news = warnings(mesh.data) if geometry is None else []
         news = [text for text in news if text not in told]
