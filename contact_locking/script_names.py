@@ -24,7 +24,6 @@ _NAMES = {
     "material.locking_limit": "StrainBall.limit",
     "material.locking": "limits",
     "material.elasticity.": "Elasticity.",
-    "mesh.h_contact or mesh.h, or mesh.cells: simplex, which a run refines": "smaller cells",
     "mesh.h_contact or mesh.h": "smaller cells",
     "mesh.cells: simplex": "triangles or tetrahedra",
     "mesh.h_contact": "smaller cells there",

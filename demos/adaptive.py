@@ -4,7 +4,7 @@
 # The block of `block.yml` with quadratic displacements. The section `adapt` of the study file asks
 # for a relative error of 1 % in the energy norm, by the estimate of the certificate:
 #
-#     adapt: {tolerance: 0.01, by: estimate, share: 0.5, max_dofs: 50000}
+#     adapt: {tolerance: 0.01, share: 0.5, max_dofs: 50000}
 #
 # `solve` returns the solution on the last mesh. `solve_adaptively` gives the solution on each mesh,
 # one after the other. Each of them is complete and has its own certificate.

@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from dolfinx import fem
-
 from contact_locking import wings
 from contact_locking.certificate.balances import equilibrium
 from contact_locking.certificate.criteria import Criterion
@@ -24,14 +22,12 @@ class Proofs:
     """What is proved about a solved state.
 
     ``entries`` are further keys of the certificate in summary.json, and ``errors`` further error
-    estimates.  ``error_bound`` has the roots of the contributions of the cells to a bound of the
-    error, None without a bound.  ``complaint`` says in words what contradicts the solution,
-    ``reason`` why a solve that has failed cannot arrive, and ``warnings`` what to mind.
+    estimates.  ``complaint`` says in words what contradicts the solution, ``reason`` why a solve
+    that has failed cannot arrive, and ``warnings`` what to mind.
     """
 
     entries: Mapping[str, Any] = field(default_factory=dict)
     errors: Mapping[str, Any] = field(default_factory=dict)
-    error_bound: fem.Function | None = None
     complaint: str = ""
     reason: str = ""
     warnings: tuple[str, ...] = ()

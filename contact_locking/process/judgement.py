@@ -12,7 +12,6 @@ from contact_locking.certificate import Certificate
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fields import plausibility
-from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum
 from contact_locking.results.between_nodes import uncovered_entry
 from contact_locking.results.body_fields import BodyFields
@@ -24,6 +23,10 @@ from contact_locking.solver.task import SavedState
 
 _WAY_OUT_OF_SLIDING = (
     "Press the body more, raise friction.coefficient, or hold it by loads.displacements."
+)
+_WAY_OUT_OF_ENTRY = (
+    "Refine the mesh where the foundation enters: mesh.h_contact or mesh.h; or take a rounder "
+    "foundation."
 )
 _WAY_OUT_OF_COMPLAINTS = (
     "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
@@ -52,7 +55,6 @@ def solution_of(
         **{name: getattr(body, name) for name in BodyFields.FIELDS},
         error_indicator=indicator and indicator.field,
         elastic_error_indicator=indicator and indicator.elastic_field,
-        error_bound=certificate and certificate.proofs.error_bound,
         contacts=state.contacts,
         contact_points=points,
         contact_facets=facets,
@@ -223,14 +225,6 @@ def _judged(
         summary["reason"] += f"; {proofs.reason}"
     if report.converged and certificate.complaint:
         enters = bool(state.contacts) and not certificate.criteria[ENTRY].holds
-        way_out = _way_out_of_entry(state.problem.domain) if enters else _WAY_OUT_OF_COMPLAINTS
+        way_out = _WAY_OUT_OF_ENTRY if enters else _WAY_OUT_OF_COMPLAINTS
         summary |= {"converged": False, "reason": certificate.complaint, "suggestion": way_out}
     return summary
-
-
-def _way_out_of_entry(domain: Domain) -> str:
-    """What helps where a foundation enters between the nodes of this mesh."""
-    smaller = "mesh.h_contact or mesh.h"
-    if not domain.kind.is_simplex:
-        smaller += ", or mesh.cells: simplex, which a run refines"
-    return f"Refine the mesh where the foundation enters: {smaller}; or take a rounder foundation."

@@ -80,7 +80,6 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("criteria", _criteria(certificate["criteria"])),
         ("proved", _proved(summary) if "bounds" in summary else None),
         ("guaranteed bound", None if bound.get("applicable", True) else bound["reason"]),
-        ("moving friction", _if_known(errors.get("moving_friction"), "relative", _moving)),
         ("limit load", _if_known(certificate.get("limit_load"), "load_factor", _limit_load)),
         ("critical friction", _if_known(critical, "share", _critical_friction)),
         ("estimated", _estimated(summary)),
@@ -282,10 +281,7 @@ def _proved(summary: Mapping[str, Any]) -> str:
     held = sum(entry["holds"] is True for entry in bounds.values())
     parts = []
     if (whole := _relative(summary, "guaranteed")) is not None:
-        is_finer = look_up(summary, "certificate.errors.guaranteed.finer_cells") is not None
-        under = ", for the friction bound of the solution on a finer mesh"
-        under = under if reached and is_finer else reached
-        parts.append(_at_most("the whole error is", whole, "the whole error", under))
+        parts.append(_at_most("the whole error is", whole, "the whole error", reached))
     if distance := _relative(summary, "penalty"):
         parts.append(_at_most(_CHANGE, distance, "what the penalty changes", reached))
     if held:
@@ -298,10 +294,6 @@ def _at_most(change: str, bound: float, what: str, under: str) -> str:
     if bound > 1.0:
         return f"{NOT_USEFUL} {what}"
     return f"{change} at most {per_cent(bound)}{under}"
-
-
-def _moving(entry: Mapping[str, Any]) -> str:
-    return f"bound of the whole error {per_cent(entry['relative'])}, {entry['reason']}"
 
 
 def _limit_load(entry: Mapping[str, Any]) -> str:

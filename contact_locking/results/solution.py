@@ -75,11 +75,11 @@ class Solution:
     ``contact_facets`` (m, d) the facets by numbers of these points; both are None on ranks other
     than 0.
 
-    ``error_indicator`` (P0) is eta_K, the error in h by recovery, ``elastic_error_indicator`` (P0)
-    the same for the elastic stress, and ``error_bound`` (P0) the cells' shares in the guaranteed
-    bound; each is None where it was not computed.  ``summary`` has all numbers, by the names of
-    summary.json.  ``state`` is all that the next solve may take from this one, ``domain`` and
-    ``element`` are the mesh with its names and the element, and ``data`` the forms of the problem.
+    ``error_indicator`` (P0) is eta_K, the error in h by recovery, and
+    ``elastic_error_indicator`` (P0) the same for the elastic stress; each is None where it was not
+    computed.  ``summary`` has all numbers, by the names of summary.json.  ``state`` is all that the
+    next solve may take from this one, ``domain`` and ``element`` are the mesh with its names and
+    the element, and ``data`` the forms of the problem.
     """
 
     domain: Domain
@@ -94,7 +94,6 @@ class Solution:
     locking_parts: tuple[fem.Function, ...]
     error_indicator: fem.Function | None
     elastic_error_indicator: fem.Function | None
-    error_bound: fem.Function | None
     contact_pressure: fem.Function
     smoothed_stress: fem.Function
     tangential_traction: fem.Function

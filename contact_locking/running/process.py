@@ -15,11 +15,9 @@ from mpi4py import MPI
 
 from contact_locking import study_file
 from contact_locking.errors import NoRendering, ProcessEnded
-from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
 from contact_locking.process import solving
-from contact_locking.process.adaptivity.missed import solved_with_nodes
 from contact_locking.process.checkpoint import saved_steps
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results.output_folder import on_root_of
@@ -105,22 +103,8 @@ def run_steps(
     if found and restart is None:
         listener.message(f"going on from step {int(found[-1].name)} of an earlier run")
         restart = target
-    warnings: list[str] = []
-
-    def attempt(domain: Domain | None) -> StudySolution:
-        is_first = domain is first
-        if not is_first:
-            on_root(comm, lambda: saved_steps.remove(target))
-        solutions = solving.solve_steps(
-            parameters, comm, listener, petsc_options, restart if is_first else None, domain
-        )
-        last, warnings[:] = _written(
-            parameters, target, solutions, keeps, save_state, listener, comm
-        )
-        return last
-
-    first = checkpoint.refined_mesh(restart, comm)
-    last = solved_with_nodes(attempt, first)
+    solutions = solving.solve_steps(parameters, comm, listener, petsc_options, restart)
+    last, warnings = _written(parameters, target, solutions, keeps, save_state, listener, comm)
     if last.converged:
         on_root(comm, lambda: saved_steps.remove(target))
     return last, warnings

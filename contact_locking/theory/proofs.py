@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dolfinx import fem
-
 from contact_locking.certificate.elliptic import Lifting, NotApplicable
-from contact_locking.certificate.indicator import cell_field
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.certificate.verdict import Extras, Proofs
 from contact_locking.fields import plausibility
@@ -20,27 +17,21 @@ from contact_locking.theory.other_solutions import share_against_sliding
 
 def proofs(state: SolvedState, lifting: Lifting, extras: Extras) -> Proofs:
     """The a priori bounds, constants, and the parts that ``extras`` asks for; collective."""
-    wanted = extras.constants or extras.error_bound
-    small = _kappa(state, wanted)
+    small = _kappa(state, extras.constants)
     bounds = proved_bounds(state, lifting)
     entries: dict[str, Any] = {"bounds": bounds}
     errors: dict[str, Any] = {}
-    shares: fem.Function | None = None
     reason = ""
     if extras.error_bound:
         # With the parts of SciPy that they use, these proofs take a while to import.
-        from contact_locking.theory.guaranteed import guaranteed_error, limit_load, moving_error
+        from contact_locking.theory.guaranteed import guaranteed_error, limit_load
 
         limit = limit_load(state)
         entries |= {} if limit is None else {"limit_load": limit}
         if limit is not None and limit["infeasible"]:
             most = f"{100.0 * limit['load_factor'][1]:.3g}"
             reason = f"on no mesh can more than {most} % of them be followed"
-        errors["guaranteed"], frozen = guaranteed_error(state, lifting)
-        if frozen is not None:
-            shares = cell_field(state, "error_bound", frozen.squares)
-        if any(not contact.friction.frictionless for contact in state.problem.contacts):
-            errors["moving_friction"] = moving_error(state, frozen, small)
+        errors["guaranteed"] = guaranteed_error(state, lifting)
     entries["constants"] = constants(state, extras.constants, small)
     if extras.critical_friction:
         entries["critical_friction"] = critical_friction(state)
@@ -50,10 +41,8 @@ def proofs(state: SolvedState, lifting: Lifting, extras: Extras) -> Proofs:
         for name, entry in bounds.items()
         if entry["holds"] is False
     ]
-    warnings = constant_supports(state) if wanted else ()
-    return Proofs(
-        entries, errors, shares, "; ".join(broken), reason, (*_about_friction(state), *warnings)
-    )
+    warnings = constant_supports(state) if extras.constants else ()
+    return Proofs(entries, errors, "; ".join(broken), reason, (*_about_friction(state), *warnings))
 
 
 def _kappa(state: SolvedState, wanted: bool) -> Kappa | NotApplicable:

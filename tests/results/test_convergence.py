@@ -22,8 +22,8 @@ from contact_locking.errors import InputError
 from contact_locking.mesh import domain as domains
 from contact_locking.mesh.domain import Domain
 from contact_locking.meshes.block import Block
+from contact_locking.problem.distance import on_mesh_of
 from contact_locking.process import solving
-from contact_locking.process.adaptivity.sharper_bound import on_mesh_of
 from contact_locking.results.solution import StudySolution
 
 STUDIES = Path(__file__).parents[2] / "demos" / "studies"

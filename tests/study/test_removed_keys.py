@@ -16,6 +16,8 @@ pytestmark = pytest.mark.serial
 @pytest.mark.parametrize(
     ("key", "value"),
     [
+        ("adapt.by", "bound"),
+        ("certificate.bound_meshes", 4),
         ("friction.coefficient", float("inf")),
         ("friction.smoothing.at_supports", "vanish"),
         ("contact.foundation.tilt", {"about": [0.0, 0.0]}),

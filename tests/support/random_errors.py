@@ -18,8 +18,8 @@ from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.fem.compiled import integral
 from contact_locking.fem.spaces import P1, Element
 from contact_locking.problem import forms
+from contact_locking.problem.distance import on_mesh_of
 from contact_locking.process import solving
-from contact_locking.process.adaptivity.sharper_bound import on_mesh_of
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters

@@ -80,7 +80,6 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> StudySolution
         locking_parts=(),
         error_indicator=function(cell, lambda x: 1e-3 * x[0]),
         elastic_error_indicator=function(cell, lambda x: 1e-3 * x[0]),
-        error_bound=None,
         contact_pressure=function(scalar, pressure),
         smoothed_stress=function(scalar, lambda x: -pressure(x)),
         tangential_traction=function(vector, traction),

@@ -6,7 +6,6 @@ import copy
 import re
 import time
 import traceback
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,8 +14,6 @@ from mpi4py import MPI
 from pydantic import ValidationError
 
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.mesh.domain import Domain
-from contact_locking.process.adaptivity.missed import solved_with_nodes
 from contact_locking.process.loop import Steps
 from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution
@@ -55,13 +52,15 @@ _GROWS = "grow with the penalty"
 _STATE = r"penalty\.n: (\S+), penalty\.epsilon: (\S+) and friction\.regularisation: (\S+)"
 # Of forces that balance each other loads and elasticity ask for a smaller share than this.
 _NEEDLESS = 0.05
+# Words of the criterion that asks for a finer mesh where a foundation enters between the nodes.
+_MISSED = "that the nodes miss"
 # Words of what the program claims about a problem that it does not solve.
 _CLAIMS = (
     "infeasible",
     "cannot hold the body",
     _GROWS,
     "nothing resists",
-    "that the nodes miss",
+    _MISSED,
 )
 
 
@@ -137,7 +136,7 @@ def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
         outcome.study = at_the_verge(case, problem)
         problem = assemble(Parameters.model_validate(outcome.study), comm, problem.domain)
     start = time.process_time()
-    problem, (solution,) = _solved(problem, lambda given: [solve_assembled(given)])
+    solution = solve_assembled(problem)
     outcome.seconds = time.process_time() - start
     space = solution.displacement.function_space
     discrete = discretise(problem.parameters, problem.domain, space, solution)
@@ -148,41 +147,25 @@ def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
         outcome.kind = WEDGED if balances_itself(outcome.study, solution) else NOT_SOLVED
 
 
-def _solved(
-    problem: StudyProblem, solutions: Callable[[StudyProblem], list[StudySolution]]
-) -> tuple[StudyProblem, list[StudySolution]]:
-    """The problem, refined where its nodes miss a foundation as in a run, and its solutions."""
-    given, found = [problem], list[StudySolution]()
-
-    def attempt(domain: Domain | None) -> StudySolution:
-        if domain is not None:
-            given[0] = assemble(problem.parameters, MPI.COMM_SELF, domain)
-        found[:] = solutions(given[0])
-        return found[-1]
-
-    solved_with_nodes(attempt)
-    return given[0], found
-
-
 def _solve_process(case: Case, problem: StudyProblem, outcome: Outcome, checks: bool) -> None:
     """Solve all steps; with ``checks`` those of the twin, too."""
-    _, found = _solved(problem, lambda given: list(Steps(given)))
+    found = list(Steps(problem))
     outcome.tangents = max((int(row["tangents"]) for row in found[-1].history), default=0)
     outcome.reason = told = str(found[-1].summary["reason"])
     if not found[-1].converged:
         is_told = _GROWS in told
         outcome.kind = WEDGED if is_told else NOT_SOLVED
+        is_unheld = "cannot hold the body" in told and cannot_balance(case.study, found[-1].time)
         if told.startswith("infeasible"):
             outcome.kind = INFEASIBLE
-        elif "cannot hold the body" in told and cannot_balance(case.study, found[-1].time):
+        elif _MISSED in told or is_unheld:
             outcome.kind = REFUSED
         return
     wrong = stepwise.complaint(found) or comparisons.about_other_solutions(case.truth, found[-1])
     if checks and not wrong:
         assert case.twin is not None
         twin = assemble(Parameters.model_validate(case.twin), MPI.COMM_SELF)
-        _, twins = _solved(twin, lambda given: list(Steps(given)))
-        wrong = stepwise.unlike(found, twins, case.study)
+        wrong = stepwise.unlike(found, list(Steps(twin)), case.study)
     outcome.kind, outcome.reason = (WRONG, wrong) if wrong else (SOLVED, "")
 
 
@@ -227,7 +210,7 @@ class _Seen:
         self._names = {entry["on"] for entry in (*entries, *study["contact"])}
         self._study = study
         self.tangents = 0
-        _, (self.last,) = _solved(problem, self._solutions)
+        (self.last,) = self._solutions(problem)
         found = self.judge.violations(self.moments) if self.moments else {}
         self.complaint = pair_judge.complaint(found)
 
@@ -286,7 +269,7 @@ def _judge(
         outcome.kind, outcome.reason = NOT_SOLVED, reason
         if reason.startswith("infeasible"):
             _judge_infeasible(truth, discrete, outcome)
-        elif any(words in reason for words in truth.messages):
+        elif any(words in reason for words in (*truth.messages, _MISSED)):
             outcome.kind = REFUSED
         return
     state = state_of(solution, discrete)

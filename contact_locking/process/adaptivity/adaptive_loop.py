@@ -16,7 +16,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from mpi4py import MPI
 
 from contact_locking.arrays import BoolArray
@@ -27,10 +26,8 @@ from contact_locking.mesh.whole_mesh import gather_cells, gather_mesh
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.process import solving
 from contact_locking.process.adaptivity.marking import cells_at, entered_places, marked_cells
-from contact_locking.process.adaptivity.mesh_sequence import MEASURES, ErrorMeasure, MeshSequence
-from contact_locking.process.adaptivity.missed import solved_with_nodes
+from contact_locking.process.adaptivity.mesh_sequence import MeshSequence, squared_contributions
 from contact_locking.process.adaptivity.refinement import finer_mesh, singular_place
-from contact_locking.process.adaptivity.sharper_bound import sharper_errors
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import StudySolution
@@ -49,26 +46,13 @@ def solve(
 ) -> StudySolution:
     """Solve (25)/(26) for the given parameters; collective.
 
-    With a section ``adapt`` this is the last solution of `solve_adaptively`.  Without it the mesh
-    is refined where a foundation enters between the nodes, see `missed`, and
-    ``certificate.bound_meshes`` sharpens the guaranteed bound, see `sharper_bound`.  For the
-    arguments and the errors see `contact_locking.process.solving.solve`.
+    With a section ``adapt`` this is the last solution of `solve_adaptively`.  For the arguments and
+    the errors see `contact_locking.process.solving.solve`.
     """
     require_parameters(parameters)
     if parameters.adapt is None:
-
-        def attempt(domain: Domain | None) -> StudySolution:
-            saved = restart if domain is first else None
-            return solving.solve(parameters, comm, monitor, petsc_options, saved, domain)
-
-        began = time.perf_counter()
-        first = checkpoint.refined_mesh(restart, comm)
-        solution = solved_with_nodes(attempt, first)
-        if parameters.certificate.bound_meshes is not None and solution.converged:
-            errors = sharper_errors(solution, monitor or Monitor(), petsc_options)
-            solution = solving.with_errors(solution, **errors)
-            solution = solution.telling(wall_seconds=time.perf_counter() - began)
-        return solution
+        domain = checkpoint.refined_mesh(restart, comm)
+        return solving.solve(parameters, comm, monitor, petsc_options, restart, domain)
     # Only the last solution is kept in memory.
     solutions = solve_adaptively(parameters, comm, monitor, petsc_options, restart)
     return deque(solutions, maxlen=1)[0]
@@ -88,13 +72,12 @@ def solve_adaptively(
     ``adapt.stopped`` is the reason why there is no further mesh.  ``restart`` is the folder of a
     run with a checkpoint, on the first mesh or on a refined mesh, from which the loop goes on.
 
-    The loop ends where the error measure is not known.  Raises InputError for data that cannot be
-    used.
+    The loop ends where the estimate of the error is not known.  Raises InputError for data that
+    cannot be used.
     """
     monitor = Attentive(monitor or Monitor())
     require_parameters(parameters)
     given = parameters.adapt or AdaptParameters()
-    measure = MEASURES[given.by]
     sequence = MeshSequence(given)
     began = time.perf_counter()
     domain = checkpoint.refined_mesh(restart, comm)
@@ -108,8 +91,8 @@ def solve_adaptively(
     while True:
         solution = solving.solve(parameters, comm, monitor, petsc_options, restart, domain)
         restart = None
-        sequence.add(solution, measure)
-        finer = _refined(solution, measure, sequence)
+        sequence.add(solution)
+        finer = _refined(solution, sequence)
         monitor.mesh(len(sequence.meshes), sequence.in_words())
         if sequence.stopped and not sequence.is_reached:
             text = "the meshes were not refined until adapt.tolerance was reached: "
@@ -124,9 +107,7 @@ def solve_adaptively(
         domain = finer
 
 
-def _refined(
-    solution: StudySolution, measure: ErrorMeasure, sequence: MeshSequence
-) -> Domain | None:
+def _refined(solution: StudySolution, sequence: MeshSequence) -> Domain | None:
     """The next mesh; None, with the reason in ``sequence``, if there is none; collective."""
     domain, given = solution.domain, sequence.given
     mesh = gather_mesh(domain)
@@ -134,12 +115,7 @@ def _refined(
         sequence.pictures.append(AdaptedMesh.of(mesh.data.points, mesh.data.cells.nodes))
     if sequence.stopped:
         return None
-    squares = measure.squares(solution)
-    if squares is None:
-        # A mesh that misses a foundation may have no error.
-        index_map = domain.mesh.topology.index_map(domain.dim)
-        squares = np.zeros(index_map.size_local)
-    found = gather_cells(domain, squares)
+    found = gather_cells(domain, squared_contributions(solution))
     entered = entered_places(solution)
 
     def marks(data: MeshData) -> BoolArray:

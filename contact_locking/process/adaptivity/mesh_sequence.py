@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
 from contact_locking.process.adaptivity.marking import entered_places, only_misses
@@ -17,41 +14,18 @@ from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters.numerics import AdaptParameters
 
 
-@dataclass(frozen=True)
-class ErrorMeasure:
-    """A measure of the error in the energy norm.
+def squared_contributions(solution: StudySolution) -> FloatArray:
+    """The squared contributions (k,) of the owned cells to the error; only their ratios count.
 
-    ``entry`` is the name of the measure below ``certificate.errors`` in the summary, whose value
-    ``relative`` is the error over the energy norm of the solution.  ``field`` gives the
-    contributions of the cells, and None for a solution without them; only their ratios count.
+    With the locking stress, which alternates between cells on every mesh, they would lead to locked
+    zones: they are those of the elastic stress.  They are zero where there is no estimate, as on a
+    mesh that misses a foundation.
     """
-
-    entry: str
-    field: Callable[[StudySolution], fem.Function | None]
-
-    def relative(self, solution: StudySolution) -> tuple[float | None, str]:
-        """The relative error; None, with the reason, if it is not known."""
-        found = solution.summary["certificate"]["errors"].get(self.entry)
-        found = found if isinstance(found, dict) else {}
-        return found.get("relative"), str(found.get("reason") or "the certificate has none")
-
-    def squares(self, solution: StudySolution) -> FloatArray | None:
-        """The squared contributions (k,) of the owned cells."""
-        field = self.field(solution)
-        if field is None:
-            return None
-        mesh = solution.domain.mesh
-        owned = mesh.topology.index_map(mesh.topology.dim).size_local
-        return np.asarray(field.x.array[field.function_space.dofmap.list[:owned, 0]] ** 2)
-
-
-#: The measures by the values of ``adapt.by``.
-MEASURES = {
-    # With the locking stress, which alternates between cells on every mesh, the contributions would
-    # lead to locked zones: the indicator by recovery is that of the elastic stress.
-    "estimate": ErrorMeasure("mesh", lambda solution: solution.elastic_error_indicator),
-    "bound": ErrorMeasure("guaranteed", lambda solution: solution.error_bound),
-}
+    mesh, field = solution.domain.mesh, solution.elastic_error_indicator
+    owned = mesh.topology.index_map(mesh.topology.dim).size_local
+    if field is None:
+        return np.zeros(owned)
+    return np.asarray(field.x.array[field.function_space.dofmap.list[:owned, 0]] ** 2)
 
 
 # The error has to fall below this share of itself in so many meshes.
@@ -73,23 +47,21 @@ class MeshSequence:
         self.is_reached = False
         self._began = time.perf_counter()
 
-    def add(self, solution: StudySolution, measure: ErrorMeasure) -> None:
+    def add(self, solution: StudySolution) -> None:
         """Add the solution on a further mesh, and decide whether the loop goes on."""
-        summary, errors = solution.summary, solution.summary["certificate"]["errors"]
-        guaranteed = errors.get("guaranteed") or {}
-        now = time.perf_counter()
+        summary, now = solution.summary, time.perf_counter()
+        entry = summary["certificate"]["errors"]["mesh"]
+        error = entry["relative"]
         self.meshes.append(
             {
                 "dofs": summary["dofs"],
                 "cells": summary["cells"],
-                "estimate": errors["mesh"]["relative"],
-                "bound": guaranteed.get("relative"),
+                "estimate": error,
                 "tangents": summary["iterations"]["tangents"],
                 "seconds": now - self._began,
             }
         )
         self._began = now
-        error, reason = measure.relative(solution)
         is_entered = bool(entered_places(solution))
         if is_entered and (solution.converged or only_misses(solution)):
             # No error on this mesh tells of a foundation that enters between the nodes.
@@ -100,10 +72,11 @@ class MeshSequence:
         elif error is None:
             # A body at rest has no relative error.
             self.is_reached = bool(summary["elastic_energy"] == 0.0)
-            self.stop("the body is at rest" if self.is_reached else f"no error: {reason}")
+            reason = f"no error: {entry.get('reason')}"
+            self.stop("the body is at rest" if self.is_reached else reason)
         elif error <= self.given.tolerance:
             self.is_reached = True
-            self.stop(f"the {self.given.by} is below the tolerance")
+            self.stop("the estimate is below the tolerance")
         elif len(self.meshes) >= self.given.max_meshes:
             self.stop(f"adapt.max_meshes, {self.given.max_meshes}, is reached")
 
@@ -115,7 +88,6 @@ class MeshSequence:
         """The entry ``adapt`` of summary.json."""
         return {
             "tolerance": self.given.tolerance,
-            "by": self.given.by,
             "reached": self.is_reached,
             "stopped": self.stopped or None,
             "meshes": [dict(entry) for entry in self.meshes],
@@ -124,8 +96,8 @@ class MeshSequence:
     def in_words(self) -> str:
         """The last mesh in words."""
         last = self.meshes[-1]
-        error = last[self.given.by]
-        shown = "no error" if error is None else f"{self.given.by} {100.0 * error:.3g} %"
+        error = last["estimate"]
+        shown = "no error" if error is None else f"estimate {100.0 * error:.3g} %"
         return (
             f"{last['dofs']} unknowns, {shown}, {last['tangents']} tangents, "
             f"{last['seconds']:.1f} s"
@@ -134,6 +106,6 @@ class MeshSequence:
     @property
     def stagnates(self) -> bool:
         """Whether the error has hardly fallen over the last meshes."""
-        errors = [entry[self.given.by] for entry in self.meshes[-_MESHES:]]
+        errors = [entry["estimate"] for entry in self.meshes[-_MESHES:]]
         is_known = len(errors) == _MESHES and None not in errors
         return is_known and errors[-1] > _LEAST_FALL * errors[0]

@@ -36,15 +36,6 @@ _LARGEST_LOSS = 0.9
 # Cells that are smaller than this share of the body are near the rounding of the coordinates.
 _SMALLEST_SHARE = 1e-9
 
-_STRAIGHT = (
-    "the mesh is so coarse that the refinement keeps the facets of curved sides straight; make "
-    "mesh.h smaller for curves"
-)
-
-
-class Collapses(NotRefined):
-    """New nodes on a curved side would make a cell flat."""
-
 
 def refined(mesh: WholeMesh, marked: BoolArray, curved: tuple[Curved, ...] = ()) -> WholeMesh:
     """Bisect all edges of the marked cells, and as many others as a conforming mesh needs.
@@ -54,8 +45,7 @@ def refined(mesh: WholeMesh, marked: BoolArray, curved: tuple[Curved, ...] = ())
     pass from a cell or facet to its children.  New nodes on ``curved`` sides are moved there; the
     other sides stay as they are.  ``marked`` (k,) are the marked cells.  For one process.
 
-    Raises Collapses if a cell would collapse as its new nodes move, and NotRefined if a cell would
-    become too small.
+    Raises NotRefined if a cell would collapse as its new nodes move, or become too small.
     """
     data, parent = _bisected(mesh, marked)
     before = signed_measures(data.points, data.cells.nodes)
@@ -64,7 +54,7 @@ def refined(mesh: WholeMesh, marked: BoolArray, curved: tuple[Curved, ...] = ())
         data = replace(data, points=rounded(curved, data.points, nodes_of))
         after = signed_measures(data.points, data.cells.nodes)
         if np.any(after / before < 1.0 - _LARGEST_LOSS):
-            raise Collapses(
+            raise NotRefined(
                 "the first mesh is too coarse at a curved side: a cell would collapse as its new "
                 "nodes move onto the side; make mesh.h smaller"
             )
@@ -160,16 +150,12 @@ def finer_mesh(
     marks: Callable[[MeshData], BoolArray],
     most: int,
     name: str,
-    may_stay_straight: bool = False,
-    is_nested: bool = False,
 ) -> Domain:
     """The mesh of a solution with the cells ``marks`` (k,) refined; collective.
 
     ``marks`` is called on rank 0.  ``most`` is the largest number of unknowns, and ``name`` its
     name in words.  Default radii of smoothing stay those of the first mesh.  Curved sides of a
-    builder stay curved, unless the mesh ``is_nested`` in that of the solution.  Where a cell would
-    collapse at a curved side, the sides keep the facets of the mesh if they ``may_stay_straight``,
-    with a warning.  Raises NotRefined, on all ranks.
+    builder stay curved.  Raises NotRefined, on all ranks.
     """
     domain, geometry = solution.domain, solution.parameters.mesh.geometry
     mesh = gather_mesh(domain)
@@ -181,15 +167,9 @@ def finer_mesh(
     def work() -> None:
         assert mesh is not None
         told = mesh.warnings
-        curved = () if geometry is None or is_nested else geometry.curved
-        marked, news = marks(mesh.data), list[str]()
-        try:
-            finer = refined(mesh, marked, curved)
-        except Collapses:
-            if not may_stay_straight:
-                raise
-            finer, news = refined(mesh, marked), [_STRAIGHT]
-        news += warnings(mesh.data) if geometry is None else []
+        curved = () if geometry is None else geometry.curved
+        finer = refined(mesh, marks(mesh.data), curved)
+        news = warnings(mesh.data) if geometry is None else []
         news = [text for text in news if text not in told]
         held.append(replace(finer, warnings=(*told, *news), smoothing_radii=radii))
 

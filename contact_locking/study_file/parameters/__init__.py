@@ -236,17 +236,6 @@ class Parameters(Section):
         if self.output.charts and self.steps is None:
             message = "are of the steps of a process, and the file has no steps; leave them out"
             yield Fault(("output", "charts"), message)
-        if self.adapt is not None and self.adapt.by == "bound" and not self.certificate.error_bound:
-            yield Fault(
-                ("adapt", "by"),
-                "bound needs the guaranteed bound of each mesh; add certificate.error_bound: true, "
-                "or take estimate",
-            )
-        if self.certificate.bound_meshes is not None and not self.certificate.error_bound:
-            yield Fault(
-                ("certificate", "bound_meshes"),
-                "needs the bound of the mesh; add certificate.error_bound: true",
-            )
         over_loads = self.branches is not None and not self.branches.is_over_friction
         if over_loads and not any(self.shared_loads()):
             yield Fault(
@@ -284,11 +273,6 @@ class Parameters(Section):
             for name, is_there in (("steps", has_steps), ("adapt", adapts)):
                 both = is_there and getattr(self, section) is not None
                 yield (section,), both, f"{name}: other solutions are those of one problem"
-        finer = self.certificate.bound_meshes is not None
-        for section in ("steps", "adapt", "equilibria", "branches"):
-            both = finer and getattr(self, section) is not None
-            words = f"{section}: the bound is that of one solution on the mesh of the study"
-            yield ("certificate", "bound_meshes"), both, words
         facing = "sensitivities, as derivatives do not see which points face each other"
         for place, given in self._contact_sections():
             turns = given.pair == "each_step" or bool(

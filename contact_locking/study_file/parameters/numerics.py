@@ -161,12 +161,6 @@ class CertificateParameters(Section):
         "a proved bound of the error of mesh and penalty in the energy norm, for the friction "
         "bound of the solution; in 2D",
     )
-    bound_meshes: Count | None = entry(
-        None,
-        "solve for n = .inf on so many finer meshes, refined where the proved bound comes from, "
-        "for a sharper one",
-        "1",
-    )
     critical_friction: Switch = entry(
         False,
         "the least multiple of the friction coefficient at which the linearised problem at the "
@@ -283,12 +277,9 @@ class AdaptParameters(Section):
     """The loop that solves, estimates the error, marks cells and refines them."""
 
     tolerance: Tolerance = entry(
-        0.01, "the relative error in the energy norm at which the meshes are fine enough", "1"
-    )
-    by: Literal["estimate", "bound"] = entry(
-        "estimate",
-        "the error that is meant and that marks cells: estimate (certificate.errors.mesh) or bound "
-        "(certificate.errors.guaranteed)",
+        0.01,
+        "the relative error (certificate.errors.mesh) at which the meshes are fine enough",
+        "1",
     )
     share: Share = entry(0.5, "the share of the squared error that the marked cells have", "1")
     max_dofs: Count = entry(100_000, "no mesh has more unknowns", "1")

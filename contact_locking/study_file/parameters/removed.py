@@ -4,6 +4,8 @@ from __future__ import annotations
 
 #: By the name of a key; the sentence stands in brackets after "unknown key".
 KEYS: dict[str, str] = {
+    "bound_meshes": "the error bound is that of the mesh of the study: take a finer mesh",
+    "by": "meshes are adapted by the estimate, certificate.errors.mesh; leave the key out",
     "at_supports": "beside supports R keeps constant pressures, as by keep; leave the key out",
     "tilt": "a foundation does not turn by itself: give motion a rotation, or take a stiff body "
     "that touches in its place",

@@ -2,6 +2,5 @@
 
 from contact_locking.theory.guaranteed.energy_bound import guaranteed_error
 from contact_locking.theory.guaranteed.limit_load import limit_load
-from contact_locking.theory.guaranteed.moving_bound import moving_error
 
-__all__ = ["guaranteed_error", "limit_load", "moving_error"]
+__all__ = ["guaranteed_error", "limit_load"]

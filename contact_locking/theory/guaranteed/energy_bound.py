@@ -5,7 +5,6 @@ The problem of the bound, its proof and all choices are in docs/certificate.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from contact_locking.certificate.elliptic import Lifting, NotApplicable, require
 from contact_locking.certificate.penalty_error import admissible_neighbour, energy_distance
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.parallel import maximum, on_any_rank
-from contact_locking.theory.guaranteed.body import Body, Elasticity, Gap
+from contact_locking.theory.guaranteed.body import Body, Gap
 from contact_locking.theory.guaranteed.boundary_conditions import (
     held_components,
     require_exact_gaps,
@@ -83,49 +82,30 @@ _PROVED = (
 )
 
 
-@dataclass(frozen=True)
-class FrozenBound:
-    """A bound for the friction bound kept fixed, and what it comes from.
-
-    ``energy_norm`` bounds ``sqrt(a(u - u_h, u - u_h))``, and ``stress`` the distance of the stress
-    s to that of u in the norm of A^-1 where the body does not lock, with the oscillation of the
-    loads.  ``squares`` (n,) are the contributions of the owned cells, ``contacts`` have the
-    tractions of s, and ``elasticity`` is A.
-    """
-
-    energy_norm: float
-    stress: float
-    squares: FloatArray
-    contacts: list[ContactTractions]
-    elasticity: Elasticity
-
-
-def guaranteed_error(
-    state: SolvedState, lifting: Lifting
-) -> tuple[dict[str, Any], FrozenBound | None]:
+def guaranteed_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
     """``energy_norm``, a bound of ``sqrt(a(u - u_h, u - u_h))``, and ``relative``; collective.
 
     ``relative`` is the bound over the energy norm of u_h.  ``applicable`` says whether the bound is
     proved, and ``reason`` says of which problem; without a bound, both numbers are None and
-    ``reason`` says why, and the second value is None.  Takes up to
-    ten linear solves with about six times the unknowns of the displacement, one where nothing
-    limits the strain, and for a finite penalty the lift of ``penalty_error``.
+    ``reason`` says why.  Takes up to ten linear solves with about six times the unknowns of the
+    displacement, one where nothing limits the strain, and for a finite penalty the lift of
+    ``penalty_error``.
     """
     try:
         found = _bound(state, lifting)
     except NotApplicable as failure:
         none = dict.fromkeys(("relative", "energy_norm"))
-        return {**none, "applicable": False, "reason": f"not applicable: {failure}"}, None
+        return {**none, "applicable": False, "reason": f"not applicable: {failure}"}
     return {
-        "relative": state.relative(found.energy_norm),
-        "energy_norm": found.energy_norm,
+        "relative": state.relative(found),
+        "energy_norm": found,
         "applicable": True,
         "reason": _PROVED,
-    }, found
+    }
 
 
-def _bound(state: SolvedState, lifting: Lifting) -> FrozenBound:
-    """The bound, with the gaps of cells and of their facets on Gamma_C as squares; collective."""
+def _bound(state: SolvedState, lifting: Lifting) -> float:
+    """The bound, by the gaps of cells and of their facets on Gamma_C; collective."""
     _require_applicable(state)
     problem, triangles = state.problem, Triangles(state.problem.domain)
     element = macro_element(problem.element.degree)
@@ -143,24 +123,19 @@ def _bound(state: SolvedState, lifting: Lifting) -> FrozenBound:
         stress, element = finer_stress(stress, loads, finer, held, triangles)
         loads = finer
     gap = body.gap(stress, w, element)
-    squares = gap.values.copy()
     along = bars.along(body.strains(w, body.element))
-    np.add.at(squares, bars.cells, bars.gap(balanced.forces, along))
+    gaps = [gap.values, bars.gap(balanced.forces, along)]
     nodal = w.x.array.reshape(-1, 2)
     for contact in contacts:
         normal, tangent = contact.split(nodal)
-        work = contact.work(normal, tangent, np.maximum(contact.gap, normal))
-        np.add.at(squares, contact.cells, work)
-    square = max(state.sum(squares), 0.0)
+        gaps.append(contact.work(normal, tangent, np.maximum(contact.gap, normal)))
+    square = max(state.sum(np.concatenate(gaps)), 0.0)
     share, most = _sharpened(state, gap, square)
     # The load of a component that is prescribed does no work.
     loads.rest[held.all(axis=2)] = 0.0
     oscillation = loads.oscillation(triangles) ** 2 / body.elasticity.eigenvalues[:, 0]
     rough = np.sqrt(state.sum(oscillation))
-    bound = share * rough + np.sqrt((share * rough) ** 2 + most) + apart
-    stress = rough + np.sqrt(rough**2 + 2.0 * square)
-    shares = np.maximum(squares, 0.0) + oscillation
-    return FrozenBound(float(bound), float(stress), shares, contacts, body.elasticity)
+    return float(share * rough + np.sqrt((share * rough) ** 2 + most) + apart)
 
 
 def _sharpened(state: SolvedState, gap: Gap, square: float) -> tuple[float, float]:

@@ -12,8 +12,6 @@ Bars in the boundary add unknowns at the vertices that balance the forces of bar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,32 +106,14 @@ class HybridSystem:
         given[self._held] = 0.0
         stretched = bars.solved(stiffening, bars.along(strains))
         pulled = bars.constraints @ stretched
-        with self._factored(local[:, :, 1:], pulled[:, :, 1:]) as multipliers:
-            at_cells, at_bars = multipliers(given, -pulled[:, :, 0])
+        matrices = local[:, :, 1:], pulled[:, :, 1:]
+        at_cells, at_bars = self._multipliers(*matrices, given, -pulled[:, :, 0])
         coefficients = solved[:, :, 0] + np.einsum("ncb,nb->nc", solved[:, :, 1:], at_cells)
         tension = stretched[:, :, 0] + np.einsum("mcb,mb->mc", stretched[:, :, 1:], at_bars)
         moments = self._of_lift + np.einsum("nbc,nc->nb", self._tractions, coefficients)
         jump = self._jump(moments, np.einsum("mbc,mc->mb", bars.constraints, tension))
         stress = (coefficients @ element.basis.reshape(count, -1)).reshape(strains.shape)
         return self._lifted + triangles.moved(stress), tension, jump
-
-    @contextmanager
-    def traces(self, compliance: FloatArray) -> Iterator[Callable[[FloatArray], FloatArray]]:
-        """A function from prescribed moments m to L (n, 3, k + 1, 2), with no bars; collective.
-
-        L are the multipliers of the stress s without divergence that has the moments and minimises
-        ``int C s : s``.  This integral is the sum of L m, and L is the trace of a displacement, of
-        which C s is the strain, weakly.
-        """
-        solved = np.linalg.solve(self._stiffness(compliance), np.swapaxes(self._tractions, 1, 2))
-        local = self._tractions @ solved
-        with self._factored(local, local[:0]) as multipliers:
-
-            def apply(moments: FloatArray) -> FloatArray:
-                given = np.where(self._held, 0.0, flattened(moments))
-                return multipliers(given, given[:0])[0].reshape(moments.shape)
-
-            yield apply
 
     def _stiffness(self, compliance: FloatArray) -> FloatArray:
         """``H_K = |K|/3 sum_tsab (P^T C P)_tsab G_tsab`` over the quarters s of the parts t."""
@@ -179,31 +159,26 @@ class HybridSystem:
         comm, size = self._triangles.domain.comm, (self._owned * self._block, None)
         return PETSc.Vec().createGhost(self._ghosts, size, self._block, comm)
 
-    @contextmanager
-    def _factored(
-        self, blocks: FloatArray, of_bars: FloatArray
-    ) -> Iterator[Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]]:
-        """A function from what is given to the multipliers, which it factorises once; collective.
+    def _multipliers(
+        self, blocks: FloatArray, of_bars: FloatArray, given: FloatArray, at_bars: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """The multipliers (n, 3 b) of the triangles and (m, 3 b) of the bars; collective.
 
-        Both are (n, 3 b) of the triangles and (m, 3 b) of the bars.
+        ``given`` and ``at_bars`` are the right-hand sides, of the same shapes.
         """
         b, x = self._vector(), self._vector()
         matrix = self._matrix(b, blocks, of_bars)
         comm = self._triangles.domain.comm
         options = default_options(self._linear, 2, matrix.getSize()[0], comm)
         ksp = create_ksp(comm, options | {"ksp_rtol": _RTOL}, prefix=_PREFIX)
-
-        def solve(given: FloatArray, at_bars: FloatArray) -> tuple[FloatArray, FloatArray]:
+        try:
+            ksp.setOperators(matrix)
             self._sum(b, given, at_bars)
             ksp.solve(b, x)
             x.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
             with x.localForm() as local:
                 found = local.array_r[self._places].reshape(-1, 3 * self._block)
             return found[: len(given)], found[len(given) :]
-
-        try:
-            ksp.setOperators(matrix)
-            yield solve
         except PETSc.Error as error:
             raise_callback_error(error)
             raise NotApplicable("the linear solve for the stress failed") from error

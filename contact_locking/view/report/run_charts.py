@@ -107,17 +107,15 @@ def _state_map(figure: Figure, contact: ContactPoints, facets: IntArray) -> None
 
 
 _COLUMNS, _MOST = 3, 12
-_LABELS = {"estimate": "estimate, by recovery", "bound": "guaranteed bound"}
-_LOOKS = {"estimate": (style.BLUE, "o"), "bound": (style.VERMILION, "s")}
 
 
 def adapt_charts(run: RunResults) -> list[Chart]:
     """The charts of a run with adapted meshes; none for other runs."""
     rows, found = adapted(run.summary), []
-    if any(_values(rows, name) for name in _LABELS):
+    if errors := _errors_of(rows):
         about = "Relative error over the number of unknowns, for each of the adapted meshes"
         tolerance = finite(run.summary["adapt"].get("tolerance"))
-        found.append(chart("adapt-error", about, 3.0, _errors, rows, tolerance))
+        found.append(chart("adapt-error", about, 3.0, _errors, errors, tolerance))
     if meshes := _meshes(run, rows):
         about, height = "The adapted meshes; coloured cells were marked", _height(meshes)
         found.append(chart("adapt-meshes", about, height, _multiples, meshes))
@@ -130,18 +128,15 @@ def adapted(summary: dict[str, Any]) -> list[dict[str, Any]]:
     return meshes
 
 
-def _values(rows: list[dict[str, Any]], name: str) -> list[tuple[float, float]]:
+def _errors_of(rows: list[dict[str, Any]]) -> list[tuple[float, float]]:
     """Unknowns and errors of the meshes that have both."""
-    pairs = [(finite(row.get("dofs")), finite(row.get(name))) for row in rows]
+    pairs = [(finite(row.get("dofs")), finite(row.get("estimate"))) for row in rows]
     return [(x, y) for x, y in pairs if x is not None and y is not None and x > 0.0 and y > 0.0]
 
 
-def _errors(figure: Figure, rows: list[dict[str, Any]], tolerance: float | None) -> None:
-    axes = figure.add_subplot()
-    for name, label in _LABELS.items():
-        if found := _values(rows, name):
-            colour, marker = _LOOKS[name]
-            axes.loglog(*zip(*found, strict=True), color=colour, marker=marker, ms=4, label=label)
+def _errors(figure: Figure, errors: list[tuple[float, float]], tolerance: float | None) -> None:
+    axes, label = figure.add_subplot(), "estimate, by recovery"
+    axes.loglog(*zip(*errors, strict=True), color=style.BLUE, marker="o", ms=4, label=label)
     if tolerance is not None and tolerance > 0.0:
         dashes = (0, (5, 3))
         axes.axhline(tolerance, color=style.GREY, lw=1.0, ls=dashes, label="tolerance", zorder=0.5)
