@@ -7,9 +7,9 @@ from pathlib import Path
 from contact_locking.errors import InputError, explained
 from contact_locking.plain_text import defect
 
-from .files import BESIDE_RUN, CHARTS, PAGE, print_page, replace
+from .files import BESIDE_RUN, CHARTS, PAGE, replace
 
-__all__ = ["CHARTS", "PAGE", "print_page", "write"]
+__all__ = ["CHARTS", "PAGE", "write"]
 
 
 def write(directory: str | Path) -> list[Path]:
