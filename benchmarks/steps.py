@@ -3,7 +3,7 @@
     ./in-env python3 benchmarks/steps.py         the demo of cyclic slip in 200 steps, a minute
     ./in-env python3 benchmarks/steps.py 50      in as many steps
 
-The run writes all of its results: fields, the saved states, picture and animation.  CPU seconds are
+The run writes all of its results: fields, the saved states and the picture.  CPU seconds are
 those of this process on one rank; the load of the machine tells how much the elapsed seconds mean.
 """
 

@@ -109,9 +109,6 @@ def parser() -> argparse.ArgumentParser:
     add_plan(one, "searches of fit.starts")
     one = add("report", "Write an HTML page and charts of a finished run or study.")
     one.add_argument("directory", metavar="DIR", type=Path, help="folder of the results")
-    one.add_argument("--pdf", action="store_true", help="also print the page, by Chromium")
-    one = add("view", "Show the result of a run in a window, where there is a screen.")
-    one.add_argument("directory", metavar="DIR", type=Path, help="folder of the results of a run")
     add_for_file("check", "Check a study file and list what would run, without a solve.")
     one = add_for_file(
         "mesh", "Write the mesh of a study file, or of another program, as a Gmsh or XDMF file."

@@ -171,28 +171,14 @@ def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
 
 def report(arguments: argparse.Namespace) -> int:
     """Write the page and the charts of a finished run or study."""
-    from contact_locking.view.report import print_page, write
+    from contact_locking.view.report import write
 
     if terminal.is_root():
         try:
             for page in write(arguments.directory):
                 print(f"{page}: written")
-                if arguments.pdf:
-                    print(f"{print_page(page)}: written")
         except ImportError as error:
             raise ContactLockingError(f"a report takes Matplotlib and Jinja2: {error}") from error
-    return 0
-
-
-def view(arguments: argparse.Namespace) -> int:
-    """Show the result of a run in a window until that is closed."""
-    from contact_locking.command import viewer
-
-    if terminal.is_root():
-        try:
-            viewer.view(arguments.directory)
-        except ImportError as error:
-            raise ContactLockingError(f"a window takes Matplotlib: {error}") from error
     return 0
 
 
@@ -321,7 +307,7 @@ def schema(arguments: argparse.Namespace) -> int:
     return 0
 
 
-_ALL = (new, run, study, fit, report, view, check, mesh, schema)
+_ALL = (new, run, study, fit, report, check, mesh, schema)
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     command.__name__: command for command in _ALL
 }

@@ -23,10 +23,8 @@ PROBES = "probes.csv"
 BRANCHES = "branches.csv"
 #: The folders of further solutions of a run, as a pattern.
 OTHERS = "equilibrium_*"
-#: The picture of a run, and the arrays that the picture shows.
-PICTURE, SNAPSHOT = "picture.png", "snapshot.npz"
-#: The animation of a process.
-ANIMATION = "animation.gif"
+#: The picture of a run.
+PICTURE = "picture.png"
 #: The meshes of a run with adapted meshes.
 MESHES = "meshes.npz"
 #: A fit to measured curves: its numbers, and the picture of data and model.
@@ -38,7 +36,7 @@ CHECKPOINT, RECORD = "checkpoint", "record.json"
 #: All of a run in the order in which they are put in place: a folder with a summary has the others.
 FILES_OF_RUN = (
     *(PARAMETERS, CONTACT, FACETS, HISTORY, MESHES, FIELDS, XDMF_DATA, XDMF, PROBES),
-    *(BRANCHES, SNAPSHOT, PICTURE, ANIMATION, FIT, FIT_PICTURE, PAGE, CHECKPOINT, SUMMARY),
+    *(BRANCHES, PICTURE, FIT, FIT_PICTURE, PAGE, CHECKPOINT, SUMMARY),
 )
 #: More than the bytes of a summary, the parameters and some hundred contact points.
 TEXTS_BYTES = 65_536

@@ -38,7 +38,6 @@ class RunResults:
     picture: Path | None
     history: History
     meshes: Path | None = None
-    animation: Path | None = None
     fit: dict[str, Any] | None = None
 
 
@@ -114,7 +113,7 @@ def _run(folder: Path) -> RunResults:
     listed = summary.pop("not_finite", None)
     for key, text in listed.items() if isinstance(listed, dict) else ():
         _restore(summary, key, text)
-    picture, meshes, film = folder / names.PICTURE, folder / names.MESHES, folder / names.ANIMATION
+    picture, meshes = folder / names.PICTURE, folder / names.MESHES
     contact, facets = folder / names.CONTACT, folder / names.FACETS
     points = contact_table.read_points(_text(contact), str(contact))
     return RunResults(
@@ -126,7 +125,6 @@ def _run(folder: Path) -> RunResults:
         picture if picture.is_file() else None,
         history_in(folder) or History(),
         meshes if meshes.is_file() else None,
-        film if film.is_file() else None,
         read_mapping(folder / names.FIT),
     )
 

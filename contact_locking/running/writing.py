@@ -67,17 +67,16 @@ def write(
     directory: str | Path,
     checkpoint: bool = False,
     series: Path | None = None,
-    animation: bytes | None = None,
 ) -> list[str]:
     """Write all files of a solution and return the warnings, the same on all ranks; collective.
 
     The files are summary.json, parameters.yaml, contact.csv and contact_facets.csv, and meshes.npz
     for adapted meshes.  The section ``output`` of the parameters adds fields.bp or fields.xdmf, and
-    picture.png with snapshot.npz; ``checkpoint`` adds the folder checkpoint.  A step of a process
-    adds history.csv.  ``series``, the file of a `FieldSeries`, is fields.bp in place of the fields
-    of this step, and ``animation`` is on rank 0 the content of animation.gif.  The files are
-    written into a staging folder and moved when all are complete.  They replace the results of an
-    earlier run in the folder, also those that this one does not have; all other files stay.
+    picture.png; ``checkpoint`` adds the folder checkpoint.  A step of a process adds history.csv.
+    ``series``, the file of a `FieldSeries`, is fields.bp in place of the fields of this step.  The
+    files are written into a staging folder and moved when all are complete.  They replace the
+    results of an earlier run in the folder, also those that this one does not have; all other files
+    stay.
 
     If the picture or the checkpoint cannot be made, a warning says so, also in summary.json.
     Raises InputError for a folder that cannot be written to or holds files of these names that no
@@ -116,8 +115,6 @@ def write(
 
         def finish() -> None:
             _write_texts(complete, staging)
-            if animation is not None:
-                (staging / names.ANIMATION).write_bytes(animation)
             adapted_meshes.save(solution.meshes, staging / names.MESHES)
             for name in names.FILES_OF_RUN:
                 atomic.put_in_place(staging / name, target / name)

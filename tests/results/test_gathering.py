@@ -1,7 +1,7 @@
 """A run does without the whole body on one rank, and without the memory that its solve has freed.
 
 What ranks send to each other beside DOLFINx and PETSc is as large as a surface at most.
-Without a picture, a film or adapted meshes nobody needs the body as a whole.  A body that is too
+Without a picture or adapted meshes nobody needs the body as a whole.  A body that is too
 large for the memory of one rank can then be solved, certified, written and saved.
 """
 

@@ -25,7 +25,7 @@ from contact_locking.running import writing
 from contact_locking.view import pictures
 
 TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}
-FILES = TEXTS | {"fields.bp", "snapshot.npz", "picture.png"}
+FILES = TEXTS | {"fields.bp", "picture.png"}
 
 
 @pytest.fixture
@@ -195,7 +195,7 @@ def test_a_picture_that_cannot_be_drawn_is_a_warning_and_the_rest_is_there(
 
     monkeypatch.setattr(pictures, "picture", fail)
     assert writing.write(made_up(), folder) == ["no picture was drawn: no fonts"]
-    assert listing(folder, comm) == FILES - {"picture.png", "snapshot.npz"}
+    assert listing(folder, comm) == FILES - {"picture.png"}
 
 
 def test_fields_can_be_written_as_xdmf(tmp_path: Path, comm: MPI.Intracomm) -> None:

@@ -23,6 +23,7 @@ pytestmark = pytest.mark.serial
         ("contact.foundation.tilt", {"about": [0.0, 0.0]}),
         ("material.limits_of", "elastic"),
         ("mesh.curved", True),
+        ("output.animation", True),
     ],
 )
 def test_what_has_gone_is_refused_by_its_key_with_what_to_do_instead(key: str, value: Any) -> None:

@@ -73,7 +73,7 @@ def test_a_picture_in_the_plane_is_drawn(kind: str, tmp_path: Path, comm: MPI.In
 def test_without_pyvista_there_is_no_picture_in_space_and_the_reason_says_how_to_get_one(
     tmp_path: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail(snapshot: Path) -> None:
+    def fail(body: object) -> None:
         raise NoRendering("there is no PyVista")
 
     monkeypatch.setattr(offscreen, "views", fail)
@@ -81,7 +81,7 @@ def test_without_pyvista_there_is_no_picture_in_space_and_the_reason_says_how_to
     told = pictures.picture(of_kind(3, "locked"), folder)
     assert told is not None and "there is no PyVista\n" in told and "apt-get install" in told
     comm.Barrier()
-    assert [path.name for path in folder.iterdir()] == ["snapshot.npz"]
+    assert not list(folder.iterdir())
 
 
 def test_a_picture_that_fails_says_why_on_every_rank_and_leaves_no_file(

@@ -12,7 +12,6 @@ import pytest
 from report_folder import LARGE, TITLE, many_rows, rows, run_folder, study_folder
 from slow import slow
 
-from contact_locking.command import cli
 from contact_locking.view import report
 
 pytestmark = [
@@ -214,21 +213,3 @@ def test_the_filter_finds_states_numbers_and_words_of_visible_columns(
         assert len(column(tab, "state")) == count, words
     tab.evaluate("document.getElementById('all-columns').click()")
     assert len(column(tab, "state")) == 52
-
-
-def test_the_page_is_printed_on_demand(
-    pages: dict[str, Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder = pages["run"].parent
-    assert cli.main(["report", str(folder), "--pdf"]) == 0
-    made = folder / "report" / "report.pdf"
-    assert capsys.readouterr().out == f"{folder / 'report.html'}: written\n{made}: written\n"
-    assert made.read_bytes().startswith(b"%PDF")
-    assert [path.name for path in made.parent.iterdir() if path.suffix not in (".svg", ".png")] == [
-        "report.pdf"
-    ]
-    # A new report discards what was printed of the old one.
-    monkeypatch.setenv("PATH", "")
-    assert cli.main(["report", str(folder), "--pdf"]) == 1
-    assert "apt-get install chromium" in capsys.readouterr().err
-    assert (folder / "report.html").exists() and not made.exists()

@@ -243,13 +243,7 @@ class OutputParameters(Section):
         "the files of the fields: vtx (fields.bp, for ParaView 5.11 or newer, or 5.12 for more "
         "than 0.5 GB), xdmf (fields.xdmf, for tools that do not read VTX), or both",
     )
-    picture: Switch = entry(
-        True, "whether to draw a picture, and save the snapshot that `view` shows"
-    )
-    animation: Switch = entry(
-        True,
-        "whether a process with a picture has an animation, animation.gif, of at most 40 frames",
-    )
+    picture: Switch = entry(True, "whether to draw a picture")
     probes: tuple[Probe, ...] = entry(
         (), "points where probes.csv has displacement, strain norm and stresses"
     )

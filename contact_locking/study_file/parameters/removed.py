@@ -12,6 +12,7 @@ KEYS: dict[str, str] = {
     "limits_of": "limits are those of the whole strain eps(u); leave the key out, and add the "
     "expansion to the limit where the body may expand freely",
     "curved": "all cells have straight sides; take a smaller mesh.h where a side is round",
+    "animation": "there are no animations: ParaView plays the steps of fields.bp",
 }
 
 #: By the name of a key and one of its values; the sentence is the whole message.

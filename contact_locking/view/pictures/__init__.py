@@ -10,7 +10,7 @@ import numpy as np
 
 from contact_locking.errors import NoRendering, NoRoom, is_full
 from contact_locking.files.atomic import require_room
-from contact_locking.results.names import PICTURE, SNAPSHOT, TEXTS_BYTES
+from contact_locking.results.names import PICTURE, TEXTS_BYTES
 
 if TYPE_CHECKING:
     from contact_locking.results.solution import StudySolution
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def picture(solution: StudySolution, folder: Path) -> str | None:
-    """Draw ``solution`` into a PNG file in ``folder``, and save its snapshot; collective.
+    """Draw ``solution`` into a PNG file in ``folder``; collective.
 
     In three dimensions PyVista draws the picture.  Returns None, or on all ranks the reason why
     there is no picture.  Raises NoRoom on all ranks if the disk is full, and no other error.
@@ -45,10 +45,9 @@ def _draw(snapshot: Snapshot, folder: Path) -> str | None:
         return "no picture was drawn: the displacement is not finite"
     target = folder / PICTURE
     try:
-        from contact_locking.view.pictures import offscreen, snapshot_file
+        from contact_locking.view.pictures import offscreen
 
-        snapshot_file.save(snapshot, folder / SNAPSHOT)
-        images = offscreen.views(folder / SNAPSHOT) if snapshot.dim == 3 else None
+        images = offscreen.views(snapshot) if snapshot.dim == 3 else None
         draw(snapshot, target, images)
         # The text files are written later, and matter more.
         require_room(folder, TEXTS_BYTES)

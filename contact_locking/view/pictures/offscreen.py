@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import os
+import pickle
 import re
 import shutil
 import signal
@@ -22,33 +23,30 @@ import numpy as np
 import numpy.typing as npt
 
 from contact_locking.errors import NoRendering
+from contact_locking.view.pictures.snapshot import Snapshot
 
 Image = npt.NDArray[np.uint8]
 
 INSTALL = "apt-get install python3-pyvista xvfb xauth libgl1-mesa-dri, or pip install pyvista"
 
 _PROGRAM = "contact_locking.view.pictures.render"
-_TARGET = "views.npz"
-# A film may take several times as long as a picture.
-_SECONDS, _FILM, _GRACE_SECONDS = 120, 3, 2
+_SOURCE, _TARGET = "snapshot.pickle", "views.npz"
+_SECONDS, _GRACE_SECONDS = 120, 2
 _ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
 _SHELL, _CRASHED = 128, "VTK was ended by"
 #: A command that gives a program a hidden screen, which stays when a client has gone.
 XVFB = ("xvfb-run", "-a", "-s", "-screen 0 640x480x24 -noreset")
 
 
-def views(source: Path) -> dict[str, Image]:
-    """Pictures (h, w, 3) of all views of a saved snapshot, by their titles.
-
-    If ``source`` is a folder with the snapshots of a film, these are the frames by the names of
-    their files.  Raises NoRendering.
-    """
+def views(body: Snapshot) -> dict[str, Image]:
+    """Pictures (h, w, 3) of all views of a body, by their titles.  Raises NoRendering."""
     if importlib.util.find_spec("pyvista") is None:
         raise NoRendering("PyVista is not installed")
     hidden = shutil.which(XVFB[0]) is not None
     try:
         with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
-            reason = _draw(XVFB if hidden else (), source, Path(folder))
+            (Path(folder) / _SOURCE).write_bytes(pickle.dumps(body))
+            reason = _draw(XVFB if hidden else (), Path(folder))
             if reason is None:
                 with np.load(Path(folder) / _TARGET, allow_pickle=False) as images:
                     return {name: images[name] for name in images.files}
@@ -84,15 +82,15 @@ def explain(code: int, told: str) -> str:
     return f"VTK ended with exit code {code}{said}"
 
 
-def _draw(screen: Sequence[str], source: Path, folder: Path) -> str | None:
+def _draw(screen: Sequence[str], folder: Path) -> str | None:
     """Run the program that draws and return None, or the reason why the program failed.
 
     All files are in ``folder``.  Raises NoRendering if the program does not end in time.
     """
     target, log = folder / _TARGET, folder / "log"
     # The program has a time limit of its own, in case this process ends first.
-    seconds = _SECONDS * (_FILM if source.is_dir() else 1)
-    words = [*screen, *program(_PROGRAM), str(source), str(target), str(2 * seconds)]
+    source, seconds = folder / _SOURCE, str(2 * _SECONDS)
+    words = [*screen, *program(_PROGRAM), str(source), str(target), seconds]
     with log.open("wb") as stream:
         process = subprocess.Popen(
             words,
@@ -103,9 +101,9 @@ def _draw(screen: Sequence[str], source: Path, folder: Path) -> str | None:
             start_new_session=True,
         )
         try:
-            code = process.wait(seconds)
+            code = process.wait(_SECONDS)
         except subprocess.TimeoutExpired:
-            raise NoRendering(f"VTK has not finished in {seconds} seconds") from None
+            raise NoRendering(f"VTK has not finished in {_SECONDS} seconds") from None
         finally:
             if process.poll() is None:
                 _end(process)

@@ -20,7 +20,6 @@ from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.ordering import curves
 from contact_locking.view.pictures import style
 from contact_locking.view.pictures.snapshot import ContactMap, Snapshot, tool, touched
-from contact_locking.view.pictures.style import Look
 
 _MOST_MARKERS = 60
 # A contact whose tractions are a smaller share than this of the largest one is open.
@@ -124,9 +123,9 @@ def _state_strip(axes: Axes, s: FloatArray, state: IntArray) -> None:
 # Thickness of the drawn foundation and its reach beyond Gamma_C, as shares of the body's size.
 _THICKNESS, _REACH = 0.05, 0.08
 _DASHES = (0, (4, 3))
-# In inches: the widths of a picture and of a frame of an animation, the limits of the height of the
-# body, and the room for words on the left of axes, on the right of the body, above and below axes.
-_SHEET, _FRAME, _LOWEST, _HIGHEST = 7.2, 6.4, 0.8, 3.4
+# In inches: the width of a picture, the limits of the height of the body, and the room for words on
+# the left of axes, on the right of the body, above and below axes.
+_SHEET, _LOWEST, _HIGHEST = 7.2, 0.8, 3.4
 _LEFT, _RIGHT, _TITLE, _BELOW, _LEGEND = 0.95, 1.15, 0.35, 0.5, 0.35
 # The heights of the tractions on a contact, of the states, and of the space between them.
 _TRACTIONS, _STATES, _BETWEEN = 1.9, 0.13, 0.13
@@ -139,13 +138,13 @@ def figure(body: Snapshot) -> Figure:
     """The deformed body, and below it a panel with the tractions along each contact."""
     contacts, factor = body.contact.parts(), style.magnification(body)
     width, top = _SHEET - _LEFT - _RIGHT, style.HEAD + _TITLE
-    height = _height(*_window([body], factor), width, _HIGHEST)
+    height = _height(*_window(body, factor), width)
     first = top + height + _BELOW + _LEGEND
     each = _LEGEND + _TITLE + _TRACTIONS + _BETWEEN + _STATES + _BELOW
     fig = Figure(figsize=(_SHEET, first + each * len(contacts)))
     style.head(fig, body)
     axes = style.panel(fig, _LEFT, top, width, height)
-    handles = _deformed(fig, axes, body, factor, style.shade(body))
+    handles = _deformed(fig, axes, body, factor)
     axes.autoscale_view()
     axes.set_title(f"Deformed body, {style.scale_words(factor)}", loc="left")
     # A distance in font sizes leaves room for the labels at any height of the axes.
@@ -165,31 +164,17 @@ def figure(body: Snapshot) -> Figure:
     return fig
 
 
-def frames(bodies: Sequence[Snapshot], look: Look, titles: Sequence[str]) -> Iterator[Figure]:
-    """The pictures of an animation, all with the same limits of the axes."""
-    low, high = _window(bodies, look.factor)
-    width = _FRAME - _LEFT - _RIGHT
-    height = _height(low, high, width, _FRAME)
-    for body, shade, title in zip(bodies, look.shades, titles, strict=True):
-        fig = Figure(figsize=(_FRAME, _TITLE + height + _BELOW))
-        axes = style.panel(fig, _LEFT, _TITLE, width, height)
-        _deformed(fig, axes, body, look.factor, shade)
-        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-        axes.set_title(title, loc="left", parse_math=False)
-        yield fig
-
-
-def _height(low: FloatArray, high: FloatArray, width: float, highest: float) -> float:
+def _height(low: FloatArray, high: FloatArray, width: float) -> float:
     """The height of axes of a width that show a window at one scale, within limits; in inches."""
-    return float(np.clip(width * (high - low)[1] / (high - low)[0], _LOWEST, highest))
+    return float(np.clip(width * (high - low)[1] / (high - low)[0], _LOWEST, _HIGHEST))
 
 
-def _window(bodies: Sequence[Snapshot], factor: float) -> tuple[FloatArray, FloatArray]:
-    """The corners of a window with all deformed bodies and the foundations near them."""
-    places = np.concatenate([style.deformed(body, factor) for body in bodies])
+def _window(body: Snapshot, factor: float) -> tuple[FloatArray, FloatArray]:
+    """The corners of a window with the deformed body and the foundations near it."""
+    places = style.deformed(body, factor)
     low, high = places.min(axis=0), places.max(axis=0)
     beside = _BESIDE * float((high - low).max())
-    tools = [tool(part, factor) for body in bodies for part in body.contact.parts()]
+    tools = [tool(part, factor) for part in body.contact.parts()]
     points = np.concatenate([places[:0], *(segments.reshape(-1, 2) for segments in tools)])
     near = points[np.all((points >= low - beside) & (points <= high + beside), axis=1)]
     low, high = np.vstack([low, near]).min(axis=0), np.vstack([high, near]).max(axis=0)
@@ -197,11 +182,9 @@ def _window(bodies: Sequence[Snapshot], factor: float) -> tuple[FloatArray, Floa
     return low - margin, high + margin
 
 
-def _deformed(
-    fig: Figure, axes: Axes, body: Snapshot, factor: float, shade: style.Shade
-) -> list[Patch | Line2D]:
+def _deformed(fig: Figure, axes: Axes, body: Snapshot, factor: float) -> list[Patch | Line2D]:
     """Draw the body, its locked zone and the foundation; returns the entries of the legend."""
-    x = style.deformed(body, factor)
+    shade, x = style.shade(body), style.deformed(body, factor)
     handles: list[Patch | Line2D] = []
     # Corners of one colour: Matplotlib draws polygons, each of them a path, more slowly.
     corners = np.arange(body.cells.size).reshape(-1, 3)

@@ -1,15 +1,16 @@
 """``python3 -m contact_locking.view.pictures.render SOURCE TARGET SECONDS``: drawn by PyVista.
 
-SOURCE is the file of a snapshot, or a folder with the snapshots of a film.  This module is a
-program of its own, as VTK ends its process if it finds no screen or no OpenGL.
+SOURCE is a pickled snapshot of a body in three dimensions.  This module is a program of its own, as
+VTK ends its process if it finds no screen or no OpenGL.
 """
 
 from __future__ import annotations
 
+import pickle
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from matplotlib.colors import ListedColormap
 
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.results.contact_points import OPEN, STATE_NAMES, STICK
-from contact_locking.view.pictures import snapshot_file, style
+from contact_locking.view.pictures import style
 from contact_locking.view.pictures.contact_map import (
     PRESSURE_COLOURS,
     nearest_parts,
@@ -28,15 +29,8 @@ from contact_locking.view.pictures.contact_map import (
     slipping,
 )
 from contact_locking.view.pictures.offscreen import Image
-from contact_locking.view.pictures.snapshot import Snapshot, foundation, tool, touched
-from contact_locking.view.pictures.style import look_of
-from contact_locking.view.pictures.views import (
-    Camera,
-    camera,
-    contact_camera,
-    cut,
-    side_camera,
-)
+from contact_locking.view.pictures.snapshot import Snapshot, foundation, tool
+from contact_locking.view.pictures.views import Camera, contact_camera, cut, side_camera
 
 # Faces that meet at a larger angle, in degrees, make an edge of the body.
 _SHARP = 30.0
@@ -58,32 +52,23 @@ class Scene:
     """Draws a snapshot, deformed by ``factor``, into a plotter with ``point`` pixels to a point.
 
     Lines move by ``lift`` (3,) towards the viewer: a wide line faces the viewer, and a surface that
-    does not would hide half of a line that lies in the surface.  ``shade`` has the values of the
-    cells with their scale, by default that of the body alone.
+    does not would hide half of a line that lies in the surface.
     """
 
     def __init__(
-        self,
-        plotter: Any,
-        body: Snapshot,
-        factor: float,
-        point: float,
-        lift: FloatArray | None = None,
-        shade: style.Shade | None = None,
+        self, plotter: Any, body: Snapshot, factor: float, point: float, lift: FloatArray
     ) -> None:
         self._plotter, self._body, self._factor, self._point = plotter, body, factor, point
-        self._lift = np.zeros(3) if lift is None else lift
-        self._x = in_space(style.deformed(body, factor))
-        self._faces = _outward(body) if body.dim == 3 else body.cells
-        self._face_cell = body.boundary_cell if body.dim == 3 else np.arange(len(body.cells))
+        self._lift = lift
+        self._x = style.deformed(body, factor)
+        self._faces = _outward(body)
         self._share = style.locked_share(body)
-        self._shade = shade or style.shade(body)
 
     def deformed_body(self, **bar: Any) -> None:
         """The surface in the colours of the strain, the rim of the locked zone, the foundation."""
         skin = _surface(self._x, self._faces)
-        self._strain(skin, self._face_cell, **bar)
-        self._edges(in_space(self._body.x), style.GREY, _FINE)
+        self._strain(skin, self._body.boundary_cell, **bar)
+        self._edges(self._body.x, style.GREY, _FINE)
         self._edges(self._x, style.BLACK, _EDGE)
         self._foundation()
 
@@ -125,10 +110,9 @@ class Scene:
         if touching.n_points:
             how = {"cmap": scale, "n_colors": _SHADES, "clim": (0.0, most), "lighting": False}
             self._add(touching, scalars="pressure", **how, **bar)
-        if self._body.dim == 3:
-            self._line(part.contour([0.5], scalars="touches"), style.BLACK, _FINE)
-            part.point_data["sticks"] = (contact.points.state == STICK).astype(float)
-            self._cased_line(part.contour([0.5], scalars="sticks"), style.BLUE)
+        self._line(part.contour([0.5], scalars="touches"), style.BLACK, _FINE)
+        part.point_data["sticks"] = (contact.points.state == STICK).astype(float)
+        self._cased_line(part.contour([0.5], scalars="sticks"), style.BLUE)
 
     def states(self, **bar: Any) -> None:
         """Gamma_C in the colours of open, stick and slip, on a pale body."""
@@ -141,7 +125,7 @@ class Scene:
         how = {"cmap": style.STATES, "n_colors": len(names), "clim": (-0.5, len(names) - 0.5)}
         self._add(part, scalars="state", annotations=names, lighting=False, **how, **bar)
         shown = slipping(contact.points)
-        slip = in_space(contact.points.u_tangent[shown])
+        slip = contact.points.u_tangent[shown]
         longest = float(np.linalg.norm(slip, axis=1).max(initial=0.0))
         if longest > 0.0:
             arrows = pv.PolyData(self._lifted_contact()[shown] + self._lift)
@@ -156,7 +140,7 @@ class Scene:
 
     def _strain(self, skin: Any, cell: IntArray, **bar: Any) -> None:
         """Add a surface in the colours of the strain; ``cell`` has the cell of each face."""
-        shade = self._shade
+        shade = style.shade(self._body)
         skin.cell_data["shade"] = shade.values[cell].filled(np.nan)
         colours = {"cmap": shade.cmap, "clim": (0.0, shade.norm.vmax), "nan_color": style.PALE}
         self._add(skin, scalars="shade", **colours, **bar, **_MATT)
@@ -168,40 +152,30 @@ class Scene:
 
     def _grid(self) -> Any:
         """The cells with their numbers, and the locked share of the cells around each vertex."""
-        kind = pv.CellType.TETRA if self._body.dim == 3 else pv.CellType.TRIANGLE
-        grid = pv.UnstructuredGrid({kind: self._body.cells}, self._x)
+        grid = pv.UnstructuredGrid({pv.CellType.TETRA: self._body.cells}, self._x)
         grid.cell_data["cell"] = np.arange(len(self._body.cells))
         grid.point_data["share"] = self._share
         return grid
 
     def _body_but_contact(self, **how: Any) -> None:
         """Add the surface of the body without Gamma_C, whose place another surface takes."""
-        faces, contact = self._faces, self._body.contact
-        if self._body.dim == 3:
-            both = np.sort(np.vstack([contact.vertices[contact.facets], faces]), axis=1)
-            _, number = np.unique(both, axis=0, return_inverse=True)
-            number, first = number.reshape(-1), len(contact.facets)
-            faces = faces[~np.isin(number[first:], number[:first])]
+        contact = self._body.contact
+        both = np.sort(np.vstack([contact.vertices[contact.facets], self._faces]), axis=1)
+        _, number = np.unique(both, axis=0, return_inverse=True)
+        number, first = number.reshape(-1), len(contact.facets)
+        faces = self._faces[~np.isin(number[first:], number[:first])]
         if len(faces):
             self._add(_surface(self._x, faces), **how)
 
     def _pale_body(self) -> None:
         # A body that is touched by another one lies between the viewer and the interface.
-        hides = self._body.dim == 3 and any(self._body.contact.bodies)
-        opacity = _GLASS if hides else 1.0
+        opacity = _GLASS if any(self._body.contact.bodies) else 1.0
         self._body_but_contact(color=_PALE_BODY, opacity=opacity, **_PLAIN)
         self._edges(self._x, style.BLACK, _FINE)
 
     def _foundation(self, towards: FloatArray | None = None, middle: Any = None) -> None:
         """Add the foundations, without the half beyond a plane if one is given."""
         for contact in self._body.contact.on_foundations():
-            if self._body.dim == 2:
-                segments = tool(contact, self._factor)
-                if not len(segments):
-                    segments = touched(contact, self._factor)[contact.facets]
-                lines = _loose(in_space(segments.reshape(-1, 2)).reshape(-1, 2, 3))
-                self._line(lines, style.GREY, _CASING)
-                continue
             corners = foundation(contact, self._factor, self._body.size)
             ground, plane = _loose(corners), len(corners) == 1
             how: dict[str, Any] = {"lighting": False} if plane else _PLAIN
@@ -249,19 +223,12 @@ def _outward(body: Snapshot) -> IntArray:
 
 
 def _surface(points: FloatArray, facets: IntArray) -> Any:
-    if facets.shape[1] == 2:
-        return pv.PolyData(points, lines=np.insert(facets, 0, 2, axis=1))
     return pv.PolyData.from_regular_faces(points, facets)
 
 
 def _loose(shapes: FloatArray) -> Any:
     """Shapes (m, k, 3) that share no points."""
     return _surface(shapes.reshape(-1, 3), np.arange(shapes[..., 0].size).reshape(len(shapes), -1))
-
-
-def in_space(x: FloatArray) -> FloatArray:
-    """Points (v, 2) or (v, 3) as (v, 3)."""
-    return np.ascontiguousarray(np.pad(x, ((0, 0), (0, 3 - x.shape[1]))))
 
 
 @dataclass(frozen=True)
@@ -278,33 +245,19 @@ _BAR = {"title": "", "vertical": True, "n_labels": 6, "fmt": "%.3g"}
 _BAR |= {"width": 0.05, "height": 0.5, "position_x": 0.88, "position_y": 0.2}
 
 
-def views(body: Snapshot, letters: int) -> list[View]:
-    """The body, in three dimensions cut open, its locked zone, and each contact.
-
-    ``letters`` is the size of the numbers at a scale of colours.
-    """
-    factor, contacts = style.magnification(body), body.contact.parts()
-    if body.dim == 3:
-        side = side_camera([body], factor)
-        below = [
-            (part.names[0] and f": {part.names[0]}", contact_camera(body, part, factor))
-            for part in contacts
-        ]
-    else:
-        points = in_space(np.vstack([body.x, style.deformed(body, factor)]))
-        side = camera(points, np.eye(3)[2])
-        # One view of the whole body shows every contact.
-        below = [("", side)] if contacts else []
+def views(body: Snapshot, factor: float) -> list[View]:
+    """The body, cut open, its locked zone, and each contact."""
+    side = side_camera(body, factor)
     limited = np.isfinite(body.locking_limit).any()
     strain = "|ε(u)| / M" if limited else "|ε(u)|"
-    look = _BAR | {"label_font_size": letters, "unconstrained_font_size": True}
+    look = _BAR | {"label_font_size": _LETTERS, "unconstrained_font_size": True}
     bar, names = {"scalar_bar_args": look}, {"scalar_bar_args": look | {"n_labels": 0}}
     found = [View(f"Deformed body, {strain}", lambda scene: scene.deformed_body(**bar), side)]
-    if body.dim == 3:
-        found.append(View(f"Cut open, {strain}", lambda scene: scene.cut_open(**bar), side))
+    found.append(View(f"Cut open, {strain}", lambda scene: scene.cut_open(**bar), side))
     if body.locked.any():
         found.append(View("Cells at the strain limit, |ε(u)| ≥ M", Scene.locked_zone, side))
-    for name, towards in below:
+    for part in body.contact.parts():
+        name, towards = part.names[0] and f": {part.names[0]}", contact_camera(body, part, factor)
         found += [
             View(f"Contact pressure{name}", lambda scene: scene.pressure(**bar), towards),
             View(f"Open, stick and slip{name}", lambda scene: scene.states(**names), towards),
@@ -324,57 +277,35 @@ _LIFT = 0.005
 
 def render(body: Snapshot) -> dict[str, Image]:
     """The views (h, w, 3) of a body by their titles."""
+    # One plotter for all pictures: an X server without clients may end.
     plotter, factor = _plotter(), style.magnification(body)
-    drawn = {view.title: _image(plotter, body, factor, view) for view in views(body, _LETTERS)}
+    drawn = {view.title: _image(plotter, body, factor, view) for view in views(body, factor)}
     plotter.close()
     return drawn
 
 
-def render_film(bodies: Sequence[Snapshot]) -> Iterator[Image]:
-    """The pictures (h, w, 3) of the deformed bodies of a film."""
-    common, plotter = look_of(bodies), _plotter()
-    side = side_camera(bodies, common.factor)
-    for body, shade in zip(bodies, common.shades, strict=True):
-        view = replace(views(body, _LETTERS)[0], camera=side)
-        yield _image(plotter, body, common.factor, view, shade)
-    plotter.close()
-
-
 def _plotter() -> Any:
-    """One plotter for all pictures: an X server without clients may end."""
     size = [_FINER * length for length in SIZE]
     plotter: Any = pv.Plotter(off_screen=True, lighting="none", window_size=size)
-    set_up(plotter)
-    return plotter
-
-
-def _image(
-    plotter: Any, body: Snapshot, factor: float, view: View, shade: style.Shade | None = None
-) -> Image:
-    lift = _LIFT * body.size * view.camera.towards
-    clear(plotter)
-    view.draw(Scene(plotter, body, factor, _FINER * _POINT, lift, shade))
-    look(plotter, view.camera)
-    # The arrows along the axes of an earlier picture would be turned one picture late.
-    plotter.add_axes(viewport=(0.0, 0.0, 0.25, 0.25))
-    plotter.render()
-    return _coarser(np.asarray(plotter.screenshot(return_img=True))[..., :3])
-
-
-def set_up(plotter: Any) -> None:
-    """Set the background and the light of a plotter, and allow bodies of glass."""
     plotter.set_background("white")
     plotter.add_light(pv.Light(position=(-0.5, 0.9, 1.4), light_type="camera light"))
     # Depth peeling, which glass takes, does not work with several samples for each pixel.
     plotter.render_window.SetMultiSamples(0)
     plotter.enable_depth_peeling()
+    return plotter
 
 
-def clear(plotter: Any) -> None:
-    """Remove a view from a plotter."""
+def _image(plotter: Any, body: Snapshot, factor: float, view: View) -> Image:
     for name in list(plotter.scalar_bars.keys()):
         plotter.remove_scalar_bar(name, render=False)
     plotter.clear_actors()
+    lift = _LIFT * body.size * view.camera.towards
+    view.draw(Scene(plotter, body, factor, _FINER * _POINT, lift))
+    _look(plotter, view.camera)
+    # The arrows along the axes of an earlier picture would be turned one picture late.
+    plotter.add_axes(viewport=(0.0, 0.0, 0.25, 0.25))
+    plotter.render()
+    return _coarser(np.asarray(plotter.screenshot(return_img=True))[..., :3])
 
 
 # Half the height of a picture over that of the body, and the room on the right for a scale of
@@ -382,7 +313,7 @@ def clear(plotter: Any) -> None:
 _ROOM, _BESIDE = 0.65, 0.08
 
 
-def look(plotter: Any, camera: Camera) -> None:
+def _look(plotter: Any, camera: Camera) -> None:
     """Set the camera of a plotter."""
     across, down = plotter.window_size
     distance = 10.0 * max(camera.width, camera.height)
@@ -402,15 +333,10 @@ def _coarser(image: Image) -> Image:
 
 
 def main(source: Path, target: Path, seconds: int) -> None:
-    """Render the views of a snapshot, or the frames of a film, into a file of NumPy."""
+    """Render the views of a snapshot into a file of NumPy."""
     # If a graphics driver hangs, the process that has started this one may be gone.
     signal.alarm(seconds)
-    if source.is_dir():
-        files = sorted(source.iterdir())
-        drawn = render_film([snapshot_file.load(file) for file in files])
-        images: dict[str, Any] = dict(zip((file.stem for file in files), drawn, strict=True))
-    else:
-        images = dict(render(snapshot_file.load(source)))
+    images: dict[str, Any] = dict(render(pickle.loads(source.read_bytes())))
     with target.open("wb") as stream:
         np.savez(stream, **images)
 

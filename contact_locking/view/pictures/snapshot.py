@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -94,31 +94,6 @@ class Snapshot:
     def size(self) -> float:
         """The longest edge of the body's bounding box."""
         return float(np.ptp(self.x, axis=0).max())
-
-
-def seen_from_outside(body: Snapshot) -> Snapshot:
-    """A body that looks the same from outside: in 3D only the cells that touch the boundary."""
-    if body.dim == 2:
-        return body
-    outer = np.zeros(len(body.x), dtype=bool)
-    outer[body.boundary] = True
-    kept = outer[body.cells].any(axis=1)
-    vertices, cells = np.unique(body.cells[kept], return_inverse=True)
-    number = np.zeros(len(body.x), dtype=np.int64)
-    number[vertices] = np.arange(len(vertices))
-    contact = replace(body.contact, vertices=number[body.contact.vertices])
-    return replace(
-        body,
-        x=body.x[vertices],
-        displacement=body.displacement[vertices],
-        cells=cells.reshape(-1, 4),
-        boundary=number[body.boundary],
-        boundary_cell=(np.cumsum(kept) - 1)[body.boundary_cell],
-        strain_norm=body.strain_norm[kept],
-        locking_limit=body.locking_limit[kept],
-        locked=body.locked[kept],
-        contact=contact,
-    )
 
 
 # Reach of the drawn foundation beyond Gamma_C as a share of the body's size.

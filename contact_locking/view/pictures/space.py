@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
@@ -24,14 +24,6 @@ def figure(body: Snapshot, images: Mapping[str, Image]) -> Figure:
         _view(sheet, column * _WIDTH, style.HEAD + row * each, image, title)
     sheet.axes[0].set_title(style.scale_words(style.magnification(body)), loc="right")
     return sheet
-
-
-def frames(images: Sequence[Image], titles: Sequence[str]) -> Iterator[Figure]:
-    """The pictures of an animation, each with its title."""
-    for image, title in zip(images, titles, strict=True):
-        sheet = Figure(figsize=(_WIDTH, _height(image) + _TITLE))
-        _view(sheet, 0.0, 0.0, image, title)
-        yield sheet
 
 
 def _view(sheet: Figure, left: float, top: float, image: Image, title: str) -> None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -187,22 +186,3 @@ def state_patches() -> list[Patch]:
 def deformed(body: Snapshot, factor: float) -> FloatArray:
     """Vertices (v, d) moved by ``factor`` times their displacement."""
     return body.x + factor * body.displacement
-
-
-@dataclass(frozen=True)
-class Look:
-    """The factor of the displacement, and for each body the values of its cells on one scale."""
-
-    factor: float
-    shades: tuple[Shade, ...]
-
-
-def look_of(bodies: Sequence[Snapshot]) -> Look:
-    """The look of a film with these bodies, the same wherever it is drawn."""
-    shades = [shade(body) for body in bodies]
-    top = max(float(shade.norm.vmax or 0.0) for shade in shades)
-    extend = "max" if any(shade.extend == "max" for shade in shades) else "neither"
-    return Look(
-        min(magnification(body) for body in bodies),
-        tuple(replace(shade, norm=Normalize(0.0, top), extend=extend) for shade in shades),
-    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,17 +73,14 @@ def from_below(normal: FloatArray) -> FloatArray:
     return normal + _ASLANT * side
 
 
-def side_camera(bodies: Sequence[Snapshot], factor: float) -> Camera:
-    """The camera of a body, or of a film with bodies on one mesh, and of their foundations."""
-    first = bodies[0]
-    points = [first.x]
-    for body in bodies:
-        points.append(style.deformed(body, factor))
-        for part in body.contact.parts():
-            points.append(foundation(part, factor, body.size).reshape(-1, 3))
+def side_camera(body: Snapshot, factor: float) -> Camera:
+    """The camera of a body and of its foundations."""
+    parts = body.contact.parts()
+    grounds = [foundation(part, factor, body.size).reshape(-1, 3) for part in parts]
+    points = [body.x, style.deformed(body, factor), *grounds]
     # A tool that is drawn as a whole hides the body less than the ground does.
-    seen = any(len(tool(part, factor)) for part in first.contact.parts())
-    behind = np.zeros(3) if seen else mean_normal(first.contact)
+    seen = any(len(tool(part, factor)) for part in parts)
+    behind = np.zeros(3) if seen else mean_normal(body.contact)
     return camera(np.vstack(points), from_the_side(behind))
 
 

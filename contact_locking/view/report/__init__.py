@@ -8,9 +8,9 @@ from contact_locking.errors import InputError, explained
 from contact_locking.plain_text import defect
 from contact_locking.results.names import CHARTS, PAGE
 
-from .files import BESIDE_RUN, print_page, replace
+from .files import BESIDE_RUN, replace
 
-__all__ = ["CHARTS", "PAGE", "print_page", "write"]
+__all__ = ["CHARTS", "PAGE", "write"]
 
 
 def write(directory: str | Path) -> list[Path]:

@@ -72,39 +72,6 @@
     table.classList.toggle("main", !all.checked);
     apply();
   }
-  const film = document.getElementById("film");
-  if (film !== null) {
-    const images = [...film.querySelectorAll("img")];
-    const slider = document.getElementById("frame");
-    const button = document.getElementById("play");
-    const words = document.getElementById("shown-frame");
-    let timer = null;
-    const show = () => {
-      const chosen = Number(slider.value);
-      images.forEach((image, number) => { image.hidden = number !== chosen; });
-      words.textContent = images[chosen].dataset.caption;
-      slider.setAttribute("aria-valuetext", images[chosen].dataset.caption);
-    };
-    const stop = () => {
-      clearInterval(timer);
-      timer = null;
-      button.textContent = "Play";
-    };
-    const next = () => {
-      slider.value = String((Number(slider.value) + 1) % images.length);
-      show();
-      if (Number(slider.value) === images.length - 1) stop();
-    };
-    slider.addEventListener("input", () => { stop(); show(); });
-    button.addEventListener("click", () => {
-      if (timer !== null) return stop();
-      button.textContent = "Pause";
-      timer = setInterval(next, 200);
-    });
-    film.querySelector("figcaption").hidden = false;
-    // A browser may keep the place of an earlier visit.
-    show();
-  }
   addEventListener("beforeprint", () => {
     // The reasons in the table of cases stay folded: a table on paper has one line for a case.
     for (const part of document.querySelectorAll("section > details")) part.open = true;

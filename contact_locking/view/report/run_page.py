@@ -16,7 +16,7 @@ from contact_locking.study_file import source
 
 from .charts import Chart
 from .history_charts import Process, history_charts, wanted_charts
-from .pictures import frames, picture
+from .pictures import picture
 from .run_charts import (
     adapt_charts,
     adapted,
@@ -101,7 +101,6 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         states=_states(run.contact),
         contact_charts=charts,
         history_charts=steps,
-        frames=frames(run.animation),
         steps=summary.get("steps"),
         derivatives=derivatives,
         derivative_charts=derived,
