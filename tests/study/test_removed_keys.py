@@ -21,6 +21,7 @@ pytestmark = pytest.mark.serial
         ("contact.foundation.tilt", {"about": [0.0, 0.0]}),
         ("material.limits_of", "elastic"),
         ("mesh.curved", True),
+        ("solver.friction", "nested"),
     ],
 )
 def test_what_has_gone_is_refused_by_its_key_with_what_to_do_instead(key: str, value: Any) -> None:
@@ -33,7 +34,7 @@ def test_what_has_gone_is_refused_by_its_key_with_what_to_do_instead(key: str, v
     with pytest.raises(InputError) as caught:
         from_mapping(data)
     message = str(caught.value)
-    advice = removed.KEYS.get(last) or removed.VALUES[last, str(value)]
+    advice = removed.KEYS.get(key) or removed.KEYS.get(last) or removed.VALUES[last, str(value)]
     assert key in message and advice in message
 
 

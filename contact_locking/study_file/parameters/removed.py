@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-#: By the name of a key; the sentence stands in brackets after "unknown key".
+#: By the name of a key, or by the whole key where another section has the name; the sentence stands
+#: in brackets after "unknown key".
 KEYS: dict[str, str] = {
     "at_supports": "beside supports R keeps constant pressures, as by keep; leave the key out",
     "tilt": "a foundation does not turn by itself: give motion a rotation, or take a stiff body "
@@ -10,6 +11,8 @@ KEYS: dict[str, str] = {
     "limits_of": "limits are those of the whole strain eps(u); leave the key out, and add the "
     "expansion to the limit where the body may expand freely",
     "curved": "all cells have straight sides; take a smaller mesh.h where a side is round",
+    "solver.friction": "the friction bound is updated inside the iteration; leave the key out, or "
+    "take solver.method: newton for updates around whole solves, with their contraction factor",
 }
 
 #: By the name of a key and one of its values; the sentence is the whole message.
