@@ -46,9 +46,8 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
     For degree 1, s* and e* are continuous and of degree 1: their values at a node are the means
     over the cells around the node, weighted by volume (Zienkiewicz and Zhu,
     doi:10.1002/nme.1620240206).  For degree 2 they are continuous and of degree 2
-    (`_patch_recovery`), and s and e have the values at the points of the strains and the degree of
-    the strains, as in simplices and parallelepipeds.  The cells around a node are those of one
-    named region, because stress and strain may jump between regions.
+    (`_patch_recovery`), and s and e are affine in each cell.  The cells around a node are those of
+    one named region, because stress and strain may jump between regions.
 
     ``total`` estimates ``int (s_exact - s) : (e_exact - e)``, which is at least what ``elastic``
     estimates, ``a(u_exact - u, u_exact - u)``; neither is a bound (docs/certificate.md).  Raises
@@ -106,7 +105,7 @@ def _defect_of_quadratic(state: SolvedState, values: FloatArray) -> FloatArray:
     ``values`` are those at the points of the strains.  Collective.
     """
     mesh, kind = state.problem.domain.mesh, state.problem.domain.kind
-    at_points = _at(state, values, gauss_points.points(kind.name, 1))
+    at_points = _at(state, values, gauss_points.points(kind.name))
     given = _at(state, values, lagrange(kind.name, 2).points)
     affine, count = fem.functionspace(mesh, ("P", 1)).dofmap, len(given)
     x = mesh.geometry.x[_compat.cell_corners(mesh)[:count]][:, :, : state.dim]
@@ -137,8 +136,8 @@ def _patch_recovery(
     1. For each node at a corner (k, c) of cells, the patch is the set of cells around the node.
     2. A polynomial of degree 2 is fitted to the values (k, q, m) of the fields at the points (k, q,
        d) of Gauss's rule of degree 2 in the cells of the patch, by least squares.
-    3. The value at a corner is the value of its polynomial.  The value in the middle of an edge, a
-       face or a cell is the mean of the polynomials of the corners around.
+    3. The value at a corner is the value of its polynomial.  The value in the middle of an edge is
+       the mean of the polynomials of its ends.
 
     At the points of Gauss's rule strains of degree 2 are more accurate than elsewhere (Zienkiewicz
     and Zhu, doi:10.1002/nme.1620330702).
@@ -175,14 +174,13 @@ def _patch_recovery(
 def _at(state: SolvedState, values: FloatArray, places: FloatArray) -> FloatArray:
     """The values (k, n, m) at n places of each cell of those at the points of the strains."""
     element, name = state.problem.element, state.problem.domain.kind.name
-    degree = element.strain_degree
-    if degree == 0:
+    if element.strain_degree == 0:
         return values[:, None]
-    own = gauss_points.points(name, degree)
+    own = gauss_points.points(name)
     if element.limit_at == "vertices":
-        own = lagrange(name, degree).points
-    inverse = np.linalg.inv(nodal_functions(name, degree, own))
-    table = nodal_functions(name, degree, places) @ inverse
+        own = lagrange(name, 1).points
+    inverse = np.linalg.inv(nodal_functions(name, 1, own))
+    table = nodal_functions(name, 1, places) @ inverse
     return np.einsum("nq,kqm->knm", table, values.reshape(-1, len(own), values.shape[1]))
 
 

@@ -119,7 +119,7 @@ def summed(numbers: IntArray, count: int, values: FloatArray) -> FloatArray:
     return np.asarray(sums.reshape(count, *values.shape[1:]))
 
 
-def degree_of(kind: CellKind, corners: FloatArray, is_quadratic: bool) -> int:
+def degree_of(kind: CellKind, corners: FloatArray) -> int:
     """The degree of a rule on the pieces of facets for products of the functions of their nodes.
 
     It is exact on simplices and parallelograms.  On another quadrilateral the functions are smooth
@@ -133,7 +133,7 @@ def degree_of(kind: CellKind, corners: FloatArray, is_quadratic: bool) -> int:
     ratio = np.sqrt(np.maximum(sizes.min(axis=0) / sizes.max(axis=0), 0.0))
     factor = float(((1.0 - ratio) / (1.0 + ratio)).max())
     more = math.log(_SMALL) / math.log(min(max(factor, _PARALLEL), _MOST_BENT))
-    return (8 if is_quadratic else 4) + int(more)
+    return 4 + int(more)
 
 
 def functions(kind: CellKind, corners: FloatArray, points: FloatArray) -> FloatArray:
@@ -160,20 +160,17 @@ def functions(kind: CellKind, corners: FloatArray, points: FloatArray) -> FloatA
 def bernstein(linear: FloatArray) -> FloatArray:
     """Bernstein's functions (..., n) of degree 2 at the values (..., c) of those of degree 1.
 
-    They are those of the corners, of the edges, and of the middle of a quadrilateral.
+    They are those of the corners and of the edges of a simplex.
     """
     found = [linear**2]
     found += [2.0 * linear[..., [i]] * linear[..., [j]] for i, j in EDGES[linear.shape[-1]]]
-    if linear.shape[-1] == 4:
-        found.append(4.0 * linear[..., [0]] * linear[..., [3]])
     return np.concatenate(found, axis=-1)
 
 
 def nodal(linear: FloatArray) -> FloatArray:
     """The functions (..., n) of degree 2 of the nodes, as :func:`bernstein`."""
     unit = np.eye(linear.shape[-1])
-    ends = [[i, j] for i, j in EDGES[len(unit)]] + [[0, 1, 2, 3]] * (len(unit) == 4)
-    nodes = np.array([*unit, *(unit[some].mean(axis=0) for some in ends)])
+    nodes = np.array([*unit, *(unit[[i, j]].mean(axis=0) for i, j in EDGES[len(unit)])])
     return np.asarray(bernstein(linear) @ np.linalg.inv(bernstein(nodes)))
 
 

@@ -95,7 +95,7 @@ class Side:
     ``points`` (k, d) are its nodes, ``kind`` is that of its facets, ``facets`` (m, n) are the nodes
     of the facets as numbers of points, and ``outward`` is (m, d).  The corners of a facet are
     first; behind them are the midpoints of its edges for quadratic functions, in the order of
-    DOLFINx, and the middle of a quadrilateral.  ``bodies`` (m,) are the numbers of the bodies of
+    DOLFINx.  ``bodies`` (m,) are the numbers of the bodies of
     the facets where several bodies touch each other.  If the side ``revolves``, about x = 0,
     integrals have the factor 2 pi x.  ``rest`` (k, d) are the nodes of a side that has moved: the
     strains are small, and tractions are forces over the area at rest.
@@ -187,7 +187,7 @@ def pair(one: Side, other: Side) -> Pairing:
     meet = boxes_meet(plane[facet], flat)
     facet, facing, flat = facet[meet], facing[meet], flat[meet]
     number, pieces = overlaps(plane[facet], flat, one.kind)
-    degree = max(degree_of(side.kind, side.corners, side.is_quadratic) for side in (one, other))
+    degree = max(degree_of(side.kind, side.corners) for side in (one, other))
     places, weights = quadrature(pieces, degree)
     at_one = functions(one.kind, plane[facet[number]], places)
     at_other = functions(other.kind, flat[number], places)
@@ -243,7 +243,7 @@ def pair(one: Side, other: Side) -> Pairing:
 def _integrals(side: Side, plane: FloatArray) -> FloatArray:
     """(m, n) the integrals of the functions of the nodes over whole facets (m, c, d - 1)."""
     number, pieces = overlaps(plane, plane, side.kind)
-    places, weights = quadrature(pieces, degree_of(side.kind, side.corners, side.is_quadratic))
+    places, weights = quadrature(pieces, degree_of(side.kind, side.corners))
     values = functions(side.kind, plane[number], places)
     weights = weights * _density(side, number, values)
     of_nodes = bernstein(values) if side.is_quadratic else values
@@ -365,8 +365,7 @@ def _smooth_normals(side: Side) -> FloatArray:
 def _control_values(one: Side, gap: FloatArray, faces: BoolArray) -> FloatArray:
     """The control values (k,) of nodal values, between the least and the largest of an edge.
 
-    The control value of a gap that has a kink would be far off.  Nodes in the middle of
-    quadrilaterals keep their values.
+    The control value of a gap that has a kink would be far off.
     """
     values, count = gap.copy(), one.kind.corners
     for number, edge in enumerate(EDGES[count]):

@@ -146,15 +146,15 @@ class ContactSurface:
 
         The middle of an edge from corner 1 to 2 is off the chord by the sagitta
         ``|x_2 - x_1| (nu_2 - nu_1) . t/8`` along the normal, with the averaged normals nu of the
-        body at the corners and the tangent t of the edge (docs/problem.md), and that of a
-        quadrilateral by half the sum of its edges.  The first use is collective.
+        body at the corners and the tangent t of the edge (docs/problem.md).  The first use is
+        collective.
         """
         found = self.points.copy()
         if self.limited.are_nodal:
             return found
         function = self.vector_function(self.body_normals())
         scalars = self.scalar_function(self.weights)
-        edges, nodes = (self.limited.entities(each)[0] for each in (function, scalars))
+        edges, nodes = (self.limited.edges(each) for each in (function, scalars))
         ends, middles, corners = edges[:, :2], edges[:, 2], nodes[:, :2]
         normals = function.x.array.reshape(-1, self.domain.dim)
         x = self.scalar_space.tabulate_dof_coordinates()[corners, : self.domain.dim]
@@ -164,13 +164,8 @@ class ContactSurface:
         slopes[np.abs(slopes) > CORNER] = 0.0
         slopes = np.where(self._is_end(nodes), -slopes[:, ::-1], slopes)
         sagitta = length * (slopes[:, 1] - slopes[:, 0]) / 8.0
-        off = self.vector_function(np.zeros_like(found))
-        nodal = off.x.array.reshape(-1, self.domain.dim)
-        nodal[middles] = sagitta[:, None] * normals[middles]
-        off.x.scatter_forward()
-        for faces in self.limited.entities(off)[1:]:
-            nodal[faces[:, -1]] = 0.5 * nodal[faces[:, 4:8]].sum(axis=1)
-        return found + nodal[self.blocks]
+        found[np.searchsorted(self.nodes, nodes[:, 2])] += sagitta[:, None] * normals[middles]
+        return found
 
     def _is_end(self, edges: IndexArray) -> BoolArray:
         """(m, 2) whether edges (m, 3), as nodes of the scalar space, end at the rim; collective."""
@@ -288,16 +283,16 @@ class ContactSurface:
     def limited_gap(self, gap: FloatArray) -> FloatArray:
         """The limited values (k,) of a gap (k,) at the nodes; collective.
 
-        They are between the least and the largest gap at the nodes of an edge or a quadrilateral.
-        The control value of a gap that has a kink, as beside the edge of a tool, would be far off.
+        They are between the least and the largest gap at the nodes of an edge.  The control value
+        of a gap that has a kink, as beside the edge of a tool, would be far off.
         """
         if self.limited.are_nodal:
             return gap
         function = self.scalar_function(gap)
         found = self.limited.of_function(function)
-        for nodes in self.limited.entities(function):
-            values, rows = function.x.array[nodes], np.searchsorted(self.nodes, nodes[:, -1])
-            found[rows] = np.clip(found[rows], values.min(axis=1), values.max(axis=1))
+        edges = self.limited.edges(function)
+        values, rows = function.x.array[edges], np.searchsorted(self.nodes, edges[:, 2])
+        found[rows] = np.clip(found[rows], values.min(axis=1), values.max(axis=1))
         return found
 
     def vector_function(self, values: FloatArray, name: str = "f") -> fem.Function:
@@ -410,9 +405,8 @@ class ContactSurface:
         first = sum(self.domain.comm.allgather(len(self.nodes))[: self.domain.comm.rank])
         own = sides[first : first + len(self.nodes)].astype(float)
         function = self.scalar_function(own)
-        values = function.x.array
-        for dim, nodes in enumerate(self.limited.entities(function), start=1):
-            values[nodes[:, -1]] = values[nodes[:, : 1 << dim]].mean(axis=1)
+        values, edges = function.x.array, self.limited.edges(function)
+        values[edges[:, 2]] = values[edges[:, :2]].mean(axis=1)
         function.x.scatter_forward()
         return function
 

@@ -1,10 +1,7 @@
-"""The points of Gauss's rules in a cell, and functions given there.
+"""The points of Gauss's rule of degree 2 in a cell, and functions of degree 1 given there.
 
-For functions of degree 1 a cell has as many points as corners, those of the rule of degree 2: the
-functions are affine in a simplex, and of degree 1 in each coordinate of a quadrilateral or a
-hexahedron.  For functions of degree 2, in each coordinate of these boxes, there are 3 points in
-each direction.  The points are numbered as the nodes of Lagrange's element of the degree: each
-point is next to the node with its number.
+A cell has as many points as corners: the functions are affine in a simplex, and of degree 1 in each
+coordinate of a quadrilateral or a hexahedron.  Each point is next to the corner with its number.
 """
 
 from __future__ import annotations
@@ -22,30 +19,30 @@ from contact_locking.mesh.lagrange import lagrange, nodal_functions
 
 
 @cache
-def shares(cell: str, degree: int = 1) -> FloatArray:
+def shares(cell: str) -> FloatArray:
     """The values (q, c) of the functions of a cell's corners, with a row for each point."""
-    return nodal_functions(cell, 1, points(cell, degree))
+    return nodal_functions(cell, 1, points(cell))
 
 
-def element(cell: str, shape: tuple[int, ...] = (), degree: int = 1) -> Any:
+def element(cell: str, shape: tuple[int, ...] = ()) -> Any:
     """The element of discontinuous functions whose dofs are the values at the points.
 
     ``shape`` is the shape of the values, () for scalars.
     """
-    scalars = _element(cell, degree)
+    scalars = _element(cell)
     return basix.ufl.blocked_element(scalars, shape=shape) if shape else scalars
 
 
-def points(cell: str, degree: int) -> FloatArray:
-    """The points (q, d) of the rule for functions of a degree, in the reference cell."""
-    found, _ = basix.make_quadrature(basix.CellType[cell], 2 * degree)
-    apart = np.linalg.norm(lagrange(cell, degree).points[:, None] - found, axis=2)
+def points(cell: str) -> FloatArray:
+    """The points (q, d) of the rule in the reference cell."""
+    found, _ = basix.make_quadrature(basix.CellType[cell], 2)
+    apart = np.linalg.norm(lagrange(cell, 1).points[:, None] - found, axis=2)
     return np.asarray(found[np.argmin(apart, axis=1)])
 
 
 @cache
-def _element(cell: str, degree: int) -> Any:
-    kind, dim, places = basix.CellType[cell], NAMED[cell].dim, points(cell, degree)
+def _element(cell: str) -> Any:
+    kind, dim, places = basix.CellType[cell], NAMED[cell].dim, points(cell)
     number = len(places)
     # basix takes points and dual functionals for the entities of each of the dimensions 0 to 3.
     below = basix.topology(kind)[:dim]
@@ -62,6 +59,6 @@ def _element(cell: str, degree: int) -> Any:
         basix.MapType.identity,
         basix.SobolevSpace.L2,
         True,
-        degree,
-        degree,
+        1,
+        1,
     )

@@ -29,12 +29,12 @@ class Element:
     """Displacements, strains, and the points of the laws, on simplices or ``boxes``.
 
     Boxes are quadrilaterals and hexahedra; there a degree is that in each coordinate of the
-    reference cell.  Displacements are continuous and of degree ``degree`` in each cell.  Strains,
-    stresses and limits are discontinuous and of degree ``strain_degree``, 0, 1, or 2 on boxes.
+    reference cell.  Displacements are continuous and of degree ``degree`` in each cell, 1 on boxes.
+    Strains, stresses and limits are discontinuous and of degree ``strain_degree``, 0 or 1.
     Their degrees of freedom are the values at the midpoint of each cell for degree 0.  For degree 1
     they are the values at as many points as a cell has corners, one beside each corner in the order
     of the corners: with ``limit_at`` "vertices" the corners themselves, with "gauss" the points of
-    Gauss's rule of degree 2.  For degree 2 they are those of 3 points in each direction.
+    Gauss's rule of degree 2.
 
     The points of ``locking_rule``, the rule for integrals of the locking law over the cells, must
     be the points of the strains: the limit then holds at these points, with the weights of the
@@ -90,8 +90,7 @@ class Element:
         """
         if self.strain_degree == 0 or self.limit_at == "vertices":
             return fem.functionspace(mesh, ("DG", self.strain_degree, shape))
-        cell, degree = mesh.topology.cell_name(), self.strain_degree
-        return fem.functionspace(mesh, gauss_points.element(cell, shape, degree))
+        return fem.functionspace(mesh, gauss_points.element(mesh.topology.cell_name(), shape))
 
     def shared_strain_space(
         self, kept: Kept, mesh: dolfinx.mesh.Mesh, shape: tuple[int, ...] = ()
@@ -116,7 +115,7 @@ class Element:
         if self.limit_at == "vertices":
             places = mesh.geometry.x[_compat.cell_corners(mesh)[cells], :dim]
         else:
-            shares = gauss_points.shares(mesh.topology.cell_name(), self.strain_degree)
+            shares = gauss_points.shares(mesh.topology.cell_name())
             corners = mesh.geometry.x[_compat.cell_corners(mesh)[cells], :dim]
             places = np.einsum("pc,kcd->kpd", shares, corners)
         return np.asarray(places.reshape(-1, dim).T)
@@ -132,8 +131,7 @@ class Element:
         """The element with strains at points where |eps(u)| is largest in each cell.
 
         A convex function of an affine strain is largest at a corner, and so is that of a bilinear
-        or trilinear strain in a parallelogram or a parallelepiped; other boxes are near these, and
-        so are strains of degree 2.
+        or trilinear strain in a parallelogram or a parallelepiped; other boxes are near these.
         This is the element itself if its strain is constant in a cell or has its points at the
         corners, and for bodies of revolution, where the hoop strain is not affine and not a number
         at a corner on the axis.
@@ -223,7 +221,6 @@ P1_REVOLUTION = replace(P1, locking_rule=_MIDPOINT, elastic_rule=_MIDPOINT, kine
 P2_REVOLUTION = replace(P2_GAUSS, kinematics=REVOLUTION)
 
 _FACE = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0))
-_MIDDLES = ((0.5, 0.0), (0.0, 0.5), (1.0, 0.5), (0.5, 1.0), (0.5, 0.5))
 
 #: Bilinear or trilinear displacements on quadrilaterals and hexahedra.  The limit holds at the
 #: Gauss points, 2 in each direction.  Their rule is exact for Z : eps(v) with constant Z in every
@@ -239,31 +236,6 @@ Q1 = Element(
     ),
     limit_at="gauss",
     elastic_rule=_GAUSS,
-    boxes=True,
-)
-
-_GAUSS_3: Rule = {"quadrature_degree": 4}
-
-#: Biquadratic or triquadratic displacements.  The limit holds at the Gauss points, 3 in each
-#: direction, where the elastic coefficients count as well.  Contact and friction limit the control
-#: values of the trace, as for P2.
-Q2 = Element(
-    degree=2,
-    strain_degree=2,
-    locking_rule=_GAUSS_3,
-    trace=Trace(
-        rules={2: P2.trace.rules[2], 3: _nodes_alike(*_FACE, *_MIDDLES, measure=1.0)},
-        pieces={
-            2: P2.trace.pieces[2],
-            3: (
-                *((0, 4, 5), (8, 5, 4), (4, 1, 8), (6, 8, 1)),
-                *((5, 8, 2), (7, 2, 8), (8, 6, 7), (3, 7, 6)),
-            ),
-        },
-        controls=(2, 3),
-    ),
-    limit_at="gauss",
-    elastic_rule=_GAUSS_3,
     boxes=True,
 )
 
@@ -288,6 +260,12 @@ def element_of(
             f"is for triangles so far, not for {cells}; mesh the half section with triangles",
             "mesh.axisymmetric",
         )
+    if boxes and degree > 1:
+        raise InputError(
+            f"must be 1 on {cells}; elements of degree 2 are for triangles and tetrahedra "
+            "(mesh.cells: simplex)",
+            "discretisation.degree",
+        )
     if limit_at == "vertices" and boxes:
         raise InputError(
             f"must be gauss on {cells}, where a rule with the corners as its points would not keep "
@@ -295,7 +273,7 @@ def element_of(
             "discretisation.limit_at",
         )
     if boxes:
-        return {1: Q1, 2: Q2}[degree]
+        return Q1
     if axisymmetric:
         return _OF_REVOLUTION[degree]
     return _ELEMENTS[degree, limit_at or "vertices"]

@@ -27,15 +27,9 @@ if TYPE_CHECKING:
 Rule = Mapping[str, Any]
 
 
-def _products(end: float, middle: float) -> dict[int, FloatArray]:
-    """The weights at 1, 3 or 9 nodes: of a point, of an edge, and products on a quadrilateral."""
-    on_face = [end * end] * 4 + [end * middle] * 4 + [middle * middle]
-    return {1: np.ones(1), 3: np.array([end, end, middle]), 9: np.array(on_face)}
-
-
-# The shares of the values at the nodes of an edge or a quadrilateral in the control value of its
-# middle, and those of the control values in the value there: corners first, the middle last.
-_CONTROL, _NODAL = _products(-0.5, 2.0), _products(0.25, 0.5)
+# The shares of the values at the ends and in the middle of an edge in the control value of its
+# middle, and those of the control values in the value there.
+_CONTROL, _NODAL = np.array([-0.5, -0.5, 2.0]), np.array([0.25, 0.25, 0.5])
 
 
 @dataclass(frozen=True)
@@ -49,10 +43,9 @@ class Trace:
 
     ``controls`` are the dimensions d in which the laws of contact and friction limit the control
     values of a trace, which are for quadratic displacements; elsewhere they limit the values at the
-    nodes.  Control values are the value at a corner, ``2 u_m - (u_1 + u_2)/2`` at the midpoint m of
-    the edge between the corners 1 and 2, and ``4 u_m - sum u_e + (sum u_i)/4`` in the middle of a
-    quadrilateral with the midpoints e of the edges and the corners i: the coefficients of the trace
-    in Bernstein's basis (docs/problem.md).
+    nodes.  Control values are the value at a corner, and ``2 u_m - (u_1 + u_2)/2`` at the midpoint
+    m of the edge between the corners 1 and 2: the coefficients of the trace in Bernstein's basis
+    (docs/problem.md).
     """
 
     rules: Mapping[int, Rule]
@@ -119,7 +112,8 @@ class PointValues:
         self._nodes, self.blocks, self.space = nodes, blocks, limited
         #: Whether the limited values are the nodal values.
         self.are_nodal = limited.mesh.topology.dim not in trace.controls
-        self._entities = [] if self.are_nodal else _entities(scalars, nodes)
+        no_edges = np.empty((0, 3), dtype=np.int32)
+        self._edges = no_edges if self.are_nodal else _edges(scalars, nodes)
 
     @cached_property
     def matrix(self) -> csr_matrix:
@@ -188,13 +182,12 @@ class PointValues:
         vector.scatter_reverse(la.InsertMode.add)
         return vector
 
-    def entities(self, function: fem.Function) -> list[IndexArray]:
-        """The edges (m, 3) and the quadrilaterals (m, 9) whose middles have control values.
+    def edges(self, function: fem.Function) -> IndexArray:
+        """(m, 3) the ends and the middle of each edge whose middle has a control value.
 
-        Each has its nodes, as nodes or blocks of a function: the corners first, the middle last.
+        They are nodes or blocks of the function.
         """
-        is_scalar = function.ufl_shape == ()
-        return [around if is_scalar else self.blocks[around] for around in self._entities]
+        return self._edges if function.ufl_shape == () else self.blocks[self._edges]
 
     def inverse(self, nodes: IndexArray, numbers: IndexArray) -> csr_matrix:
         """The map from limited to nodal values (k, m), for numbers (n,) < m of the local nodes."""
@@ -203,21 +196,18 @@ class PointValues:
     def destroy(self) -> None:
         """Free PETSc's objects; collective."""
 
-    def _map(
-        self, nodes: IndexArray, numbers: IndexArray, shares: Mapping[int, FloatArray]
-    ) -> csr_matrix:
-        """1 at corners, and at each middle the ``shares`` of the nodes of its entity."""
+    def _map(self, nodes: IndexArray, numbers: IndexArray, shares: FloatArray) -> csr_matrix:
+        """1 at corners, and at each middle the ``shares`` of the nodes of its edge."""
         # `check` does without SciPy, whose import takes a tenth of its time.
         from scipy.sparse import csr_matrix
 
         row = np.full(len(self.blocks), -1)
         row[nodes] = np.arange(len(nodes))
-        middles = [around[:, -1] for around in self._entities]
-        corners = np.setdiff1d(nodes, np.concatenate([nodes[:0], *middles]))
-        every = [corners[:, None], *self._entities]
-        rows = np.concatenate([np.repeat(row[around[:, -1]], around.shape[1]) for around in every])
-        columns = np.concatenate([around.reshape(-1) for around in every])
-        values = np.concatenate([np.tile(shares[around.shape[1]], len(around)) for around in every])
+        middles = self._edges[:, 2]
+        corners = np.setdiff1d(nodes, middles)
+        rows = np.concatenate([row[corners], np.repeat(row[middles], 3)])
+        columns = np.concatenate([corners, self._edges.reshape(-1)])
+        values = np.concatenate([np.ones(len(corners)), np.tile(shares, len(middles))])
         shape = (len(nodes), int(numbers.max(initial=-1)) + 1)
         return csr_matrix((values, (rows, numbers[columns])), shape=shape)
 
@@ -246,9 +236,8 @@ def make_nodal(function: fem.Function, places: Sequence[PointValues]) -> None:
     values = function.x.array.reshape(-1, *function.ufl_shape)
     limited = values.copy()
     for place in places:
-        for around in place.entities(function):
-            shares = _NODAL[around.shape[1]]
-            values[around[:, -1]] = np.tensordot(shares, limited[around], axes=(0, 1))
+        edges = place.edges(function)
+        values[edges[:, 2]] = np.tensordot(_NODAL, limited[edges], axes=(0, 1))
     function.x.scatter_forward()
 
 
@@ -265,12 +254,11 @@ def _control_space(vectors: fem.FunctionSpace) -> fem.FunctionSpace:
     shares: list[list[FloatArray]] = [[] for _ in range(4)]
     for entity, numbers in enumerate(element.entity_dofs):
         for number, own in enumerate(numbers):
-            # A node inside of a cell is on no facet.
-            nodes = own if entity == dim else sorted(element.entity_closure_dofs[entity][number])
-            weights = _NODAL[len(nodes)] if own else np.empty(0)
-            places = element.points[nodes] if own else element.points[:0]
-            points[entity].append(places)
-            shares[entity].append(weights.reshape(len(own), 1, len(places), 1))
+            # Corners and edges have a node.
+            nodes = sorted(element.entity_closure_dofs[entity][number]) if own else []
+            weights = _NODAL if entity == 1 else np.ones(len(nodes))
+            points[entity].append(element.points[nodes])
+            shares[entity].append(weights.reshape(len(own), 1, len(nodes), 1))
     made = basix.ufl.custom_element(
         element.cell_type,
         (),
@@ -287,16 +275,11 @@ def _control_space(vectors: fem.FunctionSpace) -> fem.FunctionSpace:
     return fem.functionspace(mesh, basix.ufl.blocked_element(made, shape=(dim,)))
 
 
-def _entities(scalars: fem.FunctionSpace, nodes: IndexArray) -> list[IndexArray]:
-    """The nodes (m, 3) of edges and (m, 9) of quadrilaterals whose middles are among ``nodes``."""
+def _edges(scalars: fem.FunctionSpace, nodes: IndexArray) -> IndexArray:
+    """(m, 3) the nodes of the edges whose middles are among ``nodes``: the ends, the middle."""
     element = lagrange(scalars.mesh.topology.cell_name(), 2)
-    found = []
-    for dim in range(1, scalars.mesh.topology.dim):
-        of_dim = zip(element.entity_dofs[dim], element.entity_closure_dofs[dim], strict=True)
-        # The numbers of nodes ascend from the corners to the middle.
-        local = [sorted(closure) for own, closure in of_dim if own]
-        if local:
-            around = scalars.dofmap.list[:, np.array(local)].reshape(-1, len(local[0]))
-            around = around[np.isin(around[:, -1], nodes)]
-            found.append(around[np.unique(around[:, -1], return_index=True)[1]])
-    return found
+    # The numbers of nodes ascend from the corners to the middle.
+    local = np.array([sorted(closure) for closure in element.entity_closure_dofs[1]])
+    edges = scalars.dofmap.list[:, local].reshape(-1, 3)
+    edges = edges[np.isin(edges[:, 2], nodes)]
+    return np.asarray(edges[np.unique(edges[:, 2], return_index=True)[1]])

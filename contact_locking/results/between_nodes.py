@@ -54,7 +54,6 @@ _HALVES = {
     ("triangle", 1): ((0, 1, 2),),
     ("triangle", 2): ((0, 1, 2, 3, 4, 5),),
     ("quadrilateral", 1): ((0, 1, 2, 3), (3, 2, 1, 0)),
-    ("quadrilateral", 2): ((0, 1, 2, 3, 4, 5, 6, 7, 8), (3, 2, 1, 0, 7, 6, 5, 4, 8)),
 }
 # A corner above the edge of two facets is above both, to rounding.
 _ROUNDING = 1e-9

@@ -36,38 +36,31 @@ def affine_part(
 
     With ``F`` the projection of a node's displacement onto the directions that the conditions leave
     free, the value at the midpoint m of an edge between the corners 1 and 2 is
-    ``F_m (F_1 v_1 + F_2 v_2)/2``, and ``v_1`` at the corner 1.  In the middle of faces and of boxes
-    it is such a mean over all their corners.  So ``P^T A P`` has the identity for
+    ``F_m (F_1 v_1 + F_2 v_2)/2``, and ``v_1`` at the corner 1.  So ``P^T A P`` has the identity for
     what the conditions hold wherever A has.  ``space`` has the quadratic displacements; the corners
     are numbered rank by rank in the order of their nodes.  Collective.
     """
     dim, index_map = space.dofmap.index_map_bs, space.dofmap.index_map
-    corners, means = _nodes(space)
+    corners, edges = _nodes(space)
     corners = corners[corners < index_map.size_local]
-    means = [
-        (middles[kept], ends[kept])
-        for middles, ends in means
-        for kept in [middles < index_map.size_local]
-    ]
+    edges = edges[edges[:, 0] < index_map.size_local]
+    middles, ends = edges[:, 0], edges[:, 1:]
     numbers = _numbers(space, corners)
     free = _free_parts(space, constraints)
-    # One block at a corner, and one for each corner that a mean is over.
+    # One block at a corner, and one for each end of an edge.
     lengths = np.ones(index_map.size_local, dtype=np.int32)
-    rows, columns = [corners], [corners]
-    blocks = [np.broadcast_to(np.eye(dim), (len(corners), dim, dim))]
-    for middles, ends in means:
-        count = ends.shape[1]
-        lengths[middles] = count
-        rows.append(np.repeat(middles, count))
-        columns.append(ends.reshape(-1))
-        shares = np.einsum("mij,mejk->meik", free[middles], free[ends]) / count
-        blocks.append(shares.reshape(-1, dim, dim))
-    order = np.argsort(np.concatenate(rows), kind="stable")
+    lengths[middles] = 2
+    rows = np.concatenate([corners, np.repeat(middles, 2)])
+    columns = np.concatenate([corners, ends.reshape(-1)])
+    shares = np.einsum("mij,mejk->meik", free[middles], free[ends]) / 2
+    units = np.broadcast_to(np.eye(dim), (len(corners), dim, dim))
+    blocks = np.concatenate([units, shares.reshape(-1, dim, dim)])
+    order = np.argsort(rows, kind="stable")
     total = dim * space.mesh.comm.allreduce(len(corners))
     local = bsr_matrix(
         (
-            np.concatenate(blocks)[order],
-            numbers[np.concatenate(columns)][order],
+            blocks[order],
+            numbers[columns][order],
             np.append(0, np.cumsum(lengths)),
         ),
         shape=(dim * len(lengths), total),
@@ -82,29 +75,18 @@ def affine_part(
     return prolongation, _rigid_motions(prolongation.createVecRight(), points)
 
 
-def _nodes(
-    space: fem.FunctionSpace,
-) -> tuple[IndexArray, list[tuple[IndexArray, IndexArray]]]:
-    """The local nodes at corners (c,), and the others.
-
-    These are the nodes (m,) in the middle of edges, of faces and of boxes, each kind with the
-    corners (m, e) around.
-    """
+def _nodes(space: fem.FunctionSpace) -> tuple[IndexArray, IndexArray]:
+    """The local nodes at corners (c,), and of each edge that in the middle and both ends (m, 3)."""
     layout = space.dofmap.dof_layout
     topology = basix.topology(basix.CellType[space.mesh.topology.cell_name()])
     at_corner = [layout.entity_dofs(0, corner)[0] for corner in range(len(topology[0]))]
-    means = []
-    for dim, entities in enumerate(topology[1:], start=1):
-        local = [
-            [*layout.entity_dofs(dim, number), *(at_corner[corner] for corner in corners)]
-            for number, corners in enumerate(entities)
-            if len(layout.entity_dofs(dim, number))
-        ]
-        if local:
-            found = space.dofmap.list[:, np.array(local)].reshape(-1, len(local[0]))
-            found = found[np.unique(found[:, 0], return_index=True)[1]]
-            means.append((found[:, 0], found[:, 1:]))
-    return np.unique(space.dofmap.list[:, at_corner]), means
+    local = [
+        [*layout.entity_dofs(1, number), *(at_corner[corner] for corner in corners)]
+        for number, corners in enumerate(topology[1])
+    ]
+    edges = space.dofmap.list[:, np.array(local)].reshape(-1, 3)
+    edges = edges[np.unique(edges[:, 0], return_index=True)[1]]
+    return np.unique(space.dofmap.list[:, at_corner]), edges
 
 
 def _numbers(space: fem.FunctionSpace, corners: IndexArray) -> IndexArray:

@@ -27,7 +27,7 @@ from .case import (
 
 @family
 def boxes(random: Random) -> Case:
-    """Boxes of degree 1 or 2, in a lattice or around an inclusion, sometimes heated."""
+    """Boxes in a lattice or around an inclusion, sometimes heated."""
     dim, limit = pick(random, [2, 2, 3]), some_limit(random)
     size = strain_size(limit)
     mesh: Study = {"builder": "block", "dim": dim, "size": [1.0] * dim, "structured": True}
@@ -55,8 +55,6 @@ def boxes(random: Random) -> Case:
     if chance(random, 0.3):
         bed = {"on": "right", "stiffness": decades(random, -2.0, 1.0), "along": "normal"}
         data["loads"]["springs"] = [bed]
-    if chance(random):
-        data["discretisation"] = {"degree": 2}
     return Case(data, Truth(admissible=True))
 
 

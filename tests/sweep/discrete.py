@@ -333,14 +333,10 @@ def _of_part(
         return _between(part, geometry, gap, free, frame)
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
     decides = np.linalg.norm(normals * free.reshape(-1, dim)[nodes], axis=1) > 1e-6
-    controls = sp.eye(len(geometry.x), format="csr")
-    if isinstance(body, Boxes):
-        controls = body.controls(facets)
-    seen = sp.kron(controls[nodes], sp.eye(dim), "csr")
+    own = sp.eye(len(geometry.x), format="csr")[nodes]
+    seen = sp.kron(own, sp.eye(dim), "csr")
     slides = np.ones(len(nodes), dtype=bool)
-    return Contact(
-        nodes, weights[nodes], normals, gap, rounding, decides, slides, seen, controls[nodes]
-    )
+    return Contact(nodes, weights[nodes], normals, gap, rounding, decides, slides, seen, own)
 
 
 def _between(

@@ -12,23 +12,14 @@ from contact_locking import _compat
 from contact_locking.arrays import FloatArray
 from contact_locking.mesh.domain import Domain
 
-from .boxes import nodes_of, products
+from .boxes import corners_of
 
 IntArray = npt.NDArray[np.integer[Any]]
-
-# ``int phi_i phi_j`` of a degree on a line of length 1, from end to end.
-_LINE = {
-    1: np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0,
-    2: np.array([[4.0, 2.0, -1.0], [2.0, 16.0, 2.0], [-1.0, 2.0, 4.0]]) / 30.0,
-}
 
 
 @dataclass(frozen=True)
 class Geometry:
-    """Nodes ``x`` (k, d) and cells (c, s) by their nodes; ``node_of`` those of the mesh.
-
-    Cells of degree 2, which are boxes, have their corners first.
-    """
+    """Nodes ``x`` (k, d) and cells (c, s) by their corners; ``node_of`` those of the mesh."""
 
     domain: Domain
     x: FloatArray
@@ -45,22 +36,12 @@ class Geometry:
         return cls(domain, space.tabulate_dof_coordinates()[:, : domain.dim], cells, node_of)
 
     def facets(self, names: tuple[str, ...]) -> IntArray:
-        """The facets (f, s) of some parts of the boundary, the corners first."""
+        """The facets (f, s) of some parts of the boundary."""
         mesh, kind = self.domain.mesh, self.domain.kind
         found = self.domain.facets(names)
         if not len(found):
             return np.empty((0, kind.facet.corners), dtype=np.int64)
-        corners = self.node_of[_compat.entities_to_geometry(mesh, kind.dim - 1, found)]
-        if self.cells.shape[1] == kind.corners:
-            return corners
-        cells, place = self._owners(corners)
-        nodes, facets = nodes_of(kind.dim, 2), []
-        for cell, number in zip(cells, place, strict=True):
-            # On a side of the box one coordinate is that of all corners of the side.
-            ends = nodes[list(kind.facets[number])]
-            axis = int(np.argmin(np.ptp(ends, axis=0)))
-            facets.append(self.cells[cell, nodes[:, axis] == ends[0, axis]])
-        return np.array(facets)
+        return self.node_of[_compat.entities_to_geometry(mesh, kind.dim - 1, found)]
 
     def normals(self, facets: IntArray) -> FloatArray:
         """Outward normals (f, d), as long as the facets are large."""
@@ -78,29 +59,26 @@ class Geometry:
 
     def _opposite(self, facets: IntArray) -> FloatArray:
         """The middle of the cell of each facet."""
-        cells, _ = self._owners(facets[:, : self.domain.kind.facet.corners])
-        return np.asarray(self.x[self.cells[cells]].mean(axis=1))
-
-    def _owners(self, facets: IntArray) -> tuple[IntArray, IntArray]:
-        """The cell of each facet, given by its corners, and which facet of the cell it is."""
-        across: dict[tuple[int, ...], tuple[int, int]] = {}
+        cell_of: dict[tuple[int, ...], int] = {}
         wanted = [_corners(facet) for facet in facets]
         surface = set(wanted)
-        for place, corners in enumerate(self.domain.kind.facets):
+        for corners in self.domain.kind.facets:
             for number, side in enumerate(self.cells[:, list(corners)]):
                 key = _corners(side)
                 if key in surface:
-                    across[key] = number, place
-        found = np.array([across[facet] for facet in wanted], dtype=np.int64).reshape(-1, 2)
-        return found[:, 0], found[:, 1]
+                    cell_of[key] = number
+        cells = np.array([cell_of[facet] for facet in wanted], dtype=np.int64)
+        return np.asarray(self.x[self.cells[cells]].mean(axis=1))
 
     def measures(self, facets: IntArray) -> FloatArray:
         """``int phi_i phi_j`` (f, s, s) of the functions of the nodes of facets (f, s)."""
         count, dim = facets.shape[1], self.x.shape[1] - 1
         share: FloatArray = (np.ones((count, count)) + np.eye(count)) / (count * (count + 1))
         if not self.domain.kind.is_simplex:
-            degree = 1 if count == 1 << dim else 2
-            share = products(nodes_of(dim, degree), _LINE[degree])
+            # 1/3 for each axis along which two corners are alike, and 1/6 for the others.
+            corners = corners_of(dim)
+            alike = corners[:, None] == corners[None]
+            share = np.where(alike, 1.0 / 3.0, 1.0 / 6.0).prod(axis=2)
         return np.linalg.norm(self.normals(facets), axis=1)[:, None, None] * share
 
 

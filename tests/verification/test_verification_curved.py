@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import ufl
-from boxes import write_lattice
 from mpi4py import MPI
 from verification_table import Row
 
 from contact_locking import StudySolution, solve
-from contact_locking.arrays import FloatArray
 from contact_locking.fem.compiled import integral
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 
 TEST = "test_verification_curved.py"
@@ -69,72 +65,6 @@ def test_a_ring_in_a_rigid_ring_has_the_pressure_of_lame_at_every_node(
     found.append(Row("V28", where, "scatter of the pressure", share, None, TEST))
     assert share < scatter
     assert np.mean(pressure) == pytest.approx(LAME, rel=0.015)
-
-
-def test_a_ring_of_hexahedra_of_degree_two_has_the_pressure_of_lame_at_every_node(
-    tmp_path: Path, found: list[Row]
-) -> None:
-    """A layer of hexahedra between rollers, with facets of 0.2 in a quarter of the ring."""
-    folder = MPI.COMM_WORLD.bcast(tmp_path)
-    path = folder / "ring.xdmf"
-    if MPI.COMM_WORLD.rank == 0:
-        write_lattice(path, (5, 15, 1), _in_ring)
-    MPI.COMM_WORLD.Barrier()
-    rollers = [
-        {"on": "front", "value": [None, 0, None]},
-        {"on": "back", "value": [0, None, None]},
-        {"on": ["bottom", "top"], "value": [None, None, 0]},
-    ]
-    pressure = pressures(
-        solved(
-            {
-                "mesh": {"file": str(path)},
-                "loads": {"displacements": rollers},
-                "contact": {
-                    "on": "right",
-                    "foundation": {"expression": f"{2.0 - PRESS} - sqrt(x**2 + y**2)"},
-                },
-                "discretisation": {"degree": 2},
-            }
-        )
-    )
-    where = "ring in a rigid ring, hexahedra of degree 2, h = 0.2"
-    found.append(Row("V28", where, "mean pressure", float(np.mean(pressure)), LAME, TEST))
-    share = float(np.std(pressure)) / LAME
-    found.append(Row("V28", where, "scatter of the pressure", share, None, TEST))
-    assert share < 0.003
-    assert np.mean(pressure) == pytest.approx(LAME, rel=0.015)
-
-
-def _in_ring(x: FloatArray) -> FloatArray:
-    """The quarter of a ring of the radii 1 and 2 and of the height 0.2."""
-    radius, angle = 1.0 + x[:, 0], 0.5 * np.pi * x[:, 1]
-    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 0.2 * x[:, 2]])
-
-
-def _on_ball(x: FloatArray) -> FloatArray:
-    """A part of a hollow ball of the radii 1 and 2 around the third axis."""
-    y = np.column_stack([0.4 * (x[:, :2] - 0.5), np.ones(len(x))])
-    return (1.0 + x[:, 2:]) * y / np.linalg.norm(y, axis=1)[:, None]
-
-
-@pytest.mark.serial
-def test_the_middles_of_quadrilaterals_are_on_the_ball_that_they_are_parts_of(
-    tmp_path: Path,
-) -> None:
-    path = write_lattice(tmp_path / "part.xdmf", (4, 4, 1), _on_ball)
-    given = {
-        "mesh": {"file": str(path)},
-        "contact": {"on": "top"},
-        "discretisation": {"degree": 2},
-        "loads": {"displacements": [{"on": "bottom", "value": [0, 0, 0]}]},
-    }
-    problem = assemble(from_mapping(given), MPI.COMM_SELF)
-    surface = problem.contacts[0].surface
-    chords, bent = (2.0 - np.linalg.norm(x, axis=1) for x in (surface.points, surface.places))
-    assert chords.max() > 4e-3
-    assert np.abs(bent).max() < 0.02 * chords.max()
-    problem.close()
 
 
 def test_a_ball_in_a_rigid_shell_has_a_hydrostatic_pressure(found: list[Row]) -> None:

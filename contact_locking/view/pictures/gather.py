@@ -46,9 +46,7 @@ class Pieces:
         """The pieces for displacements of degree 1 or 2 in cells of a kind."""
         if degree == 1:
             return cls(np.array(kind.simplices, dtype=np.int64), kind.is_simplex)
-        if kind.is_simplex:
-            return cls(np.array(_QUADRATIC[kind.dim], dtype=np.int64))
-        return cls(kind.split(_small_boxes(kind)), False)
+        return cls(np.array(_QUADRATIC[kind.dim], dtype=np.int64))
 
     def facets_within(self, nodes: set[int]) -> tuple[list[int], list[IntArray]]:
         """The facets of pieces whose nodes are all among ``nodes``: the pieces, and the facets."""
@@ -93,14 +91,6 @@ class Pieces:
         middle = np.repeat(values.mean(axis=1)[:, None], len(self.nodes) - corners, axis=1)
         beside = np.broadcast_to(values, (len(values), corners))
         return np.hstack([beside, middle]).reshape(-1)
-
-
-def _small_boxes(kind: CellKind) -> IntArray:
-    """The 2^d boxes (2^d, c) between the nodes of a box of degree 2, by the numbers of nodes."""
-    steps = np.rint(2.0 * lagrange(kind.name, 2).points).astype(int)
-    number = {tuple(step): place for place, step in enumerate(steps)}
-    corners = np.rint(kind.places).astype(int)
-    return np.array([[number[tuple(low + step)] for step in corners] for low in corners])
 
 
 def gather(solution: StudySolution) -> Snapshot | None:
