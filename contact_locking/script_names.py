@@ -12,7 +12,6 @@ from contact_locking.errors import InputError
 # Longer keys come before their beginnings.
 _NAMES = {
     "(solver.petsc, or after --)": "(settings.petsc)",
-    "solver.friction: nested": "settings.nested=True",
     "solver.": "settings.",
     "penalty.n": "n",
     "penalty.epsilon": "compliance",

@@ -28,7 +28,6 @@ def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None 
         max_iterations=given.max_iterations,
         friction_tolerance=given.friction_tolerance,
         max_friction_updates=given.max_friction_updates,
-        nested=given.friction == "nested",
         linear=given.linear,
         petsc=UserOptions({**given.petsc, **(petsc_options or {})}),
     )

@@ -31,25 +31,24 @@ class Unsettled(NotConverged):
 
 def fixed_point(
     task: Task,
-    solve: Callable[[float], bool],
+    solve: Callable[[float], None],
     evaluate: Callable[[], list[FloatArray]],
 ) -> tuple[float, float | None]:
     """Repeat ``g <- mu |R sigma_nu(u(g))|`` until g changes by ``friction_tolerance`` of itself.
 
     ``solve`` solves under the present bounds, more sharply than the last change that it is given
-    (infinity at first), and returns whether it was as sharp as the tolerances; ``evaluate`` gives
-    the bounds of a solution.  Changes count relative to the norm of the bound, or to
-    ``task.least_bound()`` if that is larger.  Afterwards the system holds the bound of the last
-    solve.  Returns the last change and the geometric mean of the ratios of successive changes.
-    Raises Unsettled after ``max_friction_updates``, or as soon as the changes shrink too slowly to
-    arrive by then.
+    (infinity at first), and ``evaluate`` gives the bounds of a solution.  Changes count relative to
+    the norm of the bound, or to ``task.least_bound()`` if that is larger.  Afterwards the system
+    holds the bound of the last solve.  Returns the last change and the geometric mean of the ratios
+    of successive changes.  Raises Unsettled after ``max_friction_updates``, or as soon as the
+    changes shrink too slowly to arrive by then.
     """
     settings, counts, bounds = task.settings, task.counts, task.system.bounds
     rubbing = task.system.rubbing
     changes: list[float] = []
     contraction: float | None = None
     for _ in range(settings.max_friction_updates):
-        is_sharp = solve(changes[-1] if changes else math.inf)
+        solve(changes[-1] if changes else math.inf)
         new = evaluate()
         size = max(joint_norm(rubbing, new), task.least_bound())
         used = bounds.at(rubbing)
@@ -60,7 +59,7 @@ def fixed_point(
         observed = contraction_factor(changes, settings.friction_tolerance)
         contraction = contraction if observed is None else observed
         task.monitor.friction_update(counts.updates, relative, contraction)
-        if is_sharp and relative <= settings.friction_tolerance:
+        if relative <= settings.friction_tolerance:
             return relative, contraction
         bounds.enter(rubbing, new)
         left = settings.max_friction_updates - len(changes)

@@ -40,11 +40,9 @@ def settle(
     """
     tolerance = task.settings.tolerance
 
-    def solve(change: float) -> bool:
+    def solve(change: float) -> None:
         wanted = min(_SHARE_OF_CHANGE * change, _FIRST)
         newton.solve(max(INNER_SHARE * tolerance, wanted), least_steps=1)
-        # The last solve, below, is.
-        return True
 
     if task.system.rubbing:
         found = found.settled(*fixed_point(task, solve, task.system.penalty_bounds))
@@ -73,13 +71,11 @@ def polish(
     try:
         with task.system.preserved(only_on_failure=True):
             # One step takes off most of what is left within the tolerances.
-            polished = settle(newton, few, found, least_steps=1)
+            return settle(newton, few, found, least_steps=1)
     except NotConverged:
         return None
     finally:
         newton.destroy()
-    # The updates of a polish begin at the solution: their changes are errors of the solves.
-    return replace(polished, contraction=found.contraction or polished.contraction)
 
 
 def has_digits(target: Target) -> bool:

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from contact_locking import wings
-from contact_locking.arrays import FloatArray
 from contact_locking.errors import Infeasible, InputError, NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
-from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.fixed_point import Unsettled, fixed_point
+from contact_locking.solver.fixed_point import Unsettled
 from contact_locking.solver.interior_point.feasibility import (
     FRICTION_WAY_OUT,
     Verdict,
@@ -32,7 +28,6 @@ from contact_locking.solver.task import (
     LastIterate,
     Outcome,
     SavedState,
-    Settings,
     SolverReport,
     Task,
     stage_of,
@@ -44,10 +39,6 @@ _INTERMEDIATE_TOLERANCE = 1e-2
 _POLISH = 4
 # Newton's steps from where the interior point method stopped early.
 _RESCUE = 30
-# A solve with a known friction bound may be rougher than the tolerances by its last change times
-# this, and by as much less as the tolerance is below the default.  Sharper solves take more
-# tangents; rougher ones pass their errors for contraction.
-_ROUGHER = 1e6
 # What wings try after a failure may take so many times the tangents of the solve that fails, or so
 # many where that fails at once.
 _TIMES, _AT_LEAST = 16, 1000
@@ -58,10 +49,6 @@ _FEW_STEPS, _FEW_UPDATES, _NEAR = 6, 12, 0.1
 
 _NEWTON_WAY_OUT = "Try solver.method: interior_point, lower penalty.n or raise penalty.epsilon."
 _ENERGY_WAY_OUT = "Check that the energy is convex, lower penalty.n or raise penalty.epsilon."
-_NOT_NESTED = (
-    "solver.friction: nested does not arrive ({reason}); inside, which needs no contraction, took "
-    "its place"
-)
 _FACTORISED = (
     "the iterative solver of solver.linear did not converge; the direct solver took its place"
 )
@@ -107,7 +94,10 @@ def newton_with_continuation(task: Task, saved: SavedState | None = None) -> Sol
         is_own = task.system.data.own_energy is not None
         own_way_out = _ENERGY_WAY_OUT if is_own else _NEWTON_WAY_OUT
         way_out = "  ".join([own_way_out, *_friction_way_out(task)])
-        known = vars(_reached(Outcome(), failure)) | vars(task.counts)
+        reached = Outcome()
+        if isinstance(failure, Unsettled):
+            reached = reached.settled(*failure.reached)
+        known = vars(reached) | vars(task.counts)
         return SolverReport(**known, reason=str(failure), suggestion=way_out, stages=stages)
     return SolverReport.solved(found, task.counts, stages=stages)
 
@@ -136,11 +126,6 @@ def _follow(path: PenaltyPath, task: Task, stages: list[dict[str, float | int]])
         return found
     finally:
         newton.destroy()
-
-
-def _reached(found: Outcome, failure: NotConverged) -> Outcome:
-    """What is known at the end of a solve that failed."""
-    return found.settled(*failure.reached) if isinstance(failure, Unsettled) else found
 
 
 def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
@@ -272,28 +257,17 @@ def _attempted(
 ) -> Attempt:
     """A solve by one approach after the other, as long as one ``goes_on`` after a failure.
 
-    Where friction bounds are to be fixed points of whole solves, a solver that keeps them comes
-    first.  No two solvers are there at a time, nor beside what ``goes_on`` solves, as each takes
-    much memory.  An approach that an iterative solver ends goes again with a direct one, if auto
-    would have taken that.  ``last`` is the solution of the step before, for the first solve.
-    Collective.
+    No two solvers are there at a time, nor beside what ``goes_on`` solves, as each takes much
+    memory.  An approach that an iterative solver ends goes again with a direct one, if auto would
+    have taken that.  ``last`` is the solution of the step before, for the first solve.  Collective.
     """
-    failure, warnings, contraction = NotConverged(), list[str](), None
-    if task.settings.nested and task.system.rubbing:
-        made = _attempt(InteriorPoint(task, bound_moves=False), task, last)
-        if made.failure is None or isinstance(made.failure, Infeasible):
-            return made
-        # The factor of nested updates is known also where another way arrives after them.
-        last, contraction = None, made.found.contraction
-        warnings.append(_NOT_NESTED.format(reason=made.failure))
+    failure, warnings = NotConverged(), list[str]()
     number, count = 0, 1
     while number < count and (number == 0 or goes_on(failure)):
         solver = InteriorPoint(task)
         count = len(solver.approaches)
         solver.approach = solver.approaches[number]
-        made, last = _attempt(solver, task, last), None
-        found = replace(made.found, contraction=contraction or made.found.contraction)
-        made = replace(made, found=found, warnings=[*warnings])
+        made, last = replace(_attempt(solver, task, last), warnings=[*warnings]), None
         if made.failure is None:
             return made
         failure = made.failure
@@ -307,9 +281,14 @@ def _attempted(
 
 def _attempt(solver: InteriorPoint, task: Task, last: LastIterate | None) -> Attempt:
     """What a solver finds, to its last digits, as far as a method arrives there; collective."""
+    system = task.system
+    system.u.x.array[:] = system.constraints.held_part(system.u.x.array)
     try:
-        made = _solve_by(solver, task, last)
-        return made if made.failure else replace(made, found=_finished(task, solver, made.found))
+        found = solver.solve(last)
+        return Attempt(_finished(task, solver, found), from_last=solver.from_last)
+    except NotConverged as failure:
+        reached = Outcome(solver.multipliers(), friction_change=solver.friction_change)
+        return Attempt(reached, failure)
     finally:
         solver.destroy()
 
@@ -319,17 +298,6 @@ def _finished(task: Task, solver: InteriorPoint, found: Outcome) -> Outcome:
     direct = None if solver.is_elastic else solver.direct
     polishes = direct is not None and is_in_reach(task)
     return (polish(task, _POLISH, found, direct) if polishes else None) or solver.finish(found)
-
-
-def _bounds_of(found: Outcome, system: PenalisedSystem) -> list[FloatArray]:
-    """The friction bounds that a solution asks for; collective."""
-    assert found.multipliers is not None
-    pairs = zip(system.contacts, found.multipliers.contacts, strict=True)
-    return [
-        contact.friction_bound(system.u, forces.pressure)
-        for contact, forces in pairs
-        if contact in system.rubbing
-    ]
 
 
 def _may_factorise(task: Task) -> bool:
@@ -353,42 +321,6 @@ def _friction_way_out(task: Task) -> list[str]:
     if not task.system.rubbing:
         return []
     return [_HELD_BY_FRICTION if task.system.held_by_friction else _BOUND_WAY_OUT]
-
-
-def _solve_by(solver: InteriorPoint, task: Task, last: LastIterate | None) -> Attempt:
-    """Solve once, or for each value of bounds that do not move, from the one before; collective."""
-    system, found = task.system, Outcome()
-    start = system.constraints.held_part(system.u.x.array)
-
-    def enough(change: float) -> float:
-        """The multiple of the tolerances that is enough after a change of the bounds."""
-        if solver.bound_moves:
-            return 1.0
-        share = task.settings.tolerance / Settings.tolerance
-        return max(_ROUGHER * share * min(change, 1.0), 1.0)
-
-    def solve(change: float) -> bool:
-        nonlocal found
-        loosened = enough(change)
-        if solver.can_go_on:
-            with contextlib.suppress(NotConverged):
-                found = solver.solve_on(loosened)
-                return loosened == 1.0
-        system.u.x.array[:] = start
-        found = solver.solve(last, loosened)
-        return loosened == 1.0
-
-    try:
-        solve(math.inf)
-        if not solver.bound_moves:
-            system.bounds.enter(system.rubbing, _bounds_of(found, system))
-            settled = fixed_point(task, solve, lambda: _bounds_of(found, system))
-            found = found.settled(*settled)
-        return Attempt(found, from_last=solver.from_last)
-    except NotConverged as failure:
-        multipliers = found.multipliers or solver.multipliers()
-        reached = Outcome(multipliers, friction_change=solver.friction_change)
-        return Attempt(_reached(reached, failure), failure)
 
 
 def _newton_from(saved: SavedState, task: Task) -> Outcome | None:

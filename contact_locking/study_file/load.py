@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from contact_locking.errors import InputError, require_kind
 from contact_locking.plain_text import nearest
 from contact_locking.study_file.parameters import Parameters, removed
-from contact_locking.study_file.parameters.base import MOST_FAULTS, Fault, FaultsError
+from contact_locking.study_file.parameters.base import MOST_FAULTS, Fault, FaultsError, dotted
 from contact_locking.study_file.parameters.keys import known_keys
 from contact_locking.study_file.parameters.values import CHOICES
 from contact_locking.study_file.parameters.wording import labels, show, unknown_key, value_message
@@ -55,6 +55,8 @@ def _message(details: Any, place: tuple[str | int, ...]) -> str:
             and details["input"] is not None
         ):
             return "contact is one section and not a list: leave the number out of the key"
+        case "extra_forbidden" if instead := removed.KEYS.get(dotted(*place)):
+            return f"unknown key ({instead})"
         case "extra_forbidden":
             known = known_keys(Parameters, place[:-1])
             return unknown_key(str(place[-1]), known, _elsewhere(str(place[-1])))

@@ -191,18 +191,18 @@ def error_bound() -> list[Panel]:
 
 def contraction() -> list[Panel]:
     mu, factor = "friction.coefficient", "friction_fixed_point.contraction"
-    nested, inside = (rows("contraction", solver__friction=way) for way in ("nested", "inside"))
-    line = Curve("1", [nested[0][mu], nested[-1][mu]], [1.0, 1.0], plain=True)
-    factors = [curve("factor", nested, mu, factor), line]
+    newton, inside = (rows("contraction", solver__method=m) for m in ("newton", "interior_point"))
+    line = Curve("1", [newton[0][mu], newton[-1][mu]], [1.0, 1.0], plain=True)
+    factors = [curve("factor", newton, mu, factor), line]
     steps = [
-        curve(way, [row for row in cases if row["converged"]], mu, "iterations.tangents")
-        for way, cases in (("nested", nested), ("inside", inside))
+        curve(method, [row for row in cases if row["converged"]], mu, "iterations.tangents")
+        for method, cases in (("newton", newton), ("interior_point", inside))
     ]
     body = [
         [f"{a[mu]:g}", f"{a[factor]:.3f}", _steps(a), _steps(b)]
-        for a, b in zip(nested, inside, strict=True)
+        for a, b in zip(newton, inside, strict=True)
     ]
-    table(["μ", "contraction factor", "tangents, nested", "tangents, inside"], body)
+    table(["μ", "contraction factor", "tangents, newton", "tangents, interior_point"], body)
     return [
         Panel("Contraction of the friction bound's map", "μ", "", factors, logarithmic=False),
         Panel("Tangents where it converged", "μ", "", steps, logarithmic=False),

@@ -67,7 +67,6 @@ def test_every_key_in_a_message_of_the_core_has_a_name_in_scripts() -> None:
          'Try settings.method="interior_point", lower n or raise compliance.'),
         ("take discretisation.limit_at: vertices", 'take limit_at="vertices"'),
         ("lower penalty.n: rounding grows", "lower n: rounding grows"),
-        ("solver.friction: nested does not arrive", "settings.nested=True does not arrive"),
         ("contacts.0.friction is negative", "contacts.0.friction is negative"),
     ],
 )  # fmt: skip

@@ -97,36 +97,6 @@ def test_column_under_the_inequality_stops_at_the_locking_limit() -> None:
     assert solution.summary["compliance"] == pytest.approx(0.05 * (0.1 + 0.04), rel=1e-7)
 
 
-def test_nested_friction_finds_the_same_bound_and_its_contraction() -> None:
-    def solve(friction: str) -> tuple[Parameters, Mapping[str, Any]]:
-        parameters = block(penalty__n=math.inf, solver={"friction": friction})
-        return parameters, solving.solve(parameters).summary
-
-    (_, inside), (_, nested) = solve("inside"), solve("nested")
-    assert inside["converged"] and nested["converged"]
-    assert nested["compliance"] == pytest.approx(inside["compliance"], rel=1e-7)
-    assert 0.0 < nested["friction_fixed_point"]["contraction"] < 0.5
-    # After two solves from nothing each bound goes on from the cones of the one before.
-    found = nested["iterations"]
-    assert found["tangents"] < found["friction"] + 25
-
-
-def test_updates_that_do_not_arrive_tell_their_factor_beside_the_solution_of_inside() -> None:
-    data = {
-        "mesh": {"builder": "block", "dim": 2, "size": [2.0, 0.5], "h": 0.125, "structured": True},
-        "material": {"elasticity": {"young": 1.0, "poisson": 0.0}, "locking_limit": math.inf},
-        "loads": {"displacements": [{"on": "top", "value": [0.2, -0.01]}]},
-        "contact": {"on": "bottom", "gap": 0},
-        "friction": {"coefficient": 3.0, "smoothing": {"kernel": "convolution", "radius": 0.3}},
-        "solver": {"friction": "nested"},
-    }
-    parameters = Parameters.model_validate(data)
-    summary = solving.solve(parameters).summary
-    assert summary["converged"]
-    assert any("nested does not arrive" in warning for warning in summary["warnings"])
-    assert summary["friction_fixed_point"]["contraction"] > 0.8
-
-
 def test_softer_steps_follow_a_tangent_that_rounding_makes_singular(monkeypatch: Any) -> None:
     def solve() -> Mapping[str, Any]:
         return solving.solve(block(penalty__n=math.inf, solver={"linear": "direct"})).summary

@@ -24,6 +24,7 @@ pytestmark = pytest.mark.serial
         ("material.limits_of", "elastic"),
         ("mesh.curved", True),
         ("output.animation", True),
+        ("solver.friction", "nested"),
     ],
 )
 def test_what_has_gone_is_refused_by_its_key_with_what_to_do_instead(key: str, value: Any) -> None:
@@ -36,7 +37,7 @@ def test_what_has_gone_is_refused_by_its_key_with_what_to_do_instead(key: str, v
     with pytest.raises(InputError) as caught:
         from_mapping(data)
     message = str(caught.value)
-    advice = removed.KEYS.get(last) or removed.VALUES[last, str(value)]
+    advice = removed.KEYS.get(key) or removed.KEYS.get(last) or removed.VALUES[last, str(value)]
     assert key in message and advice in message
 
 

@@ -128,7 +128,7 @@ def many_rows() -> list[dict[str, Any]]:
             "state": state,
             "converged": not bad,
             "reason": _REASONS[index % 3] if bad else "every criterion held",
-            "suggestion": "Take solver.friction: inside, which needs no contraction."
+            "suggestion": "Take solver.method: interior_point, which needs no contraction."
             if bad
             else "",
         }

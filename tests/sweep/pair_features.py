@@ -32,7 +32,7 @@ FEATURES: dict[str, tuple[str, ...]] = {
     "penalty": ("exact", "finite", "soft", "smooth"),
     "units": ("one", "pascal", "mm", "rubber"),
     "linear": ("direct", "iterative"),
-    "method": ("inside", "nested", "newton"),
+    "method": ("interior_point", "newton"),
     "material": ("isotropic", "incompressible", "graded", "lame", "matrix"),
 }
 

@@ -77,10 +77,7 @@ class _Draft:
         if row["element"] == "linear":
             del study["discretisation"]["limit_at"]
         study["penalty"] = self._penalty(study["friction"])
-        method = {"nested": {"method": "interior_point", "friction": "nested"}}
-        study["solver"] = {"linear": row["linear"]} | method.get(
-            row["method"], {"method": "newton" if row["method"] == "newton" else "interior_point"}
-        )
+        study["solver"] = {"linear": row["linear"], "method": row["method"]}
         if self.timed:
             times: dict[str, Study] = {
                 "steps": {"to": 1.0, "count": 2},

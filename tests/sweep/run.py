@@ -202,8 +202,6 @@ def of_pairs(outcomes: Sequence[Outcome]) -> str:
         "unsolved": sum(o.kind in (NOT_SOLVED, BROKEN) for o in rows),
         "wrong": sum(o.kind == WRONG for o in rows),
         f"above {_MANY} tangents": sum(o.tangents > _MANY for o in rows),
-        # A nested solve has a problem of its own for each update of the friction bound.
-        "of these nested": sum(o.tangents > _MANY and " nested " in o.row for o in rows),
     }
     shares = (f"{name} {100.0 * n / len(rows):.1f} % ({n})" for name, n in counts.items())
     return f"pairs: {', '.join(shares)}"

@@ -86,14 +86,6 @@ class MovingBound:
             bound = self.friction.nodes.of_all(self.in_force)
             self.friction.start_under(bound, self.pressing.z, least)
 
-    def start_on(self, least: float) -> None:
-        """Take the present bound, from the cones of the bound before; collective."""
-        if not self.friction.takes_part:
-            return self.start(moves=False, least=least)
-        bounds = self.in_force
-        bounds = np.maximum(bounds, self.least * maximum(self.pressing.comm, bounds))
-        self.set_wanted(self.contact.acting(bounds))
-
     def is_zero(self) -> bool:
         """Whether the bound is zero everywhere; collective."""
         return self.contact.norm(self.in_force) == 0.0

@@ -36,13 +36,13 @@ class Measures:
     def worst(self) -> float:
         return max(self.equilibrium, self.primal, self.gap, self.friction)
 
-    def reached(self, settings: Settings, gap: float, loosened: float = 1.0) -> bool:
-        """Whether all are within ``loosened`` times the tolerances, the duality gap of ``gap``."""
+    def reached(self, settings: Settings, gap: float) -> bool:
+        """Whether all are within the tolerances, the duality gap within ``gap``."""
         return (
-            self.equilibrium <= loosened * settings.tolerance
-            and self.primal <= loosened * settings.tolerance
-            and self.gap <= loosened * gap
-            and self.friction <= loosened * settings.friction_tolerance
+            self.equilibrium <= settings.tolerance
+            and self.primal <= settings.tolerance
+            and self.gap <= gap
+            and self.friction <= settings.friction_tolerance
         )
 
 

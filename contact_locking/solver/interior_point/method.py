@@ -74,31 +74,19 @@ class InteriorPoint:
         self.from_last = False
         self._pieces: ActiveSet | None = None
         self._first: tuple[float, float] | None = None
-        self._goes_on, self._loosened, self._opening = False, 1.0, 0.0
 
-    def solve(self, last: LastIterate | None = None, loosened: float = 1.0) -> Outcome:
+    def solve(self, last: LastIterate | None = None) -> Outcome:
         """Iterate to the tolerances; raises NotConverged, the best iterate left in place.
 
-        ``last`` is the solution of the step before, if there is one.  ``loosened`` is the
-        multiple of the tolerances that is enough.
+        ``last`` is the solution of the step before, if there is one.
         """
-        return self._solve(loosened, lambda: self._start(last))
-
-    def solve_on(self, loosened: float = 1.0) -> Outcome:
-        """As :meth:`solve`, from the iterate of the solve before, for other friction bounds."""
-        return self._solve(loosened, self._start_on)
+        return self._solve(lambda: self._start(last))
 
     def solve_near(self, last: LastIterate) -> Outcome:
         """As :meth:`solve`, by the pieces of the laws alone, from a state near a solution."""
-        return self._solve(1.0, lambda: self._start_near(last))
+        return self._solve(lambda: self._start_near(last))
 
-    @property
-    def can_go_on(self) -> bool:
-        """Whether :meth:`solve_on` can."""
-        return self._goes_on
-
-    def _solve(self, loosened: float, start: Callable[[], bool]) -> Outcome:
-        self._loosened, self._goes_on = loosened, False
+    def _solve(self, start: Callable[[], bool]) -> Outcome:
         # A NaN is found where steps and residuals are judged.
         with np.errstate(all="ignore"):
             gap = self._iterate_to_the_end(start)
@@ -125,8 +113,7 @@ class InteriorPoint:
         with np.errstate(all="ignore"):
             if not self._take(pieces, pieces.from_last(last)):
                 return found
-        change = judge.friction_change if self.bound_moves else found.friction_change
-        return Outcome(self.multipliers(), self._last(), self._gap, change, found.contraction)
+        return Outcome(self.multipliers(), self._last(), self._gap, self.friction_change)
 
     def multipliers(self) -> Multipliers:
         """The multipliers of the present iterate; collective."""
@@ -229,7 +216,7 @@ class InteriorPoint:
             return self._gap
         limit, tuning = settings.max_iterations, self._tuning
         # Where Newton's method polishes the solution, it gives locking stresses their law.
-        wants_law = self._has_law and self._tangent.direct is None and self._loosened == 1.0
+        wants_law = self._has_law and self._tangent.direct is None
         steps_left = tuning.steps_for_law if wants_law else 0
         can_rest = self.bound_moves and not task.system.tools.act
         for iteration in range(limit + 1):
@@ -241,9 +228,7 @@ class InteriorPoint:
                 self.is_elastic, self._judge.friction_change = True, 0.0
                 task.system.remove_friction()
                 return 0.0
-            # Other bounds ask for another displacement, however near they are.
-            is_enough = iteration > 0 or not self._goes_on
-            reached = is_enough and measures.reached(settings, tuning.gap_tolerance, self._loosened)
+            reached = measures.reached(settings, tuning.gap_tolerance)
             is_last = steps_left == 0 or iteration == limit
             if reached and (is_last or self._judge.keeps_penalty_law(self._iterate)):
                 break
@@ -269,7 +254,6 @@ class InteriorPoint:
                 break
             self.require_feasible()
             raise NotConverged(f"the interior point step vanished ({measures})")
-        self._goes_on = not self.bound_moves
         return measures.gap
 
     @property
@@ -309,7 +293,7 @@ class InteriorPoint:
         if pieces is not None and self._take(pieces, pieces.from_elastic()):
             return True
         opening = tuning.opening(self.approach, elastic.overstrain())
-        self._opening = least = opening * elastic.retreat() * target.length
+        least = opening * elastic.retreat() * target.length
         level = elastic.level()
         for family in tangent.families:
             family.start(level, least)
@@ -318,7 +302,11 @@ class InteriorPoint:
             if not (bound.friction.takes_part or task.system.held_by_friction):
                 # The springs of the elastic start hold a body that nothing else holds.
                 bound.friction.hold(0.0)
-        self._begin()
+        self._iterate = Iterate(tangent, tuning.band)
+        self._iterate.soften(0.0)
+        self._moving = [bound for bound in bounds if self.bound_moves and bound.friction.takes_part]
+        settings, foresees = task.settings, self.approach.foresees
+        self._search = Search(self._iterate, self._moving, tuning, settings, foresees)
         return False
 
     def _start_near(self, last: LastIterate) -> bool:
@@ -328,24 +316,6 @@ class InteriorPoint:
             if self._take(pieces, pieces.from_last(last)):
                 return True
         raise NotConverged("the pieces of the laws are too far away")
-
-    def _start_on(self) -> bool:
-        """Put the iterate into the friction cones of the present bounds; collective."""
-        for bound in self._families.bounds:
-            bound.start_on(self._opening)
-        self._begin()
-        self._goes_on = True
-        return False
-
-    def _begin(self) -> None:
-        tangent, tuning, bounds = self._tangent, self._tuning, self._families.bounds
-        self._iterate = Iterate(tangent, tuning.band)
-        self._iterate.soften(0.0)
-        self._moving = [bound for bound in bounds if self.bound_moves and bound.friction.takes_part]
-        settings, foresees = self._task.settings, self.approach.foresees
-        self._search = Search(
-            self._iterate, self._moving, tuning, settings, foresees, self._loosened
-        )
 
     def _pieces_of_laws(self, goes_on: bool) -> ActiveSet | None:
         """The method that is tried before; None where it is no use.

@@ -18,7 +18,7 @@ class Search:
     """Finds the steps of an iterate whose tangent is assembled.
 
     The numbers are those of the steps of the algorithm in :mod:`method`.  ``foresees`` is that of
-    the approach, and ``loosened`` the multiple of the tolerances that is enough.
+    the approach.
     """
 
     def __init__(
@@ -28,10 +28,8 @@ class Search:
         tuning: Tuning,
         settings: Settings,
         foresees: bool = False,
-        loosened: float = 1.0,
     ) -> None:
-        self._foresees, self._loosened = foresees, loosened
-        self._gap_aim = tuning.gap_aim * loosened
+        self._foresees, self._gap_aim = foresees, tuning.gap_aim
         self._iterate, self._bounds = iterate, bounds
         self._tuning, self._tolerance = tuning, settings.tolerance
         self._last_length, self._bounds_contract = 0.0, False
@@ -190,7 +188,7 @@ class Search:
     def _linear_accuracy(self, measures: Measures) -> float:
         """A linear solve may leave a share of what the iteration has not yet achieved."""
         tuning = self._tuning
-        sharpest = tuning.linear_sharpest * self._loosened * self._tolerance
+        sharpest = tuning.linear_sharpest * self._tolerance
         accuracy = min(max(tuning.linear_share * measures.gap, sharpest), tuning.linear_loosest)
         return self._sharper * accuracy
 

@@ -127,11 +127,6 @@ class SolverParameters(Section):
     method: Literal["auto", "newton", "interior_point"] = entry(
         "auto", "interior_point, newton (with continuation in n) or auto: interior_point"
     )
-    friction: Literal["inside", "nested"] = entry(
-        "inside",
-        "interior_point: update the friction bound inside the iteration, or nested around whole "
-        "solves, which shows the contraction factor of the fixed point; newton always nests",
-    )
     tolerance: Tolerance = entry(1e-8, "relative equilibrium residual", "1")
     max_iterations: Count = entry(100, "steps of a solve or stage", "1")
     friction_tolerance: Tolerance = entry(1e-8, "relative change of the friction bound", "1")

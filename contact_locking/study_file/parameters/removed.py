@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-#: By the name of a key; the sentence stands in brackets after "unknown key".
+#: By the name of a key, or by the whole key where another section has the name; the sentence stands
+#: in brackets after "unknown key".
 KEYS: dict[str, str] = {
     "bound_meshes": "the error bound is that of the mesh of the study: take a finer mesh",
     "by": "meshes are adapted by the estimate, certificate.errors.mesh; leave the key out",
@@ -13,6 +14,8 @@ KEYS: dict[str, str] = {
     "expansion to the limit where the body may expand freely",
     "curved": "all cells have straight sides; take a smaller mesh.h where a side is round",
     "animation": "there are no animations: ParaView plays the steps of fields.bp",
+    "solver.friction": "the friction bound is updated inside the iteration; leave the key out, or "
+    "take solver.method: newton for updates around whole solves, with their contraction factor",
 }
 
 #: By the name of a key and one of its values; the sentence is the whole message.
