@@ -145,7 +145,7 @@ def test_derivatives_on_hexahedra_are_those_of_differences() -> None:
     for name in of:
         for key in to:
             wanted = found[name][key]["checked"]
-            # By a limit it is off by 1.1e-3: the solution ends on the pieces of the laws.
+            # By a limit the stiffness of the cones multiplies rounding (test_sensitivities.py).
             share = 2e-3 if key == "material.locking_limit" else 1e-3
             assert found[name][key]["derivative"] == pytest.approx(wanted, rel=share), (name, key)
 
