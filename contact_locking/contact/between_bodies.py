@@ -4,8 +4,11 @@ The distance of a point x of one side to the facets of the other is ``|x - y|`` 
 point y, negative inside of the other body, where ``(x - y) . n < 0`` with the outward normal n of
 the facet of y.  It counts where y lies inside of the facet.  Points are the nodes of side 1 that
 press, which should be at the distance zero, and a lattice on the facets of both sides, which should
-not be inside.  Distances up to the sagittae ``l theta/8`` of the chords do not count: the facets of
-a round side, of length l, turn by theta from one to the next.
+not be inside.  The pressure of a quadratic node between corners belongs to a control value and acts
+on the whole facet: of the nodes of its facets the nearest should be at zero.  Distances up to the
+sagittae ``l theta/8`` of the chords do not count: the facets of a round side, of length l, turn by
+theta from one to the next.  Of points inside, the sagitta of their own side does not count either,
+but where no node of side 1 presses beside: there it has missed the other side, and no force acts.
 
 Nothing here is shared with the gap, the pairing and the normals of the contact conditions.
 """
@@ -36,23 +39,37 @@ def apart(presses: BoolArray, one: Side, other: Side, offset: float) -> float:
     ``presses`` (k,) marks the nodes of side 1 that press, and the sides are displaced.  ``offset``
     is the gap that adds to their distance.
     """
-    nodes = np.flatnonzero(presses)
     of_node = np.zeros(len(one.points), dtype=np.int64)
     of_node[one.facets] = np.arange(len(one.facets))[:, None]
-    distance, sagitta = _distances(one.points[nodes], one, of_node[nodes], other)
-    largest = float(np.max(np.abs(distance + offset) - sagitta, initial=0.0))
+    distance, sagitta, _ = _distances(one.points, one, of_node, other)
+    away = np.abs(distance + offset) - sagitta
+    largest = float(np.max(_least_of_facets(away, one)[presses], initial=0.0))
+    bears = presses[one.facets].any(axis=1)
     for side, facing in ((one, other), (other, one)):
         points, facet = _lattice(side)
-        distance, sagitta = _distances(points, side, facet, facing)
-        depth = -(distance + offset) - sagitta - _sagittae(side)[facet]
+        distance, sagitta, nearest = _distances(points, side, facet, facing)
+        own = np.where(bears[facet if side is one else nearest], _sagittae(side)[facet], 0.0)
+        depth = -(distance + offset) - sagitta - own
         largest = max(largest, float(np.max(depth, initial=0.0)))
     return largest
 
 
+def _least_of_facets(away: FloatArray, side: Side) -> FloatArray:
+    """The values (k,) at the nodes; between corners the least one of the nodes of the facets.
+
+    A node that faces nothing has -inf, and is not the least one beside others.
+    """
+    found, corners = away.copy(), side.kind.corners
+    least = np.where(np.isfinite(away), away, np.inf)[side.facets].min(axis=1)
+    between = side.facets[:, corners:]
+    np.minimum.at(found, between, np.broadcast_to(least[:, None], between.shape))
+    return found
+
+
 def _distances(
     points: FloatArray, of: Side, at: IntArray, side: Side
-) -> tuple[FloatArray, FloatArray]:
-    """The distances (k,) of points (k, d) to a side, and the sagittae (k,) of its facets there.
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """The distances (k,) of points (k, d) to a side, the sagittae (k,) there, and the facets (k,).
 
     The points are those of facets ``at`` (k,) of the side ``of``.  The sagitta is inf, so that
     nothing counts, where a point faces no facet of another body.
@@ -82,7 +99,7 @@ def _distances(
     extent = np.linalg.norm(edges[every, best], axis=2).max(axis=1)
     faces = np.isfinite(length) & (np.abs(along) >= _ALONG * length) & (length < extent)
     sagitta = np.where(faces, _sagittae(side)[nearest], np.inf)
-    return np.sign(along) * length, sagitta
+    return np.sign(along) * length, sagitta, nearest
 
 
 def _lattice(side: Side) -> tuple[FloatArray, IntArray]:

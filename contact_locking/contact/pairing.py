@@ -24,8 +24,10 @@ next to nothing.  Its function b is added to that of the nearest node with a con
 basis is that of these sums.  Constant pressures still are the same on both sides.
 
 The gap of a node is the distance of the point ``sum_j l_ij x_j``, the node itself without slivers,
-to side 2 along the contact normal, which is the mean of the normals of both sides.  Where the ray
-misses side 2, the facet that it passes nearest to is continued.
+to side 2 along the contact normal, which is the mean of the normals of both sides.  An edge of a
+body has no normal of its own: there it is that of side 2, or of the facet of side 2, as the share
+of the pressure along a tilted normal would replace friction.  Where the ray misses side 2, the
+facet that it passes nearest to is continued.
 
 A quadrilateral of side 1 whose corners are not in one plane is projected into its mean plane, as
 are those of side 2 that it faces.  Integrals are those over the projection, whose area is too small
@@ -84,6 +86,8 @@ _STEEP = -0.7
 _SMOOTH = 0.966
 # A side is round where its curvature changes by no more than this factor from edge to edge.
 _ALIKE = 0.4
+# Beside a point of a round side an edge turns by this share of the angle to a facet there, or more.
+_ROUND = 0.5
 # The cosine of 37 degrees, by which the edges of a mesh of triangles turn from one to the next.
 _GOES_ON = 0.8
 
@@ -128,8 +132,12 @@ class Side:
 
     @property
     def at_rest(self) -> Side:
-        """The side where it was before it moved, but for its normals."""
-        return self if self.rest is None else replace(self, points=self.rest)
+        """The side where it was before it moved."""
+        if self.rest is None:
+            return self
+        turn = np.sum(unit_normals(self.corners) * self.outward, axis=1)
+        there = replace(self, points=self.rest, rest=None)
+        return replace(there, outward=np.sign(turn)[:, None] * unit_normals(there.corners))
 
     def nodal_normals(self) -> FloatArray:
         """The unit normals (k, d) at the points, averaged over the facets around each."""
@@ -310,7 +318,7 @@ def _distances(
     pairs = np.column_stack([nodes.reshape(-1), np.repeat(facing, nodes.shape[1])])
     node, facing = np.unique(pairs, axis=0).T
     bulge, of_side, of_other = _bulge(other), one.nodal_normals(), _smooth_normals(other)
-    normals, gap = of_side.copy(), np.zeros(len(points))
+    normals, gap, at_edge = of_side.copy(), np.zeros(len(points)), _at_edge(one)
     for _ in range(2):
         away = other.corners[facing] - points[node][:, None]
         along = normals[node]
@@ -340,7 +348,8 @@ def _distances(
         best = order[first]
         gap[node_of] = height[best]
         facing_normal = np.einsum("pc,pcd->pd", nearest[best], of_other[facing[best]])
-        mean = of_side[node_of] - facing_normal / np.linalg.norm(facing_normal, axis=1)[:, None]
+        facing_normal /= np.linalg.norm(facing_normal, axis=1)[:, None]
+        mean = np.where(at_edge[node_of, None], 0.0, of_side[node_of]) - facing_normal
         normals[node_of] = mean / np.linalg.norm(mean, axis=1)[:, None]
     return gap, normals
 
@@ -357,9 +366,24 @@ def _across(normals: FloatArray) -> FloatArray:
 
 def _smooth_normals(side: Side) -> FloatArray:
     """The normals (m, c, d) at the corners of facets: the averaged ones, but at edges of a body."""
-    normals = side.nodal_normals()[side.facets[:, : side.kind.corners]]
-    off = np.sum(normals * side.outward[:, None], axis=2) < _SMOOTH
-    return np.where(off[:, :, None], side.outward[:, None], normals)
+    corners = side.facets[:, : side.kind.corners]
+    normals, at_edge = side.nodal_normals()[corners], _at_edge(side)[corners]
+    at_edge |= np.sum(normals * side.outward[:, None], axis=2) < _SMOOTH
+    return np.where(at_edge[:, :, None], side.outward[:, None], normals)
+
+
+def _at_edge(side: Side) -> BoolArray:
+    """(k,) the points at edges of a body, where facets turn and the side is not round beside.
+
+    These are the edges at rest, as strains make none.
+    """
+    side = side.at_rest
+    edges, _, lengths, curvature = _curved(side)
+    turn, off = np.zeros(len(side.points)), np.zeros(len(side.points))
+    np.maximum.at(turn, edges, np.abs(lengths * curvature)[:, None])
+    cosine = np.sum(side.nodal_normals()[side.facets] * side.outward[:, None], axis=2)
+    np.maximum.at(off, side.facets, np.sqrt(np.maximum(1.0 - cosine**2, 0.0)))
+    return np.asarray(turn < _ROUND * off)
 
 
 def _control_values(one: Side, gap: FloatArray, faces: BoolArray) -> FloatArray:
@@ -467,18 +491,35 @@ def _round_normals(side: Side) -> FloatArray:
 def _bulge(side: Side) -> FloatArray:
     """The coefficients (m, c, c) of products of two functions, by which a side is farther out.
 
-    They have nonzero entries above the diagonal.  The curvature along an edge is the difference of
-    the normals at its ends over its length.  A side is round along an edge if the edges that
-    continue it bend at least half as much; at the rim, where the normals are those of one facet,
-    the curvature is that of the edge that continues it on the other side.  At a corner of the body,
-    whose normal is more than 15 degrees off that of the facet, the side is straight.
+    They have nonzero entries above the diagonal.  At a corner of the body, whose normal is more
+    than 15 degrees off that of the facet, the side is straight.
     """
-    count, corners = side.kind.corners, side.facets[:, : side.kind.corners]
+    count = side.kind.corners
+    edges, number, lengths, curvature = _curved(side)
+    off = np.einsum("meqi,mi->meq", _round_normals(side)[edges[number]], side.outward).min(axis=2)
+    bulges = np.where(off < _SMOOTH, 0.0, (0.5 * lengths**2 * curvature)[number])
     pairs = np.array(EDGES[count])
+    products = np.zeros((len(side.facets), count, count))
+    products[:, pairs[:, 0], pairs[:, 1]] = bulges
+    if count == 4:
+        # The product is that of both diagonals, whose coefficients have the sum of all edges.
+        products[:, 0, 3] = bulges.sum(axis=1)
+    return products
+
+
+def _curved(side: Side) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    """The edges (e, 2), their numbers (m, c) in facets, lengths and curvatures (e,) of a side.
+
+    The curvature along an edge is the difference of the normals at its ends over its length.  A
+    side is round along an edge if the edges that continue it bend at least half as much; at the
+    rim, where the normals are those of one facet, the curvature is that of the edge that continues
+    it on the other side.  It is 0 where the side is not round.
+    """
+    corners = side.facets[:, : side.kind.corners]
+    pairs = np.array(EDGES[side.kind.corners])
     edges, number = np.unique(
         np.sort(corners[:, pairs].reshape(-1, 2), axis=1), axis=0, return_inverse=True
     )
-    number = number.reshape(-1, len(pairs))
     normals, along = _round_normals(side), np.diff(side.points[edges], axis=1)[:, 0]
     lengths = np.linalg.norm(along, axis=1)
     along = along / lengths[:, None]
@@ -493,14 +534,7 @@ def _bulge(side: Side) -> FloatArray:
     is_round = np.all(sign * there >= _ALIKE * size[:, None], axis=1)
     is_round |= is_rim & (sign[:, 0] * rim >= _ALIKE * size) & (_ALIKE * np.abs(rim) <= size)
     curvature = np.where(is_round, np.where(is_rim, rim, curvature), 0.0)
-    off = np.einsum("meqi,mi->meq", normals[edges[number]], side.outward).min(axis=2)
-    bulges = np.where(off < _SMOOTH, 0.0, (0.5 * lengths**2 * curvature)[number])
-    products = np.zeros((len(corners), count, count))
-    products[:, pairs[:, 0], pairs[:, 1]] = bulges
-    if count == 4:
-        # The product is that of both diagonals, whose coefficients have the sum of all edges.
-        products[:, 0, 3] = bulges.sum(axis=1)
-    return products
+    return edges, number.reshape(-1, len(pairs)), lengths, curvature
 
 
 def _continued(edges: IntArray, along: FloatArray) -> IntArray:

@@ -150,6 +150,35 @@ def test_a_script_gives_a_foundation_or_another_body() -> None:
             cl.ContactProblem(given, contacts=[contact], space=problem.body.space)
 
 
+@pytest.mark.parametrize("on", ["rim", "pads"])
+def test_a_disc_that_comes_between_the_nodes_of_flat_pads_is_not_lost(on: str) -> None:
+    """The nodes of the pads never meet the disc: the certificate finds it inside of them."""
+    pads = ["left_pad", "right_pad"]
+    contact = {"on": "rim", "against": pads} if on == "rim" else {"on": pads, "against": "rim"}
+    study = Parameters.model_validate(
+        {
+            "mesh": {"builder": "grip", "width": 0.45, "length": 2.0, "h": 0.4},
+            "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
+            "loads": {
+                "displacements": [
+                    {"on": "left_root", "value": [0.004, 0.0]},
+                    {"on": "right_root", "value": [-0.004, 0.0]},
+                ],
+                "springs": [{"on": "rim", "stiffness": 1e-4}],
+            },
+            "contact": contact,
+            "friction": {"coefficient": 0.0},
+            "penalty": {"n": math.inf},
+        }
+    )
+    solution = solve(study)
+    apart = solution.summary["certificate"]["criteria"]["bodies_apart"]["value"]
+    if on == "rim":
+        assert solution.converged and solution.summary["pressure_max"] > 1e-5
+    else:
+        assert not solution.converged and apart == pytest.approx(0.5, abs=0.05)
+
+
 def test_a_side_that_is_much_coarser_is_warned_of() -> None:
     contact = {"on": "lower_top", "against": "upper_bottom"}
     solution = solved(

@@ -15,6 +15,11 @@ its roles, as the package may be at either, and its change when triangles are cu
 judge's largest pressure is that of both roles on both meshes, and so has the pressure at the edge
 of each body.  At a square edge it grows by less than 1.5 if facets are halved: 2.5 leaves room for
 a facet of a sixth of the size, and finds forces that are divided by the area of a sliver.
+
+That error of the mesh is the judge's, which has linear elements and the chords of the given mesh.
+The package may have a larger one: with quadratic facets whose control values touch before their
+nodes do, and beside curves.  Where it is off, or its criterion `bodies_apart` says that an edge
+enters between nodes, the facets are halved, at most twice, and the finer mesh decides.
 """
 
 from __future__ import annotations
@@ -43,7 +48,13 @@ from .own_body import Mesh
 from .punches import Punch, punch
 
 LIMIT, OUTLIER, USED = 0.05, 2.5, 0.1
-CHECKS = ("response", "peak", "friction", "swapped", "solved")
+# Facets are halved so often.
+HALVED = 2
+CHECKS = ("response", "peak", "friction", "swapped", "apart", "solved")
+
+
+class Apart(ContactLockingError):
+    """No criterion fails but the one for bodies that are apart, or in one another."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +77,10 @@ class Judged:
 
 @dataclass
 class Compared:
-    """A problem with the answers of the package, for either side as `on`, and what fails."""
+    """A problem with the answers of the package, for either side as `on`, and what fails.
+
+    ``coarser`` are the words for the meshes before facets were halved.
+    """
 
     seed: int
     words: str
@@ -76,6 +90,7 @@ class Compared:
     by_mesh: bool = False
     reason: str = ""
     seconds: float = 0.0
+    coarser: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
         right, answers = self.judged.answer, self.answers
@@ -87,6 +102,7 @@ class Compared:
             f"off {off} %, mesh {100.0 * self.judged.error:.1f} %, peaks {peaks}, "
             f"{f'used {used}, ' if right.used else ''}{self.seconds:.1f} s: {self.words}"
             f"{self.reason and f': {self.reason}'}"
+            f"{''.join(f'{chr(10)}  coarser: {one}' for one in self.coarser)}"
         )
 
 
@@ -117,15 +133,28 @@ def _by_segments(problem: Punch, mesh: Mesh) -> list[Answer]:
 
 
 def compared(seed: int) -> Compared:
-    """Solve and judge a problem; errors of the package are failures."""
+    """Solve and judge a problem, and with halved facets where it is off."""
+    outcome = on_mesh(seed)
+    for number in range(HALVED):
+        if not outcome.failed or "solved" in outcome.failed:
+            break
+        finer = on_mesh(seed, 2 ** (number + 1))
+        finer.coarser = [*outcome.coarser, str(outcome).split("\n")[0]]
+        outcome = finer
+    return outcome
+
+
+def on_mesh(seed: int, fineness: int = 1) -> Compared:
+    """Solve and judge a problem on one mesh; errors of the package are failures."""
     start = time.process_time()
-    problem = punch(seed)
+    problem = punch(seed, fineness)
     outcome = Compared(seed, problem.words, judged(problem))
     try:
         outcome.answers = [solved(problem, side) for side in problem.sides]
         outcome.failed, outcome.by_mesh = verdict(outcome.judged, outcome.answers)
     except ContactLockingError as error:
-        outcome.failed, outcome.reason = ["solved"], " ".join(str(error).split())[:150]
+        outcome.failed = ["apart" if isinstance(error, Apart) else "solved"]
+        outcome.reason = " ".join(str(error).split())[:150]
     outcome.seconds = time.process_time() - start
     return outcome
 
@@ -158,7 +187,9 @@ def solved(problem: Punch, on: str) -> Answer:
         solution = solve_assembled(assemble(parameters, MPI.COMM_SELF))
     told = solution.summary
     if not solution.converged:
-        raise ContactLockingError(str(told["reason"]))
+        criteria = told["certificate"]["criteria"]
+        fails = [name for name, one in criteria.items() if not one["holds"]]
+        raise (Apart if fails == ["bodies_apart"] else ContactLockingError)(str(told["reason"]))
     force = told["contact_force"][1] + told["friction_force"][1]
     response = told["compliance"] if problem.is_pressed else abs(force)
     return Answer(response, float(told["pressure_max"]), float(told["friction_used"] or 0.0))
@@ -175,13 +206,14 @@ def table(outcomes: Sequence[Compared]) -> str:
     """Counts of what is wrong, of all problems and of kinds of them."""
     kinds = ["", "degree 1", "degree 2", "plane", "axis", "sole", "flat", "fillet", "bevel"]
     kinds += ["round", "sharp", "over", "moved", "pressed", "mu"]
-    lines = [f"{'problems':<10}{'n':>5}{'right':>8}{'by mesh':>9}"]
+    lines = [f"{'problems':<10}{'n':>5}{'right':>8}{'by mesh':>9}{'halved':>8}"]
     lines[0] += "".join(f"{name:>10}" for name in CHECKS)
     for kind in kinds:
         rows = [one for one in outcomes if kind in one.words]
         counts = [sum(name in one.failed for one in rows) for name in CHECKS]
         right, by_mesh = sum(not one.failed for one in rows), sum(one.by_mesh for one in rows)
-        line = f"{kind or 'all':<10}{len(rows):>5}{right:>8}{by_mesh:>9}"
+        halved = sum(bool(one.coarser) for one in rows)
+        line = f"{kind or 'all':<10}{len(rows):>5}{right:>8}{by_mesh:>9}{halved or '.':>8}"
         lines.append(line + "".join(f"{count or '.':>10}" for count in counts))
     errors = [one.judged.error for one in outcomes]
     large = sum(error > LIMIT for error in errors)

@@ -47,8 +47,11 @@ class Punch:
         return "pressures" in self.study["loads"]
 
 
-def punch(seed: int) -> Punch:
-    """An upper body, whose flat part has the length (the radius) 1, pressed on a block."""
+def punch(seed: int, fineness: int = 1) -> Punch:
+    """An upper body, whose flat part has the length (the radius) 1, pressed on a block.
+
+    A problem has facets that are ``fineness`` times as short as its first ones.
+    """
     random = np.random.default_rng([62, seed])
     axisymmetric = chance(random, 0.4)
     right = _edge(random)
@@ -56,7 +59,7 @@ def punch(seed: int) -> Punch:
     ends = [pick(random, _ENDS) for _ in range(2)]
     edges = [left, right]
     reach = [_reach(random, end, edge) for end, edge in zip(ends, edges, strict=True)]
-    coarse = 1.0 / int(random.integers(4, 11))
+    coarse = 1.0 / (fineness * int(random.integers(4, 11)))
     ratio = 3.0 ** between(random, -1.0, 1.0)
     sizes = [coarse / max(1.0, ratio), coarse * min(1.0, ratio)]
     heights = between(random, 0.4, 1.2), between(random, 0.5, 1.2)
