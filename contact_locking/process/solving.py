@@ -90,8 +90,10 @@ def solve_steps(
                 told.add(words)
                 monitor.message(f"warning: {warning}")
         if parameters.certificate.limit and solution.converged:
+            certificate = dict(solution.summary["certificate"])
             measured = _distance_to_limit(solution, monitor, petsc_options)
-            solution = with_errors(solution, penalty_measured=measured)
+            certificate["errors"] = {**certificate["errors"], "penalty_measured": measured}
+            solution = solution.telling(certificate=certificate)
         entries = {"version": __version__, "fingerprint": fingerprint}
         entries["wall_seconds"] = time.perf_counter() - start
         others = tuple(other.telling(**entries) for other in solution.others)
@@ -159,14 +161,6 @@ def _static(
 def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
     """The facts and warnings of the assembled problem, without a solve; collective."""
     return assembly.check(parameters, comm, wings.CHECKS)
-
-
-def with_errors(solution: StudySolution, **errors: Any) -> StudySolution:
-    """The same solution, whose certificate has further or other errors."""
-    certificate = solution.summary["certificate"]
-    return solution.telling(
-        certificate={**certificate, "errors": {**certificate["errors"], **errors}}
-    )
 
 
 def _distance_to_limit(

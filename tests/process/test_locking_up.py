@@ -117,13 +117,15 @@ def test_a_refused_time_bars_later_ones_up_to_the_next_planned_time() -> None:
     timeline = Timeline(StepParameters(times=(1.0, 2.0)))
     timeline.refuse(1.1, SolverReport(reason="too far"))
     timeline.refuse(1.0, SolverReport(reason="infeasible"))
-    assert timeline.is_barred and timeline.fail()
-    assert timeline.target == 0.5 and not timeline.is_barred
+    seen = [(timeline.target, timeline.is_barred)]
+    assert timeline.fail()
+    seen.append((timeline.target, timeline.is_barred))
     assert timeline.explained("late", 0.5, 0.25)["reason"].startswith("infeasible, at t = 1; ")
     timeline.succeed()
+    seen.append((timeline.target, timeline.is_barred))
+    assert seen == [(1.0, True), (0.5, False), (1.0, True)]
     # The step to the time that is refused is halved three times at most.
-    assert timeline.target == 1.0 and timeline.is_barred
-    assert timeline.fail() and timeline.fail() and not timeline.fail()
+    assert [timeline.fail() for _ in range(3)] == [True, True, False]
     timeline.skip_to(1.0)
     timeline.succeed()
     assert timeline.refused is None and timeline.explained("late", 2.0, 1.0) == {}

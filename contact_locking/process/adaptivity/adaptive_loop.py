@@ -127,7 +127,7 @@ def _refined(solution: StudySolution, sequence: MeshSequence) -> Domain | None:
         return marked
 
     try:
-        return finer_mesh(solution, marks, given.max_dofs, "adapt.max_dofs")
+        return finer_mesh(solution, marks, given.max_dofs)
     except NotRefined as reason:
         sequence.stop(str(reason))
         return None

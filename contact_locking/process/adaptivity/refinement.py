@@ -149,13 +149,12 @@ def finer_mesh(
     solution: StudySolution,
     marks: Callable[[MeshData], BoolArray],
     most: int,
-    name: str,
 ) -> Domain:
     """The mesh of a solution with the cells ``marks`` (k,) refined; collective.
 
-    ``marks`` is called on rank 0.  ``most`` is the largest number of unknowns, and ``name`` its
-    name in words.  Default radii of smoothing stay those of the first mesh.  Curved sides of a
-    builder stay curved.  Raises NotRefined, on all ranks.
+    ``marks`` is called on rank 0.  ``most`` is the largest number of unknowns.  Default radii
+    of smoothing stay those of the first mesh.  Curved sides of a builder stay curved.  Raises
+    NotRefined, on all ranks.
     """
     domain, geometry = solution.domain, solution.parameters.mesh.geometry
     mesh = gather_mesh(domain)
@@ -178,5 +177,5 @@ def finer_mesh(
     dofmap = solution.element.displacement_space(finer.mesh).dofmap
     dofs = int(dofmap.index_map.size_global * dofmap.index_map_bs)
     if dofs > most:
-        raise NotRefined(f"the next mesh has {dofs} unknowns, more than {name}")
+        raise NotRefined(f"the next mesh has {dofs} unknowns, more than adapt.max_dofs")
     return finer

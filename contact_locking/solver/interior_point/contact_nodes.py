@@ -34,10 +34,11 @@ class ContactNodes:
         self.normal = np.ascontiguousarray(contact.normals[self._active].T)
         self._nodes, self._blocks = surface.nodes[self._active], surface.blocks[self._active]
         self.weights = surface.weights[self._active]
-        own = [(i, tool) for i, tool in enumerate(system.tools) if tool.contact is contact]
-        #: The number of the foundation here among the free ones, if it is free.
-        self.tools = tuple(i for i, _ in own)
-        self._ways = [(i, tool.direction) for i, tool in own]
+        contacts = [tool.contact for tool in system.tools]
+        #: The number of the foundation here among the free ones, None if it is not free.
+        self.tool = contacts.index(contact) if contact in contacts else None
+        none = np.zeros(self.dim)
+        self._direction = none if self.tool is None else system.tools[self.tool].direction
         space = system.u.function_space
         self._rows = surface.limited.by_blocks[self._active]
         self._own_blocks = space.dofmap.index_map.local_range
@@ -90,9 +91,10 @@ class ContactNodes:
         self, traction: FloatArray, forces: FloatArray, magnitudes: bool = False
     ) -> None:
         """``forces -= int traction . d`` for a travel d here, or ``+= int |traction . d|``."""
-        for number, way in self._ways:
-            along = way @ traction
-            forces[number] += np.abs(along) @ self.weights if magnitudes else -along @ self.weights
+        if self.tool is not None:
+            along = self._direction @ traction
+            sum_of = np.abs(along) if magnitudes else -along
+            forces[self.tool] += sum_of @ self.weights
 
     def stiffer_than(self, stiffness: float, springs: FloatArray) -> IndexArray:
         """The owned blocks that springs (k,) hold more stiffly than a material; collective."""
@@ -163,9 +165,9 @@ class ContactNodes:
         self._displacement.array_w[:] = displacement[:owned]
         self._matrix.mult(self._displacement, self._values)
         values = self._values.array_r.reshape(-1, self.dim).T
-        for number, way in self._ways:
-            values = values - displacement[owned + number] * way[:, None]
-        return values
+        if self.tool is None:
+            return values
+        return np.asarray(values - displacement[owned + self.tool] * self._direction[:, None])
 
 
 class OnContact(Family):
@@ -200,8 +202,8 @@ class OnContact(Family):
         self.nodes.add_traction(self.tractions(reactions), forces)
 
     @property
-    def tools(self) -> tuple[int, ...]:
-        return self.nodes.tools
+    def tool(self) -> int | None:
+        return self.nodes.tool
 
     def add_tool_forces(
         self, reactions: FloatArray, forces: FloatArray, magnitudes: bool = False

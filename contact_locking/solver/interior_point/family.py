@@ -79,9 +79,9 @@ class Family(ABC):
         """``forces += int reactions . lin(.)``, the adjoint of :meth:`see`; collective."""
 
     @property
-    def tools(self) -> tuple[int, ...]:
-        """The numbers of the free motions of tools that the family sees."""
-        return ()
+    def tool(self) -> int | None:
+        """The number of the free foundation that the family sees, None without one."""
+        return None
 
     def add_tool_forces(
         self, reactions: FloatArray, forces: FloatArray, magnitudes: bool = False

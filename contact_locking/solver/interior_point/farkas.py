@@ -61,7 +61,7 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     limits = [
         family
         for family in iterate.families
-        if not (isinstance(family, FrictionCones) or family.tools)
+        if not (isinstance(family, FrictionCones) or family.tool is not None)
     ]
     reactions = Reaction.of(limits)
     is_open = system.held_by_friction or (system.held_by_contact and system.tools)

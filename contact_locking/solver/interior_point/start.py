@@ -122,7 +122,7 @@ class ElasticStart:
         """Assemble the tangent of the springs; what they do to the body at rest; collective."""
         springs, reactions = self._target.ellipticity / self._target.length, []
         for family in self._tangent.families:
-            is_needed = self._system.held_by_contact or family.tools
+            is_needed = self._system.held_by_contact or family.tool is not None
             family.hold(0.0)
             if isinstance(family, OnContact) and is_needed:
                 family.hold(springs)

@@ -384,7 +384,7 @@ class Tangent:
         for number, column in enumerate(self._border.columns):
             travel = self.nothing()
             travel[self._owned + number] = 1.0
-            pressed = [family for family in self.families if number in family.tools]
+            pressed = [family for family in self.families if family.tool == number]
             reactions = [Reaction(family, family.block(family.see(travel))) for family in pressed]
             self._right.start()
             self._right.add(reactions)
