@@ -124,8 +124,6 @@ def _solved(n: float, degree: int, gap: float = 1e-3) -> Judged:
         "penalty": {"n": n} | ({} if math.isinf(n) else {"epsilon": 1e-2}),
         "steps": {"to": 1.0, "count": 2},
     }
-    if degree == 2:
-        study["discretisation"]["limit_at"] = "vertices"
     moments = []
     for solution in solve_steps(Parameters.model_validate(study), MPI.COMM_SELF):
         assert solution.converged
