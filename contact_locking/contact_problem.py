@@ -57,9 +57,8 @@ class ContactProblem:
     mesh of cells of one kind, where neither ``a`` nor ``L`` is a form.  ``n`` is a stress, and
     ``compliance`` a length over a stress, None for 1/n.
     ``energy`` maps u to a convex and differentiable functional J(u), which adds to the energy.
-    ``limit_at`` chooses the points where quadratic displacements keep K: the "vertices" of each
-    cell, which is the default on simplices, or the "gauss" points.  ``axisymmetric`` says that the
-    mesh is the half section (r, z) of a body of revolution; ``a`` is then an :class:`Elasticity`.
+    ``axisymmetric`` says that the mesh is the half section (r, z) of a body of revolution; ``a`` is
+    then an :class:`Elasticity`.
 
     The problem is made once.  Each solve reads the present values of the constants and functions
     in the data.  The constructor is collective, as all methods are, and raises InputError for data
@@ -81,7 +80,6 @@ class ContactProblem:
         n: float = math.inf,
         compliance: float | None = None,
         energy: Callable[[fem.Function], Expr] | None = None,
-        limit_at: str | None = None,
         axisymmetric: bool = False,
         settings: Settings | None = None,
         monitor: Monitor | None = None,
@@ -91,7 +89,7 @@ class ContactProblem:
         space = _space_of(a, L, space)
         if axisymmetric and not isinstance(a, Elasticity):
             raise InputError("must be an Elasticity for an axisymmetric body", "a")
-        element = _element_of(space, limit_at, axisymmetric)
+        element = _element_of(space, axisymmetric)
         places = NamedFacets(space.mesh, tags, names)
         placed = [
             _contact(item, places, f"contacts.{number}") for number, item in enumerate(contacts)
@@ -245,7 +243,7 @@ def _space_of(
     return given or next(iter(spaces.values()))
 
 
-def _element_of(space: fem.FunctionSpace, limit_at: str | None, axisymmetric: bool) -> Element:
+def _element_of(space: fem.FunctionSpace, axisymmetric: bool) -> Element:
     element, dim = space.element.basix_element, space.mesh.topology.dim
     degree = element.degree
     if space.dofmap.bs != dim or degree not in (1, 2) or element.discontinuous:
@@ -254,10 +252,8 @@ def _element_of(space: fem.FunctionSpace, limit_at: str | None, axisymmetric: bo
             f'fem.functionspace(mesh, ("Lagrange", 1, ({dim},)))',
             "space",
         )
-    if limit_at not in ("vertices", "gauss", None):
-        raise InputError(f"must be vertices or gauss, not {limit_at!r}", "limit_at")
     kind = NAMED[space.mesh.topology.cell_name()]
-    return element_of(degree, limit_at, axisymmetric, boxes=not kind.is_simplex)
+    return element_of(degree, axisymmetric, boxes=not kind.is_simplex)
 
 
 def _contact(given: Contact, places: NamedFacets, key: str) -> Contact:

@@ -29,14 +29,13 @@ _NAMES = {
     "mesh.h": "smaller cells",
     "mesh.axisymmetric": "axisymmetric",
     "discretisation.degree": "the degree of space",
-    "discretisation.limit_at": "limit_at",
     "certificate.": "extras.",
     ".inf": "math.inf",
 }
 _KEYS = re.compile("|".join(rf"(?<![\w.]){re.escape(key)}" for key in _NAMES))
 # A value that a message advises, as YAML writes it after a key.
 _NUMBER = re.compile(r"(?<=\w): (?=[-+]?\.?\d|math\.inf)")
-_WORD = re.compile(r"(settings\.\w+|limit_at|Convolution\.\w+): ([a-z_]+)(?=[ ,;).]|$)")
+_WORD = re.compile(r"(settings\.\w+|Convolution\.\w+): ([a-z_]+)(?=[ ,;).]|$)")
 
 
 def in_script(value: Any) -> Any:

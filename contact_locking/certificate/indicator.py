@@ -176,9 +176,7 @@ def _at(state: SolvedState, values: FloatArray, places: FloatArray) -> FloatArra
     element, name = state.problem.element, state.problem.domain.kind.name
     if element.strain_degree == 0:
         return values[:, None]
-    own = gauss_points.points(name)
-    if element.limit_at == "vertices":
-        own = lagrange(name, 1).points
+    own = gauss_points.points(name) if element.at_gauss_points else lagrange(name, 1).points
     inverse = np.linalg.inv(nodal_functions(name, 1, own))
     table = nodal_functions(name, 1, places) @ inverse
     return np.einsum("nq,kqm->knm", table, values.reshape(-1, len(own), values.shape[1]))

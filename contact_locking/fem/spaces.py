@@ -33,8 +33,8 @@ class Element:
     Strains, stresses and limits are discontinuous and of degree ``strain_degree``, 0 or 1.
     Their degrees of freedom are the values at the midpoint of each cell for degree 0.  For degree 1
     they are the values at as many points as a cell has corners, one beside each corner in the order
-    of the corners: with ``limit_at`` "vertices" the corners themselves, with "gauss" the points of
-    Gauss's rule of degree 2.
+    of the corners: the corners themselves, or ``at_gauss_points`` those of Gauss's rule of degree
+    2.
 
     The points of ``locking_rule``, the rule for integrals of the locking law over the cells, must
     be the points of the strains: the limit then holds at these points, with the weights of the
@@ -47,14 +47,14 @@ class Element:
     strain_degree: int
     locking_rule: Rule
     trace: Trace
-    limit_at: str = "vertices"
+    at_gauss_points: bool = False
     elastic_rule: Rule = field(default_factory=dict)
     kinematics: Kinematics = STRAIGHT
     boxes: bool = False
 
     def __str__(self) -> str:
         """The element in words."""
-        where = {"vertices": "the vertices", "gauss": "the Gauss points"}[self.limit_at]
+        where = "the Gauss points" if self.at_gauss_points else "the vertices"
         body = ", axisymmetric" if self.kinematics.axisymmetric else ""
         if self.boxes:
             body += " on quadrilaterals or hexahedra"
@@ -66,7 +66,7 @@ class Element:
         """The keys of the study file that choose the element."""
         body: dict[str, Any] = {"axisymmetric": True} if self.kinematics.axisymmetric else {}
         body |= {"cells": "box"} if self.boxes else {}
-        return {"degree": self.degree, "limit_at": self.limit_at, **body}
+        return {"degree": self.degree, **body}
 
     def strain(self, u: Expr) -> Expr:
         """``eps(u)``, a symmetric (m, m) tensor: m is d, and 3 for a body of revolution."""
@@ -88,9 +88,9 @@ class Element:
 
         ``shape`` is the shape of the values, () for scalars.
         """
-        if self.strain_degree == 0 or self.limit_at == "vertices":
-            return fem.functionspace(mesh, ("DG", self.strain_degree, shape))
-        return fem.functionspace(mesh, gauss_points.element(mesh.topology.cell_name(), shape))
+        if self.at_gauss_points:
+            return fem.functionspace(mesh, gauss_points.element(mesh.topology.cell_name(), shape))
+        return fem.functionspace(mesh, ("DG", self.strain_degree, shape))
 
     def shared_strain_space(
         self, kept: Kept, mesh: dolfinx.mesh.Mesh, shape: tuple[int, ...] = ()
@@ -99,7 +99,7 @@ class Element:
 
         DOLFINx takes some milliseconds to make one, as long as a tangent of a small problem.
         """
-        name = "strain space", self.strain_degree, self.limit_at, shape
+        name = "strain space", self.strain_degree, self.at_gauss_points, shape
         return kept(name, lambda: self.strain_space(mesh, shape))
 
     def strain_places(self, mesh: dolfinx.mesh.Mesh) -> FloatArray:
@@ -112,12 +112,10 @@ class Element:
         cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         if self.strain_degree == 0:
             return np.asarray(dmesh.compute_midpoints(mesh, dim, cells)[:, :dim].T)
-        if self.limit_at == "vertices":
-            places = mesh.geometry.x[_compat.cell_corners(mesh)[cells], :dim]
-        else:
+        places = mesh.geometry.x[_compat.cell_corners(mesh)[cells], :dim]
+        if self.at_gauss_points:
             shares = gauss_points.shares(mesh.topology.cell_name())
-            corners = mesh.geometry.x[_compat.cell_corners(mesh)[cells], :dim]
-            places = np.einsum("pc,kcd->kpd", shares, corners)
+            places = np.einsum("pc,kcd->kpd", shares, places)
         return np.asarray(places.reshape(-1, dim).T)
 
     def height(self, mesh: ufl.Mesh, dim: int) -> Expr:
@@ -136,10 +134,9 @@ class Element:
         corners, and for bodies of revolution, where the hoop strain is not affine and not a number
         at a corner on the axis.
         """
-        is_at_corners = self.strain_degree == 1 and self.limit_at == "vertices"
-        if self.kinematics.axisymmetric or self.strain_degree == 0 or is_at_corners:
+        if self.kinematics.axisymmetric or not self.at_gauss_points:
             return self
-        return replace(self, strain_degree=1, limit_at="vertices")
+        return replace(self, at_gauss_points=False)
 
     def locking_dx(self, dx: ufl.Measure) -> ufl.Measure:
         """The measure ``dx`` with the locking rule."""
@@ -203,13 +200,6 @@ P2 = Element(
     ),
 )
 
-_GAUSS: Rule = {"quadrature_degree": 2}
-
-#: P2 with limits at the points of Gauss's rule of degree 2, which is exact for Z : eps(v) with Z
-#: affine in a cell.  The elastic coefficients count at the points alone: outside their convex hull
-#: an affine function through positive values may be negative.
-P2_GAUSS = replace(P2, locking_rule=_GAUSS, limit_at="gauss", elastic_rule=_GAUSS)
-
 _MIDPOINT: Rule = {"quadrature_degree": 1}
 
 #: P1 for bodies of revolution: all laws hold at the midpoints of the cells, where the hoop strain
@@ -217,8 +207,14 @@ _MIDPOINT: Rule = {"quadrature_degree": 1}
 #: constant in a cell.
 P1_REVOLUTION = replace(P1, locking_rule=_MIDPOINT, elastic_rule=_MIDPOINT, kinematics=REVOLUTION)
 
-#: P2 for bodies of revolution.  Corners can lie on the axis, Gauss's points cannot.
-P2_REVOLUTION = replace(P2_GAUSS, kinematics=REVOLUTION)
+_GAUSS: Rule = {"quadrature_degree": 2}
+
+#: P2 for bodies of revolution.  Corners can lie on the axis, the points of Gauss's rule of degree 2
+#: cannot.  The elastic coefficients count at these points alone: outside their convex hull an
+#: affine function through positive values may be negative.
+P2_REVOLUTION = replace(
+    P2, locking_rule=_GAUSS, at_gauss_points=True, elastic_rule=_GAUSS, kinematics=REVOLUTION
+)
 
 _FACE = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0))
 
@@ -234,25 +230,21 @@ Q1 = Element(
         rules={2: _VERTICES, 3: _nodes_alike(*_FACE, measure=1.0)},
         pieces={2: ((0, 1),), 3: ((0, 1, 2), (3, 2, 1))},
     ),
-    limit_at="gauss",
+    at_gauss_points=True,
     elastic_rule=_GAUSS,
     boxes=True,
 )
 
-_ELEMENTS = {(1, "vertices"): P1, (1, "gauss"): P1, (2, "vertices"): P2, (2, "gauss"): P2_GAUSS}
+_ELEMENTS = {1: P1, 2: P2}
 _OF_REVOLUTION = {1: P1_REVOLUTION, 2: P2_REVOLUTION}
 
 
-def element_of(
-    degree: int,
-    limit_at: str | None = None,
-    axisymmetric: bool = False,
-    boxes: bool = False,
-) -> Element:
-    """The element of a degree, 1 or 2, with the points where the strain keeps the limit.
+def element_of(degree: int, axisymmetric: bool = False, boxes: bool = False) -> Element:
+    """The element of a degree, 1 or 2.
 
-    ``limit_at`` is "vertices" or "gauss"; None stands for the vertices, and for the Gauss points of
-    an axisymmetric body and of ``boxes``.  Raises InputError where there is no such element.
+    The strain keeps the limit at the vertices of each cell, hence everywhere, and at the Gauss
+    points for an axisymmetric body and in ``boxes``.  Raises InputError where there is no such
+    element.
     """
     cells = "quadrilaterals and hexahedra"
     if boxes and axisymmetric:
@@ -266,14 +258,6 @@ def element_of(
             "(mesh.cells: simplex)",
             "discretisation.degree",
         )
-    if limit_at == "vertices" and boxes:
-        raise InputError(
-            f"must be gauss on {cells}, where a rule with the corners as its points would not keep "
-            "a body with constant stress in equilibrium; leave the key out",
-            "discretisation.limit_at",
-        )
     if boxes:
         return Q1
-    if axisymmetric:
-        return _OF_REVOLUTION[degree]
-    return _ELEMENTS[degree, limit_at or "vertices"]
+    return (_OF_REVOLUTION if axisymmetric else _ELEMENTS)[degree]

@@ -156,13 +156,8 @@ def assemble(
     domain = domain or mesh_of(parameters, comm)
     if parameters.mesh.axisymmetric:
         domain = half_section(domain)
-    given = parameters.discretisation
-    element = element or element_of(
-        given.degree,
-        given.limit_at,
-        domain.axisymmetric,
-        boxes=not domain.kind.is_simplex,
-    )
+    degree, boxes = parameters.discretisation.degree, not domain.kind.is_simplex
+    element = element or element_of(degree, domain.axisymmetric, boxes)
     if element.kinematics is not domain.kinematics:
         raise InputError(
             "the given element has the kinematics of another body; take P1_REVOLUTION or "

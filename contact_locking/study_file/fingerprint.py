@@ -59,9 +59,6 @@ def _normalised(
     data: dict[str, Any], parameters: Parameters, digest: Callable[[str], str]
 ) -> dict[str, Any]:
     """The data in one form, where a study file may write them in several ways."""
-    if parameters.discretisation.degree == 1:
-        # There the limit is the same at vertices and at Gauss points.
-        del data["discretisation"]["limit_at"]
     for table in (data.get("tables") or {}).values():
         table["file"] = digest(table["file"])
     # Every part of Gamma_C with its complete law of friction, wherever the file defines it.

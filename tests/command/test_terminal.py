@@ -121,7 +121,7 @@ def summary(**changes: Any) -> dict[str, Any]:
         "displacement_max_at": [1.0, 1e-20],
         "strain_norm_max": 0.02,
         "limit_used": 1.0,
-        "discretisation": {"degree": 1, "limit_at": "vertices"},
+        "discretisation": {"degree": 1},
         "strain_sets": [],
         "friction_force": [0.0, -0.0],
         "friction_used": 0.25,
@@ -179,7 +179,7 @@ def test_a_result_with_a_large_error_is_not_plainly_converged() -> None:
     assert words["converged"].startswith("yes, but the result is rough: the error of the mesh is")
     assert "about 30 %" in words["converged"]
     assert words["weakest number"].endswith("it takes a finer mesh, or the section adapt")
-    boxes = {"degree": 1, "cells": "box", "limit_at": "gauss"}
+    boxes = {"degree": 1, "cells": "box"}
     words = told(summary(certificate=errors(mesh=0.3), discretisation=boxes))
     assert words["weakest number"].endswith("it takes a finer mesh")
     bounded = told(summary(certificate=errors(mesh=0.04, penalty=0.2)))

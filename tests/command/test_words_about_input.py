@@ -46,8 +46,6 @@ study: {vary: {discretisation.degree: [1, 2]}}
 """
     (tmp_path / "study.yml").write_text(text)
     study_file.load(tmp_path / "study.yml")
-    told = refused(tmp_path, text, "discretisation.limit_at=vertices")
-    assert "discretisation.degree = 2: discretisation.limit_at: vertices does not go" in told
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,6 @@ def test_every_key_in_a_message_of_the_core_has_a_name_in_scripts() -> None:
          "n=1.8e+03 leaves about 1 %, and math.inf nothing"),
         ("Try solver.method: interior_point, lower penalty.n or raise penalty.epsilon.",
          'Try settings.method="interior_point", lower n or raise compliance.'),
-        ("take discretisation.limit_at: vertices", 'take limit_at="vertices"'),
         ("lower penalty.n: rounding grows", "lower n: rounding grows"),
         ("contacts.0.friction is negative", "contacts.0.friction is negative"),
     ],

@@ -203,11 +203,6 @@ def test_a_folder_without_a_checkpoint_is_refused_with_the_way_to_one(folder: Pa
     [
         ("format", 99, "format 99, and contact_locking"),
         ("degree", 2, "2, and the study has 1; restart with discretisation.degree: 2"),
-        (
-            "limit_at",
-            "gauss",
-            "gauss, and the study has vertices; restart with discretisation.limit_at: gauss",
-        ),
         ("cells", "many", "is damaged"),
         ("files", 7, "is damaged"),
         ("mesh", None, "is damaged"),

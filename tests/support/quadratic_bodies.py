@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 from typing import Any
 
-import pytest
 from mpi4py import MPI
 from problems import with_changes
 from test_elements import LIMIT, benchmark
@@ -14,16 +13,12 @@ from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
-POINTS = pytest.mark.parametrize("limit_at", ["vertices", "gauss"])
-GAUSS = {"degree": 2, "limit_at": "gauss"}
+
+def quadratic(divisions: int, **changes: Any) -> Parameters:
+    return benchmark(divisions, discretisation__degree=2, **changes)
 
 
-def quadratic(divisions: int, limit_at: str = "gauss", **changes: Any) -> Parameters:
-    given = {"discretisation__degree": 2, "discretisation__limit_at": limit_at}
-    return benchmark(divisions, **given, **changes)
-
-
-def cube(limit_at: str = "gauss", **changes: Any) -> Parameters:
+def cube(**changes: Any) -> Parameters:
     """A cube without contact, clamped below and sheared, which locks in a part."""
     loads = {
         "tractions": [{"on": "top", "value": [-0.03, 0.01, -0.02]}],
@@ -31,7 +26,7 @@ def cube(limit_at: str = "gauss", **changes: Any) -> Parameters:
     }
     data: dict[str, Any] = {
         "mesh": {"builder": "block", "dim": 3, "h": 0.5, "structured": True},
-        "discretisation": {"degree": 2, "limit_at": limit_at},
+        "discretisation": {"degree": 2},
         "material": {"locking_limit": LIMIT},
         "loads": loads,
         "contact": {"on": []},
@@ -46,8 +41,8 @@ def solved(parameters: Parameters, comm: MPI.Intracomm) -> StudySolution:
 
 
 @functools.cache
-def square(limit_at: str) -> StudySolution:
-    return solved(quadratic(4, limit_at), MPI.COMM_WORLD)
+def square() -> StudySolution:
+    return solved(quadratic(4), MPI.COMM_WORLD)
 
 
 @functools.cache

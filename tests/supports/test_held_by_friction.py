@@ -192,7 +192,6 @@ def test_a_loose_block_between_two_foundations_of_one_side_slides_until_friction
     plane = {"half_space": {"point": [0.5, -0.000225], "normal": [0.0, 1.0]}}
     data = {
         "mesh": {"builder": "block", "h": 0.2, "structured": True},
-        "discretisation": {"limit_at": "vertices"},
         "material": {
             "elasticity": {"young": 1.0, "poisson": 0.49},
             "locking": [{"norm": "deviator", "at_most": 0.00225}],

@@ -127,9 +127,7 @@ def held_block(scale: Scale, held: bool) -> tuple[Study, Study]:
 
 
 def _element(random: Random) -> Study:
-    if chance(random):
-        return {"degree": 1}
-    return {"degree": 2, "limit_at": pick(random, ["vertices", "gauss"])}
+    return {"degree": pick(random, [1, 2])}
 
 
 @family

@@ -117,7 +117,7 @@ class Body:
     def __init__(self, mesh: Mesh, study: dict[str, Any]) -> None:
         self.mesh, self.study, self.dim = mesh, study, mesh.dim
         self.quadratic = mesh.cells.shape[1] > mesh.dim + 1
-        self.at_vertices = study["discretisation"].get("limit_at") == "vertices"
+        self.at_vertices = not mesh.axisymmetric
         self.cells = ordered(mesh.x, mesh.cells, self.dim + 1)
         c = self.dim + 1
         if not self.quadratic:

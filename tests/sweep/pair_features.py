@@ -8,7 +8,7 @@ from .covering import Item, Row, design
 
 FEATURES: dict[str, tuple[str, ...]] = {
     "kind": ("plane_strain", "plane_stress", "axisymmetric", "space"),
-    "element": ("linear", "vertices", "gauss"),
+    "element": ("linear", "quadratic"),
     "body": ("block", "round", "ring", "l_shape", "inclusion", "punch"),
     "foundation": ("gap", "profile", "plane", "ball", "cylinder", "expression", "polyline"),
     "contacts": ("one", "wall", "overlap"),
@@ -48,7 +48,6 @@ _EXCLUDED: dict[Item, dict[str, tuple[str, ...]]] = {
     },
     # What is no body of revolution, or would move the axis.
     ("kind", "axisymmetric"): {
-        "element": ("vertices",),
         "body": ("ring",),
         "foundation": ("cylinder",),
         "motion": ("dragged", "rotating"),

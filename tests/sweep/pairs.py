@@ -70,12 +70,7 @@ class _Draft:
         row = self.row
         study: Study = {"mesh": self.mesh, "material": self._material()}
         study |= {"loads": self._loads(), "contact": self._contacts(), "friction": self._friction()}
-        study["discretisation"] = {
-            "degree": 1 if row["element"] == "linear" else 2,
-            "limit_at": "gauss" if row["element"] == "gauss" else "vertices",
-        }
-        if row["element"] == "linear":
-            del study["discretisation"]["limit_at"]
+        study["discretisation"] = {"degree": 1 if row["element"] == "linear" else 2}
         study["penalty"] = self._penalty(study["friction"])
         study["solver"] = {"linear": row["linear"], "method": row["method"]}
         if self.timed:

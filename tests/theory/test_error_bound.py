@@ -28,7 +28,7 @@ from contact_locking.study_file.parameters import Parameters
 #: A displacement that vanishes on all sides but the bottom, where its normal component vanishes.
 BUBBLE = X * (1 - X) * (1 - Y)
 #: Limits at the corners hold in whole cells.
-QUADRATIC = {"degree": 2, "limit_at": "vertices"}
+QUADRATIC = {"degree": 2}
 WAVES = (BUBBLE * sp.sin(3 * X + Y) / 5, BUBBLE * Y * sp.exp(X) / 5)
 
 

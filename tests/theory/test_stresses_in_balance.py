@@ -29,7 +29,7 @@ from contact_locking.theory.guaranteed.triangles import Triangles
 #: The points of high degrees that keep the polynomials apart.
 GLL = basix.LagrangeVariant.gll_warped
 #: Limits at the corners hold in whole cells.
-QUADRATIC = {"degree": 2, "limit_at": "vertices"}
+QUADRATIC = {"degree": 2}
 
 
 @pytest.mark.serial

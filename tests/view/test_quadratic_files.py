@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
-from quadratic_bodies import GAUSS, POINTS, quadratic, solved, solved_cube, square
+from quadratic_bodies import solved, solved_cube, square
 from test_elements import LIMIT, benchmark
 
 from contact_locking import study_file
@@ -33,7 +33,7 @@ def test_a_checkpoint_restarts_what_it_was_saved_from(
     dim: int, comm: MPI.Intracomm, tmp_path: Path
 ) -> None:
     folder = comm.bcast(tmp_path)
-    saved = square("gauss") if dim == 2 else solved_cube()
+    saved = square() if dim == 2 else solved_cube()
     writing.save(saved, folder)
     # Any number of ranks can read it.
     again = solving.solve(saved.parameters, MPI.COMM_SELF, restart=folder)
@@ -44,16 +44,14 @@ def test_a_checkpoint_restarts_what_it_was_saved_from(
 @pytest.mark.skipif(checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable()))
 def test_a_checkpoint_of_another_element_is_refused(comm: MPI.Intracomm, tmp_path: Path) -> None:
     folder = comm.bcast(tmp_path)
-    writing.save(square("gauss"), folder)
-    for parameters, key in ((quadratic(4, "vertices"), "limit_at"), (benchmark(4), "degree")):
-        with pytest.raises(InputError, match=f"restart with discretisation.{key}: ") as raised:
-            solving.solve(parameters, comm, restart=folder)
-        assert raised.value.key == f"discretisation.{key}"
+    writing.save(square(), folder)
+    with pytest.raises(InputError, match=r"restart with discretisation\.degree: ") as raised:
+        solving.solve(benchmark(4), comm, restart=folder)
+    assert raised.value.key == "discretisation.degree"
 
 
-@POINTS
-def test_fields_for_paraview_are_quadratic_in_each_cell(limit_at: str) -> None:
-    solution = square(limit_at)
+def test_fields_for_paraview_are_quadratic_in_each_cell() -> None:
+    solution = square()
     found = {f.name: f for f in fields.discontinuous(solution)}
     assert set(found) == set(fields.FIELD_NAMES)
     assert all(f.function_space.ufl_element().degree == 2 for f in found.values())
@@ -72,7 +70,7 @@ def test_the_file_for_paraview_has_cells_of_higher_order(
 ) -> None:
     adios2 = pytest.importorskip("adios2")
     path = comm.bcast(tmp_path) / "fields.bp"
-    functions = fields.discontinuous(square("gauss"))
+    functions = fields.discontinuous(square())
     written = fields.Series(functions, path, comm)
     written.add(0.0)
     written.close()
@@ -92,7 +90,7 @@ def volume(x: Any, simplices: Any) -> float:
 
 
 def test_a_picture_shows_cells_of_degree_two_in_pieces(comm: MPI.Intracomm) -> None:
-    cases = [(square("vertices"), 4 * 8), (square("gauss"), 4 * 8), (solved_cube(), 6 * 2 * 4 * 4)]
+    cases = [(square(), 4 * 8), (solved_cube(), 6 * 2 * 4 * 4)]
     for solution, sides in cases:
         body = gather(solution)
         assert (body is None) == (comm.rank > 0)
@@ -120,10 +118,10 @@ def assert_values(body: Snapshot, solution: StudySolution) -> None:
 
 @pytest.mark.serial
 def test_a_run_writes_everything(tmp_path: Path) -> None:
-    solution = square("gauss")
+    solution = square()
     assert writing.write(solution, tmp_path) == []
     summary = json.loads((tmp_path / "summary.json").read_text())
-    assert summary["discretisation"] == GAUSS
+    assert summary["discretisation"] == {"degree": 2}
     assert (tmp_path / "picture.png").stat().st_size > 20_000
     # The corners and the middles of the edges, and a line of names.
     assert len((tmp_path / "contact.csv").read_text().splitlines()) == 9 + 1
@@ -150,7 +148,7 @@ def test_a_mesh_file_of_second_order_is_read_by_its_corners(tmp_path: Path) -> N
     finally:
         gmsh.finalize()
     loads = {"displacements": [{"on": "rim", "value": [0, 0]}], "body_force": [0, -0.01]}
-    data = {"discretisation": GAUSS, "contact": {"on": []}, "loads": loads}
+    data = {"discretisation": {"degree": 2}, "contact": {"on": []}, "loads": loads}
     energies = []
     for name in ("disk.msh", "straight.msh"):
         study = from_mapping(data | {"mesh": {"file": str(tmp_path / name)}})

@@ -16,7 +16,7 @@ from contact_locking.errors import InputError
 from contact_locking.results.names import CHECKPOINT, RECORD
 
 # A change of the written files raises this number.
-FORMAT = 5
+FORMAT = 6
 # The names in the folder of a checkpoint.
 FIELDS, MESH = "state.bp", "mesh"
 _AGAIN = "save it again with contact-locking run --checkpoint"
@@ -36,10 +36,10 @@ class Record(_Stamp):
 
     ``mesh`` holds the parameters of the mesh, or the digest of the mesh file; ``problem`` is the
     fingerprint of everything that defines the solution.  ``degree`` is the degree of the
-    displacement, and ``limit_at`` names the points of the strains.  ``contacts`` is the number of
-    contacts, ``strain_sets`` that of the sets of strains, and ``regularisations`` has one length
-    for each contact.  ``travels`` are those of the tools.  ``step`` is about the step of a
-    process, None for a problem without steps.  ``files`` has the size and the digest of each file.
+    displacement.  ``contacts`` is the number of contacts, ``strain_sets`` that of the sets of
+    strains, and ``regularisations`` has one length for each contact.  ``travels`` are those of the
+    tools.  ``step`` is about the step of a process, None for a problem without steps.  ``files``
+    has the size and the digest of each file.
     """
 
     converged: bool
@@ -48,7 +48,6 @@ class Record(_Stamp):
     regularisations: tuple[float, ...]
     dimension: int
     degree: int
-    limit_at: str
     cells: int
     nodes: int
     contacts: int

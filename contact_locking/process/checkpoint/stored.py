@@ -129,7 +129,6 @@ def difference_in_size(record: Record, problem: StudyProblem) -> str:
     revolution = bool(record.mesh.get("axisymmetric", False))
     for key, there, here in (
         ("discretisation.degree", record.degree, element.degree),
-        ("discretisation.limit_at", record.limit_at, element.limit_at),
         ("mesh.axisymmetric", revolution, domain.axisymmetric),
     ):
         if there != here:
@@ -270,7 +269,6 @@ def write(solution: StudySolution, folder: Path) -> None:
             regularisations=tuple(fields.regularisation for fields in solution.contacts),
             dimension=domain.dim,
             degree=solution.element.degree,
-            limit_at=solution.element.limit_at,
             cells=domain.num_cells,
             nodes=int(nodes),
             contacts=len(solution.contacts),

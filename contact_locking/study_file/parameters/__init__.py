@@ -293,13 +293,6 @@ class Parameters(Section):
                 yield Fault(place, f"0, without a smooth law, {instead}, or a positive length")
 
     def _mesh_faults(self) -> Iterator[Fault]:
-        element = self.discretisation
-        if self.mesh.axisymmetric and element.degree > 1 and element.limit_at == "vertices":
-            yield Fault(
-                ("discretisation", "limit_at"),
-                "vertices does not go with mesh.axisymmetric: the hoop strain u_r/r is no number "
-                "at a vertex on the axis; take gauss, or leave the key out",
-            )
         for index, force in enumerate(self.loads.forces if self.mesh.axisymmetric else ()):
             if force.value and force.value[0] != 0.0:
                 yield Fault(

@@ -81,16 +81,10 @@ _LONGEST_PATH = 3900
 
 
 class DiscretisationParameters(Section):
-    """The element: the degree of the displacements, and the points where the strain keeps M."""
+    """The element: the degree of the displacements."""
 
     degree: Degree = entry(
         1, "degree of the displacements in each cell: 1, as in the theorems of the paper, or 2", "1"
-    )
-    limit_at: Literal["vertices", "gauss"] | None = entry(
-        None,
-        "where the strain of degree 2 keeps the limit: vertices of each cell, hence everywhere, or "
-        "gauss, which is closer to the solution and exceeds M between the points; null: vertices, "
-        "and gauss for an axisymmetric body; for degree 1 both are the same",
     )
 
 

@@ -14,6 +14,8 @@ KEYS: dict[str, str] = {
     "expansion to the limit where the body may expand freely",
     "curved": "all cells have straight sides; take a smaller mesh.h where a side is round",
     "animation": "there are no animations: ParaView plays the steps of fields.bp",
+    "limit_at": "the limit is kept at the vertices of triangles and tetrahedra, hence everywhere, "
+    "and at the Gauss points elsewhere; leave the key out",
     "solver.friction": "the friction bound is updated inside the iteration; leave the key out, or "
     "take solver.method: newton for updates around whole solves, with their contraction factor",
 }

@@ -191,11 +191,9 @@ def _admissible(
     if not state.target.penalty.is_inequality or body.excess(w) > _TOLERANCE:
         w = admissible_neighbour(state, lifting)
         apart = energy_distance(state, w)
-    # With limits at Gauss points the strain keeps the limit at these points alone.
     if (excess := body.excess(w)) > _TOLERANCE:
         raise NotApplicable(
-            f"the strain exceeds the limit by {100.0 * excess:.2g} % between the points with the "
-            "limit; take discretisation.limit_at: vertices"
+            f"the strain exceeds the limit by {100.0 * excess:.2g} % between the vertices"
         )
     local = 0.0
     for contact in contacts:
