@@ -59,7 +59,9 @@ DRAWN = ("locked", "without contact", "partly unlimited", "at rest", "with two c
 def drawn(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Image]]:
     """The views of every kind of body, from one process."""
     bodies = {kind: snapshot(3, kind) for kind in DRAWN}
-    bodies |= {"hexahedra": gather(solve(HEXAHEDRA))}
+    pressed = gather(solve(HEXAHEDRA))
+    assert pressed is not None
+    bodies["hexahedra"] = pressed
     folders = {kind: tmp_path_factory.mktemp("kind") for kind in bodies}
     for kind, body in bodies.items():
         (folders[kind] / "snapshot").write_bytes(pickle.dumps(body))
