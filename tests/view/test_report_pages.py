@@ -9,7 +9,6 @@ from typing import Any
 
 import browser
 import pytest
-from contact_locking.extras import report
 from report_folder import LARGE, TITLE, many_rows, rows, run_folder, study_folder
 from slow import slow
 
