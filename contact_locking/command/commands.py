@@ -221,7 +221,7 @@ def check(arguments: argparse.Namespace) -> int:
         cells = getattr(parameters.mesh.geometry, "estimated_cells", lambda: 0.0)()
         if comm.rank == 0 and cells > _MANY_CELLS:
             print(f"meshing, about {cells:.0e} cells", flush=True)
-        facts = assembly.check(parameters, comm, *judged)
+        facts = assembly.check(parameters, comm, judged)
     for warning in facts.pop("warnings"):
         terminal.complain(f"warning: {warning}")
     if comm.rank == 0:

@@ -157,7 +157,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
 
     def replace(code: str) -> None:
         program = (sys.executable, "-c", code)
-        monkeypatch.setattr(offscreen, "program", lambda module: program)
+        monkeypatch.setattr(offscreen, "_PROGRAM", program)
 
     return replace
 
@@ -218,7 +218,7 @@ def test_without_pyvista_or_a_screen_the_reason_says_so(monkeypatch: pytest.Monk
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: True)
     monkeypatch.setattr(shutil, "which", lambda name: None)
     monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.setattr(offscreen, "program", lambda module: (sys.executable, "-c", ABORT))
+    monkeypatch.setattr(offscreen, "_PROGRAM", (sys.executable, "-c", ABORT))
     with pytest.raises(NoRendering, match="there is no screen, and no xvfb-run"):
         offscreen.views(snapshot())
 
