@@ -81,7 +81,7 @@ def parser() -> argparse.ArgumentParser:
             "--ranks", metavar="K", type=_positive, default=1, help="MPI ranks of each"
         )
 
-    one = add("new", "Write a study file to begin with: a demo with every key explained.")
+    one = add("new", "Copy the study file of a demo, to begin with.")
     one.add_argument(
         "--like", metavar="DEMO", default="block", help="block, hertz, ball_3d or another demo"
     )

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from contact_locking.command import terminal
 from contact_locking.command.terminal import petsc_complaints, world_with_dolfinx
 from contact_locking.errors import ContactLockingError, InputError, explained
-from contact_locking.plain_text import count, gigabytes
+from contact_locking.plain_text import count, gigabytes, nearest, printable
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -34,22 +34,34 @@ _MANY_CELLS = 50_000
 
 
 def new(arguments: argparse.Namespace) -> int:
-    """Write a study file to begin with, where no file is yet."""
+    """Copy the study file of a demo, and the data that it reads, where no files are yet."""
     from contact_locking import study_file
     from contact_locking.files import atomic
 
-    place: Path = arguments.output
-    text = study_file.starter(arguments.like, place)
+    place, like = arguments.output, arguments.like
+    folder = Path(study_file.__file__).parent / "demos"
+    names = sorted(path.stem for path in folder.glob("*.yml"))
+    if like not in names:
+        known = f"{nearest(like, names)}; there are {', '.join(names)}"
+        raise InputError(f"--like: no demo is named {like[:60]!r}{known}")
+    text = (folder / f"{like}.yml").read_text(encoding="utf-8")
+    data = [path for path in folder.iterdir() if path.suffix != ".yml" and path.name in text]
+    # Without a folder in the file, the results go to that of its own name.
+    text = text.replace(f"output: {{directory: results/{like}}}\n", "").rstrip() + "\n"
+    text = text.replace(f"demos/{like}.yml", printable(str(place), keep=""))
+    contents = {place: text.encode()}
+    contents |= {place.parent / path.name: path.read_bytes() for path in data}
     if terminal.is_root():
-        with explained(f"cannot write {place}", place):
-            try:
-                atomic.write_new_text(place, text)
-            except FileExistsError:
-                message = f"{place}: there is a file already; -o FILE names another one"
-                raise InputError(message) from None
+        for path, content in contents.items():
+            with explained(f"cannot write {path}", path):
+                try:
+                    atomic.write_new(path, content)
+                except FileExistsError:
+                    message = f"{path}: there is a file already; -o FILE names another one"
+                    raise InputError(message) from None
         rows = (("check", "what is wrong, or what would run"), ("run", "solves, and draws"))
         steps = [(f"  contact-locking {name} {place}", about) for name, about in rows]
-        print(f"{place}: written, as the demo {arguments.like}. Change it, and then:")
+        print(f"{place}: written, a copy of the demo {like}. Change it, and then:")
         print(terminal.columns(steps))
     return 0
 
@@ -209,7 +221,7 @@ def check(arguments: argparse.Namespace) -> int:
         cells = getattr(parameters.mesh.geometry, "estimated_cells", lambda: 0.0)()
         if comm.rank == 0 and cells > _MANY_CELLS:
             print(f"meshing, about {cells:.0e} cells", flush=True)
-        facts = assembly.check(parameters, comm, *judged)
+        facts = assembly.check(parameters, comm, judged)
     for warning in facts.pop("warnings"):
         terminal.complain(f"warning: {warning}")
     if comm.rank == 0:

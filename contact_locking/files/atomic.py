@@ -53,11 +53,11 @@ def put_in_place(new: Path, place: Path) -> None:
         os.replace(new, place)
 
 
-def write_new_text(path: Path, text: str) -> None:
-    """Write a text file where there is none.  Raises FileExistsError, and OSError."""
-    with path.open("x", encoding="utf-8", newline="") as stream:
+def write_new(path: Path, content: bytes) -> None:
+    """Write a file where there is none.  Raises FileExistsError, and OSError."""
+    with path.open("xb") as stream:
         try:
-            stream.write(text)
+            stream.write(content)
             stream.flush()
         except OSError:
             path.unlink(missing_ok=True)

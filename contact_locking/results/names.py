@@ -21,8 +21,6 @@ CONTACT, FACETS = "contact.csv", "contact_facets.csv"
 PROBES = "probes.csv"
 #: The points of a branch of solutions.
 BRANCHES = "branches.csv"
-#: The folders of further solutions of a run, as a pattern.
-OTHERS = "equilibrium_*"
 #: The picture of a run.
 PICTURE = "picture.png"
 #: The meshes of a run with adapted meshes.
@@ -46,7 +44,7 @@ TABLE_CSV, TABLE_LINES = "table.csv", "table.jsonl"
 
 def folder_of(number: int) -> str:
     """The folder of solution 2, 3, ... below that of the first."""
-    return OTHERS.replace("*", str(number))
+    return f"equilibrium_{number}"
 
 
 def not_writable(directory: object) -> str:

@@ -10,12 +10,9 @@ from .fingerprint import (
 )
 from .load import StudyFile, from_mapping, load, require_parameters
 from .schema import schema, schema_text
-from .starter import names as demo_names
-from .starter import starter
 
 __all__ = [
     "StudyFile",
-    "demo_names",
     "dump",
     "file_digest",
     "fingerprint",
@@ -27,5 +24,4 @@ __all__ = [
     "require_parameters",
     "schema",
     "schema_text",
-    "starter",
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import pytest
 from rich.console import Console
@@ -14,6 +15,7 @@ from contact_locking.command.monitors import ProgressFile
 from contact_locking.monitor import Monitor
 from contact_locking.plain_text import duration
 from contact_locking.running.studies.cases import Case, Outcome
+from contact_locking.running.studies.executor import Slot
 from contact_locking.running.studies.runner import Study
 from contact_locking.running.studies.view import View
 
@@ -46,7 +48,7 @@ def test_a_terminal_shows_what_runs_and_how_far_it_is(
         warned = {"warnings": ["the strain is large", "no picture"]}
         view.ended(study.cases[0], Outcome("converged", summary=warned), 30.0)
         view.ended(study.cases[1], Outcome("not converged", "[too] steep"), 50.0)
-        view.show([Started(study.cases[2], 10.0)])
+        view.show([cast(Slot, Started(study.cases[2], 10.0))])
         shown = capsys.readouterr().out
     assert "[1/3] penalty.n = 10  converged  (30 s)" in shown
     assert "warning: the strain is large" in shown and "warning: no picture" in shown
@@ -59,9 +61,6 @@ def test_a_terminal_shows_what_runs_and_how_far_it_is(
 class Started:
     case: Case
     seconds: float
-
-    def why(self) -> str:
-        return ""
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
+from contact_locking import study_file
 from contact_locking.command import cli
-from contact_locking.errors import InputError
 from contact_locking.meshes import BUILDERS
-from contact_locking.study_file import demo_names, load, schema, schema_text, starter
+from contact_locking.study_file import load, schema, schema_text
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.keys import known_keys
 from contact_locking.study_file.schema import rows
@@ -22,52 +22,18 @@ pytestmark = pytest.mark.serial
 DEMOS = Path(__file__).parents[2] / "demos"
 
 
-@pytest.mark.parametrize("demo", demo_names())
+@pytest.mark.parametrize("demo", [path.stem for path in DEMOS.glob("*.yml")])
 def test_a_new_study_file_has_the_values_of_its_demo(demo: str, tmp_path: Path) -> None:
     file = tmp_path / "mine.yml"
-    file.write_text(starter(demo, "mine.yml"), encoding="utf-8")
-    directory = ["output.directory=results/mine"]
-    assert load(file).parameters == load(DEMOS / f"{demo}.yml", directory).parameters
-
-
-def test_every_demo_can_be_begun_with() -> None:
-    assert demo_names() == sorted(path.stem for path in DEMOS.glob("*.yml"))
-
-
-def test_a_new_study_file_explains_every_key_of_its_sections() -> None:
-    text = starter("block", "study.yml")
-    words = " ".join(text.replace("#", " ").split())
-    # A section that a study need not have is named with its keys only.
-    absent = [name for name, field in Parameters.model_fields.items() if field.default is None]
-    for row in rows():
-        section, *inner = row.key.split(".")
-        of_block = not row.builders or "block" in row.builders
-        if len(inner) < 2 and of_block and not (inner and section in absent):
-            assert " ".join(row.description.partition(";")[0].split()) in words, row.key
-    assert max(map(len, text.splitlines())) <= 120
-
-
-def test_the_comments_of_a_new_study_file_hide_keys_that_would_be_read(tmp_path: Path) -> None:
-    """Without their #, the keys with defaults are keys of the file at the right places."""
-    file = tmp_path / "all.yml"
-    lines = starter("block", "all.yml").splitlines()
-    wanted = (
-        "h_contact",
-        "structured",
-        "epsilon",
-        "fields",
-        "picture",
-        "linear",
-        "solver",
-        "method",
-    )
-    shown = [
-        line.replace("# ", "", 1) if line.strip().removeprefix("# ").startswith(wanted) else line
-        for line in lines
-    ]
-    assert sum(a != b for a, b in zip(lines, shown, strict=True)) == len(wanted)
-    file.write_text("\n".join(shown), encoding="utf-8")
-    assert load(file).parameters.mesh == load(DEMOS / "block.yml").parameters.mesh
+    assert cli.main(["new", "--like", demo, "-o", str(file)]) == 0
+    new, old = load(file).parameters, load(DEMOS / f"{demo}.yml").parameters
+    assert new.output.directory == "results/mine"
+    beside = [path for path in tmp_path.iterdir() if path != file]
+    wanted = study_file.dump(old).replace(f"results/{demo}", "results/mine")
+    for path in beside:
+        wanted = wanted.replace(str(DEMOS / path.name), str(path))
+    assert study_file.dump(new) == wanted
+    assert f"demos/{demo}" not in file.read_text()
 
 
 def test_new_writes_a_file_and_overwrites_none(
@@ -85,9 +51,12 @@ def test_new_writes_a_file_and_overwrites_none(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.yml", "study.yml"]
 
 
-def test_an_unknown_demo_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(InputError, match=r"did you mean 'hertz'.*there are .*block_3d"):
-        starter("hrtz", "study.yml")
+def test_an_unknown_demo_is_refused_with_the_known_ones(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["new", "--like", "hrtz", "-o", str(tmp_path / "study.yml")]) == 2
+    told = capsys.readouterr().err
+    assert "did you mean 'hertz'" in told and "block_3d" in told and not list(tmp_path.iterdir())
 
 
 def test_the_table_of_keys_has_every_key_once_below_its_builders() -> None:

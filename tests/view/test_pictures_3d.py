@@ -59,7 +59,9 @@ DRAWN = ("locked", "without contact", "partly unlimited", "at rest", "with two c
 def drawn(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Image]]:
     """The views of every kind of body, from one process."""
     bodies = {kind: snapshot(3, kind) for kind in DRAWN}
-    bodies |= {"hexahedra": gather(solve(HEXAHEDRA))}
+    pressed = gather(solve(HEXAHEDRA))
+    assert pressed is not None
+    bodies["hexahedra"] = pressed
     folders = {kind: tmp_path_factory.mktemp("kind") for kind in bodies}
     for kind, body in bodies.items():
         (folders[kind] / "snapshot").write_bytes(pickle.dumps(body))
@@ -155,7 +157,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
 
     def replace(code: str) -> None:
         program = (sys.executable, "-c", code)
-        monkeypatch.setattr(offscreen, "program", lambda module: program)
+        monkeypatch.setattr(offscreen, "_PROGRAM", program)
 
     return replace
 
@@ -216,7 +218,7 @@ def test_without_pyvista_or_a_screen_the_reason_says_so(monkeypatch: pytest.Monk
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: True)
     monkeypatch.setattr(shutil, "which", lambda name: None)
     monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.setattr(offscreen, "program", lambda module: (sys.executable, "-c", ABORT))
+    monkeypatch.setattr(offscreen, "_PROGRAM", (sys.executable, "-c", ABORT))
     with pytest.raises(NoRendering, match="there is no screen, and no xvfb-run"):
         offscreen.views(snapshot())
 

@@ -59,8 +59,8 @@ def _draw(snapshot: Snapshot, folder: Path) -> str | None:
         # An error of the picture must not lose the results of a long solve.
         target.unlink(missing_ok=True)
         if isinstance(error, OSError) and is_full(error):
-            reason = f"{error.strerror} ({error.filename or target})"
-            raise NoRoom(f"no picture was drawn: {reason}") from error
+            where = error.filename or target
+            raise NoRoom(f"no picture was drawn: {error.strerror} ({where})") from error
         return f"no picture was drawn: {type(error).__name__}: {error}"
     return None
 

@@ -29,7 +29,8 @@ Image = npt.NDArray[np.uint8]
 
 INSTALL = "apt-get install python3-pyvista xvfb xauth libgl1-mesa-dri, or pip install pyvista"
 
-_PROGRAM = "contact_locking.view.pictures.render"
+# Python imports nothing from the current folder.
+_PROGRAM = (sys.executable, "-P", "-m", "contact_locking.view.pictures.render")
 _SOURCE, _TARGET = "snapshot.pickle", "views.npz"
 _SECONDS, _GRACE_SECONDS = 120, 2
 _ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
@@ -59,19 +60,14 @@ def views(body: Snapshot) -> dict[str, Image]:
     raise NoRendering(reason)
 
 
-def program(module: str) -> tuple[str, ...]:
-    """A command that runs a module of this package and imports nothing from the current folder."""
-    return (sys.executable, "-P", "-m", module)
-
-
 def environment() -> dict[str, str]:
-    """The environment in which `program` finds this package as this process has found it."""
+    """The environment in which the program finds this package as this process has found it."""
     here = str(Path(__file__).resolve().parents[3])
     known = os.environ.get("PYTHONPATH")
     return os.environ | {"PYTHONPATH": f"{here}{os.pathsep}{known}" if known else here}
 
 
-def explain(code: int, told: str) -> str:
+def _explain(code: int, told: str) -> str:
     """The reason why a program has ended, from its exit code and the text that it has written."""
     lines = _ESCAPES.sub("", told).strip().splitlines()
     said = f": {lines[-1].strip()}" if lines else ""
@@ -90,7 +86,7 @@ def _draw(screen: Sequence[str], folder: Path) -> str | None:
     target, log = folder / _TARGET, folder / "log"
     # The program has a time limit of its own, in case this process ends first.
     source, seconds = folder / _SOURCE, str(2 * _SECONDS)
-    words = [*screen, *program(_PROGRAM), str(source), str(target), seconds]
+    words = [*screen, *_PROGRAM, str(source), str(target), seconds]
     with log.open("wb") as stream:
         process = subprocess.Popen(
             words,
@@ -107,7 +103,7 @@ def _draw(screen: Sequence[str], folder: Path) -> str | None:
         finally:
             if process.poll() is None:
                 _end(process)
-    return explain(code, log.read_text(errors="replace")) if code else None
+    return _explain(code, log.read_text(errors="replace")) if code else None
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from contact_locking.errors import InputError, explained
+from contact_locking.files.atomic import remove_abandoned, staging
 from contact_locking.plain_text import defect
 from contact_locking.results.names import CHARTS, PAGE
 
-from .files import BESIDE_RUN, replace
+if TYPE_CHECKING:
+    from .charts import Chart
 
 __all__ = ["CHARTS", "PAGE", "write"]
+
+# The name of the page and of the charts of a study whose folder holds the report of a run too.
+_BESIDE_RUN = "report-study"
 
 
 def write(directory: str | Path) -> list[Path]:
@@ -34,11 +42,26 @@ def write(directory: str | Path) -> list[Path]:
     folder, pages = Path(directory), list[Path]()
     with explained(f"no report can be written in {folder}", folder):
         for results in read_all(folder):
-            name = BESIDE_RUN if pages else CHARTS
+            name = _BESIDE_RUN if pages else CHARTS
             try:
                 made = run_page(results) if isinstance(results, RunResults) else study_page(results)
             except damage as error:
                 what = f"{folder}: its results are damaged: {defect(error)}; solve again"
                 raise InputError(what) from error
-            pages.append(replace(folder, *made, name))
+            pages.append(_replace(folder, *made, name))
     return pages
+
+
+def _replace(folder: Path, html: str, charts: Sequence[Chart], name: str) -> Path:
+    """Write a report in place of an earlier one, and return the path of its page; OSError."""
+    remove_abandoned(folder)
+    with staging(folder) as unfinished:
+        made, page = unfinished / name, f"{name}.html"
+        made.mkdir()
+        for chart in charts:
+            chart.write(made)
+        (unfinished / page).write_text(html, encoding="utf-8", newline="")
+        (folder / name).mkdir(exist_ok=True)
+        for path in [*made.iterdir(), unfinished / page]:
+            os.replace(path, folder / path.relative_to(unfinished))
+    return folder / page

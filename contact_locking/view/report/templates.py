@@ -17,7 +17,6 @@ from markupsafe import Markup, escape
 
 from contact_locking._version import __version__
 
-from .files import GENERATOR
 from .words import shown, title, words
 
 
@@ -30,7 +29,7 @@ def render(template: str, **context: Any) -> str:
         .get_template(template)
         .render(
             context,
-            generator=GENERATOR,
+            generator="contact_locking",
             version=__version__,
             style=Markup(_resource("page.css")),
             script=Markup(script),
