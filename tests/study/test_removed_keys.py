@@ -25,6 +25,7 @@ pytestmark = pytest.mark.serial
         ("mesh.curved", True),
         ("output.animation", True),
         ("solver.friction", "nested"),
+        ("mesh.facets", "facets.xdmf"),
     ],
 )
 def test_what_has_gone_is_refused_by_its_key_with_what_to_do_instead(key: str, value: Any) -> None:
