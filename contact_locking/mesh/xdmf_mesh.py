@@ -28,22 +28,11 @@ from contact_locking.mesh.domain import Domain, about, diagnosed
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.diagnosis import check_arrays
-from contact_locking.mesh.file.xdmf_grids import (
-    Grid,
-    Grids,
-    data_file,
-    read_facet_grids,
-    read_grids,
-)
-from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank, on_root
-
-# The largest z of a body in the plane, as a share of the largest coordinate.
-_FLAT = 1e-12
-# More numbers in one grid are no groups.
-_MOST_GROUPS = 1000
+from contact_locking.mesh.file.xdmf_grids import Grid, Grids, data_file, read_grids
+from contact_locking.parallel import agree, on_root
 
 
-def from_xdmf(path: Path, comm: MPI.Intracomm, facets: Path | None = None) -> Domain:
+def from_xdmf(path: Path, comm: MPI.Intracomm) -> Domain:
     """The mesh of a file that `dolfinx.io.XDMFFile` has written; collective.
 
     The first grid of the file is the mesh.  Every other grid has tags of cells or facets.  Tags
@@ -51,25 +40,19 @@ def from_xdmf(path: Path, comm: MPI.Intracomm, facets: Path | None = None) -> Do
     is a group, whose name is the number.  Cells without any tags are one region with the name of
     the mesh.
 
-    ``facets`` is another file with tags of facets, which number the points of the first file: each
-    value is a group, whose name is the number.
-
     Raises InputError if the file cannot be read, if the cells are not of one kind and first order,
     and if the mesh is not a body.
     """
-    return with_key("mesh.file", lambda: _read(path, comm, facets))
+    return with_key("mesh.file", lambda: _read(path, comm))
 
 
-def _read(path: Path, comm: MPI.Intracomm, other: Path | None) -> Domain:
+def _read(path: Path, comm: MPI.Intracomm) -> Domain:
     grids = on_root(comm, lambda: read_grids(path))
     with _explained(path), io.XDMFFile(comm, path, "r") as file:
         mesh = _mesh(file, grids)
         cells = DistributedCells(mesh)
         regions = _regions(file, grids, mesh)
         named = [group for grid in grids.boundary_parts for group in _groups(file, grid, mesh)]
-        points = np.asarray(file.read_geometry_data(grids.cells.name))[:, : grids.dim]
-    if other is not None:
-        named += _facets_of(other, grids, mesh, points)
     with about(str(path)):
         return diagnosed(mesh, cells, regions, named, str(path))
 
@@ -77,7 +60,6 @@ def _read(path: Path, comm: MPI.Intracomm, other: Path | None) -> Domain:
 def _mesh(file: io.XDMFFile, grids: Grids) -> dmesh.Mesh:
     """The mesh, distributed; collective."""
     comm, kind, name = file.comm, grids.cells.kind, grids.cells.name
-    dim = kind.dim
     cells = np.asarray(file.read_topology_data(name), dtype=np.int64)
     points = np.asarray(file.read_geometry_data(name), dtype=float)
     if not comm.allreduce(len(cells)):
@@ -87,11 +69,8 @@ def _mesh(file: io.XDMFFile, grids: Grids) -> dmesh.Mesh:
     agree(comm, lambda: _check_sizes(kind, points, cells, first_cell, total))
     numbers, cell_numbers = first + np.arange(len(points)), first_cell + np.arange(len(cells))
     elements = MeshElements.unnamed(cells, cell_numbers)
-    check_arrays(comm, MeshData(dim, points[:, :dim], numbers, elements))
-    flat = _FLAT * maximum(comm, np.abs(points))
-    if on_any_rank(comm, np.abs(points[:, dim:]) > flat):
-        raise InputError("the mesh is a surface in space; a 2D body lies in z = 0")
-    mesh = mesh_of(comm, np.ascontiguousarray(points[:, :dim]), cells, kind)
+    check_arrays(comm, MeshData(kind.dim, points, numbers, elements))
+    mesh = mesh_of(comm, points, cells, kind)
     used = mesh.geometry.index_map().size_global
     if used != total:
         raise InputError(
@@ -104,7 +83,12 @@ def _check_sizes(
     kind: CellKind, points: FloatArray, cells: IntArray, first: int, total: int
 ) -> None:
     """Raise InputError for arrays of other sizes, and for nodes that are not there."""
-    if cells.shape[1:] != (kind.corners,) or points.shape[1:] not in ((kind.dim,), (3,)):
+    if points.shape[1:] != (kind.dim,):
+        raise InputError(
+            f"the points of a mesh of {kind.plural} have {kind.dim} coordinates, and those of the "
+            "file have others; write a body in the plane without z (meshio: prune_z_0)"
+        )
+    if cells.shape[1:] != (kind.corners,):
         raise InputError(f"the sizes of its arrays are not those of a mesh of {kind.plural}")
     outside = ((cells < 0) | (cells >= total)).any(axis=1)
     if outside.any():
@@ -114,41 +98,14 @@ def _check_sizes(
         )
 
 
-def _facets_of(path: Path, grids: Grids, mesh: dmesh.Mesh, points: FloatArray) -> list[EntityGroup]:
-    """The groups of a file of facets, each named by its number; collective.
-
-    ``points`` are this rank's share of those in the file of the mesh.
-    """
-    kind, comm = grids.cells.kind, mesh.comm
-
-    def read() -> list[EntityGroup]:
-        first, tags = on_root(comm, lambda: read_facet_grids(path, kind))
-        with _explained(path), io.XDMFFile(comm, path, "r") as file:
-            there = np.asarray(file.read_geometry_data(first.name))[:, : grids.dim]
-            if not on_every_rank(comm, np.array_equal(points, there)):
-                raise InputError(
-                    "its points are not those of mesh.file, which its facets have to number; write "
-                    "both files with all points of one mesh"
-                )
-            return [group for grid in tags for group in _groups(file, grid, mesh, by_number=True)]
-
-    return with_key("mesh.facets", read)
-
-
-def _groups(
-    file: io.XDMFFile, grid: Grid, mesh: dmesh.Mesh, by_number: bool = False
-) -> list[EntityGroup]:
+def _groups(file: io.XDMFFile, grid: Grid, mesh: dmesh.Mesh) -> list[EntityGroup]:
     """Name and local entities of each group in a grid, and how many are missing; collective."""
     tags = file.read_meshtags(mesh, grid.name)
     comm, owned = mesh.comm, mesh.topology.index_map(grid.dim).size_local
     given = comm.allreduce(len(file.read_topology_data(grid.name)))
     missing = given - comm.allreduce(int(np.count_nonzero(tags.indices < owned)))
-    values = np.unique(np.concatenate(comm.allgather(np.unique(tags.values)[: _MOST_GROUPS + 1])))
-    if len(values) > _MOST_GROUPS:
-        raise InputError(
-            f"grid {grid.name!r} has {len(values)} values or more, which are no groups"
-        )
-    if len(values) < 2 and not by_number:
+    values = np.unique(np.concatenate(comm.allgather(np.unique(tags.values))))
+    if len(values) < 2:
         return [EntityGroup(grid.name, tags.indices, missing)]
     return [EntityGroup(str(value), tags.find(value), missing) for value in values]
 

@@ -187,8 +187,7 @@ def _given_mesh(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
     # SciPy, which these meshes need, would take a tenth of the time of `check` for others.
     from contact_locking.mesh.xdmf_mesh import from_xdmf
 
-    facets = parameters.mesh.facets
-    return from_xdmf(path, comm, None if facets is None else Path(facets))
+    return from_xdmf(path, comm)
 
 
 def _check_parts(domain: Domain, parameters: Parameters) -> None:

@@ -95,8 +95,7 @@ def mesh_identity(
     if parameters.mesh.file is not None:
         path, others = parameters.mesh.file, parameters.mesh.model_dump()
         del others["file"]
-        given = [path] if (facets := others.pop("facets", None)) is None else [path, facets]
-        files = given + [str(data_file(Path(one))) for one in given if is_xdmf(one)]
+        files = [path, str(data_file(Path(path)))] if is_xdmf(path) else [path]
         return {"content": " ".join(map(digest, files)), **json.loads(json.dumps(others))}
     return dict(json.loads(json.dumps(parameters.mesh.model_dump())))
 

@@ -14,7 +14,6 @@ from contact_locking import study_file
 from contact_locking.errors import InputError
 from contact_locking.expressions import FUNCTIONS, parse
 from contact_locking.mesh.file.reader import read
-from contact_locking.mesh.file.xdmf_grids import read_grids
 from contact_locking.results.in_words import weakest
 
 pytestmark = pytest.mark.serial
@@ -90,15 +89,6 @@ def test_a_script_of_gmsh_is_refused_with_the_line_that_makes_its_mesh(tmp_path:
     line = str(caught.value).partition('python3 -c "')[2].removesuffix('"')
     subprocess.run([sys.executable, "-c", line], check=True, capture_output=True)
     assert read(tmp_path / "part.msh").dim == 2
-
-
-def test_a_truncated_hdf5_file_is_told_before_hdf5_reads_it(tmp_path: Path) -> None:
-    item = '<DataItem Format="HDF">body.h5:/Mesh</DataItem>'
-    (tmp_path / "body.xdmf").write_text(f"<Xdmf><Domain>{item}</Domain></Xdmf>")
-    head = b"\x89HDF\r\n\x1a\n" + bytes(32) + (1000).to_bytes(8, "little")
-    (tmp_path / "body.h5").write_bytes(head + bytes(100))
-    with pytest.raises(InputError, match="is truncated: it has 148 of 1000 bytes"):
-        read_grids(tmp_path / "body.xdmf")
 
 
 @pytest.mark.parametrize(("bound", "told"), [(132.8, "no useful bound"), (0.5, "at most 50 %")])

@@ -274,7 +274,7 @@ for ending in (".vtk", ".vtu", ".mesh", ".bdf", ".su2", ".med", ".inp"):
 animal("XDMF of meshio", Read({"Grid": 4.0}))(xdmf(data_format="HDF"))
 
 
-@animal("XDMF with numbers in its text", "numbers in the text of XDMF.*meshio with data_format")
+@animal("XDMF with numbers in its text", "its numbers in part.h5 beside it.*meshio and data_format")
 def numbers_in_text(folder: Path) -> Path:
     def item(shape: str, values: str) -> str:
         return f'<DataItem Dimensions="{shape}" Format="XML">{values}</DataItem>'

@@ -262,44 +262,17 @@ def test_groups_of_salome_are_regions_and_parts(tmp_path: Path) -> None:
     assert list(domain.cell_names) == ["steel"] and len(warnings) == 1
 
 
-@pytest.mark.parametrize("order", [1, 2])
-def test_blocks_and_sets_of_sides_of_exodus_are_regions_and_parts(
-    order: int, tmp_path: Path
-) -> None:
-    netcdf = pytest.importorskip("netCDF4")
-    with netcdf.Dataset(tmp_path / "part.e", "w") as data:
-        corners = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-        more = 12 * (order - 1)
-        for name, size in {
-            **{"num_nodes": 8 + more, "num_elem": 2, "num_el_blk": 2, "num_el_in_blk1": 1},
-            **{"num_el_in_blk2": 1, "nodes1": 8 + more, "nodes2": 2, "len_name": 33},
-            **{"num_side_sets": 1, "num_side_ss1": 2, "num_node_sets": 1, "num_nod_ns1": 4},
-        }.items():
-            data.createDimension(name, size)
-        for axis, values in zip("xyz", np.array(corners + [(0.5,) * 3] * more).T, strict=True):
-            data.createVariable(f"coord{axis}", "f8", ("num_nodes",))[:] = values
-        hexahedron = data.createVariable("connect1", "i4", ("num_el_in_blk1", "nodes1"))
-        hexahedron.elem_type = "HEX8" if order == 1 else "HEX20"
-        hexahedron[:] = np.arange(1, 9 + more)
-        bar = data.createVariable("connect2", "i4", ("num_el_in_blk2", "nodes2"))
-        bar.elem_type = "BAR2"
-        bar[:] = [[1, 2]]
-        for kind, count, names in (
-            ("eb", "num_el_blk", ["steel", ""]),
-            ("ss", "num_side_sets", ["sole and top"]),
-            ("ns", "num_node_sets", [""]),
-        ):
-            table = data.createVariable(f"{kind}_names", "S1", (count, "len_name"))
-            for row, name in enumerate(names):
-                table[row, : len(name)] = [letter.encode() for letter in name]
-            data.createVariable(f"{kind}_prop1", "i4", (count,))[:] = 7
-        data.createVariable("elem_ss1", "i4", ("num_side_ss1",))[:] = [1, 1]
-        data.createVariable("side_ss1", "i4", ("num_side_ss1",))[:] = [5, 6]
-        data.createVariable("node_ns1", "i4", ("num_nod_ns1",))[:] = [1, 2, 5, 6]
+def test_sets_of_nodes_of_exodus_are_parts(tmp_path: Path) -> None:
+    meshio = pytest.importorskip("meshio")
+    pytest.importorskip("netCDF4")
+    points = [(x, y, z) for z in (0.0, 1.0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    cells = [("hexahedron", [list(range(8))]), ("line", [[0, 1]])]
+    sole = {"sole": np.arange(4)}
+    meshio.write(tmp_path / "part.e", meshio.Mesh(points, cells, point_sets=sole))
     warnings = convert(tmp_path / "part.e", tmp_path / "part.msh")
     domain = from_file(tmp_path / "part.msh", MPI.COMM_SELF)
-    assert sizes(domain) == {"sole and top": 2, "7": 1} and list(domain.cell_names) == ["steel"]
-    assert len(warnings) == order and warnings[-1].endswith("left out: 1 BAR2")
+    assert sizes(domain) == {"sole": 1} and list(domain.cell_names) == ["body"]
+    assert len(warnings) == 1 and warnings[0].endswith("left out: 1 line")
 
 
 @pytest.mark.parametrize(("ending", "module"), [(".med", "h5py"), (".e", "netCDF4")])

@@ -20,13 +20,11 @@ def write_xdmf(
     points: Sequence[Sequence[float]],
     groups: Mapping[str, MeshElements],
     values: Mapping[str, Sequence[int]] | None = None,
-    alone: str = "",
 ) -> Path:
     """Write a mesh and its groups as `dolfinx.io.XDMFFile` does; simplices name points from 1.
 
     The simplices of the highest dimension are the cells; those of the group "" have no tags.
-    ``values`` are the values of the tags of a group, 1 if there are none.  With ``alone`` the group
-    of this name, which has all cells, is the only grid, as meshio writes it.
+    ``values`` are the values of the tags of a group, 1 if there are none.
     """
     width = max(len(rows[0]) for rows in groups.values())
     cells = [row for rows in groups.values() for row in rows if len(row) == width]
@@ -74,10 +72,6 @@ def write_xdmf(
             f'<Attribute Name={quoteattr(name)} AttributeType="Scalar" Center="Cell">'
             f"{item(f'{place}/Values', own, True)}</Attribute></Grid>"
         )
-        if name == alone:
-            whole = grids[0].replace('Name="mesh"', f"Name={quoteattr(name)}")
-            grids = [whole.removesuffix("</Grid>") + attribute]
-            continue
         grids.append(
             f'<Grid Name={quoteattr(name)} GridType="Uniform">'
             f"{topology(f'{place}/topology', rows)}{attribute}"

@@ -67,14 +67,16 @@ def lattice(path: Path, size: float, finest: float, cells: int) -> None:
     write_lattice(path, (cells,) * 3, lambda x: line[np.rint(x * cells).astype(int)])
 
 
-def indented(folder: Path, size: float, h: float, finest: float) -> tuple[float, float, float]:
+def indented(
+    folder: Path, size: float, h: float, finest: float, degree: int = 1
+) -> tuple[float, float, float]:
     """Force, half-width and peak pressure on the whole block."""
     file = folder / "quarter.msh"
     section(file, size, h, finest)
-    return indented_by(file)
+    return indented_by(file, degree)
 
 
-def indented_by(file: Path) -> tuple[float, float, float]:
+def indented_by(file: Path, degree: int = 1) -> tuple[float, float, float]:
     """The same of a quarter in a file."""
     data: dict[str, Any] = {
         "mesh": {"file": str(file)},
@@ -88,6 +90,7 @@ def indented_by(file: Path) -> tuple[float, float, float]:
         },
         "contact": {"on": "bottom", "gap": f"(x*x + y*y)/(2*{RADIUS}) - {DEPTH}"},
         "penalty": {"n": 1e4, "epsilon": 1e-4},
+        "discretisation": {"degree": degree},
     }
     solution = solving.solve(with_changes(data))
     assert solution.converged, solution.summary["reason"]

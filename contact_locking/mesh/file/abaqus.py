@@ -14,7 +14,7 @@ import numpy as np
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.laws.rigid_motion import rotation
-from contact_locking.mesh.file.foreign import KINDS, Block, ForeignMesh, facets_at
+from contact_locking.mesh.file.foreign import KINDS, Block, ForeignMesh
 
 # The types of elements with the number of their nodes: solids, and those of planes and shells.
 _SOLID = re.compile(r"(?:DC3D|AC3D|C3D|SC)(\d+)")
@@ -284,12 +284,17 @@ class _Deck:
         sets = self._sets[kind]
         return next((sets[name] for name in names if name in sets), [])
 
-    def _corners_of(self, cells: IntArray) -> IntArray:
-        start, found = 0, []
+    def _by_block(self, cells: IntArray) -> Iterator[tuple[Block, IntArray]]:
+        """Each block that has some of the cells (k,), with their places in it."""
+        start = 0
         for block in self._blocks:
-            inside = (cells >= start) & (cells < start + len(block.nodes))
-            found.append(block.corners[cells[inside] - start].ravel())
+            inside = cells[(cells >= start) & (cells < start + len(block.nodes))] - start
+            if len(inside):
+                yield block, inside
             start += len(block.nodes)
+
+    def _corners_of(self, cells: IntArray) -> IntArray:
+        found = [block.corners[inside].ravel() for block, inside in self._by_block(cells)]
         return np.concatenate([np.zeros(0, dtype=np.int64), *found])
 
     def _add_surface(self, instance: _Instance, card: Card) -> None:
@@ -301,23 +306,14 @@ class _Deck:
         facets = self._facets.setdefault(name, [])
         for row in card.rows:
             cells = np.array(self._members("ELSET", instance, row[0]), dtype=np.int64)
-            label = row[1].upper() if len(row) > 1 else ""
-            if side := _SIDE.fullmatch(label):
-                sides = [int(side[1]) - 1]
-            else:
-                # All sides, of which those inside of the body are left out; of shells themselves.
-                sides = list(range(6))
-                facets += [b.corners[c] for b, c in self._shells(cells)]
-            for number in sides:
-                facets += facets_at(self._blocks, cells, np.full(len(cells), number), _FACES)
-
-    def _shells(self, cells: IntArray) -> Iterator[tuple[Block, IntArray]]:
-        start = 0
-        for block in self._blocks:
-            inside = (cells >= start) & (cells < start + len(block.nodes))
-            if block.dim == 2 and inside.any():
-                yield block, cells[inside] - start
-            start += len(block.nodes)
+            side = _SIDE.fullmatch(row[1].upper() if len(row) > 1 else "")
+            for block, inside in self._by_block(cells):
+                sides = [] if block.kind is None else _FACES.get(block.kind.name, ())
+                if side is None and block.dim == 2:
+                    facets.append(block.corners[inside])
+                # Without a label these are all sides, of which those inside the body are left out.
+                chosen = sides if side is None else sides[int(side[1]) - 1 : int(side[1])]
+                facets += [block.nodes[inside][:, list(corners)] for corners in chosen]
 
     def mesh(self) -> ForeignMesh:
         """The mesh, with the names of sets as they are spelled, and of an instance if need be."""

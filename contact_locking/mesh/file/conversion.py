@@ -15,13 +15,13 @@ from contact_locking.arrays import BoolArray, IntArray
 from contact_locking.errors import InputError, explained
 from contact_locking.files.atomic import staging
 from contact_locking.mesh.cell_kind import CellKind
-from contact_locking.mesh.file import abaqus, exodus, foreign
+from contact_locking.mesh.file import abaqus, foreign
 from contact_locking.mesh.file.foreign import ForeignMesh
 
-_READERS = {".inp": abaqus.read, ".e": exodus.read, ".exo": exodus.read}
-#: Of the files of other programs that can be read; meshio reads all but those above.
+_DECK = ".inp"
+#: Of the files of other programs that can be read; meshio reads all but decks.
 ENDINGS = frozenset(
-    (".bdf", ".cgns", ".fem", ".med", ".mesh", ".nas", ".su2", ".vtk", ".vtu", *_READERS)
+    (_DECK, ".bdf", ".cgns", ".e", ".exo", ".fem", ".med", ".mesh", ".nas", ".su2", ".vtk", ".vtu")
 )
 
 
@@ -37,7 +37,7 @@ def convert(source: Path, target: Path) -> list[str]:
     """
     if not source.is_file():
         raise InputError(f"there is no such file: {source}")
-    mesh = _READERS.get(source.suffix.lower(), foreign.read)(source)
+    mesh = (abaqus if source.suffix.lower() == _DECK else foreign).read(source)
     dim = max((block.dim for block in mesh.blocks), default=0)
     kind = _kind(mesh, dim, source)
     cells, numbers = _of_dimension(mesh, dim)

@@ -6,7 +6,7 @@ import contextlib
 import io
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -83,12 +83,6 @@ class ForeignMesh:
     left_out: Counter[str] = field(default_factory=Counter)
 
 
-def missing(error: ImportError, place: Path) -> InputError:
-    """The error of a module that reads a format and is not there, with its package."""
-    package = _PACKAGES.get(error.name or "", error.name)
-    return InputError(f"{place} needs the Python module {error.name}: {package}")
-
-
 def read(source: Path) -> ForeignMesh:
     """The mesh of a file that meshlane reads, or meshio, which it goes on from."""
     mesh = _read(source)
@@ -141,26 +135,8 @@ def _read(source: Path) -> Any:
         with contextlib.redirect_stdout(told), contextlib.redirect_stderr(told):
             return meshio.read(source)
     except ImportError as error:
-        raise missing(error, source) from None
+        package = _PACKAGES.get(error.name or "", error.name)
+        raise InputError(f"{source} needs the Python module {error.name}: {package}") from None
     except (Exception, SystemExit) as error:
         why = " ".join(told.getvalue().split()) or str(error) or type(error).__name__
         raise InputError(f"{source} cannot be read by {meshio.__name__}: {why}") from None
-
-
-def facets_at(
-    blocks: Sequence[Block], cells: IntArray, sides: IntArray, faces: Mapping[str, Any]
-) -> list[IntArray]:
-    """Facets (f, c) of cells (k,), numbered block after block, by their sides (k,) from 0.
-
-    ``faces`` are the corners of each side by the name of a kind; a side that a cell does not have
-    is left out.
-    """
-    starts, found = np.cumsum([0, *(len(block.nodes) for block in blocks)]), []
-    for start, block in zip(starts, blocks, strict=False):
-        of_kind = [] if block.kind is None else faces.get(block.kind.name, [])
-        inside = (cells >= start) & (cells < start + len(block.nodes))
-        for side, corners in enumerate(of_kind):
-            rows = cells[inside & (sides == side)] - start
-            if len(rows):
-                found.append(block.nodes[rows][:, list(corners)])
-    return found

@@ -12,7 +12,6 @@ from pydantic import TypeAdapter, ValidationError, model_serializer, model_valid
 
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, parse
-from contact_locking.mesh.file.xdmf_grids import is_xdmf
 from contact_locking.meshes import BUILDERS
 
 from .base import PER_AXIS, BodyKind, Fault, FaultsError, Section, entry, refuse_if
@@ -31,7 +30,7 @@ from .values import (
 from .wording import meant, show, unknown_key, value_message
 
 #: The keys that are no parameters of builders.
-_SHARED = ("builder", "file", "facets", "axisymmetric", "parts")
+_SHARED = ("builder", "file", "axisymmetric", "parts")
 
 
 class Plane(Section):
@@ -91,9 +90,6 @@ class MeshParameters(Section):
     file: File | None = entry(
         None, "a Gmsh or XDMF file, relative to the study file, in place of a builder"
     )
-    facets: File | None = entry(
-        None, "an XDMF file with tags of facets, beside an XDMF file; their numbers are the names"
-    )
     axisymmetric: Switch = entry(
         False,
         "the 2D mesh is the half section of a body of revolution, in the coordinates "
@@ -141,8 +137,7 @@ class MeshParameters(Section):
                 name: part.model_dump(exclude_defaults=True) for name, part in self.parts.items()
             }
         if self.file is not None:
-            facets = {} if self.facets is None else {"facets": self.facets}
-            return {"file": self.file, **facets, **shared}
+            return {"file": self.file, **shared}
         return {"builder": self.builder, **asdict(self.geometry), **shared}
 
     @property
@@ -151,10 +146,6 @@ class MeshParameters(Section):
         return (*self.geometry.facet_names, *self.parts)
 
     def _faults(self) -> Iterator[Fault]:
-        if self.facets is not None and self.file is None:
-            yield Fault(("facets",), "goes with file, another XDMF file")
-        elif self.facets is not None and not (is_xdmf(str(self.file)) and is_xdmf(self.facets)):
-            yield Fault(("facets",), "is an XDMF file beside another one: both end with .xdmf")
         if self.axisymmetric and self.geometry is not None:
             yield from _section_faults(str(self.builder), self.geometry)
         known = [] if self.geometry is None else list(self.geometry.facet_names)

@@ -18,6 +18,8 @@ KEYS: dict[str, str] = {
     "and at the Gauss points elsewhere; leave the key out",
     "solver.friction": "the friction bound is updated inside the iteration; leave the key out, or "
     "take solver.method: newton for updates around whole solves, with their contraction factor",
+    "facets": "tags of facets stand in mesh.file itself: write mesh and tags to one file with "
+    "dolfinx.io.XDMFFile, or name parts of the boundary by place, mesh.parts",
 }
 
 #: By the name of a key and one of its values; the sentence is the whole message.
