@@ -72,6 +72,7 @@ def test_gauss_points_are_numbered_as_the_corners_and_integrate_quadratics(cell:
     assert np.abs(values).sum() == pytest.approx(float(count))
 
 
+@pytest.mark.serial
 def test_limits_at_gauss_points_are_exceeded_between_the_points_as_the_summary_says() -> None:
     solution = square("gauss")
     summary = solution.summary
@@ -83,6 +84,7 @@ def test_limits_at_gauss_points_are_exceeded_between_the_points_as_the_summary_s
     assert 0.1 < summary["overstrain_max"] < 0.5
 
 
+@pytest.mark.serial
 def test_limits_at_vertices_hold_in_the_cells() -> None:
     summary = square("vertices").summary
     assert summary["discretisation"] == {"degree": 2, "limit_at": "vertices"}
@@ -90,6 +92,7 @@ def test_limits_at_vertices_hold_in_the_cells() -> None:
     assert summary["overstrain_max"] <= 1e-9
 
 
+@pytest.mark.serial
 def test_the_overstrain_is_relative_to_the_limit_at_the_vertex(comm: MPI.Intracomm) -> None:
     # The strain of u = (x^2, x y)/100 at x = 1 is the largest, and there M is 1.
     exact = ["0.01*x*x", "0.01*x*y"]
@@ -108,6 +111,7 @@ def test_the_overstrain_is_relative_to_the_limit_at_the_vertex(comm: MPI.Intraco
     assert summary["overstrain_max"] == 0.0
 
 
+@pytest.mark.serial
 @POINTS
 @pytest.mark.parametrize("n", [1e3, np.inf])
 def test_the_stored_stresses_and_forces_do_the_work_of_the_loads(
@@ -120,6 +124,7 @@ def test_the_stored_stresses_and_forces_do_the_work_of_the_loads(
     assert work == pytest.approx(solution.summary["compliance"], rel=1e-8)
 
 
+@pytest.mark.serial
 def test_newton_and_the_interior_point_method_agree(comm: MPI.Intracomm) -> None:
     found = [
         solved(quadratic(4, penalty__n=1e3, solver__method=method), comm)
@@ -129,6 +134,7 @@ def test_newton_and_the_interior_point_method_agree(comm: MPI.Intracomm) -> None
     assert np.abs(apart).max() <= 1e-7 * np.abs(found[0].displacement.x.array).max()
 
 
+@pytest.mark.serial
 @POINTS
 def test_a_stiffness_that_jumps_within_cells_stays_elliptic(
     limit_at: str, comm: MPI.Intracomm
@@ -168,6 +174,7 @@ def test_a_locking_cube_is_solved_by_a_direct_and_an_iterative_solver(
     assert found == pytest.approx(direct.summary["compliance"], rel=1e-7)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize(
     "given",
