@@ -53,6 +53,8 @@ COARSE = {
 
 # The demos with a finite n; the study files of the others are solved for n = .inf already.
 PENALISED = ("block", "block_3d", "slip_friction", "anisotropic_regions", "stiffening")
+# In the run of all tests under mpirun: linear solvers, contacts, bodies, processes and meshes.
+ON_RANKS = ("block", "block_3d", "two_foundations", "press_fit", "pressed_tool", "adaptive")
 # A static problem, a process, and a sequence of meshes.
 ALWAYS_ON_TWO_RANKS = ("block", "adaptive")
 # A law of the user's own, several contacts, a process with tools; building the documentation runs
@@ -93,11 +95,15 @@ def test_every_demo_is_a_study_file_and_a_script() -> None:
     assert {name for name, n in given.items() if n < math.inf} == set(PENALISED)
 
 
-@pytest.mark.parametrize("name", COARSE)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=() if name in ON_RANKS else pytest.mark.serial) for name in COARSE],
+)
 def test_study_file_converges(name: str) -> None:
     of_file(name)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("name", "n"),
     [*(slow(name, "1e8") for name in COARSE), *((name, ".inf") for name in PENALISED)],

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pressed_square import BOTH_DEGREES, square
 
-from contact_locking import solve, solve_steps
+from contact_locking import solve
 
 
 @BOTH_DEGREES
@@ -43,21 +43,6 @@ def test_a_support_pushes_back_with_the_load_that_it_carries() -> None:
     summary = solve(square(loads=loads, contact=[])).summary
     assert summary["reactions"]["bottom"] == pytest.approx([0.0, 0.03], abs=1e-10)
     assert summary["reactions"]["left"] == pytest.approx([0.0, 0.0], abs=1e-10)
-
-
-def test_the_history_has_the_reactions_of_each_part() -> None:
-    loads = {
-        "pressures": [{"on": "top", "value": "0.04*t"}],
-        "displacements": [
-            {"on": "left", "value": [0, None]},
-            {"on": "right", "value": [0, 0]},
-        ],
-    }
-    *_, last = solve_steps(square(loads=loads, steps={"times": [0.5, 1.0]}))
-    for axis, name in enumerate("xy"):
-        parts = [last.history.column(f"reaction_{part}_{name}") for part in ("left", "right")]
-        assert np.sum(parts, axis=0) == pytest.approx(last.history.column(f"reaction_{name}"))
-        assert parts[1][-1] == last.summary["reactions"]["right"][axis]
 
 
 def test_a_sheet_that_locks_has_the_reactions_of_a_formula() -> None:

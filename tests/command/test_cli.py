@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 from mpi4py import MPI
 from problems import UNDRAWN_BLOCK
 
 from contact_locking import meshes, study_file
-from contact_locking.command import cli, commands
-from contact_locking.errors import InputError
+from contact_locking.command import cli
 from contact_locking.process import solving
 
 
@@ -51,11 +49,6 @@ def test_only_rank_0_prints_version_and_help(
 ) -> None:
     assert cli.main(words) == 0
     assert bool(capsys.readouterr().out) == (comm.rank == 0)
-
-
-def test_a_quiet_run_prints_nothing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(folder, "--quiet") == 0
-    assert capsys.readouterr() == ("", "")
 
 
 def test_settings_change_the_file_and_are_saved(folder: Path, comm: MPI.Intracomm) -> None:
@@ -144,18 +137,6 @@ def test_a_folder_that_cannot_be_written_to_is_refused_before_the_solve(
     assert cli.main(["run", str(folder / "study.yml"), *words]) == 2
 
 
-def test_petsc_options_reach_the_solver(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen = {}
-
-    def solve(*arguments: Any) -> None:
-        seen.update(arguments[3])
-        raise InputError("enough")
-
-    monkeypatch.setattr(solving, "solve", solve)
-    assert run(folder, "--quiet", "--", "-ksp_type", "cg", "-ksp_rtol", "1e-3", "-ksp_view") == 2
-    assert seen == {"ksp_type": "cg", "ksp_rtol": "1e-3", "ksp_view": None}
-
-
 def test_a_file_with_a_study_runs_its_base_case_and_says_so(
     folder: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -166,14 +147,6 @@ def test_a_file_with_a_study_runs_its_base_case_and_says_so(
     comm.Barrier()
     assert run(folder) == 0
     assert ("base case" in capsys.readouterr().out) == (comm.rank == 0)
-
-
-def test_warnings_are_printed_even_if_quiet(
-    folder: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(folder, "--quiet", "--set", "friction.smoothing.radius=0.01") == 0
-    if comm.rank == 0:
-        assert capsys.readouterr().err.startswith("warning: friction.smoothing.radius")
 
 
 def test_warnings_go_to_standard_error_once_and_into_the_summary(
@@ -230,17 +203,6 @@ def test_mesh_refuses_a_file_that_it_cannot_write(
 
 
 @pytest.mark.serial
-def test_mesh_refuses_a_study_that_reads_its_mesh(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    body = folder / "body.msh"
-    meshes.write(meshes.BUILDERS["block"](h=0.5), body)
-    words = ["--set", f"mesh={{file: {body}}}", "-o", str(folder / "other.msh")]
-    assert cli.main(["mesh", str(folder / "study.yml"), *words]) == 2
-    assert "mesh.file" in capsys.readouterr().err
-
-
-@pytest.mark.serial
 @pytest.mark.parametrize("debug", [False, True])
 def test_a_defect_returns_1_with_a_traceback_only_if_asked_for(
     debug: bool,
@@ -291,23 +253,3 @@ def test_mesh_replaces_no_file_and_no_link(
     theirs.unlink()
     (folder / name).symlink_to(folder / "nowhere")
     assert cli.main(words) == 2
-
-
-@pytest.mark.serial
-def test_the_name_of_a_mesh_that_is_no_mesh_file_is_told_without_a_key(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.main(["mesh", str(folder / "study.yml"), "-o", str(folder / "x.png")]) == 2
-    assert capsys.readouterr().err.startswith("error: the name of a Gmsh file ends in .msh")
-
-
-@pytest.mark.serial
-def test_check_tells_that_it_makes_many_cells(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    words = ["check", str(folder / "study.yml"), "--set", "mesh.h=0.25"]
-    assert cli.main(words) == 0
-    assert "meshing" not in capsys.readouterr().out
-    monkeypatch.setattr(commands, "_MANY_CELLS", 10)
-    assert cli.main(words) == 0
-    assert capsys.readouterr().out.startswith("meshing, about ")

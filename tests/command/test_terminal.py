@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import time
 from typing import Any
 
 import pytest
@@ -13,7 +11,6 @@ from solutions import made_up
 import contact_locking
 from contact_locking.command import terminal
 from contact_locking.command.monitors import TerminalMonitor
-from contact_locking.plain_text import per_cent
 from contact_locking.results import in_words
 
 pytestmark = pytest.mark.serial
@@ -37,69 +34,6 @@ def test_the_monitor_of_a_terminal_ends_with_a_line_per_stage_and_warns_on_stand
     assert errors == "warning: [bold]nothing[/bold]\n"
     assert "stage 1/2  n = 10  epsilon = 0.1  2 tangents, 1 friction update, residual" in output
     assert "stage 2/2  n = 100  epsilon = 0.01  3 tangents, residual 1.0e-09" in output
-
-
-class Clock:
-    """The seconds that a monitor reads."""
-
-    now = 0.0
-
-
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    made = Clock()
-    monkeypatch.setattr(time, "perf_counter", lambda: made.now)
-    return made
-
-
-def test_the_log_of_a_long_stage_shows_that_the_solve_goes_on(
-    capsys: pytest.CaptureFixture[str], clock: Clock
-) -> None:
-    with TerminalMonitor(Console(force_terminal=False, width=200)) as monitor:
-        monitor.stage(1, 1, math.inf, 0.0)
-        for iteration in range(4):
-            monitor.iteration(iteration, 10.0**-iteration)
-            for k in range(11):
-                monitor.linear(k)
-                clock.now += 1.0
-    lines = capsys.readouterr().out.splitlines()
-    # Nine lines in 44 seconds, and the one at the end of the stage.
-    assert 8 <= len(lines) - 1 <= 9
-    assert "stage 1/1  n = inf" in lines[5]
-    assert "iteration 2, residual 1.0e-02, 28 Krylov iterations, 30 s" in lines[5]
-
-
-def test_a_log_tells_no_residual_before_there_is_one(
-    capsys: pytest.CaptureFixture[str], clock: Clock
-) -> None:
-    with TerminalMonitor(Console(force_terminal=False, width=200)) as monitor:
-        for residual in (1e-3, 1e-9):
-            monitor.stage(1, 1, math.inf, 0.0)
-            clock.now += 10.0
-            monitor.linear(1)
-            monitor.iteration(1, residual)
-    first, _, second, _ = capsys.readouterr().out.splitlines()
-    assert first == second
-    assert first.endswith("iteration 0, 1 Krylov iteration, 10 s")
-
-
-def test_the_log_of_a_short_stage_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    with TerminalMonitor(Console(force_terminal=False, width=200)) as monitor:
-        monitor.stage(1, 1, math.inf, 0.0)
-        for iteration in range(20):
-            monitor.iteration(iteration, 1.0)
-            monitor.linear(0)
-    assert len(capsys.readouterr().out.splitlines()) == 1
-
-
-def test_an_error_leaves_no_half_finished_stage(capsys: pytest.CaptureFixture[str]) -> None:
-    with (
-        pytest.raises(ValueError, match="stop"),
-        TerminalMonitor(Console(force_terminal=False)) as monitor,
-    ):
-        monitor.stage(1, 1, 10.0, 0.1)
-        raise ValueError("stop")
-    assert capsys.readouterr().out == ""
 
 
 def test_what_a_solution_holds_can_be_imported_from_the_package() -> None:
@@ -167,13 +101,6 @@ def test_the_outcome_says_what_converged_what_is_proved_and_what_is_estimated() 
     assert words["reactions"] == "(0.25, 0) on left, (0, -0.5) on right"
 
 
-def test_the_outcome_names_the_criteria_and_the_bounds_that_fail() -> None:
-    found = summary(bounds={"locking_work": {"holds": False}, "good": {"holds": True}})
-    found["certificate"]["criteria"]["friction_sign"] |= {"value": 1e-3, "holds": False}
-    assert told(found)["proved"] == "violated: locking work"
-    assert told(found)["criteria"] == "1 of 2 fail: friction sign 1.0e-03, above 1e-06"
-
-
 def test_a_result_with_a_large_error_is_not_plainly_converged() -> None:
     words = told(summary(certificate=errors(mesh=0.3, penalty=0.02)))
     assert words["converged"].startswith("yes, but the result is rough: the error of the mesh is")
@@ -188,36 +115,6 @@ def test_a_result_with_a_large_error_is_not_plainly_converged() -> None:
     assert measured["converged"].startswith("yes (")
     assert "measured: the penalty changes the solution on this mesh by 1 %" in measured["estimated"]
     assert told(summary(converged=False, certificate=errors(mesh=0.3)))["converged"][:3] == "no "
-
-
-def test_the_numbers_of_an_engineer_come_first_and_those_of_the_solver_last() -> None:
-    words = told(summary())
-    assert list(words)[:3] == ["converged", "largest displacement", "contact force"]
-    assert list(words)[-3:] == ["size", "iterations", "time"]
-    assert words["largest displacement"] == "0.1 at (1, 0)"
-    assert words["friction used"] == "25 % of the friction bound"
-    assert words["strain limit used"] == "100 % of the limit"
-    assert words["locked"] == "50 % of the body is at its strain limit"
-
-
-def test_what_a_body_does_not_have_takes_no_row() -> None:
-    words = told(summary())
-    assert "contact moment" not in words and words["slip area"] == "0.5"
-    without = told(summary(friction_used=None, limit_used=None))
-    gone = {"friction used", "slip area", "strain limit used", "locked"}
-    assert words.keys() - without.keys() == gone
-    assert not {"contact force", "contact area"} & told(summary(contacts=[])).keys()
-
-
-def test_forces_that_are_rounding_beside_the_others_are_zero() -> None:
-    found = summary(contact_force=[0.0, 10.0], reactions={"left": [-7e-15, 0.0]})
-    assert told(found)["reactions"] == "(0, 0) on left"
-
-
-def test_shares_are_written_alike_everywhere() -> None:
-    shares = (0.0, 1e-6, 0.00054, 0.005, 0.198, 0.2, 1.0)
-    words = ["0 %", "1e-04 %", "0.054 %", "0.5 %", "19.8 %", "20 %", "100 %"]
-    assert [per_cent(share) for share in shares] == words
 
 
 @pytest.mark.parametrize(

@@ -53,13 +53,13 @@ def messages() -> Iterator[str]:
         key = re.sub(r"\.(NAME|N|\d+|\*|<[a-z]+>)(?=\.|$)", ".0", row.key)
         for value in VALUES:
             yield refusal(nested(key, value))
-    for key, value, _ in WRONG:
+    for key, value in WRONG:
         yield refusal(nested(key, value))
-    for study, _ in STUDIES_WRONG:
+    for study in STUDIES_WRONG:
         yield refusal({"study": study})
     for contact, _ in WRONG_SECTIONS:
         yield refusal({"contact": contact})
-    for changes, _ in CASES.values():
+    for changes, _ in CASES:
         for key, value in changes.items():
             yield refusal(nested(key, value))
 

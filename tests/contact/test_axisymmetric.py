@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,10 +11,8 @@ from mpi4py import MPI
 from problems import with_changes
 
 from contact_locking.errors import InputError
-from contact_locking.fem.spaces import P1, P1_REVOLUTION
 from contact_locking.process import solving
 from contact_locking.study.assembly import StudyProblem, assemble
-from contact_locking.study_file import mesh_identity, problem_fingerprint
 from contact_locking.study_file.parameters import Parameters
 
 
@@ -72,6 +68,7 @@ def test_a_study_file_that_describes_no_body_of_revolution_is_refused(
         cylinder(**changes)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("changes", "key", "message"),
     [
@@ -113,14 +110,6 @@ def test_a_mesh_on_both_sides_of_the_axis_is_refused() -> None:
 
 
 @pytest.mark.serial
-def test_an_element_of_another_body_is_refused() -> None:
-    with pytest.raises(InputError, match="P1_REVOLUTION"):
-        assemble(cylinder(), MPI.COMM_WORLD, element=P1)
-    plane = cylinder(mesh__axisymmetric=False)
-    with pytest.raises(InputError, match="P1_REVOLUTION"):
-        assemble(plane, MPI.COMM_WORLD, element=P1_REVOLUTION)
-
-
 @pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_weights_of_gamma_c_add_up_to_the_surface_and_are_positive_on_the_axis(degree: int) -> None:
     problem = on_foundation(degree)
@@ -190,6 +179,7 @@ def test_the_certificate_holds_for_a_body_of_revolution_that_locks_and_rubs() ->
     assert solution.elastic_stress.ufl_shape == (3, 3)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("method", ["newton", "interior_point"])
 def test_every_method_has_the_weight_of_a_body_of_revolution(method: str) -> None:
     """The strain is evaluated in one point of a cell, and the weight in more."""
@@ -199,6 +189,7 @@ def test_every_method_has_the_weight_of_a_body_of_revolution(method: str) -> Non
     assert found.summary["contact_force"][1] == pytest.approx(weight, rel=1e-8)
 
 
+@pytest.mark.serial
 def test_the_bounds_of_the_error_are_not_for_axisymmetric_bodies() -> None:
     push = [{"on": "top", "value": [None, -0.02]}]
     solution = solving.solve(
@@ -209,12 +200,3 @@ def test_the_bounds_of_the_error_are_not_for_axisymmetric_bodies() -> None:
     assert errors["guaranteed"]["applicable"] is False
     assert "axisymmetric" in errors["guaranteed"]["reason"]
     assert "axisymmetric" in solution.summary["certificate"]["limit_load"]["reason"]
-
-
-@pytest.mark.serial
-def test_the_key_is_part_of_the_mesh_and_of_the_problem(tmp_path: Path) -> None:
-    whole, plane = cylinder(), cylinder(mesh__axisymmetric=False)
-    assert problem_fingerprint(whole) != problem_fingerprint(plane)
-    assert mesh_identity(whole) == mesh_identity(plane) | {"axisymmetric": True}
-    assert json.loads(whole.model_dump_json())["mesh"]["axisymmetric"] is True
-    assert "axisymmetric" not in json.loads(plane.model_dump_json())["mesh"]

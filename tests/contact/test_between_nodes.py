@@ -66,12 +66,14 @@ def assert_missed(solution: StudySolution, depth: float, at: str) -> None:
 ROLLER = {"foundation": {"cylinder": {"centre": [5.53, 3.18], "radius": 0.2}}}
 
 
+@pytest.mark.serial
 def test_a_finer_mesh_of_the_contact_sees_a_tool() -> None:
     assert not solve(given(STRIP, ROLLER)).converged
     fine = solve(given(STRIP | {"structured": False, "h_contact": 0.05}, ROLLER))
     assert fine.converged and fine.summary["warnings"] == []
 
 
+@pytest.mark.serial
 def test_a_script_is_told_to_refine_its_own_mesh() -> None:
     domain = mesh_of(given(STRIP, {}), MPI.COMM_WORLD)
     space = fem.functionspace(domain.mesh, ("Lagrange", 1, (2,)))
@@ -99,6 +101,7 @@ def test_a_fit_is_told_to_refine_its_mesh(tmp_path: Path) -> None:
         session.fit(given(STRIP, ROLLER, fit=fit), tmp_path / "results")
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize(
     ("foundation", "depth"),
@@ -124,11 +127,13 @@ def test_a_tool_between_two_nodes_fails_a_criterion(
     assert_missed(solution, depth, {1: "near (5.5", 2: "near (5.2"}[degree])
 
 
+@pytest.mark.serial
 def test_a_gap_with_a_bump_between_two_nodes_fails_a_criterion() -> None:
     gap = {"gap": "0.2 - 0.3*exp(-((x - 5.5)/0.1)**2)"}
     assert_missed(solve(given(STRIP, gap)), 0.1, "near (5.5, 3)")
 
 
+@pytest.mark.serial
 def test_a_body_that_moves_onto_a_tool_between_nodes_fails_a_criterion() -> None:
     # The body travels by 1 and touches the tool for the last 0.05 of the way.
     up = {"displacements": [{"on": "bottom", "value": [0, 1.0]}]}
@@ -142,6 +147,7 @@ def test_a_tool_that_a_force_pushes_in_between_nodes_fails_a_criterion() -> None
     assert_missed(solution, 0.1, "near (")
 
 
+@pytest.mark.serial
 def test_a_roller_that_slides_from_node_to_node_stops_where_it_is_missed() -> None:
     roller = {"cylinder": {"centre": [4, 3.28], "radius": 0.3}, "motion": ["t", 0]}
     steps = {"to": 2, "count": 8}
@@ -162,6 +168,7 @@ def test_a_roller_that_slides_from_node_to_node_stops_where_it_is_missed() -> No
     assert max(forces) / min(forces) > 0.8
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "shape",
     [
@@ -178,6 +185,7 @@ def test_a_round_tool_between_the_nodes_of_a_block_fails_a_criterion(shape: dict
     assert_missed(pressed(shape, CUBE), 0.02, "near (")
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "corners",
     [
@@ -197,6 +205,7 @@ def test_a_surface_between_the_nodes_of_a_block_fails_a_criterion(
     assert_missed(pressed({"surface": str(file)}, CUBE), 0.03, "near (")
 
 
+@pytest.mark.serial
 def test_a_ring_on_a_body_of_revolution_that_is_missed_fails_a_criterion() -> None:
     body = {"builder": "block", "size": [1, 1], "h": 0.5, "structured": True}
     expression = "sqrt((x - 0.27)**2 + (y - 1.08)**2) - 0.1"
@@ -204,6 +213,7 @@ def test_a_ring_on_a_body_of_revolution_that_is_missed_fails_a_criterion() -> No
     assert_missed(solution, 0.02, "near (0.27, 1)")
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_what_the_nodes_see_is_not_warned_of(degree: int) -> None:
     element = {"degree": degree}
@@ -230,6 +240,7 @@ def around(foundation: dict[str, Any], mesh: dict[str, Any], lifted: float) -> S
     return solve(given(HOLLOW | mesh, contact, loads=loads, material={"elasticity": elasticity}))
 
 
+@pytest.mark.serial
 def test_the_chords_of_a_hollow_boundary_enter_no_drum_of_its_own_radius() -> None:
     """The chord is in front of the arc by 1.2e-3, 97 % of how far the lifted ring is pushed."""
     drum = {"cylinder": {"centre": [0, 0], "radius": 1.0}}
@@ -239,6 +250,7 @@ def test_the_chords_of_a_hollow_boundary_enter_no_drum_of_its_own_radius() -> No
     assert 0.5 < solution.summary["contact_area"] < 1.2
 
 
+@pytest.mark.serial
 def test_a_wire_in_a_hollow_body_is_missed_beyond_the_chord() -> None:
     place = [0.99 * math.cos(0.82), 0.99 * math.sin(0.82)]
     wire = {"cylinder": {"centre": place, "radius": 0.02}}
@@ -246,6 +258,7 @@ def test_a_wire_in_a_hollow_body_is_missed_beyond_the_chord() -> None:
     assert_missed(solution, 0.0073, "near (0.68, 0.729)")
 
 
+@pytest.mark.serial
 def test_an_entry_of_the_size_of_rounding_is_none() -> None:
     """At the end of a cycle ``sin(2 pi t)`` is not zero, but 2e-16."""
     push = 0.0087 * math.sin(2.0 * math.pi)

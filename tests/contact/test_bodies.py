@@ -15,10 +15,9 @@ from dolfinx import fem
 from mpi4py import MPI
 from problems import with_changes
 from small_meshes import Groups, grid, shared, side_by_side
-from two_bodies import POISSON, YOUNG, fit, lame_pressure, stack
+from two_bodies import YOUNG, fit, lame_pressure, stack
 
-import contact_locking as cl
-from contact_locking import StudySolution, assemble, save, solve, study_file
+from contact_locking import StudySolution, save, solve, study_file
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
@@ -138,18 +137,6 @@ def test_wrong_sides_are_refused_with_words() -> None:
         stack(contact={"on": "upper_bottom", "against": "lower_top", "foundation": half})
 
 
-def test_a_script_gives_a_foundation_or_another_body() -> None:
-    problem = assemble(stack(2, 0.5, friction__coefficient=1.0), MPI.COMM_WORLD)
-    tags, names = problem.domain.facet_tags, problem.domain.facet_names
-    on, against = (tags.find(names[name][0]) for name in ("upper_bottom", "lower_top"))
-    given = cl.Elasticity(young=YOUNG, poisson=POISSON)
-    plane = cl.HalfSpace((0.0, 0.0), (0.0, 1.0))
-    for more in ({"foundation": plane}, {"motion": cl.Motion((0.0, 0.0))}):
-        contact = cl.Contact(on, against=against, **more)
-        with pytest.raises(InputError, match="with a foundation, which may move, or with another"):
-            cl.ContactProblem(given, contacts=[contact], space=problem.body.space)
-
-
 @pytest.mark.parametrize("on", ["rim", "pads"])
 def test_a_disc_that_comes_between_the_nodes_of_flat_pads_is_not_lost(on: str) -> None:
     """The nodes of the pads never meet the disc: the certificate finds it inside of them."""
@@ -246,52 +233,6 @@ def test_nodes_of_both_sides_may_be_at_one_place_in_a_file(tmp_path: Path) -> No
     assert largest(solution, stress - np.diag([-0.01, 0.0])) <= 1e-8
 
 
-def test_the_lips_of_a_closed_crack_that_sticks_are_one_body(tmp_path: Path) -> None:
-    """A cut from the right to the middle, whose lips share the node at its tip."""
-    comm, n = MPI.COMM_WORLD, 8
-    points, cells = grid(0, 0, 1, n)
-    row = [1 + (n // 2) * (n + 1) + i for i in range(n + 1)]
-    twins = {node: len(points) + k + 1 for k, node in enumerate(row[n // 2 + 1 :])}
-    cut = [*points, *(points[node - 1] for node in twins)]
-
-    def above(cell: Any) -> bool:
-        return float(np.mean([points[node - 1][1] for node in cell])) > 0.5
-
-    body = [tuple(twins.get(i, i) for i in cell) if above(cell) else cell for cell in cells]
-    lower = list(zip(row[n // 2 :], row[n // 2 + 1 :], strict=False))
-    upper = [tuple(twins.get(i, i) for i in facet) for facet in lower]
-    last = (n + 1) * (n + 1)
-    sides: Groups = {
-        "left": [(i + 1, i + 2) for i in range(n)],
-        "right": [(last - i, last - i - 1) for i in range(n)],
-    }
-    contact = {"on": "upper", "against": "lower"}
-    lips = {
-        "lower": {"on": "crack", "facing": [0, 1]},
-        "upper": {"on": "crack", "facing": [0, -1]},
-    }
-    # Here left is the bottom, and right the top.
-    load = [{"on": "right", "value": [0.001, -0.01]}]
-    whole = shared(comm, tmp_path, points, {**sides, "body": cells})
-    one = solved(from_file(whole, {"on": []}, loads__tractions=load))
-    folder = Path(comm.bcast(str(tmp_path))) / "cut"
-    if comm.rank == 0:
-        folder.mkdir()
-    comm.Barrier()
-    # Gmsh's plugin Crack leaves both lips in one group.
-    path = shared(comm, folder, cut, {**sides, "crack": [*upper, *lower], "body": body})
-    with pytest.raises(InputError, match="both lips of a cut") as caught:
-        solve(from_file(path, {"on": "crack", "against": "crack"}))
-    assert caught.value.key == "contact.against"
-    assert all(f"{{on: [crack], facing: [0.0, {way}.0]}}" in str(caught.value) for way in (1, -1))
-    load_and_lips = {"loads__tractions": load, "mesh__parts": lips}
-    two = solved(from_file(path, contact, **load_and_lips))
-    for key in ("displacement_max", "elastic_energy"):
-        assert two.summary[key] == pytest.approx(one.summary[key], rel=1e-6)
-    slips = solved(from_file(path, contact, friction__coefficient=0.0, **load_and_lips))
-    assert slips.summary["elastic_energy"] > (1.0 + 1e-4) * one.summary["elastic_energy"]
-
-
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_saved_step_goes_on_as_without_a_break(dim: int, tmp_path: Path) -> None:
     folder = Path(MPI.COMM_WORLD.bcast(str(tmp_path))) / "saved"
@@ -305,22 +246,6 @@ def test_a_saved_step_goes_on_as_without_a_break(dim: int, tmp_path: Path) -> No
     rest = solve(stack(dim, h, **given, steps={"to": 2.0, "count": 4}), restart=folder)
     for key in ("friction_force", "slip_max", "elastic_energy"):
         assert rest.summary[key] == pytest.approx(whole.summary[key], rel=1e-5, abs=1e-9)
-
-
-@pytest.mark.parametrize("n", [100.0, 1e4, math.inf])
-def test_stacked_blocks_take_as_many_tangents_as_one_on_a_foundation(n: float) -> None:
-    """With friction and a limit of the strain, but for half as many."""
-    given: dict[str, Any] = {
-        "friction__coefficient": 0.3,
-        "material__locking_limit": 0.006,
-        "penalty__n": n,
-        "loads__tractions": [{"on": "top", "value": ["0", "-0.02*(1 + x)"]}],
-    }
-    stiff = {"lower": {"elasticity": {"young": 200.0, "poisson": POISSON}, "locking_limit": 1.0}}
-    both = solved(stack(2, 0.2, **given, material__regions=stiff))
-    one = solved(stack(2, 0.2, **given, contact={"on": "upper_bottom"}))
-    counts = [solution.summary["iterations"]["tangents"] for solution in (both, one)]
-    assert counts[0] <= 1.5 * counts[1]
 
 
 @pytest.mark.slow
@@ -343,25 +268,6 @@ def test_two_bodies_are_the_same_on_one_two_and_four_ranks(dim: int, tmp_path: P
     for key in ("compliance", "elastic_energy", "pressure_max", "slip_max"):
         values = [summary[key] for summary in found]
         assert values[1:] == pytest.approx([values[0]] * 2, rel=1e-7)
-
-
-def test_nodes_that_neither_stick_nor_slide_are_solved_with_much_friction() -> None:
-    """Two long blocks: a node at the end of the contact would open if it sticks."""
-    given: dict[str, Any] = {
-        "mesh__upper": [20.0, 1.0],
-        "mesh__size": [20.0, 1.0],
-        "loads__displacements": [{"on": ["left", "upper_left"], "value": [0.0, 0.0]}],
-        "loads__tractions": [{"on": "top", "value": [0.0, -1e-5]}],
-    }
-    found = [
-        solved(stack(2, 0.5, **given, friction__coefficient=mu, contact__pair="once"))
-        for mu in (1e3, 1e5)
-    ]
-    sizes = [one.summary["displacement_max"] for one in found]
-    assert sizes[0] == pytest.approx(sizes[1], rel=1e-4)
-    for one in found:
-        assert one.summary["iterations"]["tangents"] <= 15
-        assert one.summary["slip_max"] <= 2e-3 * one.summary["displacement_max"]
 
 
 def test_newton_and_the_interior_point_method_agree_on_two_bodies() -> None:
@@ -430,18 +336,6 @@ def test_two_locking_blocks_that_are_squeezed_too_far_are_proved_to_be() -> None
     solution = solve(stack(2, 0.25, material__locking_limit=0.005, loads={"displacements": held}))
     assert not solution.converged and "infeasible" in solution.summary["reason"]
     assert "20 % of the prescribed displacements" in solution.summary["reason"]
-
-
-def test_a_pushed_foundation_presses_one_body_on_another() -> None:
-    plate = {"half_space": {"point": [0, 2], "normal": [0, -1]}, "force": [0, -0.01]}
-    contact = [
-        {"on": "upper_bottom", "against": "lower_top"},
-        {"on": "top", "foundation": plate},
-    ]
-    held = {"displacements": [{"on": "bottom", "value": [0.0, 0.0]}]}
-    solution = solved(stack(2, 0.25, contact=contact, loads=held, friction__coefficient=0.3))
-    forces = [part["contact_force"][1] for part in solution.summary["contacts"]]
-    assert forces == pytest.approx([0.01, -0.01], rel=1e-6)
 
 
 def test_a_row_of_three_bodies_passes_the_force_on(tmp_path: Path) -> None:

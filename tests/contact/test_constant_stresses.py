@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from slow import slow
 from two_bodies import POISSON, YOUNG, bent_boxes, stack
 
 from contact_locking import StudySolution, assemble, solve
@@ -42,16 +43,15 @@ def grids(cells: str, dim: int) -> dict[str, Any]:
 
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("swapped", [False, True])
-@pytest.mark.parametrize("slope", [0.0, 0.2])
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("cells", ["simplex", "box"])
 def test_constant_stresses_cross_unmatched_and_tilted_interfaces(
-    dim: int, swapped: bool, slope: float, degree: int, cells: str
+    dim: int, swapped: bool, degree: int, cells: str
 ) -> None:
     given = stack(
         dim,
         0.25 if dim == 2 else 0.4,
-        mesh__slope=slope,
+        mesh__slope=0.2,
         contact=facing(swapped),
         discretisation__degree=degree,
         friction__coefficient=1.0,
@@ -59,7 +59,7 @@ def test_constant_stresses_cross_unmatched_and_tilted_interfaces(
     )
     jump, force, area = at_constant_stress(given)
     assert jump <= 1e-12 and force <= 1e-12
-    assert area == pytest.approx(math.hypot(1.0, slope), rel=1e-12)
+    assert area == pytest.approx(math.hypot(1.0, 0.2), rel=1e-12)
 
 
 @pytest.mark.parametrize("swapped", [False, True])
@@ -103,7 +103,7 @@ def elastic_stress(strain: Any) -> Any:
 
 
 @pytest.mark.parametrize(("dim", "cells"), [(2, "simplex"), (3, "simplex"), (3, "box")])
-@pytest.mark.parametrize(("n", "share"), [(1e3, 1e-10), (math.inf, 1e-7)])
+@pytest.mark.parametrize(("n", "share"), [slow(1e3, 1e-10), (math.inf, 1e-7)])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_tilted_interface_with_friction_carries_a_uniform_pressure(
     dim: int, cells: str, n: float, share: float, degree: int

@@ -13,6 +13,8 @@ from contact_locking.results.in_words import rows
 from contact_locking.results.quantities import look_up
 from contact_locking.study_file import from_mapping
 
+pytestmark = pytest.mark.serial
+
 
 def test_a_contact_without_a_name_has_that_of_its_first_part_and_no_two_have_the_same() -> None:
     given = [

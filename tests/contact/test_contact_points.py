@@ -57,24 +57,10 @@ def test_contact_csv_is_read_as_it_was_written(dim: int, kind: str) -> None:
     assert np.array_equal(contact_table.read_facets(second, "contact_facets.csv", found), facets)
 
 
-def test_a_file_without_the_column_contact_has_one_contact() -> None:
-    points, facets = table(2, "locked")
-    old = "".join(line.rpartition(",")[0] + "\n" for line in text(points, facets)[0].splitlines())
-    found = contact_table.read_points(old, "contact.csv")
-    assert len(found.parts()) == 1
-    assert np.array_equal(found.x, points.x) and np.array_equal(found.normal, points.normal)
-
-
 def test_a_facet_of_points_of_two_contacts_is_refused() -> None:
     points, _ = table(2)
     with pytest.raises(InputError, match="joins points of different contacts"):
         contact_table.read_facets(f"point_0,point_1\n{DIVISIONS},{DIVISIONS + 1}\n", "f", points)
-
-
-def test_a_body_without_contact_has_an_empty_table_and_no_parts() -> None:
-    points, facets = table(3, "without contact")
-    assert len(points) == 0 and points.parts() == [] and points.normal.shape == (0, 3)
-    assert facets.shape == (0, 3)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,9 @@ from mpi4py import MPI
 from pressed_tools import HELD, pressed, told, tool
 from slow import slow
 
-from contact_locking import InputError, Parameters, assemble, save, solve_steps
+from contact_locking import InputError, Parameters, assemble, solve_steps
+
+pytestmark = pytest.mark.serial
 
 
 def cycle(**changes: Any) -> Parameters:
@@ -93,21 +94,3 @@ def test_a_motion_along_the_force_is_refused() -> None:
     led["foundation"]["motion"] = [0.0, "-0.01*t"]
     with pytest.raises(InputError, match="is along foundation"):
         assemble(pressed(led, steps={"to": 1.0, "count": 2}), MPI.COMM_WORLD)
-
-
-@pytest.mark.slow
-def test_a_process_goes_on_from_a_saved_step(tmp_path: Path, comm: MPI.Intracomm) -> None:
-    folder = comm.bcast(tmp_path)
-    found = []
-    for number, one in enumerate(solve_steps(cycle())):
-        found.append(one)
-        if number == 2:
-            save(one, folder)
-    went_on = list(solve_steps(cycle(), restart=folder))
-    assert [one.time for one in went_on] == [0.5, 0.75, 1.0]
-    for one, again in zip(found[2:], went_on, strict=True):
-        assert again.converged, again.summary["reason"]
-        assert told(again)["travel"] == pytest.approx(told(one)["travel"], rel=1e-7)
-    assert went_on[-1].history.column("work_total")[-1] == pytest.approx(
-        found[-1].history.column("work_total")[-1], rel=1e-6
-    )

@@ -11,6 +11,8 @@ from problems import block
 
 from contact_locking import InputError, assemble, solve, solve_steps
 
+pytestmark = pytest.mark.serial
+
 
 @pytest.mark.parametrize(
     ("force", "why"),

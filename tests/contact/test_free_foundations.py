@@ -37,6 +37,7 @@ def held(on: str = "top", mu: float = 0.3, **foundation: Any) -> dict[str, Any]:
 # Springs.
 
 
+@pytest.mark.serial
 def test_a_spring_alone_holds_a_body_that_is_free_to_move() -> None:
     loads = {
         "body_force": [0.0, -0.01],
@@ -50,6 +51,7 @@ def test_a_spring_alone_holds_a_body_that_is_free_to_move() -> None:
         assert told(found)["travel"] == pytest.approx(-0.01 / 0.5, rel=1e-7)
 
 
+@pytest.mark.serial
 def test_a_motion_drives_the_far_end_of_a_spring() -> None:
     place = {"point": [0.0, 1.5], "normal": [0.0, -1.0]}
     spring = {"stiffness": 2.0, "along": [0.0, 1.0]}
@@ -63,6 +65,7 @@ def test_a_motion_drives_the_far_end_of_a_spring() -> None:
     assert told(driven)["travel"] < 0.0
 
 
+@pytest.mark.serial
 def test_a_spring_that_nothing_touches_stays_where_it_is() -> None:
     far = {"point": [0.0, 1.5], "normal": [0.0, -1.0]}
     spring = {"stiffness": 2.0, "along": [0.0, 1.0]}
@@ -72,6 +75,7 @@ def test_a_spring_that_nothing_touches_stays_where_it_is() -> None:
     assert told(rest)["travel"] == 0.0
 
 
+@pytest.mark.serial
 def test_the_methods_and_solvers_find_the_same_place(comm: MPI.Intracomm) -> None:
     contact = held(spring={"stiffness": 2.0}, force=[0.0, -0.01])
     ways = [
@@ -88,6 +92,7 @@ def test_the_methods_and_solvers_find_the_same_place(comm: MPI.Intracomm) -> Non
     assert travels[2:] == pytest.approx([travels[2]] * 3, rel=1e-5)
 
 
+@pytest.mark.serial
 def test_a_foundation_settles_from_anywhere_and_its_border_is_the_derivative() -> None:
     """``q(u)`` is the root of g, and ``dq = -C^-1 B . du``."""
     contact = held(force=[0.003, -0.03])
@@ -117,6 +122,7 @@ def test_a_foundation_settles_from_anywhere_and_its_border_is_the_derivative() -
     assert system.tools.travels[0] - places[-1] == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.serial
 def test_a_wrong_force_breaks_the_balance_of_the_tool() -> None:
     problem = assemble(pressed(held(force=[0.0, -0.03]), h=0.5), MPI.COMM_WORLD)
     solver = solver_of(problem, Monitor())
@@ -128,6 +134,7 @@ def test_a_wrong_force_breaks_the_balance_of_the_tool() -> None:
     assert not equilibrium(state).criteria(tolerance)["tool_balance"].holds
 
 
+@pytest.mark.serial
 def test_derivatives_by_the_stiffness_of_a_spring_are_those_of_more_solves() -> None:
     contact = held(spring={"stiffness": 2.0}, force=[0.0, -0.01])
     asked = {
@@ -141,6 +148,7 @@ def test_derivatives_by_the_stiffness_of_a_spring_are_those_of_more_solves() -> 
             assert entry["derivative"] == pytest.approx(entry["checked"], rel=1e-4)
 
 
+@pytest.mark.serial
 def test_a_script_has_springs_as_a_study_has() -> None:
     contact = held(force=[0.0, -0.01], spring={"stiffness": 2.0})
     study = solved(pressed(contact, loads={"displacements": HELD}))
@@ -171,6 +179,7 @@ def test_a_script_has_springs_as_a_study_has() -> None:
     problem.close()
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("limit", [math.inf, 0.012])
 def test_a_plate_with_much_friction_is_one_that_is_glued_to_the_body(limit: float) -> None:
     """The force that a glued plate takes moves a pressed plate as far, while nothing lifts off."""
@@ -190,6 +199,7 @@ def test_a_plate_with_much_friction_is_one_that_is_glued_to_the_body(limit: floa
 # What is refused.
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

@@ -13,14 +13,13 @@ from mpi4py import MPI
 from problems import block
 from slow import slow
 
-from contact_locking import InputError, StudySolution, solve
+from contact_locking import StudySolution, solve
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.foundation import Foundation
 from contact_locking.results.contact_points import OPEN
 from contact_locking.study.contacts import FOUNDATIONS
-from contact_locking.study_file.parameters import rigid_body
-from contact_locking.study_file.parameters.base import BodyKind, Section, dimension_faults, entry
-from contact_locking.study_file.parameters.values import Point
+
+pytestmark = pytest.mark.serial
 
 GAP = 0.005
 
@@ -145,44 +144,3 @@ def test_an_edge_of_an_own_foundation_carries_the_load(
         touching = points.x[points.state != OPEN, 0]
         assert len(touching) > 0
         assert touching == pytest.approx(0.5, abs=0.11)
-
-
-def test_a_node_on_a_sharp_edge_of_an_own_foundation_has_a_distance(
-    monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm
-) -> None:
-    side = math.sqrt(0.5)
-    wedge = Wedge((0.4, -0.002), ((side, side), (-side, side)))
-    monkeypatch.setitem(FOUNDATIONS, "half_space", lambda section, placement: (wedge, ()))
-    solution = on({"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}, 2, comm)
-    assert not [text for text in solution.summary["warnings"] if "contact_normal" in text]
-
-
-class Bore(Section):
-    centre: Point = entry(..., "its centre", "length")
-    semi_axes: Point = entry(..., "its semi-axes", "length")
-    depth: float
-
-
-def test_the_vectors_of_a_new_section_have_the_components_of_the_space() -> None:
-    bore = Bore(centre=(0.0, 0.0), semi_axes=(1.0, 2.0, 3.0), depth=1.0)
-    assert [fault.place for fault in dimension_faults(bore, BodyKind(2))] == [("semi_axes",)]
-    assert [fault.place for fault in dimension_faults(bore, BodyKind(3))] == [("centre",)]
-
-
-class Broken(Capsule):
-    def gap(self, x: FloatArray) -> FloatArray:
-        raise InputError("has no distance")
-
-
-def test_a_fault_of_an_own_foundation_is_at_its_key_of_the_study_file(
-    monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm
-) -> None:
-    broken = Broken((0.0, -1.0), (1.0, -1.0), 1.0)
-    monkeypatch.setitem(FOUNDATIONS, "half_space", lambda section, placement: (broken, ()))
-    with pytest.raises(InputError, match="has no distance") as caught:
-        on({"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}, 2, comm)
-    assert caught.value.key == "contact.foundation.half_space"
-
-
-def test_every_foundation_of_the_study_file_has_a_class() -> None:
-    assert set(FOUNDATIONS) == set(rigid_body.SHAPES)

@@ -19,10 +19,10 @@ from contact_locking.errors import InputError
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import integral
 from contact_locking.fem.spaces import P2
-from contact_locking.fem.trace import Trace, make_nodal
+from contact_locking.fem.trace import Trace
 from contact_locking.parallel import maximum
 from contact_locking.results.solution import StudySolution
-from contact_locking.study.assembly import StudyProblem, assemble
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 #: Contact at the nodes of edges with the weights of Simpson's rule.
@@ -37,86 +37,6 @@ SIMPSON = dataclasses.replace(
 #: The slope of the foundation of :func:`pressed`.
 SLOPE = 0.02
 DIMENSIONS = pytest.mark.parametrize("dim", [2, 3])
-
-
-def assembled(dim: int, comm: MPI.Intracomm) -> StudyProblem:
-    return assemble(block(dim, 0.5), comm, element=P2)
-
-
-def random_field(problem: StudyProblem) -> fem.Function:
-    """A field with the same random nodal values for every distribution."""
-    field = fem.Function(problem.u.function_space)
-    dim = problem.domain.dim
-    waves = np.random.default_rng(7).normal(size=(3, dim, dim)) * 9.0
-    field.interpolate(lambda x: sum(np.sin(wave @ x[:dim]) for wave in waves))
-    return field
-
-
-@DIMENSIONS
-def test_the_weights_are_the_integrals_of_the_control_functions(
-    dim: int, comm: MPI.Intracomm
-) -> None:
-    problem = assembled(dim, comm)
-    (contact,) = problem.contacts
-    surface = contact.surface
-    assert np.all(surface.weights > 0.0)
-    assert surface.integral(np.ones(len(surface.nodes))) == pytest.approx(1.0)
-    field = random_field(problem)
-    summed = surface.integral(surface.limited.of_function(field))
-    measure = problem.domain.ds(contact.on, None)
-    exact = [integral(problem.domain, component * measure) for component in ufl.split(field)]
-    assert summed == pytest.approx(exact, rel=1e-12)
-    problem.close()
-
-
-@DIMENSIONS
-def test_the_control_values_in_ufl_are_those_of_the_matrix(dim: int, comm: MPI.Intracomm) -> None:
-    problem = assembled(dim, comm)
-    (contact,) = problem.contacts
-    field = random_field(problem)
-    limited = contact.surface.limited
-    by_form = contact.surface.average(contact.limited(field))()
-    assert by_form == pytest.approx(limited.of_function(field), abs=1e-12)
-    problem.close()
-
-
-@DIMENSIONS
-def test_nodal_values_have_the_control_values_that_they_were_made_from(
-    dim: int, comm: MPI.Intracomm
-) -> None:
-    problem = assembled(dim, comm)
-    (contact,) = problem.contacts
-    surface = contact.surface
-    wanted = np.cos(20.0 * surface.points)
-    field = surface.vector_function(wanted)
-    make_nodal(field, [surface.limited])
-    assert surface.limited.of_function(field) == pytest.approx(wanted, abs=1e-14)
-    problem.close()
-
-
-@DIMENSIONS
-def test_affine_fields_are_their_control_values(dim: int, comm: MPI.Intracomm) -> None:
-    problem = assembled(dim, comm)
-    surface = problem.contacts[0].surface
-    field = fem.Function(problem.u.function_space)
-    field.interpolate(lambda x: x[:dim])
-    assert surface.limited.of_function(field) == pytest.approx(surface.points, abs=1e-15)
-    problem.close()
-
-
-@DIMENSIONS
-def test_friction_of_control_values_bounds_the_integral_from_above(
-    dim: int, comm: MPI.Intracomm
-) -> None:
-    problem = assembled(dim, comm)
-    (contact,) = problem.contacts
-    field = random_field(problem)
-    summed = contact.surface.integral(np.linalg.norm(contact.split(field)[1], axis=1))
-    slip = field - field[dim - 1] * ufl.as_vector([0.0] * (dim - 1) + [1.0])
-    measure = problem.domain.ds(contact.on, None, quadrature_degree=16)
-    exact = integral(problem.domain, ufl.sqrt(ufl.inner(slip, slip)) * measure)
-    assert exact < summed < 3.0 * exact
-    problem.close()
 
 
 def entered(solution: StudySolution) -> float:
@@ -192,23 +112,6 @@ def test_newton_finds_the_solution_of_the_interior_point_method(
     ]
     assert convergence.distance(*found).v <= 1e-6
     assert found[0].summary["contact_area"] > 0.3
-
-
-def test_the_fields_of_two_contacts_with_a_common_edge_add_up(comm: MPI.Intracomm) -> None:
-    contact = [{"on": "bottom"}, {"on": "back", "friction": {"coefficient": 0.0}}]
-    loads = {
-        "tractions": [
-            {"on": "top", "value": [0.01, 0.0, -0.05]},
-            {"on": "front", "value": [0.0, 0.04, 0.0]},
-        ],
-        "displacements": [{"on": "left", "value": [0.0, 0.0, 0.0]}],
-    }
-    solution = solved(block(3, 0.5, penalty__n=np.inf, contact=contact, loads=loads), P2, comm)
-    sums = [float(one.surface.integral(one.pressure)) for one in solution.contacts]
-    assert min(sums) > 0.01
-    measure = solution.domain.ds(("bottom", "back"), None)
-    total = integral(solution.domain, solution.contact_pressure * measure)
-    assert total == pytest.approx(sum(sums), rel=1e-12)
 
 
 @pytest.mark.serial

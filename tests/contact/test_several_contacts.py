@@ -106,14 +106,6 @@ def test_loads_that_press_the_body_onto_neither_foundation_are_refused() -> None
         solve(between(2, contact, loads=loads))
 
 
-def test_a_body_without_loads_rests_between_its_foundations() -> None:
-    entries = [{"on": "bottom"}, {"on": ["left", "right"], "gap": 0.01}]
-    solution = solved(between(2, entries, loads={}))
-    assert solution.summary["iterations"]["tangents"] == 1
-    assert (solution.displacement.x.array == 0.0).all()
-    assert solution.summary["contact_force"] == [0.0, 0.0]
-
-
 @pytest.mark.parametrize("tampered", [0, 1])
 def test_the_certificate_judges_each_contact(
     tampered: int, monkeypatch: pytest.MonkeyPatch
@@ -162,30 +154,3 @@ def test_own_bounds_of_friction_are_one_for_each_contact() -> None:
     for fields, strength in zip(solution.contacts, (1e-4, 3e-4), strict=True):
         size = np.linalg.norm(fields.traction, axis=1)
         assert (size <= strength * (1.0 + Settings().tolerance * 1e3)).all()
-
-
-@pytest.mark.parametrize("length", [1.0, 100.0])
-def test_what_rounding_leaves_on_an_idle_contact_is_nothing_beside_the_other(length: float) -> None:
-    """The body presses the nearer of two foundations, in any unit, and locks."""
-    given = {
-        "mesh": {
-            "builder": "l_shape",
-            "dim": 2,
-            "size": [length, length],
-            "h": 0.15 * length,
-            "axisymmetric": True,
-        },
-        "material": {"locking": [{"norm": "volume", "at_most": 6e-4, "at_least": -3e-4}]},
-        "loads": {
-            "displacements": [{"on": "top", "value": [0.0, -1e-5 * length]}],
-            "tractions": [{"on": "inner_horizontal", "value": [0.0, -0.002]}],
-        },
-        "contact": [
-            {"on": "bottom"},
-            {"on": "bottom", "gap": 2e-6 * length, "friction": {"coefficient": 0.3}},
-        ],
-        "friction": {"coefficient": 2.0, "smoothing": NONE, "regularisation": 2e-7 * length},
-    }
-    solution = solved(Parameters.model_validate(given))
-    near, far = (entry["contact_force"][1] for entry in solution.summary["contacts"])
-    assert far < 1e-6 * near

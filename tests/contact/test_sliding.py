@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
-from two_bodies import POISSON, YOUNG, fit, stack
+from two_bodies import POISSON, YOUNG, stack
 
 import contact_locking as cl
 from contact_locking import StudySolution, assemble, save, solve, solve_steps, study_file
@@ -114,24 +114,6 @@ def test_a_step_after_a_pairing_anew_goes_on_from_a_checkpoint(tmp_path: Path) -
     rest = solve(sliding(), restart=folder)
     for key in ("friction_force", "slip_max", "elastic_energy", "pressure_max"):
         assert rest.summary[key] == pytest.approx(whole.summary[key], rel=1e-6, abs=1e-9)
-
-
-def test_small_sliding_is_the_same_with_a_pairing_anew() -> None:
-    """On a press fit that turns a little, on curved sides."""
-    turn = {"on": "outer", "value": ["-0.002*t*y", "0.002*t*x"]}
-    given: dict[str, Any] = {
-        "mesh__quarter": False,
-        "loads": {"displacements": [turn, {"on": "hole", "value": [0.0, 0.0]}]},
-        "friction__coefficient": 0.1,
-        "steps": {"to": 1.0, "count": 4},
-    }
-    contact = {"on": "rim", "against": "inner", "gap": -0.01}
-    found = [
-        solved(fit(**given, contact=contact | {"pair": pair})) for pair in ("once", "each_step")
-    ]
-    for key in ("pressure_max", "elastic_energy", "slip_max"):
-        values = [one.summary[key] for one in found]
-        assert values[0] == pytest.approx(values[1], rel=0.02)
 
 
 def test_a_script_pairs_where_the_solution_before_has_come_to() -> None:

@@ -10,11 +10,11 @@ import pytest
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from problems import block, column
+from problems import block
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.smoothing import ConvolutionOperator, HelmholtzOperator, Smoothing
+from contact_locking.contact.smoothing import ConvolutionOperator
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.contact.surface_mesh import SurfaceMesh
 from contact_locking.mesh.domain import Domain
@@ -51,72 +51,6 @@ def test_a_constant_pressure_on_the_free_nodes_stays_beside_a_clamp(dim: int, ke
     for at_held in (0.0, 7.0):
         smoothed = contact.friction.smoothing.apply(np.where(free, 3.0, at_held))
         assert smoothed[free] == pytest.approx(3.0, rel=1e-12)
-    problem.close()
-
-
-@pytest.mark.parametrize("kernel", [*KERNELS, "none"])
-def test_the_adjoint_moves_r_to_the_other_factor_of_a_product(kernel: str) -> None:
-    problem = assemble(clamped(2, kernel), MPI.COMM_WORLD)
-    (contact,) = problem.contacts
-    smoothing, surface = contact.friction.smoothing, contact.surface
-    x = surface.points[:, 0]
-    first, second = np.where(contact.free, np.exp(x), 0.0), np.where(contact.free, 1.0 + x**3, 0.0)
-    products = [
-        surface.integral(smoothing.apply(first) * second),
-        surface.integral(first * smoothing.adjoint(second)),
-    ]
-    assert products[0] == pytest.approx(products[1], rel=1e-12)
-    problem.close()
-
-
-@pytest.mark.parametrize("kernel", KERNELS)
-def test_rollers_along_a_part_of_gamma_c_hold_no_node_of_it(kernel: str) -> None:
-    # Rollers on the sides fix u_x at the ends of the bottom, whose normal displacement is u_y.
-    parameters = column(friction={"coefficient": 0.1, "smoothing": {"kernel": kernel, "radius": 1}})
-    problem = assemble(parameters, MPI.COMM_WORLD)
-    (contact,) = problem.contacts
-    assert contact.free.all()
-    problem.close()
-
-
-@pytest.mark.parametrize("kernel", KERNELS)
-def test_a_part_of_gamma_c_that_is_held_everywhere_does_no_harm(kernel: str) -> None:
-    parameters = block(
-        contact__on=["bottom", "right"],
-        loads={"displacements": [{"on": ["left", "top"], "value": [0.0, 0.0]}]},
-        friction__smoothing={"kernel": kernel, "radius": 0.2},
-    )
-    surface = ContactSurface(*_domain_and_space(parameters), ("bottom",))
-    comm = surface.domain.comm
-    whole = surface.whole(np.zeros(len(surface.nodes), dtype=bool))
-    laplacian = surface.laplacian()
-    smoothing: Smoothing = (
-        ConvolutionOperator(comm, whole, 0.2)
-        if kernel == "convolution"
-        else HelmholtzOperator(comm, whole, laplacian, 0.2)
-    )
-    assert np.isfinite(smoothing.apply(np.ones(len(surface.nodes)))).all()
-    assert smoothing.norm() == 1.0
-    smoothing.destroy()
-    laplacian.destroy()
-
-
-def _domain_and_space(parameters: Parameters) -> tuple[Domain, fem.FunctionSpace]:
-    problem = assemble(parameters, MPI.COMM_WORLD)
-    problem.close()
-    return problem.domain, problem.u.function_space
-
-
-def test_a_helmholtz_filter_keeps_constants_for_a_radius_of_any_size() -> None:
-    study = block(friction__smoothing={"kernel": "helmholtz", "radius": 1e6})
-    problem = assemble(study, MPI.COMM_WORLD)
-    (contact,), comm = problem.contacts, problem.domain.comm
-    smoothing, free, x = contact.friction.smoothing, contact.free, contact.surface.points[:, 0]
-    assert smoothing.apply(np.full(len(x), 3.0))[free] == pytest.approx(3.0, rel=1e-14)
-    # For every other pressure R gives its mean over the free nodes.
-    weights = np.where(free, contact.surface.weights, 0.0)
-    mean = comm.allreduce(float(weights @ x)) / comm.allreduce(float(weights.sum()))
-    assert smoothing.apply(x)[free] == pytest.approx(mean, rel=1e-9)
     problem.close()
 
 
@@ -184,6 +118,7 @@ def pairs_within(whole: SurfaceMesh, radius: float) -> list[Any]:
     return [np.concatenate(parts) for parts in zip(nothing, *whole.within(radius), strict=True)]
 
 
+@pytest.mark.serial
 def test_a_closed_curve_is_measured_the_shorter_way_around() -> None:
     comm = MPI.COMM_WORLD
     surface = surface_of(comm, (1.0, 1.0), (8, 8), lambda x: np.full(x.shape[1], True))
@@ -197,27 +132,7 @@ def test_a_closed_curve_is_measured_the_shorter_way_around() -> None:
     assert np.all(distances >= across - 1e-12)
 
 
-@pytest.mark.parametrize("comm", [MPI.COMM_WORLD, MPI.COMM_SELF], ids=["together", "alone"])
-def test_a_fold_in_three_dimensions_is_left_out_and_a_flat_piece_measured_straight(
-    comm: MPI.Intracomm,
-) -> None:
-    def around_the_end(x: Any) -> Any:
-        return (x[2] < 1e-9) | (x[0] > 1.0 - 1e-9) | (x[2] > 0.1 - 1e-9)
-
-    surface = surface_of(comm, (1.0, 0.5, 0.1), (10, 5, 2), around_the_end)
-    whole, points = surface.whole(), surface.points
-    rows, columns, distances = pairs_within(whole, 0.25)
-    pairs = points[rows], whole.points[columns]
-    assert distances == pytest.approx(np.linalg.norm(pairs[0] - pairs[1], axis=1), abs=1e-14)
-    far_from_the_end = points[rows][:, 0] < 0.7
-    assert np.abs(pairs[0] - pairs[1])[far_from_the_end, 2].max(initial=0.0) < 1e-9
-    # Within a flat piece no pair is missing.
-    bottom = np.flatnonzero((points[:, 2] < 1e-9) & (points[:, 0] < 0.7))
-    below = whole.points[whole.points[:, 2] < 1e-9]
-    near = np.linalg.norm(points[bottom][:, None] - below, axis=2) < 0.25 * (1.0 - 1e-12)
-    assert np.bincount(rows, minlength=len(points))[bottom] == pytest.approx(near.sum(axis=1))
-
-
+@pytest.mark.serial
 def test_a_kernel_that_keeps_constants_beside_a_clamp_is_known() -> None:
     def place(**changes: Any) -> str | None:
         problem = assemble(block(**changes), MPI.COMM_WORLD)

@@ -15,6 +15,8 @@ from contact_locking import StudySolution, solve
 from contact_locking.errors import Misplaced
 from contact_locking.study_file import from_mapping
 
+pytestmark = pytest.mark.serial
+
 DEPTH = 0.02
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +10,14 @@ import pytest
 from mpi4py import MPI
 from problems import block
 from scipy.spatial import ConvexHull
-from tool_files import ascii_stl, ball, binary_stl, box
+from tool_files import ascii_stl, binary_stl, box
 
 from contact_locking import InputError, Parameters, StudySolution, solve
 from contact_locking.arrays import FloatArray
 from contact_locking.expressions import parse
 from contact_locking.expressions.gradient import value_and_gradient
 from contact_locking.laws.faceted import Polyline, TriangulatedSurface
-from contact_locking.laws.foundation import Foundation, Sphere
-from contact_locking.mesh.file.tool_surface import checked, read_surface
-from contact_locking.study_file import from_mapping, load
-from contact_locking.study_file.fingerprint import fingerprint
+from contact_locking.laws.foundation import Foundation
 
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0))
 
@@ -61,12 +57,6 @@ def test_gradients_of_expressions_are_those_of_differences(text: str) -> None:
     for name, slopes in zip("xy", gradient, strict=True):
         above, below = (expression.numpy(**(at | {name: at[name] + h})) for h in (step, -step))
         assert slopes == pytest.approx((above - below) / (2 * step), abs=1e-7)
-
-
-def test_a_factor_that_does_not_change_adds_nothing_even_where_its_slope_is_infinite() -> None:
-    expression = parse("sqrt(y)*x", ("x", "y"))
-    at = {"x": np.array([2.0]), "y": np.array([0.0])}
-    assert value_and_gradient(expression, ("x",), at)[1].tolist() == [[0.0]]
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -211,62 +201,3 @@ def test_a_surface_gives_what_the_half_space_gives(kind: str, tmp_path: Path) ->
     found = solve(on({"surface": {"file": str(file), "scale": 0.001}}, 3))
     assert_same(plane, found, 1e-6 if kind == "binary" else 1e-10)
     assert found.summary["warnings"] == plane.summary["warnings"]
-
-
-@pytest.mark.serial
-def test_a_ball_of_triangles_comes_near_to_the_ball(tmp_path: Path) -> None:
-    file = tmp_path / "ball.stl"
-    centre = np.array([0.4, 0.4, -3.0])
-    file.write_bytes(binary_stl(ball(2.995, centre, 120)))
-    surface = read_surface(file)
-    assert surface.is_closed and not surface.warnings
-    x = np.random.default_rng(5).uniform(0.0, 1.0, (200, 3))
-    x[:, 2] *= 0.1
-    own = TriangulatedSurface(surface.points, surface.triangles)
-    exact = Sphere(tuple(centre), 2.995)
-    assert own.gap(x.T) == pytest.approx(exact.gap(x.T), abs=2e-3)
-    assert own.contact_normal(x.T) == pytest.approx(exact.contact_normal(x.T), abs=5e-2)
-
-
-@pytest.mark.serial
-def test_neighbours_that_look_to_different_sides_are_turned_on_a_closed_surface() -> None:
-    tool = box([0, 0, 0], [1, 1, 1])
-    for turned in ([0], [2, 5, 7], list(range(1, 12))):
-        mixed = tool.copy()
-        mixed[turned] = mixed[turned][:, ::-1]
-        found = checked(mixed, "box.stl")
-        distance = TriangulatedSurface(found.points, found.triangles)
-        assert distance.gap(np.array([[0.5, 0.5], [0.5, 0.5], [0.5, 1.5]])) == pytest.approx(
-            [-0.5, 0.5]
-        )
-        assert "were turned" in found.warnings[0]
-    # All of them are a cavity, in which the body may be.
-    hollow = checked(tool[:, ::-1], "mould.stl")
-    assert not hollow.warnings
-    assert TriangulatedSurface(hollow.points, hollow.triangles).gap(np.full((3, 1), 0.5)) > 0.0
-
-
-def test_the_content_of_a_tool_and_not_its_name_is_in_the_fingerprint(tmp_path: Path) -> None:
-    folder = Path(MPI.COMM_WORLD.bcast(tmp_path))
-    tools = [box([0, 0, -1], [1, 1, 0]), box([0, 0, -1], [1, 1, 0.1])]
-    if MPI.COMM_WORLD.rank == 0:
-        (folder / "a.stl").write_bytes(binary_stl(tools[0]))
-        (folder / "b.stl").write_bytes(binary_stl(tools[0]))
-        (folder / "c.stl").write_bytes(binary_stl(tools[1]))
-        for name in "abc":
-            foundation = f"foundation: {{surface: {name}.stl}}"
-            text = f"mesh: {{dim: 3}}\ncontact: {{on: bottom, {foundation}}}\n"
-            (folder / f"{name}.yml").write_text(text)
-    MPI.COMM_WORLD.Barrier()
-    a, b, c = (load(folder / f"{name}.yml").parameters for name in "abc")
-    # A path is relative to the study file.
-    assert a.contacts[0].foundation is not None
-    assert a.contacts[0].foundation.file == str(folder / "a.stl")
-    assert fingerprint(a) == fingerprint(b) != fingerprint(c)
-    scaled = {"file": "a.stl", "scale": 2.0}
-    other = from_mapping(
-        {"mesh": {"dim": 3}, "contact": [{"on": "bottom", "foundation": {"surface": scaled}}]},
-        folder,
-    )
-    assert fingerprint(other) != fingerprint(a)
-    assert math.isclose(2.0, other.contacts[0].foundation.shape[1].scale)  # type: ignore[union-attr]

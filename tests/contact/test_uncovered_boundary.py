@@ -10,6 +10,8 @@ from problems import block
 
 from contact_locking import StudySolution, solve
 
+pytestmark = pytest.mark.serial
+
 # The walls stand 0.05 to the right of the unit block, and the floor 0.01 below.
 FLOOR_AND_WALL = {"polyline": [[1.05, 3.0], [1.05, -0.01], [-3.0, -0.01]]}
 
@@ -74,34 +76,3 @@ def test_a_foundation_that_a_force_has_moved_is_entered_where_it_is_now() -> Non
     assert lift > 0.01
     (warning,) = about_entries(solution)
     assert f"by {0.05 + lift:.3g} near (1, " in warning
-
-
-def test_a_gap_says_nothing_of_other_boundary() -> None:
-    assert warnings(pushed(0.1), contact={"on": "bottom", "gap": 0.0}) == []
-
-
-def test_an_expression_without_a_value_away_from_gamma_c_is_no_error() -> None:
-    # The root has no value above y = 0.5, and the floor is 0.01 below the block.
-    floor = {"expression": "sqrt(0.5 - y) * 0 + y + 0.01"}
-    assert warnings(pushed(0.1), contact={"on": "bottom", "foundation": floor}) == []
-
-
-def test_the_rest_of_a_flat_side_beside_a_flat_punch_is_left_out_and_a_round_side_is_not() -> None:
-    punch = {"half_space": {"point": [0.0, 0.95], "normal": [0.0, -1.0]}}
-    flat: dict[str, Any] = {"mesh": {"builder": "punch", "h": 0.25}, "contact__on": "contact"}
-    hold: dict[str, Any] = {
-        "displacements": [{"on": "bottom", "value": [0.0, 0.0]}],
-        "tractions": [],
-    }
-    body: dict[str, Any] = {
-        "material__locking_limit": math.inf,
-        "penalty__n": math.inf,
-        "loads": hold,
-    }
-    pressed = solve(block(**flat, **body, contact__foundation=punch))
-    assert pressed.converged and about_entries(pressed) == []
-    floor = {"half_space": {"point": [0.0, 0.3], "normal": [0.0, 1.0]}}
-    hold["displacements"][0]["on"] = "top"
-    disc: dict[str, Any] = {"mesh": {"builder": "disc", "h": 0.25}, "contact__on": "contact"}
-    (warning,) = about_entries(solve(block(**disc, **body, contact__foundation=floor)))
-    assert "add the boundary part there to contact.on" in warning

@@ -51,6 +51,7 @@ def test_a_ring_on_a_foundation_touches_where_it_faces_it(
     )
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("dim", [2, 3])
 def test_sides_that_stand_on_the_foundation_change_nothing(dim: int) -> None:
     """In the variational inequality the nodes at the edge have the same condition."""
@@ -82,6 +83,7 @@ def test_a_foundation_that_nothing_faces_is_refused() -> None:
         solve(block(2, h=0.5, contact={"on": "bottom", "foundation": upside_down}))
 
 
+@pytest.mark.serial
 def test_a_foundation_whose_normal_points_the_wrong_way_is_refused() -> None:
     upside_down = {"half_space": {"point": [0.0, -2.0], "normal": [0.0, -1.0]}}
     with pytest.raises(InputError, match="turn the normal of the half space"):

@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import dolfinx
@@ -86,36 +85,6 @@ def started(folder: Path) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
     )
-
-
-@pytest.mark.slow
-def test_four_processes_compile_the_same_forms_at_once(tmp_path: Path) -> None:
-    """The first forms are half there: without the sign of the end, and without the source."""
-    assert started(tmp_path).wait() == 0
-    (folder,) = (tmp_path / "fenics").iterdir()
-    first, second, _ = sorted(folder.glob("*/*.c"))
-    first.unlink()
-    second.with_suffix(".c.cached").unlink()
-    for source in (first, second):
-        (source.parent / "compiling").write_text("1")
-    processes = [started(tmp_path) for _ in range(4)]
-    for process in processes:
-        out, errors = process.communicate(timeout=100)
-        assert not errors and list(map(float, out.split())) == pytest.approx([9.0, 27.0, 81.0])
-    assert len(list(folder.glob("*/*.c.cached"))) == 3
-
-
-@pytest.mark.slow
-def test_a_process_that_is_killed_as_it_compiles_stops_no_other(tmp_path: Path) -> None:
-    killed = started(tmp_path)
-    deadline = time.monotonic() + 60
-    while not list(tmp_path.glob("fenics/*/*/*.c")) and time.monotonic() < deadline:
-        time.sleep(0.01)
-    killed.kill()
-    killed.communicate()
-    begun = time.monotonic()
-    out, errors = started(tmp_path).communicate(timeout=50)
-    assert not errors and len(out.split()) == 3 and time.monotonic() - begun < 40.0
 
 
 @pytest.mark.slow

@@ -64,6 +64,7 @@ def test_limits_at_vertices_hold_in_the_cells() -> None:
     assert summary["overstrain_max"] <= 1e-9
 
 
+@pytest.mark.serial
 def test_the_overstrain_is_relative_to_the_limit_at_the_vertex(comm: MPI.Intracomm) -> None:
     # The strain of u = (x y, 0)/100 at the corner (1, 1) is the largest, and there M is 1.
     exact = ["0.01*x*y", "0"]
@@ -80,6 +81,7 @@ def test_the_overstrain_is_relative_to_the_limit_at_the_vertex(comm: MPI.Intraco
     assert summary["overstrain_max"] == 0.0
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("n", [1e3, np.inf])
 def test_the_stored_stresses_and_forces_do_the_work_of_the_loads(
     n: float, comm: MPI.Intracomm
@@ -90,6 +92,7 @@ def test_the_stored_stresses_and_forces_do_the_work_of_the_loads(
     assert work == pytest.approx(solution.summary["compliance"], rel=1e-8)
 
 
+@pytest.mark.serial
 def test_newton_and_the_interior_point_method_agree(comm: MPI.Intracomm) -> None:
     found = [
         solved(quadratic(4, penalty__n=1e3, solver__method=method), comm)
@@ -99,6 +102,7 @@ def test_newton_and_the_interior_point_method_agree(comm: MPI.Intracomm) -> None
     assert np.abs(apart).max() <= 1e-7 * np.abs(found[0].displacement.x.array).max()
 
 
+@pytest.mark.serial
 def test_a_stiffness_that_jumps_within_cells_stays_elliptic(comm: MPI.Intracomm) -> None:
     # Through the values 1 and 1000 an affine function is negative beyond the points.
     elasticity = {"young": "1000 if x < 0.45 else 1", "poisson": 0.3}
@@ -131,6 +135,7 @@ def test_a_locking_cube_is_solved_by_a_direct_and_an_iterative_solver(
     assert found == pytest.approx(direct.summary["compliance"], rel=1e-7)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_indicator_vanishes_for_a_quadratic_solution(dim: int, comm: MPI.Intracomm) -> None:
     sides = ["left", "right", "top", "bottom", *(["front", "back"] if dim == 3 else [])]

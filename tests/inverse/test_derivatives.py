@@ -11,14 +11,10 @@ import numpy as np
 import pytest
 from differences import errors
 from differentiated_block import NAMES, Block, block, quantities
-from petsc4py import PETSc
 from slow import slow
 
 import contact_locking as cl
-from contact_locking.inverse import lazy
 from contact_locking.inverse.parameters import entries, number
-from contact_locking.process import problem_solver
-from contact_locking.solver.linear.options import PREFIX
 
 CASES: dict[str, dict[str, Any]] = {
     "inequality": {},
@@ -80,6 +76,7 @@ def test_an_iterative_solve_has_the_derivatives_of_a_direct_one(make: Make) -> N
         np.testing.assert_allclose(found, wanted, rtol=1e-3)
 
 
+@pytest.mark.serial
 def test_forward_and_adjoint_agree(make: Make) -> None:
     made = make(n=1e3, method="newton")
     solution = made.problem.solve()
@@ -92,6 +89,7 @@ def test_forward_and_adjoint_agree(make: Make) -> None:
     np.testing.assert_allclose(forward.values, quantities(solution), rtol=1e-5)
 
 
+@pytest.mark.serial
 def test_few_solves_serve_many_parameters(make: Make) -> None:
     made = make(coefficient=lambda mu: 0.0)
     solution = made.problem.solve()
@@ -117,6 +115,7 @@ def test_a_moving_friction_bound_takes_fewer_solves_than_the_solution_took(make:
     assert lazy.made.linear.solves - adjoint <= 0.5 * solution.summary["iterations"]["linear"]
 
 
+@pytest.mark.serial
 def test_a_derivative_is_refused_with_its_reason(make: Make) -> None:
     made = make()
     solution = made.problem.solve()
@@ -139,16 +138,7 @@ def test_a_derivative_is_refused_with_its_reason(make: Make) -> None:
         solution.derivative("compliance", made.given["E"])
 
 
-def test_a_refusal_has_the_names_of_a_script(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (problem_solver, lazy):
-        monkeypatch.setattr(module, "linear_solver", lambda problem, linear: "iterative")
-    made = make(linear="iterative", tolerance=1e-6, friction_tolerance=1e-6)
-    solution = made.problem.solve()
-    with pytest.raises(cl.InputError, match="factorisation") as raised:
-        solution.derivative("compliance", made.given["E"])
-    assert raised.value.key == "settings.linear"
-
-
+@pytest.mark.serial
 def test_deriving_leaves_the_problem_as_it_was(make: Make) -> None:
     made = make()
     solution = made.problem.solve()
@@ -162,13 +152,7 @@ def test_deriving_leaves_the_problem_as_it_was(make: Make) -> None:
     np.testing.assert_allclose(values, wanted, rtol=0.0, atol=1e-12)
 
 
-def test_a_solution_with_derivatives_lends_its_solver_to_no_other(make: Make) -> None:
-    made = make(cells=4)
-    solution = made.problem.solve()
-    assert solution.derivative("compliance", made.given["E"]) < 0.0
-    assert not [name for name in PETSc.Options().getAll() if name.startswith(PREFIX)]
-
-
+@pytest.mark.serial
 def test_an_elastic_body_has_derivatives(make: Make) -> None:
     made = make()
     made.given["pull"].value, made.given["press"].value = -0.002, -0.005

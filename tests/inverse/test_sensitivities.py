@@ -37,6 +37,7 @@ def study(**changes: Any) -> cl.Parameters:
     )
 
 
+@pytest.mark.serial
 def test_names_stand_for_their_numbers() -> None:
     found = resolved(study())
     assert found.parameters is None
@@ -45,18 +46,7 @@ def test_names_stand_for_their_numbers() -> None:
     assert resolved(varied).friction.coefficient == "(0.4)*exp(-s/(0.05))"
 
 
-def test_a_motion_may_have_names() -> None:
-    tool = {"cylinder": {"centre": [0.5, -1.0], "radius": 1.0}, "motion": [0.0, "depth*t"]}
-    body = cl.from_mapping(
-        {"parameters": {"depth": 0.1}, "contact": {"on": "bottom", "foundation": tool}}
-        | {"steps": {"to": 1.0, "count": 2}}
-    )
-    foundation = body.contacts[0].foundation
-    assert foundation is not None
-    assert foundation.moved is not None
-    assert foundation.moved.translation == (0.0, "depth*t")
-
-
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("name", "reason"),
     [("x", "have already"), ("sin", "have already"), ("2a", "no name for expressions")],
@@ -66,11 +56,7 @@ def test_a_name_that_expressions_cannot_use_is_refused(name: str, reason: str) -
         cl.from_mapping({"parameters": {name: 1.0}})
 
 
-def test_an_unknown_name_is_refused() -> None:
-    with pytest.raises(ValueError, match="unknown name 'mu1'"):
-        study(friction__coefficient="mu1*exp(-s)")
-
-
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("key", "reason"),
     [
@@ -137,25 +123,7 @@ def test_friction_remembers_the_derivatives_of_its_slips() -> None:
     assert found["derivative"] == pytest.approx(expected, rel=1e-4)
 
 
-@pytest.mark.slow
-def test_steps_with_a_limit_have_the_derivatives_of_differences() -> None:
-    """With the tolerances by default, where the products of the cones end far apart."""
-    process = {
-        "loads": {"displacements": [{"on": "top", "value": ["0.02*sin(3*t)", "-0.02-0.01*t"]}]},
-        "steps": {"to": 1, "count": 3},
-    }
-    sharp, of = study(**process), ["reactions.top.0", "reactions.top.1"]
-    keys = ["parameters.s0", "material.locking_limit"]
-    asked = with_changes_of(study(**process, solver={}), {"of": of, "to": keys})
-    found = solve(asked).summary["sensitivities"]
-    for key in keys:
-        at = number_at(sharp, key)
-        above, below = (solve(with_number(sharp, key, at * (1.0 + w))) for w in (1e-4, -1e-4))
-        for name in of:
-            expected = (value_of(name, above) - value_of(name, below)) / (2e-4 * at)
-            assert found[name][key]["derivative"] == pytest.approx(expected, rel=1e-3)
-
-
+@pytest.mark.serial
 def test_the_column_has_its_closed_derivatives() -> None:
     """A column between rollers that no limit stops: the compliance is proportional to 1/E."""
     parameters = with_changes_of(
@@ -225,6 +193,7 @@ class Told(Monitor):
         self.messages.append(text)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("of", "to", "reason"),
     [
@@ -247,6 +216,7 @@ def test_what_has_no_derivative_is_refused_before_the_solve(
         cl.check(asked)
 
 
+@pytest.mark.serial
 def test_a_result_that_is_zero_has_no_elasticity_but_a_reason() -> None:
     """A column between plates: no load works, and no force acts to the side."""
     asked = {
@@ -272,31 +242,7 @@ def test_a_result_that_is_zero_has_no_elasticity_but_a_reason() -> None:
     assert any("which has no per cent" in row[2] for row in rows)
 
 
-def test_friction_of_a_body_that_nothing_touches_has_no_derivative() -> None:
-    """Its bound is that of the pressure at the open nodes, and not a root of the product."""
-    apart = study(
-        contact__gap=1.0,
-        loads={
-            "displacements": [{"on": "left", "value": [0.0, 0.0]}],
-            "tractions": [{"on": "right", "value": [0.01, -0.02]}],
-        },
-    )
-    asked = {"of": ["friction_force.0", "compliance"], "to": ["loads.tractions.0.value.1"]}
-    summary = solve(with_changes_of(apart, asked)).summary
-    assert summary["limit_used"] == pytest.approx(1.0, abs=1e-6)
-    found = summary["sensitivities"]["friction_force.0"]["loads.tractions.0.value.1"]
-    assert abs(found["derivative"]) < 1e-9 * summary["compliance"]
-    assert found["elasticity"] is None
-
-
-def test_a_check_stands_beside_the_derivative() -> None:
-    asked = {"of": ["contact_force.1"], "to": ["contact.gap"], "check": True}
-    solution = solve(with_changes_of(study(material__locking_limit=math.inf), asked))
-    found = solution.summary["sensitivities"]["contact_force.1"]["contact.gap"]
-    assert found["checked"] == pytest.approx(found["derivative"], rel=1e-3)
-    assert "change" in solution.summary["share_at_change"]["in_words"]
-
-
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("drag", "steps", "sign"), [(0.5, None, -1.0), ("1 - abs(2*t - 1)", {"times": [0.5, 1.0]}, 1.0)]
 )
@@ -352,6 +298,7 @@ def test_forces_of_springs_have_derivatives_with_those_of_conditions_beside_them
         assert np.abs(checked).max() > 0.0
 
 
+@pytest.mark.serial
 def test_a_support_that_turns_takes_its_reaction_along() -> None:
     of = ["reactions.left.0", "reactions.left.1", "contact_force.1", "compliance"]
     key = "loads.supports.0.along.1"
@@ -368,43 +315,3 @@ def test_a_support_that_turns_takes_its_reaction_along() -> None:
     for name in of:
         found = summary["sensitivities"][name][key]
         assert found["derivative"] == pytest.approx(found["checked"], rel=1e-3), name
-
-
-def test_normals_that_turn_take_friction_along() -> None:
-    """Of nodes that stick, rounding along the normal would be enlarged by their stiffness."""
-    of = ["contact_force.0", "contact_force.1", "friction_force.0", "pressure_max"]
-    keys = ["contact.foundation.cylinder.centre.0", "contact.foundation.cylinder.radius"]
-    pressed = study(
-        material={},
-        friction__coefficient=0.3,
-        friction__smoothing={"kernel": "none"},
-        loads={"displacements": [{"on": "top", "value": [0.01, -0.03]}]},
-        contact={
-            "on": "bottom",
-            "foundation": {"cylinder": {"centre": [0.45, -1.12], "radius": 1.127}},
-        },
-        sensitivities={"of": of, "to": keys, "check": True},
-    )
-    summary = solve(pressed).summary
-    assert summary["slip_area"] == 0.0 < summary["contact_area"]
-    for name in of:
-        for key in keys:
-            found = summary["sensitivities"][name][key]
-            assert found["derivative"] == pytest.approx(found["checked"], rel=1e-3), (name, key)
-
-
-def test_steps_before_the_first_touch_leave_a_body_at_rest() -> None:
-    """Nothing acts in two steps, so that no energy is there to judge by; the third one presses."""
-    solution = solve(
-        cl.from_mapping(
-            {
-                "mesh": {"builder": "block", "size": [1, 1], "h": 0.5},
-                "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
-                "loads": {"displacements": [{"on": "top", "value": [0, 0]}]},
-                "contact": {"on": "bottom", "gap": "0.025 - 0.1*t"},
-                "penalty": {"n": math.inf},
-                "steps": {"times": [0.1, 0.2, 0.3]},
-            }
-        )
-    )
-    assert solution.converged and solution.summary["contact_force"][1] > 0.0

@@ -31,6 +31,8 @@ from contact_locking.laws.friction import (
 )
 from contact_locking.laws.locking import locking_energy, locking_stress
 
+pytestmark = pytest.mark.serial
+
 
 class Point:
     """UFL laws evaluated at one point: constants on one cell, integrated over its unit area."""
@@ -128,7 +130,6 @@ def test_tangents_have_no_nan_at_zero_strain_and_zero_slip(point: Point) -> None
     assert matrix.squared_norm() > 0.0
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("length", [2.0, 5e-324, 1e308])
 def test_half_space_gap_is_the_distance_along_its_normal(length: float) -> None:
     plane = HalfSpace((0.0, -0.1), (0.0, length))
@@ -137,7 +138,6 @@ def test_half_space_gap_is_the_distance_along_its_normal(length: float) -> None:
     assert plane.contact_normal(x) == pytest.approx(np.array([[0.0, 0.0], [-1.0, -1.0]]))
 
 
-@pytest.mark.serial
 def test_cylinder_gap_ignores_the_place_along_its_axis() -> None:
     cylinder = Cylinder((0.0, 0.0, 0.0), 1.0, axis=(0.0, 3.0, 0.0))
     x = np.array([[0.0], [7.0], [3.0]])

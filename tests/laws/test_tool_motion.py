@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from contact_locking import Parameters
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.foundation import HalfSpace, Sphere
 from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion, rotation
 from contact_locking.study_file import from_mapping
-from contact_locking.study_file.fingerprint import fingerprint
-from contact_locking.study_file.parameters.rigid_body import Foundation
 
 pytestmark = pytest.mark.serial
 
@@ -50,17 +46,6 @@ def test_a_moved_body_has_the_distance_of_the_body_where_it_was(dim: int) -> Non
     assert slope == pytest.approx(-np.sum(plane.contact_normal(x) * step, axis=0), abs=1e-13)
 
 
-def test_the_short_and_the_long_form_of_a_motion_are_one(tmp_path: Path) -> None:
-    def given(motion: Any) -> Parameters:
-        plane = {"half_space": {"point": [0, 0], "normal": [0, 1]}, "motion": motion}
-        return from_mapping(
-            {"contact": {"on": "bottom", "foundation": plane}, "steps": {"to": 1, "count": 2}}
-        )
-
-    short, long = given([0, "-0.01*t"]), given({"translation": [0, "-0.01*t"]})
-    assert fingerprint(short) == fingerprint(long) != fingerprint(given([0, "-0.02*t"]))
-
-
 @pytest.mark.parametrize(
     ("motion", "message"),
     [
@@ -84,12 +69,3 @@ def test_a_motion_that_means_nothing_is_refused(motion: Any, message: str) -> No
             {"contact": {"on": "bottom", "foundation": plane}, "steps": {"to": 1, "count": 2}}
         )
     assert message in str(error.value)
-
-
-def test_time_in_a_motion_needs_steps() -> None:
-    from contact_locking import InputError
-
-    plane = {"half_space": {"point": [0, 0], "normal": [0, 1]}, "motion": [0, "0.1*t"]}
-    with pytest.raises(InputError, match=r"contact\.foundation\.motion\.1: depends on the time t"):
-        from_mapping({"contact": {"on": "bottom", "foundation": plane}})
-    assert Foundation.model_validate(plane).moved is not None

@@ -97,9 +97,3 @@ def test_gmsh_of_the_caller_is_left_as_it_was() -> None:
         assert gmsh.model.getEntities() == [(0, 1)]
     finally:
         gmsh.finalize()
-
-
-def test_gmsh_is_finalised_when_the_caller_fails() -> None:
-    with pytest.raises(KeyError, match="mine"), build(make("block", h=0.5)):
-        raise KeyError("mine")
-    assert not gmsh.isInitialized()

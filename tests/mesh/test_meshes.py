@@ -5,7 +5,6 @@ Every process meshes its own copy, so the file runs on any number of ranks.
 
 import math
 from collections import Counter
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -284,17 +283,6 @@ def test_same_parameters_give_the_same_mesh_to_the_bit(
         pass  # another mesh in between, which must not change the next
     write(geometry, tmp_path / "second.msh")
     assert (tmp_path / "first.msh").read_bytes() == (tmp_path / "second.msh").read_bytes()
-
-
-@pytest.mark.parametrize("name", BUILDERS)
-def test_parameters_carry_unit_and_description_and_defaults_can_be_built(name: str) -> None:
-    geometry = make(name)
-    for entry in fields(geometry):
-        assert entry.metadata["unit"] in ("length", "1")
-        assert entry.metadata["description"]
-    assert geometry == make(name, **{e.name: getattr(geometry, e.name) for e in fields(geometry)})
-    with build(geometry) as model:
-        assert len(model.getPhysicalGroups(geometry.dim)) == len(geometry.cell_names)
 
 
 @pytest.mark.parametrize("name", BUILDERS)

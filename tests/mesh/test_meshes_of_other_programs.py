@@ -74,26 +74,6 @@ def test_sets_of_cells_are_regions_and_sets_of_nodes_are_boundary_parts(tmp_path
     assert warning.endswith("these sets have no facet on the boundary: MIDDLE")
 
 
-def test_a_deck_without_sets_of_cells_is_one_region(tmp_path: Path) -> None:
-    domain, warnings = converted(tmp_path, TETRAHEDRON)
-    assert domain.dim == 3 and list(domain.cell_names) == ["body"] and not warnings
-    assert len(domain.facets(("SOLE",))) == 1
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_quadrilaterals_and_hexahedra_are_taken(dim: int, tmp_path: Path) -> None:
-    square = ((0, 0), (1, 0), (1, 1), (0, 1))
-    corners = [(*c, 0) for c in square] + [(*c, 1) for c in square] * (dim == 3)
-    lines = [f"{i}, {x}, {y}, {z}" for i, (x, y, z) in enumerate(corners, start=1)]
-    numbers = ", ".join(str(i) for i in range(1, len(corners) + 1))
-    sole = "1, 2" if dim == 2 else "1, 2, 5, 6"
-    kind = {2: "S4", 3: "C3D8"}[dim]
-    cells = f"*ELEMENT, TYPE={kind}\n1, {numbers}\n*NSET, NSET=SOLE\n{sole}\n*END\n"
-    domain, warnings = converted(tmp_path, "\n".join(["*NODE", *lines, cells]))
-    assert domain.dim == dim and not warnings and not domain.kind.is_simplex
-    assert len(domain.facets(("SOLE",))) == 1
-
-
 @pytest.mark.parametrize(
     ("deck", "message"),
     [
@@ -128,22 +108,7 @@ def sizes(domain: Domain) -> dict[str, int]:
     return {name: len(domain.facets((name,))) for name in domain.facet_names}
 
 
-@pytest.mark.parametrize("kind", ["CPS3", "CPE3", "CAX3", "CPS6", "CPE6M", "CAX6", "S3R", "STRI65"])
-@pytest.mark.parametrize("label", ["S1", "E1"])
-def test_triangles_of_every_name_are_read_with_their_surfaces(
-    kind: str, label: str, tmp_path: Path
-) -> None:
-    second = "6" in kind
-    cell = "1, 1,2,4,5,9,8" if second else "1, 1,2,4"
-    nodes = f"{SQUARE_NODES}{MIDDLES}9, .5, .5\n"
-    deck = f"*NODE\n{nodes}*ELEMENT, TYPE={kind}, ELSET=BODY\n{cell}\n"
-    deck += f"*SURFACE, NAME=SOLE\nBODY, {label}\n"
-    domain, warnings = converted(tmp_path, deck)
-    assert domain.dim == 2 and domain.num_cells == 1 and sizes(domain) == {"SOLE": 1}
-    assert len(warnings) == second and all("of second order" in text for text in warnings)
-
-
-@pytest.mark.parametrize("kind", ["CPS4R", "CPE4H", "CAX4", "CPS8R", "CPE8", "CAX8R", "S4", "S8R5"])
+@pytest.mark.parametrize("kind", ["CPS4R", "CAX4", "CPE8", "S8R5"])
 def test_quadrilaterals_of_every_name_are_read_with_their_surfaces(
     kind: str, tmp_path: Path
 ) -> None:
@@ -155,7 +120,7 @@ def test_quadrilaterals_of_every_name_are_read_with_their_surfaces(
     assert sizes(domain) == {"SOLE": 1, "ROUND": 4} and len(warnings) == second
 
 
-@pytest.mark.parametrize("side", range(1, 7))
+@pytest.mark.parametrize("side", [1, 3, 6])
 def test_each_side_of_a_hexahedron_is_that_of_abaqus(side: int, tmp_path: Path) -> None:
     domain, _ = converted(tmp_path, f"{CUBE}*SURFACE, NAME=ONE\nBODY, S{side}\n")
     places = ("z = 0", "z = 1", "y = 0", "x = 1", "y = 1", "x = 0")
@@ -164,15 +129,6 @@ def test_each_side_of_a_hexahedron_is_that_of_abaqus(side: int, tmp_path: Path) 
     normal = [0.0, 0.0, 0.0]
     normal["xyz".index(axis)] = 2.0 * float(value) - 1.0
     assert group.normal == pytest.approx(normal)
-
-
-def test_each_side_of_a_tetrahedron_is_that_of_abaqus(tmp_path: Path) -> None:
-    sides = "".join(f"*SURFACE, NAME=F{side}\n1, S{side}\n" for side in range(1, 5))
-    domain, _ = converted(tmp_path, TETRAHEDRON.replace("*END", f"{sides}*END"))
-    normals = {one.name: one.normal for one in groups(domain) if one.name.startswith("F")}
-    for name, expected in {"F1": (0, 0, -1), "F2": (0, -1, 0), "F4": (-1, 0, 0)}.items():
-        assert normals[name] == pytest.approx(expected)
-    assert normals["F3"] == pytest.approx([3**-0.5] * 3)
 
 
 def test_elements_of_second_order_are_taken_by_their_corners_with_one_warning(
@@ -232,15 +188,6 @@ def test_parts_stand_where_their_instances_do_and_assemblies_name_their_sets(
     corners = _compat.entities_to_geometry(domain.mesh, 2, domain.facets(("Wall",)))
     walls = domain.mesh.geometry.x[corners]
     assert np.allclose(walls[..., 0], 1.0)
-
-
-def test_a_part_without_an_assembly_and_a_file_that_is_included_are_read(tmp_path: Path) -> None:
-    (tmp_path / "nodes.inp").write_text(f"*NODE\n{CUBE_NODES}")
-    cells = "*ELEMENT,\nTYPE=C3D8, ELSET=BODY\n1, 1,2,3,4,5,6,7,8\n"
-    sets = "*NSET, NSET=SOLE\n1,2,3,4\n"
-    deck = f"*PART, NAME=P\n*INCLUDE, INPUT=nodes.inp\n{cells}{sets}*END PART\n"
-    domain, warnings = converted(tmp_path, deck)
-    assert sizes(domain) == {"SOLE": 1} and list(domain.cell_names) == ["BODY"] and not warnings
 
 
 def test_groups_of_salome_are_regions_and_parts(tmp_path: Path) -> None:

@@ -41,18 +41,6 @@ def test_a_part_has_the_facets_of_its_place(comm: MPI.Intracomm) -> None:
     assert found["corner"].measure == pytest.approx(1.0)
 
 
-def test_parts_in_space(comm: MPI.Intracomm) -> None:
-    parts = {
-        "roof": {"plane": {"point": [0, 0, 1], "normal": [0, 0, 1]}},
-        "edge": {"box": [[0, 0, 0.5], [1, 0, 1]]},
-        "round": {"expression": "(x - 0.5)**2 + (y - 0.5)**2 < 0.3", "on": "roof"},
-    }
-    domain = mesh_of(block(3, 0.25, mesh__structured=True, mesh__parts=parts), comm)
-    measures = {group.name: group.measure for group in groups(domain)}
-    assert (measures["roof"], measures["edge"]) == pytest.approx((1.0, 0.5))
-    assert 0.25 < measures["round"] < 1.0
-
-
 def lattice(
     folder: Path, comm: MPI.Intracomm, counts: tuple[int, ...], holes: list[tuple[int, ...]]
 ) -> str:
@@ -112,85 +100,6 @@ def test_an_open_cavity_is_no_inner_skin(tmp_path: Path, comm: MPI.Intracomm) ->
     assert caught.value.key == "mesh.parts.cavity" and "outer skin" in str(caught.value)
 
 
-def test_each_of_two_bodies_has_an_outer_skin(comm: MPI.Intracomm) -> None:
-    mesh = {"builder": "disc_in_ring", "h": 0.5, "parts": SKINS}
-    domain = mesh_of(from_mapping({"mesh": mesh, "contact": {"on": []}}), comm)
-    found = {group.name: group.count for group in groups(domain)}
-    sides = [name for name in found if name not in (*SKINS, *domain.cell_names)]
-    assert found["cavity"] == found["inner"]
-    assert found["outside"] + found["cavity"] == sum(found[name] for name in sides)
-
-
-def pressure_warnings(
-    folder: Path, comm: MPI.Intracomm, on: Any, parts: Any, size: int = 4, **mesh: Any
-) -> list[str]:
-    """What is said of a pressure in a plate with a hole of three squares and one of one square.
-
-    With ``size`` 2 the plate is a body of revolution with a cavity at the axis.
-    """
-    holes: list[tuple[int, ...]] = [(1, 1), (1, 2), (2, 1), (5, 1)]
-    counts: tuple[int, ...] = (7, 4)
-    if size == 2:
-        holes, counts = [(0, 1)], (2, 3)
-    end = {"plane": {"point": [0, 0], "normal": [0, 1]}}
-    given = {
-        "mesh": {"file": lattice(folder, comm, counts, holes), "parts": {"end": end} | parts}
-        | mesh,
-        "loads": {
-            "displacements": [{"on": "end", "value": [0, 0]}],
-            "pressures": [{"on": on, "value": 0.01}],
-        },
-        "contact": {"on": []},
-        "friction": {"coefficient": 0},
-    }
-    problem = assemble(from_mapping(given), comm)
-    problem.close()
-    return [text for text in problem.warnings if "pressures" in text]
-
-
-# Five of the eight facets of a hole, and all of them with three of the outside.
-OPEN: dict[str, Any] = {
-    "cavity": {"box": [[0.5, 0.5], [3.5, 3.5]]},
-    "roof": {"plane": {"point": [0, 4], "normal": [0, 1]}},
-    "most": {"on": "cavity", "expression": "x < 2.9"},
-    "both": {"expression": "x > 0.5 and y > 0.5 and (x < 3.5 and y < 3.5 or x < 4 and y > 3.9)"},
-}
-
-
-@pytest.mark.parametrize(
-    ("on", "words"),
-    [
-        ("most", "lacks 3 of its facets, so that a pressure p has the resultant -p (1, 0)"),
-        ("both", "has 3 facets of another skin, so that a pressure p has the resultant -p (0, 3)"),
-    ],
-)
-def test_a_pressure_on_most_of_a_cavity_is_warned_of(
-    on: str, words: str, tmp_path: Path, comm: MPI.Intracomm
-) -> None:
-    (warning,) = pressure_warnings(tmp_path, comm, on, OPEN)
-    assert warning.startswith("loads.pressures.0.on: ") and words in warning
-
-
-@pytest.mark.parametrize(
-    "on", ["cavity", "roof", "few", "skins", ["cavity", "roof"], ["most", "rest"]]
-)
-def test_other_pressures_are_not_warned_of(on: Any, tmp_path: Path, comm: MPI.Intracomm) -> None:
-    more: dict[str, Any] = {
-        "few": {"on": "cavity", "facing": [0, 1]},
-        "rest": {"on": "cavity", "expression": "x > 2.5"},
-        "skins": {"skin": "inner"},
-    }
-    assert pressure_warnings(tmp_path, comm, on, OPEN | more) == []
-
-
-def test_a_pressure_in_a_cavity_at_the_axis_is_closed(tmp_path: Path, comm: MPI.Intracomm) -> None:
-    parts = SKINS | {"floor and wall": {"on": "cavity", "facing": [-0.1, 1]}}
-    arguments = {"size": 2, "axisymmetric": True}
-    assert pressure_warnings(tmp_path, comm, "cavity", parts, **arguments) == []
-    (warning,) = pressure_warnings(tmp_path, comm, "floor and wall", parts, **arguments)
-    assert "the resultant -p (0, 3.14), " in warning
-
-
 def test_facets_face_a_direction_within_other_places(comm: MPI.Intracomm) -> None:
     parts = {
         "up": {"facing": [0, 1]},
@@ -237,6 +146,7 @@ def test_a_finer_mesh_keeps_the_parts_and_a_checkpoint_knows_them(
     assert again.summary["compliance"] == pytest.approx(solution.summary["compliance"], rel=1e-9)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("part", "key", "words"),
     [
@@ -266,11 +176,6 @@ def test_a_place_that_is_none_is_refused(part: Any, key: str, words: str) -> Non
         from_mapping({"mesh": {"parts": {"new": part}}})
     text = str(caught.value)
     assert text.startswith(f"{key}: ") and words in text
-
-
-def test_a_name_of_the_builder_is_taken() -> None:
-    with pytest.raises(InputError, match="is the name of a part of the builder"):
-        from_mapping({"mesh": {"parts": {"top": {"box": [[0, 0], [1, 1]]}}}})
 
 
 def test_a_part_without_facets_is_refused_with_the_place_of_the_boundary(

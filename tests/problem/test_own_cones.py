@@ -16,6 +16,8 @@ from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import StudyProblem, assemble
 
+pytestmark = pytest.mark.serial
+
 LIMIT = 0.01
 
 

@@ -19,6 +19,8 @@ from contact_locking.laws.locking import locking_energy
 from contact_locking.process.solving import solve_assembled
 from contact_locking.study.assembly import StudyProblem, assemble
 
+pytestmark = pytest.mark.serial
+
 LIMIT = 0.02
 
 

@@ -69,16 +69,6 @@ def test_tension_meets_youngs_modulus_and_poissons_ratio(elasticity: dict[str, f
     )
 
 
-def test_the_modulus_of_plane_stress_is_that_of_three_dimensions() -> None:
-    across = -LAME_LAMBDA / (LAME_LAMBDA + 2.0 * LAME_MU)
-    assert plane_stress_lambda(LAME_LAMBDA, LAME_MU) == pytest.approx(
-        LAME_LAMBDA * (1.0 + across), rel=1e-14
-    )
-    assert plane_stress_lambda(LAME_LAMBDA, LAME_MU) == pytest.approx(
-        YOUNG * POISSON / (1.0 - POISSON**2), rel=1e-14
-    )
-
-
 def test_the_limit_is_that_of_the_strain_in_the_plane() -> None:
     """``Z = zeta eps`` adds zeta/2 to mu and leaves lambda, until ``|(e_x, e_y)| = M``."""
     solution = solved(material__locking_limit=LIMIT)

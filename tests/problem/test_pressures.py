@@ -10,8 +10,10 @@ import pytest
 from pressed_square import BOTH_DEGREES, square
 from problems import block
 
-from contact_locking import InputError, solve, solve_steps, study_file
+from contact_locking import InputError, solve, solve_steps
 from contact_locking.study_file import from_mapping
+
+pytestmark = pytest.mark.serial
 
 
 @BOTH_DEGREES
@@ -56,19 +58,6 @@ def test_a_pressure_on_a_flat_side_is_the_traction_along_minus_its_normal(degree
         first, second = (entry["guaranteed"] for entry in errors)
         assert first["applicable"]
         assert first["energy_norm"] == pytest.approx(second["energy_norm"], rel=1e-6)
-
-
-def test_one_pressure_on_two_sides_of_a_corner_has_the_bound_of_two_pressures() -> None:
-    def bound(pressures: list[dict[str, Any]]) -> Any:
-        loads = {"pressures": pressures, "displacements": [{"on": "right", "value": [0, 0]}]}
-        found = solve(square(loads=loads, certificate__error_bound=True)).summary
-        return found["certificate"]["errors"]["guaranteed"]
-
-    value = "0.03 + 0.01*x*y"
-    together = bound([{"on": ["top", "left"], "value": value}])
-    apart = bound([{"on": "top", "value": value}, {"on": "left", "value": value}])
-    assert together["applicable"]
-    assert together["energy_norm"] == pytest.approx(apart["energy_norm"], rel=1e-6)
 
 
 def test_the_resultant_of_a_pressure_on_a_quarter_circle_is_exact() -> None:
@@ -140,16 +129,3 @@ def test_tractions_and_pressures_have_one_limit_together() -> None:
     loads = {"tractions": tractions, "pressures": [{"on": "top", "value": 0}] * 51}
     with pytest.raises(InputError, match="at most 200"):
         from_mapping({"mesh": {"builder": "block"}, "loads": loads})
-
-
-def test_pressures_count_in_the_fingerprint_and_no_pressures_do_not() -> None:
-    held = {"displacements": [{"on": "right", "value": [0, 0]}]}
-    pressures: list[dict[str, Any]] = [
-        {},
-        {"pressures": []},
-        {"pressures": [{"on": "top", "value": 0.1}]},
-        {"pressures": [{"on": "top", "value": 0.2}]},
-    ]
-    names = [study_file.fingerprint(square(loads=held | more)) for more in pressures]
-    assert names[0] == names[1]
-    assert len(set(names)) == 3

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
 from typing import Any
@@ -22,6 +21,8 @@ from contact_locking.process import of_study, solving
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 from contact_locking.study_file.parameters import Parameters
+
+pytestmark = pytest.mark.serial
 
 
 def solved(parameters: Parameters) -> dict[str, Any]:
@@ -71,7 +72,6 @@ def random_sets(
     return limits, cones
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize(
     ("seed", "dim", "n"),
     [
@@ -110,19 +110,6 @@ def test_both_solvers_find_one_solution_of_the_penalised_problem() -> None:
     assert len(used) == 5 and sum(share > 1.0 for share in used.values()) >= 3, used
 
 
-@pytest.mark.slow
-@pytest.mark.serial
-def test_every_set_is_kept_for_every_n_up_to_infinity_within_its_penalty() -> None:
-    excesses = []
-    for n in (1e3, 1e5, math.inf):
-        summary = solved(block(2, 0.25, material=material(*SEVERAL), penalty__n=n))
-        excesses.append(max(entry["utilisation_max"] for entry in summary["strain_sets"]) - 1.0)
-        assert all(entry["holds"] for entry in summary["bounds"].values())
-    assert excesses[0] > 10.0 * excesses[1] > 0.0
-    assert abs(excesses[2]) < 1e-6
-
-
-@pytest.mark.serial
 @pytest.mark.parametrize("n", [1e3, math.inf])
 def test_the_entry_of_the_ball_is_the_locking_limit_to_the_last_digit(n: float) -> None:
     ball = {"norm": "strain", "at_most": 0.02}
@@ -132,42 +119,6 @@ def test_the_entry_of_the_ball_is_the_locking_limit_to_the_last_digit(n: float) 
         del summary["fingerprint"], summary["wall_seconds"]
     assert long == short
     assert long["strain_sets"] == []
-
-
-@pytest.mark.serial
-def test_a_norm_of_the_unit_matrix_is_the_ball() -> None:
-    limit = {"norm": "weighted", "matrix": (50.0 * np.eye(3)).tolist(), "at_most": 1}
-    given = solved(block(2, 0.2, material=material(limit), penalty__n=1e3))
-    ball = solved(block(2, 0.2, penalty__n=1e3))
-    for name in ("elastic_energy", "locked_fraction", "strain_norm_max"):
-        assert given[name] == pytest.approx(ball[name], rel=1e-8)
-    bounds = [summary["bounds"]["locking_work"]["value"] for summary in (given, ball)]
-    assert bounds[0] == pytest.approx(bounds[1], rel=1e-7)
-
-
-@pytest.mark.slow
-@pytest.mark.serial
-def test_limits_do_not_depend_on_units() -> None:
-    stress, length = 2.1e11, 1e-3
-    summary = solved(block(2, 0.2, material=material(*SEVERAL), penalty__n=1e3))
-    limits = copy.deepcopy(SEVERAL)
-    limits[1]["at_most"] = f"0.016 + 0.002*x/{length}"
-    limits[2]["at_least"] = f"-0.008 - 0.001*y/{length}"
-    limits[3]["along"] = [f"5*cos(x/{length})", f"5*sin(x/{length})"]
-    limits[4]["matrix"][2][0] = f"0.1*x/{length}"
-    given = block(
-        2, 0.2 * length,
-        mesh__size=[length] * 2,
-        material={"elasticity": {"young": stress, "poisson": 0.3}, "locking": limits},
-        loads__tractions=[{"on": "top", "value": [0.03 * stress, -0.05 * stress]}],
-        friction__smoothing={"radius": 0.2 * length},
-        penalty={"n": 1e3 * stress, "epsilon": 1e-3 * length / stress},
-    )  # fmt: skip
-    other = solved(given)
-    assert other["strain_norm_max"] == pytest.approx(summary["strain_norm_max"], rel=1e-6)
-    pairs = zip(other["strain_sets"], summary["strain_sets"], strict=True)
-    for mine, theirs in pairs:
-        assert mine["utilisation_max"] == pytest.approx(theirs["utilisation_max"], rel=1e-6)
 
 
 def test_a_region_has_its_own_limits_in_place_of_all_of_the_material() -> None:
@@ -196,7 +147,6 @@ def test_a_region_has_its_own_limits_in_place_of_all_of_the_material() -> None:
         assert np.array_equal(shape.inverse_limit.x.array > 0.0, limited[0])
 
 
-@pytest.mark.serial
 def test_steps_balance_the_energy_of_every_set() -> None:
     given = block(2, 0.25, material=material(SEVERAL[1], SEVERAL[3]), penalty__n=1e3)
     data = given.model_dump(by_alias=True)
@@ -207,7 +157,6 @@ def test_steps_balance_the_energy_of_every_set() -> None:
     assert summary["certificate"]["criteria"]["energy_balance"]["holds"]
 
 
-@pytest.mark.serial
 @pytest.mark.slow
 def test_elements_of_degree_two_keep_every_set() -> None:
     given = block(
@@ -251,7 +200,6 @@ def test_displacements_that_no_limit_allows_are_proved_to_be_infeasible(
     assert (1.0 - 1e-12) * factor <= high <= 1.02 * factor
 
 
-@pytest.mark.serial
 def test_a_half_space_that_pulls_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fibres bear no pressure: a multiplier below zero breaks the law of each kind of point."""
 
@@ -267,7 +215,6 @@ def test_a_half_space_that_pulls_is_caught(monkeypatch: pytest.MonkeyPatch) -> N
     assert summary["converged"] is False
 
 
-@pytest.mark.serial
 def test_the_bound_of_the_error_in_n_is_above_the_measured_distance() -> None:
     given = block(2, 0.2, material=material(*SEVERAL), certificate={"limit": True})
     errors = solved(given)["certificate"]["errors"]

@@ -8,8 +8,6 @@ import ufl
 from dolfinx import fem
 from problems import block, column
 
-from contact_locking.arrays import FloatArray
-from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.monitor import Monitor
 from contact_locking.problem import forms
@@ -38,6 +36,7 @@ def _rough_state(made: StudyProblem, size: float) -> None:
         made.data.bounds[contact] = 0.5 + contact.surface.points[:, 0]
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("size", [0.0, 0.01, 0.3])
 def test_tangent_is_the_derivative_of_the_residual(dim: int, size: float) -> None:
@@ -64,20 +63,7 @@ def test_tangent_is_the_derivative_of_the_residual(dim: int, size: float) -> Non
     matrix.destroy()
 
 
-def test_tangents_are_known_to_be_symmetric_after_each_assembly() -> None:
-    made, system = _system(block(2, 0.5, penalty__n=50.0, penalty__epsilon=0.1))
-    matrix = system.create_matrix()
-    x = matrix.createVecRight()
-    for size in (0.0, 0.3):
-        _rough_state(made, size)
-        system.displacement(x)
-        system.tangent(x, matrix)
-        # PETSc tells it of matrices that are declared positive definite; it does not tell that.
-        assert matrix.isSymmetricKnown() == (True, True)
-    x.destroy()
-    matrix.destroy()
-
-
+@pytest.mark.serial
 def test_residual_is_the_derivative_of_the_energy() -> None:
     made, _ = _system(block(penalty__n=50.0, penalty__epsilon=0.1))
     _rough_state(made, 0.1)
@@ -133,6 +119,7 @@ def test_a_body_held_by_contact_alone_finds_its_place() -> None:
     assert solution.summary["contact_force"][1] == pytest.approx(0.05, rel=1e-8)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("method", ["newton", "interior_point"])
 def test_too_few_iterations_are_reported_with_what_was_reached(method: str) -> None:
     solution = solving.solve(block(penalty__n=1e6, solver={"method": method, "max_iterations": 2}))
@@ -144,12 +131,14 @@ def test_too_few_iterations_are_reported_with_what_was_reached(method: str) -> N
     assert np.isfinite(solution.summary["compliance"])
 
 
+@pytest.mark.serial
 def test_friction_that_may_not_settle_is_reported() -> None:
     solution = solving.solve(block(solver={"method": "newton", "max_friction_updates": 2}))
     assert not solution.converged
     assert "friction bound" in solution.summary["reason"]
 
 
+@pytest.mark.serial
 def test_an_error_in_a_callback_is_that_error_and_not_a_failed_solve() -> None:
     class Interrupting(Monitor):
         def iteration(self, k: int, residual: float) -> None:
@@ -163,54 +152,3 @@ def test_equilibrium_of_forces_on_the_whole_body() -> None:
     # Without Gamma_D in x, loads and contact alone must balance vertically.
     solution = solving.solve(column(friction={"coefficient": 0.3}))
     assert solution.summary["contact_force"] == pytest.approx([0.0, 0.05], abs=1e-9)
-
-
-def _values(made: StudyProblem) -> list[FloatArray]:
-    return [made.u.x.array.copy(), *made.data.bounds.at(made.contacts)]
-
-
-@pytest.mark.parametrize("fails", [False, True])
-@pytest.mark.parametrize("only_on_failure", [False, True])
-def test_a_preserved_system_gets_its_displacement_and_bound_back(
-    fails: bool, only_on_failure: bool
-) -> None:
-    made, system = _system(block(2, 0.2))
-    _rough_state(made, 0.01)
-    before = _values(made)
-
-    def change() -> None:
-        with system.preserved(only_on_failure):
-            system.clear()
-            if fails:
-                raise NotConverged("on purpose")
-
-    if fails:
-        with pytest.raises(NotConverged):
-            change()
-    else:
-        change()
-    is_restored = fails or not only_on_failure
-    for old, new in zip(before, _values(made), strict=True):
-        assert np.array_equal(old, new) == is_restored or not old.size
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize("dim", [2, 3])
-def test_a_matrix_shared_with_dolfinx_has_the_values_of_one_of_petsc(dim: int) -> None:
-    parameters = block(dim, 0.2 if dim == 2 else 0.5, penalty__n=50.0, penalty__epsilon=0.1)
-    made, system = _system(parameters)
-    plain, shared = system.create_matrix(), system._tangent.create_shared_matrix()
-    x = plain.createVecRight()
-    # Twice, as the second assembly must forget the first.
-    for size in (0.3, 0.01):
-        _rough_state(made, size)
-        system.displacement(x)
-        for matrix in (plain, shared):
-            system.tangent(x, matrix)
-        difference = shared.copy()
-        difference.axpy(-1.0, plain)
-        assert difference.norm() <= 1e-14 * plain.norm()
-        difference.destroy()
-    assert shared.getBlockSize() == dim
-    for item in (x, plain, shared):
-        item.destroy()

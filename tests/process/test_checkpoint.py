@@ -153,6 +153,7 @@ def refusal(directory: Path, given: Parameters | None = None) -> str:
     return str(caught.value)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -167,14 +168,6 @@ def test_a_state_of_another_mesh_is_refused_with_what_differs(
 ) -> None:
     text = refusal(saved, parameters(**changes))
     assert "is of another mesh" in text and message in text
-
-
-def test_equal_numbers_of_cells_do_not_make_the_same_mesh(
-    comm: MPI.Intracomm, folder: Path
-) -> None:
-    save(solving.solve(parameters(mesh__structured=True)), folder)
-    text = refusal(folder, parameters(mesh__structured=True, mesh__size=[1.0, 0.999]))
-    assert "its nodes lie elsewhere (mesh.size was [1.0, 1.0], is [1.0, 0.999])" in text
 
 
 def test_a_mesh_file_that_has_changed_is_refused(comm: MPI.Intracomm, folder: Path) -> None:
@@ -193,11 +186,7 @@ def test_a_mesh_file_that_has_changed_is_refused(comm: MPI.Intracomm, folder: Pa
     assert "the mesh file is another one or has changed" in refusal(folder, given(0.2))
 
 
-def test_a_folder_without_a_checkpoint_is_refused_with_the_way_to_one(folder: Path) -> None:
-    assert "there is no folder" in refusal(folder / "nowhere")
-    assert "contact-locking run --checkpoint" in refusal(folder)
-
-
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [

@@ -15,6 +15,8 @@ from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem
 
+pytestmark = pytest.mark.serial
+
 
 def now_of(solver: ProblemSolver) -> float:
     assert isinstance(solver.problem, StudyProblem)

@@ -19,6 +19,8 @@ from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem
 from contact_locking.study_file.parameters.numerics import StepParameters
 
+pytestmark = pytest.mark.serial
+
 STEPS = {"times": [0.3, 1.0], "least": 0.04}
 
 
@@ -51,7 +53,6 @@ def test_a_strip_at_its_limit_is_told_with_the_limit_as_the_cause(
 
 
 # It reads the files of the run, which rank 0 writes.
-@pytest.mark.serial
 def test_a_run_that_stops_has_the_last_solution_in_its_files(
     tmp_path: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -57,11 +57,6 @@ def test_marked_cells_have_the_share_and_no_smaller_set_has_it(
     assert eta[~marked].max(initial=0.0) <= smallest
 
 
-def test_cells_of_equal_error_are_marked_together_whatever_the_rounding() -> None:
-    eta = np.array([1.0, 4.0 * (1.0 + 1e-9), 4.0, 4.0 * (1.0 - 1e-9), 1.0])
-    assert marked_cells(eta, 0.3).tolist() == [False, True, True, True, False]
-
-
 def made(name: str) -> tuple[Geometry, WholeMesh]:
     builder, changes = BODIES[name]
     geometry = BUILDERS[builder](**changes)
@@ -180,14 +175,3 @@ def test_refined_mesh_does_not_depend_on_the_ranks(comm: MPI.Intracomm, tmp_path
         assert np.array_equal(alone.data.points, together.data.points)
         assert np.array_equal(alone.data.cells.nodes, together.data.cells.nodes)
         assert np.array_equal(alone.data.facets.nodes, together.data.facets.nodes)
-
-
-@pytest.mark.serial
-def test_a_saved_mesh_is_read_as_it_was(tmp_path: Path) -> None:
-    geometry, mesh = made("annulus")
-    mesh = refined(mesh, near(mesh, np.array([1.0, 0.0])), geometry.curved)
-    mesh.save(tmp_path, "mesh")
-    again = WholeMesh.load(tmp_path, "mesh")
-    assert np.array_equal(again.data.points, mesh.data.points)
-    assert measures(again) == measures(mesh)
-    assert math.isclose(sum(measures(mesh).values()), sum(measures(again).values()))

@@ -67,21 +67,6 @@ CHANGES: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "method", ["interior_point", pytest.param("newton", marks=pytest.mark.slow)]
-)
-def test_a_restart_after_any_change_finds_what_a_cold_start_finds(
-    method: str, folder: Path
-) -> None:
-    save(solving.solve(given(method)), folder)
-    for name, changes in CHANGES.items():
-        changed = given(method, **changes)
-        restarted = solving.solve(changed, restart=folder)
-        assert tangents(restarted) > 0, name
-        assert agree(restarted, solving.solve(changed)), name
-
-
 @pytest.mark.parametrize("method", ["interior_point", slow("newton")])
 def test_a_restart_in_3d_finds_what_a_cold_start_finds(method: str, folder: Path) -> None:
     save(solving.solve(given(method, 3)), folder)
@@ -91,6 +76,7 @@ def test_a_restart_in_3d_finds_what_a_cold_start_finds(method: str, folder: Path
     assert 0 < tangents(restarted) < tangents(cold)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("n", [slow(1e8), float("inf")])
 def test_the_inequality_is_solved_from_nothing_unless_it_is_solved_already(
     n: float, folder: Path
@@ -106,6 +92,7 @@ def test_the_inequality_is_solved_from_nothing_unless_it_is_solved_already(
         assert tangents(restarted) == tangents(cold), name
 
 
+@pytest.mark.serial
 def test_newton_goes_on_with_the_penalties_of_the_saved_state(folder: Path) -> None:
     save(solving.solve(given("newton")), folder)
     changed = given("newton", penalty__n=1e4)
@@ -115,40 +102,7 @@ def test_newton_goes_on_with_the_penalties_of_the_saved_state(folder: Path) -> N
     assert stages == pytest.approx([1e3, 1e4])
 
 
-def test_newton_starts_from_nothing_where_a_saved_state_leads_nowhere(folder: Path) -> None:
-    save(solving.solve(given("newton", penalty__n=1e5)), folder)
-    # Few steps at a time: those from the other side of the problem do not suffice.
-    changed = given("newton", load=-1.0, penalty__n=1e5, solver__max_iterations=12)
-    restarted, cold = solving.solve(changed, restart=folder), solving.solve(changed)
-    assert restarted.summary["restart"].startswith("from nothing")
-    assert agree(restarted, cold, 1e-12)
-    assert restarted.summary["stages"] == cold.summary["stages"]
-    assert tangents(restarted) > tangents(cold)
-
-
-def test_what_a_solve_reached_that_stopped_early_is_gone_on_from(folder: Path) -> None:
-    stopped = solving.solve(given("newton", solver__max_friction_updates=2))
-    assert not stopped.converged
-    save(stopped, folder)
-    restarted, cold = solving.solve(given("newton"), restart=folder), solving.solve(given("newton"))
-    assert agree(restarted, cold)
-    assert 0 < tangents(restarted) < 0.5 * tangents(cold)
-
-
-@pytest.mark.slow
-def test_a_small_change_is_no_reason_to_keep_the_old_solution(folder: Path) -> None:
-    # Where the certificate would still accept it, a solver goes on.
-    save(solving.solve(given("auto")), folder)
-    small: tuple[dict[str, Any], ...] = (
-        {"friction__coefficient": 0.3 * (1 + 3e-7)},
-        {"penalty__n": 1e3 * (1 + 1e-4)},
-    )
-    for changes in small:
-        restarted = solving.solve(given("auto", **changes), restart=folder)
-        assert tangents(restarted) > 0
-        assert agree(restarted, solving.solve(given("auto", **changes)), 1e-9)
-
-
+@pytest.mark.serial
 @pytest.mark.parametrize("changes", [{"load": 1.01}, {"friction__coefficient": 0.33}])
 def test_a_small_change_takes_newton_half_of_the_tangents_at_most(
     changes: dict[str, Any], folder: Path
@@ -163,18 +117,8 @@ def test_a_small_change_takes_newton_half_of_the_tangents_at_most(
     assert 2 * tangents(restarted) <= tangents(cold)
 
 
+@pytest.mark.serial
 def test_settings_of_the_solver_are_no_reason_to_solve_again(folder: Path) -> None:
     save(solving.solve(given("auto")), folder)
     for settings in ({"method": "newton"}, {"linear": "iterative"}):
         assert tangents(solving.solve(given("auto", solver=settings), restart=folder)) == 0
-
-
-@pytest.mark.slow
-def test_a_sharper_tolerance_is_reached_from_the_saved_state(folder: Path) -> None:
-    coarse, fine = (
-        {"method": "newton", "tolerance": 10.0**-k, "friction_tolerance": 10.0**-k} for k in (2, 9)
-    )
-    save(solving.solve(given("auto", solver=coarse)), folder)
-    restarted = solving.solve(given("auto", solver=fine), restart=folder)
-    assert 0 < tangents(restarted) < 10
-    assert agree(restarted, solving.solve(given("auto", solver=fine)))

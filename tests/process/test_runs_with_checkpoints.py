@@ -10,9 +10,7 @@ from saved_block import on_rank_0, parameters
 
 from contact_locking import _compat, study_file
 from contact_locking.command import cli
-from contact_locking.process import solving
 from contact_locking.process.checkpoint import stored as checkpoint
-from contact_locking.running import writing
 
 pytestmark = pytest.mark.skipif(
     checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable())
@@ -100,27 +98,6 @@ def test_bad_restarts_return_2_with_one_message_and_leave_no_trace(
     assert not (run.folder / "b").exists()
     if comm.rank == 0:
         assert errors.startswith("error: there is no folder") and errors.count("error") == 1
-
-
-@pytest.mark.slow
-def test_results_are_complete_where_the_library_is_missing(
-    run: Run,
-    comm: MPI.Intracomm,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.setattr(_compat, "checkpoint_library", fails)
-    assert run("a", "--quiet", "--checkpoint") == 0
-    errors = capsys.readouterr().err
-    assert run.names("a") == RESULTS
-    if comm.rank == 0:
-        assert errors.startswith("warning: no checkpoint will be saved: checkpoints take adios")
-        assert "python3-adios4dolfinx" in errors and errors.count("\n") == 1
-    # In Python it is said when the results are written.
-    (warning,) = writing.write(solving.solve(parameters()), run.folder / "b", checkpoint=True)
-    assert warning.startswith("no checkpoint was saved: checkpoints take adios4dolfinx")
-    comm.Barrier()
-    assert run.names("b") == RESULTS
 
 
 def test_a_restart_without_the_library_returns_1_and_says_what_is_missing(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import Any
 
@@ -18,6 +17,7 @@ from contact_locking.monitor import Monitor
 from contact_locking.process.loop import Steps
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("n", [1e3, math.inf])
 def test_one_step_from_rest_is_the_static_problem_to_the_last_digit(n: float) -> None:
     static = solve(block(h=0.25, penalty__n=n))
@@ -31,6 +31,7 @@ def test_one_step_from_rest_is_the_static_problem_to_the_last_digit(n: float) ->
     assert step.summary["bounds"] == static.summary["bounds"]
 
 
+@pytest.mark.serial
 def test_the_loads_of_a_step_are_those_of_its_time() -> None:
     pull = ["0.03*t", "-0.05*t**2"]
     loads = {
@@ -54,6 +55,7 @@ def test_the_loads_of_a_step_are_those_of_its_time() -> None:
         assert found.time == time
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("smoothing", "coefficient"),
     [
@@ -76,6 +78,7 @@ def test_newton_and_the_interior_point_method_go_the_same_way(
     assert np.abs(slips[0] - slips[1]).max(initial=0.0) <= 1e-7
 
 
+@pytest.mark.serial
 def test_friction_remembers_where_it_stood() -> None:
     slide = {"displacements": [{"on": "top", "value": ["0.1*min(t, 2 - t)", -0.02]}]}
     given: dict[str, Any] = {"loads": slide, "material__locking_limit": math.inf}
@@ -90,14 +93,6 @@ def test_friction_remembers_where_it_stood() -> None:
     static = {"displacements": [{"on": "top", "value": [0.0, -0.02]}]}
     nothing = solve(sheared(**{**given, "loads": static, "steps": None}))
     assert abs(nothing.summary["friction_force"][0]) < 0.1 * most[1]
-
-
-def test_a_solution_of_a_step_keeps_its_displacement() -> None:
-    found = all_of(sheared(3))
-    displacements = [solution.displacement.x.array for solution in found]
-    assert len(found) == 3
-    assert all(np.abs(a - b).max() > 1e-3 for a, b in itertools.pairwise(displacements))
-    assert [len(solution.history) for solution in found] == [1, 2, 3]
 
 
 def test_several_contacts_remember_on_their_own() -> None:
@@ -120,6 +115,7 @@ def test_several_contacts_remember_on_their_own() -> None:
         assert np.all(fields.slip >= np.linalg.norm(fields.increment, axis=1))
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("n", [1e3, math.inf])
 def test_the_work_of_the_loads_is_stored_dissipated_or_lost_by_the_method(n: float) -> None:
     def history(count: int) -> Any:
@@ -135,6 +131,7 @@ def test_the_work_of_the_loads_is_stored_dissipated_or_lost_by_the_method(n: flo
     assert fine.last("numerical_total") < 0.6 * coarse.last("numerical_total")
 
 
+@pytest.mark.serial
 def test_the_energy_balance_notices_friction_that_adds_work(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -154,47 +151,6 @@ def test_results_do_not_depend_on_the_number_of_ranks() -> None:
             assert np.allclose(mine, other, rtol=1e-5, atol=1e-6 * np.abs(mine).max() + 1e-9), name
 
 
-@pytest.mark.parametrize("young", [1.0, 2.1e11])
-@pytest.mark.parametrize("down", ["-0.03*t", "-0.03*sin(pi*t)"])
-def test_a_body_that_moves_without_a_touch_creates_no_energy(down: str, young: float) -> None:
-    """All forces are rounding, and so is their work, also on the way back to where it was."""
-    inclined = {"on": "left", "along": [1.0, -0.4], "value": 0.0}
-    loads = {"displacements": [{"on": "top", "value": [None, down]}], "supports": [inclined]}
-    given = block(
-        h=0.5,
-        loads=loads,
-        contact__gap=0.04,
-        material__elasticity={"young": young, "poisson": 0.3},
-        penalty__n=math.inf,
-        steps={"to": 1.0, "count": 3},
-    )
-    steps = all_of(given)
-    assert [found.time for found in steps] == pytest.approx([1 / 3, 2 / 3, 1.0])
-    for found in steps:
-        assert found.summary["contact_force"] == [0.0, 0.0]
-
-
-@pytest.mark.parametrize("on_top", ["tractions", "displacements"])
-def test_what_is_zero_but_for_rounding_leaves_nothing_behind(on_top: str) -> None:
-    """``sin(pi)`` is 1.2e-16: the body that was pulled along the foundation is at rest again."""
-    pull = {"on": "top", "value": ["0.03*sin(pi*t)", "-0.05*sin(pi*t)"]}
-    held = {"on": "left", "value": [0, 0]}
-    loads: dict[str, Any] = {"tractions": [pull], "displacements": [held]}
-    if on_top == "displacements":
-        loads = {"displacements": [pull]}
-    given = block(
-        h=0.5,
-        loads=loads,
-        material__locking_limit=math.inf,
-        penalty__n=math.inf,
-        steps={"times": [0.5, 1.0]},
-    )
-    pulled, rests = all_of(given)
-    assert np.abs(pulled.displacement.x.array).max(initial=0.0) > 0.01
-    assert not rests.displacement.x.array.any()
-    assert rests.summary["certificate"]["resultants"]["loads"] == [0.0, 0.0]
-
-
 class Told(Monitor):
     """Keeps what a solve says about its steps."""
 
@@ -212,6 +168,7 @@ def test_a_monitor_hears_of_each_step_and_of_the_time_left() -> None:
     assert told.steps[0][3] is None and told.steps[2][3] is not None and told.steps[2][3] > 0.0
 
 
+@pytest.mark.serial
 def test_a_script_may_change_the_problem_between_steps() -> None:
     steps = Steps(assemble(sheared(3), MPI.COMM_WORLD))
     next(steps)
@@ -221,18 +178,3 @@ def test_a_script_may_change_the_problem_between_steps() -> None:
     assert second.converged
     # The bounds keep an inside of the cones, a share of 1e-12 of the largest.
     assert second.history.rows[-1]["dissipated"] == pytest.approx(0.0, abs=1e-12)
-
-
-@pytest.mark.parametrize(("n", "most"), [(1e2, 4.0), (1e4, 7.0), (math.inf, 4.0)])
-def test_a_step_of_one_percent_of_the_load_takes_few_tangents(n: float, most: float) -> None:
-    loads = {
-        "tractions": [
-            {"on": "top", "value": [0, "-0.08*(1 - x)*t"]},
-            {"on": "right", "value": [0, "0.007*t"]},
-        ],
-        "displacements": [{"on": "left", "value": [0, 0]}],
-    }
-    times = [1.0, 1.01, 1.02, 1.03]
-    *_, last = solve_steps(block(h=1 / 32, loads=loads, penalty__n=n, steps={"times": times}))
-    assert last.converged
-    assert last.history.column("tangents")[1:].mean() <= most

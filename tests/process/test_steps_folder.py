@@ -164,27 +164,6 @@ def test_a_killed_run_goes_on_from_its_last_complete_step(tmp_path: Path) -> Non
     assert {"history-force", "history-area", "history-energy", "history-moment"} <= charts
 
 
-@pytest.mark.slow
-def test_saved_steps_of_other_parameters_are_not_used(tmp_path: Path) -> None:
-    folder = shared(tmp_path)
-    with pytest.raises(KeyboardInterrupt):
-        run_steps(sheared(), folder / "out", monitor=Interrupting(3))
-    other = Interrupting(-1)
-    run_steps(sheared(friction__coefficient=0.2), folder / "out", monitor=other)
-    assert other.numbers == [1, 2, 3, 4, 5]
-
-
-@pytest.mark.slow
-def test_a_process_goes_on_from_a_saved_step_with_more_steps(tmp_path: Path) -> None:
-    folder = shared(tmp_path)
-    *_, last = solve_steps(sheared(steps={"times": [0.2, 0.4, 0.6]}))
-    save(last, folder)
-    more = list(solve_steps(sheared(), restart=folder))
-    assert [round(solution.time, 9) for solution in more] == [0.6, 0.8, 1.0]
-    *_, whole = solve_steps(sheared())
-    assert_same(whole.history, more[-1].history)
-
-
 def test_a_process_does_not_go_on_from_a_static_solution(tmp_path: Path) -> None:
     folder = shared(tmp_path)
     loads = {"displacements": [{"on": "top", "value": [0.01, -0.02]}]}

@@ -11,14 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from convergence import distance, fitted_rate, norms, read_table
+from convergence import distance, fitted_rate, norms
 from dolfinx import fem
 from mpi4py import MPI
 from problems import block
-from rates import Curve, Panel, rate_plot
+from rates import rate_plot
 
 from contact_locking import load, study_file
-from contact_locking.errors import InputError
 from contact_locking.mesh import domain as domains
 from contact_locking.mesh.domain import Domain
 from contact_locking.meshes.block import Block
@@ -56,10 +55,12 @@ def solved(divisions: int, comm: MPI.Intracomm = MPI.COMM_WORLD, **changes: Any)
     return solution
 
 
+@pytest.mark.serial
 def test_the_rate_of_a_power_is_its_exponent() -> None:
     assert fitted_rate([1.0, 0.1, 0.01], [3.0, 0.03, 0.0003]) == pytest.approx(2.0, rel=1e-12)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("sizes", "errors"), [([1.0], [1.0]), ([1.0, 0.5], [1.0]), ([1.0, 0.5], [1.0, 0.0])]
 )
@@ -68,6 +69,7 @@ def test_no_rate_without_two_errors_above_zero(sizes: list[float], errors: list[
         fitted_rate(sizes, errors)
 
 
+@pytest.mark.serial
 def test_norms_of_a_known_field_are_exact() -> None:
     domain = grid(4)
     found = norms(field(domain, 1), domain, ("bottom",))
@@ -85,17 +87,6 @@ def test_a_coarse_field_is_the_same_on_a_nested_grid(dim: int) -> None:
     assert there.contact == pytest.approx(here.contact, rel=1e-12)
 
 
-def test_a_reference_that_reaches_beyond_the_other_mesh_is_refused() -> None:
-    with pytest.raises(ValueError, match="reaches beyond"):
-        on_mesh_of(field(grid(2), 1), field(grid(2, edge=2.0), 1))
-
-
-def test_a_solution_has_no_distance_to_itself() -> None:
-    solution = solved(8)
-    found = distance(solution, solution)
-    assert (found.v, found.l2, found.contact) == (0.0, 0.0, 0.0)
-
-
 def test_the_distance_of_two_solutions_does_not_depend_on_the_ranks() -> None:
     both = distance(solved(4), solved(8))
     alone = distance(solved(4, MPI.COMM_SELF), solved(8, MPI.COMM_SELF))
@@ -103,6 +94,7 @@ def test_the_distance_of_two_solutions_does_not_depend_on_the_ranks() -> None:
     assert both.contact == pytest.approx(alone.contact, rel=1e-6)
 
 
+@pytest.mark.serial
 def test_the_distance_on_one_mesh_is_that_of_the_certificate() -> None:
     soft = solved(8, penalty__n=1e2, certificate__limit=True)
     measured = soft.summary["certificate"]["errors"][MEASURED]["displacement_norm"]
@@ -234,30 +226,3 @@ def test_the_error_for_a_given_friction_bound_falls_faster_than_proved() -> None
     errors = [study.error(study.solved(number), reference) for number in cells]
     rate = fitted_rate([1.0 / number for number in cells], errors)
     assert 0.8 < rate < 1.05
-
-
-@pytest.mark.serial
-def test_a_figure_shows_the_rates_and_is_the_same_each_time(tmp_path: Path) -> None:
-    curve = Curve("error", [0.1, 0.01, 0.001], [5.0, 0.1, 0.001], fitted=2)
-    assert curve.text == "error:  2.00"
-    assert Curve("error", [0.1], [1.0]).text == "error"
-    panel = Panel("title", "h", "error", [curve, Curve("bound", [0.1, 1.0], [1, 1], plain=True)])
-    for name in ("one.svg", "two.svg"):
-        rate_plot([panel], tmp_path / name)
-    assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "two.svg").read_bytes()
-
-
-@pytest.mark.serial
-def test_a_study_that_has_not_run_has_no_table(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="run its study first"):
-        read_table(tmp_path)
-
-
-@pytest.mark.serial
-def test_the_studies_of_one_theorem_differ_in_what_they_say_only() -> None:
-    # The reference of separate_penalties.yml and theorem_4_10.py is the problem of theorem_4_9.yml.
-    first, other = (
-        load(STUDIES / f"{name}.yml").parameters for name in ("theorem_4_9", "separate_penalties")
-    )
-    for section in ("material", "loads", "contact", "friction"):
-        assert getattr(first, section) == getattr(other, section)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import errno
 import json
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,13 +12,11 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from problems import block
 from solutions import made_up
 
-from contact_locking import solve, study_file
-from contact_locking.arrays import FloatArray
-from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.results import fields, output_folder, xdmf
+from contact_locking import study_file
+from contact_locking.errors import InputError
+from contact_locking.results import fields, output_folder
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing
 from contact_locking.view import pictures
@@ -151,13 +148,6 @@ def test_the_parameters_load_back_equal(folder: Path, comm: MPI.Intracomm) -> No
     assert study_file.load(folder / "parameters.yaml").parameters == solution.parameters
 
 
-def test_a_writable_folder_is_found_so_and_left_as_it_was(
-    folder: Path, comm: MPI.Intracomm
-) -> None:
-    output_folder.prepare(folder / "a" / "b", comm)
-    assert listing(folder, comm) == set()
-
-
 def test_a_folder_that_cannot_be_written_to_is_bad_input_on_every_rank(
     folder: Path, comm: MPI.Intracomm
 ) -> None:
@@ -167,24 +157,6 @@ def test_a_folder_that_cannot_be_written_to_is_bad_input_on_every_rank(
         output_folder.prepare(folder / "file" / "results", comm)
     assert caught.value.key == "output.directory"
     assert listing(folder, comm) == {"file"}
-
-
-def test_a_full_disk_leaves_the_earlier_results_alone(
-    folder: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    writing.write(made_up(), folder)
-    comm.Barrier()
-    before = (folder / "summary.json").read_bytes()
-
-    def fail(_: object) -> str:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(study_file, "dump", fail)
-    changed = made_up().telling(dofs=-1)
-    with pytest.raises(ContactLockingError, match=r"No space left on device.*\n.*room"):
-        writing.write(changed, folder)
-    assert listing(folder, comm) == FILES
-    assert (folder / "summary.json").read_bytes() == before
 
 
 def test_a_picture_that_cannot_be_drawn_is_a_warning_and_the_rest_is_there(
@@ -214,43 +186,3 @@ def test_fields_can_be_written_as_xdmf(tmp_path: Path, comm: MPI.Intracomm) -> N
     data = found["strain_norm"].find("DataItem")
     assert data is not None and data.text is not None and data.text.startswith("fields.h5:")
     assert int(data.get("Dimensions", "").split()[0]) == solution.domain.num_cells
-
-
-def test_an_xdmf_file_of_quadratic_elements_has_all_nodes(
-    tmp_path: Path, comm: MPI.Intracomm
-) -> None:
-    folder = comm.bcast(tmp_path)
-    wanted = {"formats": ["xdmf"], "picture": False}
-    solution = solve(block(2, 0.5, discretisation={"degree": 2}, output=wanted), comm)
-    writing.write(solution, folder)
-    nodes = solution.displacement.function_space.dofmap.index_map.size_global
-    if comm.rank != 0:
-        return
-    root = ElementTree.parse(folder / "fields.xdmf").getroot()
-    (topology,) = root.iter("Topology")
-    assert topology.get("TopologyType") == "Triangle_6"
-    found = {item.get("Name"): item for item in root.iter("Attribute")}
-    assert set(found) == set(fields.FIELD_NAMES)
-    (data,) = found["displacement"]
-    assert data.get("Dimensions") == f"{nodes} 3"
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_functions_keep_their_values_on_the_quadratic_mesh(dim: int, comm: MPI.Intracomm) -> None:
-    mesh = made_up(dim).domain.mesh
-
-    def quadratic(x: FloatArray) -> FloatArray:
-        return np.vstack([x[0] ** 2 - x[1], *[x[0] * x[dim - 1] + 1.0] * (dim - 1)])
-
-    given = fem.Function(fem.functionspace(mesh, ("P", 2, (dim,))), name="u")
-    given.interpolate(quadratic)
-    cells = fem.Function(fem.functionspace(mesh, ("DG", 0)))
-    cells.interpolate(lambda x: x[0] - 2.0 * x[1])
-    target = xdmf.quadratic(given.function_space)
-    nodal, constant = (xdmf.on_the_same_cells(one, target) for one in (given, cells))
-    assert nodal.name == "u"
-    for moved, function in ((nodal, quadratic), (constant, lambda x: x[0] - 2.0 * x[1])):
-        x = moved.function_space.tabulate_dof_coordinates().T
-        width = moved.function_space.dofmap.bs
-        expected = np.atleast_2d(function(x)).T
-        assert moved.x.array.reshape(-1, width) == pytest.approx(expected, abs=1e-12)

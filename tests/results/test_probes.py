@@ -133,6 +133,7 @@ def test_a_process_has_a_row_for_each_step_and_point(tmp_path: Path, stopped: bo
     assert solution.converged
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("probe", "key"),
     [
@@ -146,6 +147,7 @@ def test_a_point_outside_of_the_body_is_refused_before_the_solve(probe: Any, key
     assert caught.value.key == key
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("probes", "words"),
     [

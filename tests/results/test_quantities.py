@@ -65,6 +65,7 @@ BODIES: dict[str, tuple[dict[str, Any], float, list[float]]] = {
 }
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("name", BODIES)
 def test_a_pressed_block_has_the_numbers_of_uniaxial_stress(name: str) -> None:
     changes, stress, strains = BODIES[name]
@@ -80,6 +81,7 @@ def test_a_pressed_block_has_the_numbers_of_uniaxial_stress(name: str) -> None:
     assert found["friction_used"] is None and found["limit_used"] is None
 
 
+@pytest.mark.serial
 def test_the_locking_stress_is_part_of_the_von_mises_stress() -> None:
     """In uniaxial strain the sides bear ``lambda M``, and the limit takes the rest of the load."""
     found = summary(column(2, 0.05, penalty__n=float("inf")))
@@ -88,6 +90,7 @@ def test_the_locking_stress_is_part_of_the_von_mises_stress() -> None:
     assert found["limit_used"] == pytest.approx(1.0, abs=1e-8)
 
 
+@pytest.mark.serial
 def test_a_strain_beyond_the_limit_between_the_points_that_keep_it_is_told() -> None:
     cells: dict[str, Any] = {"mesh__cells": "box", "mesh__structured": True}
     found = summary(block(h=0.25, penalty__n=float("inf"), **cells))
@@ -96,6 +99,7 @@ def test_a_strain_beyond_the_limit_between_the_points_that_keep_it_is_told() -> 
     assert any("132 % of its limit between the points" in text for text in found["warnings"])
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "material",
     [
@@ -111,6 +115,7 @@ def test_the_von_mises_stress_is_not_known_without_the_stress_across_the_plane(
     assert found.summary["von_mises_max"] is found.summary["von_mises_max_at"] is None
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("dim", [2, 3])
 def test_friction_balances_the_moment_of_a_shear_on_the_top(dim: int) -> None:
     """A traction ``t`` on the top of height 1, and in 3D a twist ``c (-y, x)`` about its middle."""
@@ -135,6 +140,7 @@ def test_friction_balances_the_moment_of_a_shear_on_the_top(dim: int) -> None:
         assert found["friction_force"][0] == pytest.approx(-shear, rel=1e-6)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_centre_of_pressure_is_below_the_resultant_of_the_load(dim: int) -> None:
     """A pressure ``1 + x - 1/2`` on the top of a unit block has its resultant at x = 7/12."""
@@ -168,6 +174,7 @@ def test_the_centre_of_pressure_is_not_known_before_the_body_touches(tmp_path: P
     assert (tmp_path / "report" / "history-place.svg").exists()
 
 
+@pytest.mark.serial
 def test_a_block_that_slides_uses_all_of_its_friction() -> None:
     drag = {"displacements": [{"on": "top", "value": [0.1, -0.01]}]}
     free: dict[str, Any] = {"friction__smoothing": {"kernel": "none"}, "penalty": {}}
@@ -228,11 +235,3 @@ def test_a_quantity_of_five_lines_is_everywhere(own: str, tmp_path: Path) -> Non
     assert "<!-- mean pressure -->" in drawing
     reference = generated_reference.fill(generated_reference.CONTACTS)
     assert f"| `{own}` | stress | mean pressure where the body touches |" in reference
-
-
-def test_every_quantity_says_what_it_is() -> None:
-    for key, item in QUANTITIES.items():
-        assert item.key == key
-        assert all((item.name, item.meaning, item.unit)), key
-        assert not item.beside or item.beside in QUANTITIES, key
-        assert not item.meaning.endswith("."), key

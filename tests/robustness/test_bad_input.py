@@ -29,151 +29,58 @@ def _refused(file: Path, output: Path, capsys: pytest.CaptureFixture[str]) -> st
 
 STIFFNESS = [[2.0, 0.5, 0.0], [0.5, 2.0, 0.0], [0.0, 0.0, 1.0]]
 
-CASES: dict[str, tuple[dict[str, Any], list[str]]] = {
-    "unknown boundary name": (
-        {"contact.on": "botom"},
-        ["contact.on", "'botom'", "bottom", "left, right"],
-    ),
-    "unknown boundary of a load": (
-        {"loads.tractions": [{"on": "up", "value": [0, 1]}]},
-        ["loads.tractions.0.on", "'up'", "top"],
-    ),
-    "unknown region": (
-        {"material.regions": {"core": {"locking_limit": 1.0}}},
-        ["material.regions", "'core'", "body"],
-    ),
-    "no displacement condition": (
-        {"loads.displacements": [], "friction.coefficient": 0},
-        ["loads.displacements", "rigid motion", "translation along x"],
-    ),
-    "a roller that lets the body slide": (
-        {
-            "loads.displacements": [{"on": "left", "value": [None, 0.0]}],
-            "friction.coefficient": 0,
-        },
-        ["loads.displacements", "rigid motion", "translation along x"],
-    ),
-    "contact and displacement on the same part": (
-        {"loads.displacements": [{"on": ["left", "bottom"], "value": [0, 0]}]},
-        ["loads.displacements", "bottom", "contact"],
-    ),
-    "negative locking limit": ({"material.locking_limit": -1}, ["material.locking_limit", "-1"]),
-    "locking limit that reaches zero": (
-        {"material.locking_limit": "x - 0.5"},
-        ["material.locking_limit", "positive"],
-    ),
-    "no regularisation with Newton's method": (
-        {"friction.regularisation": 0, "solver.method": "newton", "penalty.n": 1e3},
-        ["friction.regularisation", "Newton's method", "interior_point"],
-    ),
-    "negative regularisation": ({"friction.regularisation": -1}, ["friction.regularisation"]),
-    "n = 0": ({"penalty.n": 0}, ["penalty.n"]),
-    "negative n": ({"penalty.n": -10}, ["penalty.n", "-10"]),
-    "negative friction": ({"friction.coefficient": -0.1}, ["friction.coefficient", "-0.1"]),
-    "friction that becomes negative": (
-        {"friction.coefficient": "0.5 - x"},
-        ["friction.coefficient", "negative"],
-    ),
-    "load of the wrong length": (
-        {"loads.body_force": [0, 0, 1]},
-        ["loads.body_force", "2"],
-    ),
-    "unknown name in an expression": (
-        {"contact.gap": "0.1*radius"},
-        ["contact.gap", "radius"],
-    ),
-    "function call that is not allowed": (
-        {"loads.body_force": ["__import__('os').system('true')", 0]},
-        ["loads.body_force.0"],
-    ),
-    "expression that is not finite": ({"contact.gap": "log(x - 2)"}, ["contact.gap", "log(x - 2)"]),
-    "gap in a list that is not finite": (
-        {"contact": [{"on": "bottom", "gap": "log(x - 2)"}]},
-        ["contact.0.gap", "log(x - 2)"],
-    ),
-    "coefficient of one part that becomes negative": (
+CASES: list[tuple[dict[str, Any], str]] = [
+    ({"loads.tractions": [{"on": "up", "value": [0, 1]}]}, "loads.tractions.0.on"),
+    ({"material.regions": {"core": {"locking_limit": 1.0}}}, "material.regions"),
+    ({"loads.displacements": [], "friction.coefficient": 0}, "loads.displacements"),
+    ({"loads.displacements": [{"on": ["left", "bottom"], "value": [0, 0]}]}, "loads.displacements"),
+    ({"material.locking_limit": "x - 0.5"}, "material.locking_limit"),
+    ({"friction.coefficient": "0.5 - x"}, "friction.coefficient"),
+    ({"loads.body_force": ["__import__('os').system('true')", 0]}, "loads.body_force.0"),
+    ({"contact.gap": "log(x - 2)"}, "contact.gap"),
+    ({"contact": [{"on": "bottom", "gap": "log(x - 2)"}]}, "contact.0.gap"),
+    (
         {"contact": [{"on": "bottom", "friction": {"coefficient": "0.3 - x"}}]},
-        ["contact.0.friction.coefficient", "negative"],
+        "contact.0.friction.coefficient",
     ),
-    "part of a list that is not there": (
-        {"contact": [{"on": "bottom"}, {"on": "wall"}]},
-        ["contact.1.on", "wall", "left"],
-    ),
-    "stiffness that is not symmetric": (
-        {"material.elasticity": {"stiffness": [[2, 0.5, 0], [0.4, 2, 0], [0, 0, 1]]}},
-        ["material.elasticity.stiffness", "symmetric"],
-    ),
-    "stiffness that is not elliptic": (
-        {"material.elasticity": {"stiffness": [[2, 3, 0], [3, 2, 0], [0, 0, 1]]}},
-        ["material.elasticity.stiffness", "eigenvalue", "-1"],
-    ),
-    "stiffness that is not elliptic somewhere": (
+    ({"contact": [{"on": "bottom"}, {"on": "wall"}]}, "contact.1.on"),
+    (
         {"material.elasticity": {"stiffness": [["2 - 4*x", *STIFFNESS[0][1:]], *STIFFNESS[1:]]}},
-        ["material.elasticity", "eigenvalue"],
+        "material.elasticity",
     ),
-    "half space turned away": (
+    (
         {"contact.foundation": {"half_space": {"point": [0, 0], "normal": [0, -1]}}},
-        ["contact.foundation", "normal"],
+        "contact.foundation",
     ),
-    "foundation out of this world": (
+    (
         {"contact.foundation": {"sphere": {"centre": [0, -1e308], "radius": 1e308}}},
-        ["contact.foundation.sphere.radius", "too large", "at most 1e+100"],
+        "contact.foundation.sphere.radius",
     ),
-    "traction that is no number somewhere": (
+    (
         {"loads.tractions": [{"on": "top", "value": [0, "sqrt(x - 0.5)"]}]},
-        ["loads.tractions.0.value.1", "'sqrt(x - 0.5)' is nan at x = 0.0"],
+        "loads.tractions.0.value.1",
     ),
-    "traction with a pole where it is integrated": (
+    (
         {"mesh.h": 0.2, "loads.tractions": [{"on": "top", "value": [0, "1/(x - 0.5)"]}]},
-        ["loads.tractions.0.value.1", "'1/(x - 0.5)' is", "at x = 0.5"],
+        "loads.tractions.0.value.1",
     ),
-    "body force that is no number somewhere": (
-        {"loads.body_force": ["log(y - 0.5)", 0]},
-        ["loads.body_force.0", "is nan at y = 0."],
-    ),
-    "traction that overflows": (
+    ({"loads.body_force": ["log(y - 0.5)", 0]}, "loads.body_force.0"),
+    (
         {"loads.tractions": [{"on": "top", "value": [0, "exp(1000*x)"]}]},
-        ["loads.tractions.0.value.1", "at x = 0.", "of at most 1e+100"],
+        "loads.tractions.0.value.1",
     ),
-    "load beyond all stiffness": (
-        {"loads.tractions": [{"on": "top", "value": [0, -1e60]}]},
-        ["loads.tractions.0.value", "times the stiffness", "units"],
-    ),
-    "n that underflows": ({"penalty.n": 1e-300}, ["penalty.n", "at least 1e-100"]),
-    "epsilon that overflows": ({"penalty.epsilon": 1e300}, ["penalty.epsilon", "at most 1e+100"]),
-    "stiffness that overflows": (
-        {"material.elasticity.young": 1e300},
-        ["material.elasticity.young", "at most 1e+100"],
-    ),
-    "stiffness that underflows": (
-        {"material.elasticity": {"young": 1e-300, "poisson": 0.3}},
-        ["material.elasticity", "eigenvalue", "at least 1e-100"],
-    ),
-    "locking limit that underflows": (
-        {"material.locking_limit": "1e-200*x"},
-        ["material.locking_limit", "at least 1e-100"],
-    ),
-    "gap that overflows": ({"contact.gap": -1e300}, ["contact.gap", "at most 1e+100"]),
-    "radius that overflows": (
-        {"friction.smoothing": {"kernel": "helmholtz", "radius": 1e300}},
-        ["friction.smoothing.radius", "at most 1e+100"],
-    ),
-    "unknown key": ({"penalty.m": 3}, ["penalty.m", "n, epsilon"]),
-    "unknown builder": ({"mesh": {"builder": "blok"}}, ["mesh.builder", "block"]),
-    "missing mesh file": ({"mesh": {"file": "none.msh"}}, ["mesh.file", "none.msh"]),
-}
+    ({"material.elasticity": {"young": 1e-300, "poisson": 0.3}}, "material.elasticity"),
+    ({"material.locking_limit": "1e-200*x"}, "material.locking_limit"),
+]
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(("changes", "key"), CASES)
 def test_bad_data_are_refused_with_their_key(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    changes: dict[str, Any], key: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    changes, expected = CASES[name]
     file = changed(tmp_path, changes)
     message = _refused(file, tmp_path / "out", capsys)
-    assert f"{file}:" in message, "the message names the file and line"
-    for text in expected:
-        assert text in message
+    assert f"{file}:" in message and key in message, "the message names the file, line and key"
     assert not list((tmp_path / "out").glob("*")), "nothing is written"
 
 
@@ -196,15 +103,7 @@ def test_output_that_is_a_file_is_refused(
     assert (tmp_path / "out").read_text() == "in the way"
 
 
-def test_a_friction_coefficient_below_zero_is_refused_with_the_place(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = changed(tmp_path, {"friction.coefficient": "0.3 - 0.4*x"})
-    message = _refused(file, tmp_path / "out", capsys)
-    assert "must not be negative, it is -0.1 at x = 1, y = " in message
-
-
-def _mesh_file(path: Path, dim: int, *, names: bool = True, order: int = 1) -> None:
+def _mesh_file(path: Path, dim: int, order: int = 1) -> None:
     gmsh.initialize(interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
@@ -216,10 +115,9 @@ def _mesh_file(path: Path, dim: int, *, names: bool = True, order: int = 1) -> N
         else:
             gmsh.model.occ.addRectangle(0.0, 0.0, 0.0, 1.0, 1.0)
             gmsh.model.occ.synchronize()
-            if names:
-                gmsh.model.addPhysicalGroup(2, [1], name="body")
-                for tag, name in enumerate(("bottom", "right", "top", "left"), start=1):
-                    gmsh.model.addPhysicalGroup(1, [tag], name=name)
+            gmsh.model.addPhysicalGroup(2, [1], name="body")
+            for tag, name in enumerate(("bottom", "right", "top", "left"), start=1):
+                gmsh.model.addPhysicalGroup(1, [tag], name=name)
         gmsh.option.setNumber("Mesh.MeshSizeMax", 0.3)
         gmsh.model.mesh.generate(dim)
         gmsh.model.mesh.setOrder(order)
@@ -228,25 +126,13 @@ def _mesh_file(path: Path, dim: int, *, names: bool = True, order: int = 1) -> N
         gmsh.finalize()
 
 
-@pytest.mark.parametrize(
-    ("dim", "options", "expected"),
-    [
-        (1, {}, "1D"),
-        (2, {"order": 3}, "first or second order"),
-    ],
-)
+@pytest.mark.parametrize(("dim", "order"), [(1, 1), (2, 3)])
 def test_meshes_that_will_not_do_are_refused(
-    dim: int,
-    options: dict[str, Any],
-    expected: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    dim: int, order: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    _mesh_file(tmp_path / "body.msh", dim, **options)
+    _mesh_file(tmp_path / "body.msh", dim, order=order)
     file = changed(tmp_path, {"mesh": {"file": "body.msh"}})
-    message = _refused(file, tmp_path / "out", capsys)
-    assert "mesh.file" in message
-    assert expected in message
+    assert "mesh.file" in _refused(file, tmp_path / "out", capsys)
 
 
 def test_a_file_that_is_no_mesh_is_refused(

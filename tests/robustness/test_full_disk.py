@@ -103,27 +103,11 @@ DRAWN = FILES | {"picture.png"}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", ["48k", *(pytest.param(f"{k}k", marks=slow) for k in (4, 64, 96))])
-def test_a_run_whose_results_have_no_room_leaves_none_and_goes_with_room(
-    size: str, disk: Disk
-) -> None:
-    full(disk.solve(size), f"results cannot be written to {disk.out}")
+def test_a_run_whose_results_have_no_room_leaves_none_and_goes_with_room(disk: Disk) -> None:
+    full(disk.solve("48k"), f"results cannot be written to {disk.out}")
     assert not list(disk.kept.glob("out/*"))
     assert disk.solve("10m").returncode == 0
     assert complete(disk.results) == DRAWN
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("size", ["256k", pytest.param("128k", marks=slow)])
-def test_a_picture_that_has_no_room_is_told_by_exit_code_1_and_all_else_is_kept(
-    size: str, disk: Disk
-) -> None:
-    done = disk.solve(size)
-    full(done, "no picture was drawn")
-    assert f"all other results are in {disk.out}" in done.stderr
-    (warning,) = json.loads((disk.results / "summary.json").read_text())["warnings"]
-    assert warning.startswith("no picture was drawn: No space left on device")
-    assert complete(disk.results) == FILES
 
 
 @pytest.mark.slow
@@ -132,21 +116,6 @@ def test_earlier_results_survive_a_full_disk(disk: Disk) -> None:
     before = {path: path.read_bytes() for path in disk.kept.rglob("*") if path.is_file()}
     full(disk.solve("360k", "--set", "penalty.n=50"), "results cannot be written")
     assert {path: path.read_bytes() for path in disk.kept.rglob("*") if path.is_file()} == before
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("size", ["100k", *(pytest.param(f"{k}k", marks=slow) for k in (70, 116))])
-def test_fields_that_run_out_of_room_while_they_are_written_do_not_end_the_process(
-    size: str, disk: Disk
-) -> None:
-    """The wrong size stands for another program that fills the disk: ADIOS2 would abort."""
-    script = """
-    from contact_locking.results import fields
-    fields.size = lambda *_: 1
-    """
-    words = ["--set", "mesh.h=0.15", "output.picture=false"]
-    full(disk.solve(size, *words, script=script), "results cannot be written")
-    assert not list(disk.kept.iterdir())
 
 
 @pytest.mark.parametrize("size", ["128k", pytest.param("36k", marks=slow)])
@@ -184,35 +153,7 @@ def test_all_ranks_are_told_that_there_is_no_room(disk: Disk) -> None:
     assert not list(disk.kept.iterdir())
 
 
-@pytest.mark.slow
-def test_a_mesh_that_has_no_room_is_not_taken_for_one(disk: Disk) -> None:
-    body = disk.path / "body.msh"
-    words = ["mesh", str(disk.file), "--set", "mesh.h=0.05", "-o", str(body)]
-    for size in ("4k", "16k", "32k"):
-        full(disk.run(size, *words), f"cannot write {body}")
-        assert not list(disk.kept.iterdir())
-    assert disk.run("1m", *words).returncode == 0
-    assert (disk.kept / "body.msh").read_text().endswith("$EndElements\n")
-
-
-@slow
-def test_compiled_forms_that_have_no_room_are_no_defect(disk: Disk) -> None:
-    script = f"""
-    import os
-    os.environ["XDG_CACHE_HOME"] = {str(disk.path)!r}
-    """
-    out = disk.file.with_name("elsewhere")
-    words = ["run", str(disk.file), "--quiet", "--output", str(out)]
-    done = disk.run("100k", *words, script=script)
-    assert done.returncode == 1 and done.stderr.startswith("error: No space left on device")
-    assert "defect" not in done.stderr and "XDG_CACHE_HOME" in done.stderr
-    assert disk.run("100m", *words, script=script).returncode == 0
-    assert complete(out) == DRAWN
-
-
-@pytest.mark.parametrize(
-    "pages", [4, 8, *(pytest.param(k, marks=slow) for k in (1, 2, 3, 5, 6, 7, 9, 10, 11, 12, 14))]
-)
+@pytest.mark.parametrize("pages", [4, *(pytest.param(k, marks=slow) for k in (2, 6, 8, 10, 12))])
 def test_a_study_goes_on_from_wherever_the_disk_was_full(
     pages: int, disk: Disk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -239,36 +180,6 @@ def test_a_study_goes_on_from_wherever_the_disk_was_full(
     assert len(folder.started()) == 2 - finished
     table = (disk.results / "table.jsonl").read_text().splitlines()
     assert [json.loads(line)["state"] for line in table] == ["converged"] * 2
-
-
-@pytest.mark.slow
-def test_a_case_that_has_no_room_ends_the_study_and_is_in_the_table(disk: Disk) -> None:
-    study = "study={vary: {penalty.n: [10, 100]}}"
-    words = ["study", str(disk.file), "--output", str(disk.out), "--set", "output.picture=false"]
-    done = disk.run("100k", *words, study)
-    assert done.returncode == 1 and "Finished cases are kept; make room" in done.stderr
-    rows = [json.loads(line) for line in (disk.results / "table.jsonl").read_text().splitlines()]
-    assert [row["state"] for row in rows] == ["failed", "not run"]
-    assert "No space left on device" in rows[0]["reason"]
-    assert disk.run("10m", *words, study).returncode == 0
-    assert len(list(disk.kept.glob("out/cases/*/fields.bp/data.0"))) == 2
-
-
-@pytest.mark.slow
-def test_a_report_that_has_no_room_leaves_none_and_the_earlier_one(disk: Disk) -> None:
-    run_folder(disk.results)
-    words = ["report", str(disk.out)]
-    for room in (8, 100):
-        used = sum(-(-path.stat().st_size // 4096) * 4 for path in disk.results.iterdir())
-        done = disk.run(f"{used + room}k", *words)
-        full(done, f"no report can be written in {disk.out}")
-        assert not {"report", "report.html"} & {path.name for path in disk.results.iterdir()}
-    assert disk.run("20m", *words).returncode == 0
-    before = (disk.results / "report.html").read_bytes()
-    files = [path for path in disk.results.rglob("*") if path.is_file()]
-    used = sum(-(-path.stat().st_size // 4096) * 4 for path in files)
-    full(disk.run(f"{used + 40}k", *words), "no report can be written")
-    assert (disk.results / "report.html").read_bytes() == before
 
 
 @pytest.mark.parametrize("command", ["run", "study", "check", "report", "mesh"])

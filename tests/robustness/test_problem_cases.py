@@ -10,14 +10,11 @@ import math
 from pathlib import Path
 from typing import Any
 
-import friction_cases
 import numpy as np
-import problem_cases
 import pytest
 from mpi4py import MPI
-from slow import slow
 from sweep.case import Case, Study, clamp, study
-from sweep.solve import INFEASIBLE, SOLVED, WEDGED, outcome_of_case
+from sweep.solve import WEDGED, outcome_of_case
 
 from contact_locking import study_file
 from contact_locking.process import solving
@@ -26,27 +23,11 @@ from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial
 
-SOLVED_CASES = problem_cases.SOLVED | friction_cases.SOLVED
-# They take a hundred tangents and more.
-LONG = ("local friction in a locked cube", "friction that falls steeply with the slip")
-
 
 def solution_of(data: Study) -> StudySolution:
     solution = solving.solve(Parameters.model_validate(data), MPI.COMM_SELF)
     assert solution.converged, solution.summary["reason"]
     return solution
-
-
-@pytest.mark.parametrize("name", [slow(name) if name in LONG else name for name in SOLVED_CASES])
-def test_this_problem_is_solved(name: str) -> None:
-    outcome = outcome_of_case(SOLVED_CASES[name])
-    assert outcome.kind == SOLVED, outcome.reason
-
-
-@pytest.mark.parametrize("name", problem_cases.INFEASIBLE)
-def test_this_problem_has_no_solution(name: str) -> None:
-    outcome = outcome_of_case(problem_cases.INFEASIBLE[name])
-    assert outcome.kind == INFEASIBLE, outcome.reason
 
 
 @pytest.mark.slow
@@ -84,29 +65,6 @@ def test_forces_that_grow_are_found_with_penalties_that_are_soft_enough(file: Pa
     assert outcome.kind == WEDGED, outcome.reason
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", friction_cases.WEDGED)
-def test_this_problem_is_told_to_have_forces_that_grow_with_the_penalty(name: str) -> None:
-    outcome = outcome_of_case(friction_cases.WEDGED[name], checks=False)
-    assert outcome.kind == WEDGED, outcome.reason
-    assert "there seems to be no equilibrium" in outcome.reason
-    assert "times the contact force of the other" in outcome.reason
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        "an approach without touch is a translation",
-        "without loads nothing happens",
-        "a body moved along a foundation that touches it exactly is not pressed",
-    ],
-)
-def test_an_admissible_elastic_solution_takes_one_tangent(name: str) -> None:
-    outcome = outcome_of_case(SOLVED_CASES[name], checks=False)
-    assert outcome.kind == SOLVED, outcome.reason
-    assert outcome.tangents <= 1
-
-
 def _pressed(young: float, stress: float, **more: Any) -> Study:
     loads = {
         "tractions": [{"on": "top", "value": [0.0, -stress]}],
@@ -116,7 +74,7 @@ def _pressed(young: float, stress: float, **more: Any) -> Study:
     return study(mesh, loads, young=young, friction=0.4, **more)
 
 
-@pytest.mark.parametrize("young", [7e10, 2.1e11, 2e6])
+@pytest.mark.parametrize("young", [2.1e11, 2e6])
 def test_who_says_nothing_of_penalties_gets_the_inequality_in_any_unit(young: float) -> None:
     """With n = 1e4 Pa the foundation was as good as absent: a contact force of 6.5 for 6.2e7."""
     silent = solution_of(_pressed(young, 5e-4 * young, penalty={}))
@@ -126,19 +84,10 @@ def test_who_says_nothing_of_penalties_gets_the_inequality_in_any_unit(young: fl
     assert wanted[1] == pytest.approx(0.62 * 5e-4 * young, rel=0.2)
 
 
-def test_steel_in_pascals_and_metres_presses_back_as_steel() -> None:
-    """The modulus is between those of plane strain with free sides and without lateral strain."""
-    mesh = {"builder": "block", "dim": 2, "size": [0.2, 0.1], "h": 0.02}
-    push = {"displacements": [{"on": "top", "value": [1e-6, -2e-6]}]}
-    found = solution_of(study(mesh, push, young=2.1e11, friction=0.3, penalty={}))
-    free, held = 2.1e11 / (1.0 - 0.3**2), 2.1e11 * 0.7 / (1.3 * 0.4)
-    assert free <= found.summary["contact_force"][1] / (0.2 * 2e-6 / 0.1) <= held
-
-
-@pytest.mark.parametrize("kernel", ["convolution", "helmholtz", "none"])
-@pytest.mark.parametrize("share", [1e-13, 1e-30])
-def test_the_displacement_scales_with_a_tiny_load(kernel: str, share: float) -> None:
+@pytest.mark.parametrize("kernel", ["convolution", "none"])
+def test_the_displacement_scales_with_a_tiny_load(kernel: str) -> None:
     """Friction was 2 to 9 % off where its bound was below 1e-14 of the stiffness."""
+    share = 1e-30
     loads = {
         "tractions": [{"on": "top", "value": [0.9, -0.6]}],
         "displacements": [clamp(2)],
@@ -149,17 +98,6 @@ def test_the_displacement_scales_with_a_tiny_load(kernel: str, share: float) -> 
     tiny["loads"]["tractions"][0]["value"] = [0.9 * share, -0.6 * share]
     u, v = (solution_of(d).displacement.x.array for d in (data, tiny))
     assert np.abs(v / share - u).max() <= 1e-7 * np.abs(u).max()
-
-
-def test_epsilon_is_the_same_in_any_unit_of_stress() -> None:
-    """A compliance: E times s asks for epsilon / s.  The displacement changed by 4 to 84 %."""
-    u = [
-        solution_of(
-            _pressed(s, 0.01 * s, limit=0.02, penalty={"n": 1e4 * s, "epsilon": 1e-3 / s})
-        ).displacement.x.array
-        for s in (1.0, 1e9)
-    ]
-    assert np.abs(u[1] - u[0]).max() <= 1e-7 * np.abs(u[0]).max()
 
 
 @pytest.mark.parametrize("kernel", ["convolution", "none"])
@@ -214,32 +152,6 @@ def test_a_sheet_that_is_lifted_needs_the_same_force_held_by_friction_and_by_a_r
         stiffness, weight = 2e5 / 12.0, 7.7e-5
         lifted = (24.0 * stiffness * height / weight) ** 0.25
         assert forces[0] == pytest.approx(0.5 * weight * lifted, rel=0.03)
-
-
-def test_a_load_on_held_nodes_alone_does_nothing_by_newtons_method() -> None:
-    data = study(
-        {"builder": "block", "dim": 2, "h": 0.25},
-        {"pressures": [{"on": "left", "value": 0.01}], "displacements": [clamp(2)]},
-        gap=0.01,
-        friction=0.3,
-        penalty={"n": 1000.0},
-    )
-    data["solver"] = {"method": "newton"}
-    found = solution_of(data)
-    assert not found.displacement.x.array.any()
-
-
-@pytest.mark.parametrize("method", ["newton", "interior_point"])
-def test_friction_is_regularised_over_a_positive_slip_for_every_elliptic_matrix(
-    method: str,
-) -> None:
-    """The isotropic tensor that is nearest to this matrix has a negative Young's modulus."""
-    data = _pressed(1.0, 0.01, penalty={"n": 1000.0})
-    data["material"] = {"elasticity": {"stiffness": [[1.0, -0.8, 0], [-0.8, 1.0, 0], [0, 0, 4.0]]}}
-    data["solver"] = {"method": method}
-    found = solution_of(data)
-    # The smallest eigenvalue is 0.2.
-    assert found.summary["penalty"]["regularisation"] == pytest.approx(0.2 / 1000.0)
 
 
 def test_a_penalty_that_is_soft_for_the_material_is_warned_of_with_one_that_does() -> None:

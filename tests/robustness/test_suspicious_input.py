@@ -14,8 +14,6 @@ from mpi4py import MPI
 
 from contact_locking import study_file
 from contact_locking.command import cli
-from contact_locking.fields import plausibility
-from contact_locking.monitor import Monitor
 from contact_locking.process import solving
 from contact_locking.study.assembly import assemble
 
@@ -61,20 +59,9 @@ def test_loads_and_strains_beyond_the_theory_are_warned_of_in_numbers_that_one_c
     assert [f"warning: {text}" for text in summary["warnings"]] == errors.splitlines()
 
 
-def test_a_friction_coefficient_below_zero_by_rounding_is_zero(tmp_path: Path) -> None:
-    changes = {"friction.coefficient": "0.5*x - 1e-17", "penalty.n": 1e3}
-    solution = solving.solve(study_file.load(changed(tmp_path, changes)).parameters, MPI.COMM_SELF)
-    assert solution.converged
-    assert solution.contact_points is not None
-    assert (solution.contact_points.bound >= 0.0).all()
-
-
 @pytest.mark.parametrize("kernel", ["convolution", "helmholtz"])
-@pytest.mark.parametrize("h", [0.5, 0.25, 0.05])
-def test_the_default_radius_is_not_warned_of_and_smooths(
-    kernel: str, h: float, tmp_path: Path
-) -> None:
-    changes = {"friction.smoothing": {"kernel": kernel}, "mesh.h": h}
+def test_the_default_radius_is_not_warned_of_and_smooths(kernel: str, tmp_path: Path) -> None:
+    changes = {"friction.smoothing": {"kernel": kernel}, "mesh.h": 0.25}
     study = study_file.load(changed(tmp_path, changes))
     made = assemble(study.parameters, MPI.COMM_SELF)
     assert made.warnings == []
@@ -87,9 +74,8 @@ def test_the_default_radius_is_not_warned_of_and_smooths(
     made.close()
 
 
-@pytest.mark.parametrize("radius", [1e3, 1e6, 1e100])
-def test_a_filter_with_a_huge_radius_is_the_mean(radius: float, tmp_path: Path) -> None:
-    changes = {"friction.smoothing": {"kernel": "helmholtz", "radius": radius}, "mesh.h": 0.05}
+def test_a_filter_with_a_huge_radius_is_the_mean(tmp_path: Path) -> None:
+    changes = {"friction.smoothing": {"kernel": "helmholtz", "radius": 1e6}, "mesh.h": 0.1}
     made = assemble(study_file.load(changed(tmp_path, changes)).parameters, MPI.COMM_SELF)
     (contact,) = made.contacts
     surface, smoothing = contact.surface, contact.friction.smoothing
@@ -159,57 +145,6 @@ def test_other_foundations_with_friction_are_not_warned_of(
     assert _warnings(tmp_path, changes) == []
 
 
-def test_a_leaf_that_turns_far_is_warned_of_with_the_strain_that_is_neglected(
-    tmp_path: Path,
-) -> None:
-    """By theory without the square of rotations the tip comes down by 60, by elastica by 46.3."""
-    changes = {
-        "mesh": {"size": [100, 2], "h": 2.0, "structured": True},
-        "discretisation": {"degree": 2},
-        "material": {"elasticity": {"young": 210000, "poisson": 0.3}, "plane": "stress"},
-        "loads": {
-            "displacements": [{"on": "left", "value": [0, 0]}],
-            "forces": [{"on": "right", "value": [0, "-25.2*t"]}],
-        },
-        "contact": {"on": "bottom", "gap": 70},
-        "friction": {"coefficient": 0.0},
-        "steps": {"to": 1, "count": 4},
-    }
-    told: list[str] = []
-
-    class Listener(Monitor):
-        def message(self, text: str) -> None:
-            told.append(text)
-
-    study = study_file.load(changed(tmp_path, changes)).parameters
-    found = [*solving.solve_steps(study, MPI.COMM_SELF, Listener())]
-    turns = [step.summary["rotation_max"] for step in found]
-    assert turns == pytest.approx([0.225, 0.45, 0.675, 0.9], rel=0.02)
-    assert [len(step.summary["warnings"]) for step in found] == [1] * 4
-    (warning,) = [text for text in told if text.startswith("warning")]
-    assert "turns by 0.22 rad near (" in warning and "strains of 0.025, " in warning
-
-
-@pytest.mark.parametrize(("angle", "strain", "count"), [(0.2, 0.01, 1), (0.2, 0.3, 0), (0.1, 0, 0)])
-def test_rotations_count_beside_strains(angle: float, strain: float, count: int) -> None:
-    assert len(plausibility.about_the_rotation(angle, (0.0, 0.0), strain)) == count
-
-
-@pytest.mark.parametrize(("strain", "words"), [(0.15, "about 15 %"), (3.0, "do the units")])
-def test_strains_above_a_tenth_are_warned_of(strain: float, words: str) -> None:
-    assert plausibility.about_the_strain(0.1 + 1e-9) == []
-    (warning,) = plausibility.about_the_strain(strain)
-    assert words in warning
-
-
-def test_a_body_that_slides_as_a_whole_turns_by_nothing(tmp_path: Path) -> None:
-    moved = {"displacements": [{"on": "left", "value": [5.0, 0.0]}]}
-    study = changed(tmp_path, {"loads": moved, "contact": {"on": []}, "friction.coefficient": 0})
-    summary = solving.solve(study_file.load(study).parameters, MPI.COMM_SELF).summary
-    assert summary["displacement_max"] == pytest.approx(5.0)
-    assert summary["rotation_max"] < 1e-9 and summary["warnings"] == []
-
-
 @pytest.mark.parametrize("moves", [False, True])
 def test_a_foundation_at_right_angles_to_the_contact_is_warned_of_unless_it_moves(
     moves: bool, tmp_path: Path
@@ -219,21 +154,3 @@ def test_a_foundation_at_right_angles_to_the_contact_is_warned_of_unless_it_move
     told = [text for text in found if "at right angles" in text]
     assert len(told) == (0 if moves else 1)
     assert all(text.startswith("contact.foundation.expression: ") for text in told)
-
-
-def test_steps_repeat_no_warning_with_other_numbers(tmp_path: Path) -> None:
-    said: list[str] = []
-
-    class Listener(Monitor):
-        def message(self, text: str) -> None:
-            said.append(text)
-
-    changes = {
-        "mesh.h": 0.25,
-        "loads.tractions": [{"on": "top", "value": [0, "-5e8*t"]}],
-        "steps": {"to": 1, "count": 3},
-    }
-    parameters = study_file.load(changed(tmp_path, changes)).parameters
-    last = solving.solve(parameters, MPI.COMM_WORLD, Listener())
-    kinds = [text.partition(" it reaches")[0] for text in said if text.startswith("warning")]
-    assert last.summary["warnings"] and len(kinds) == len(set(kinds))

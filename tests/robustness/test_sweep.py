@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,15 +20,12 @@ from sweep.solve import (
     INFEASIBLE,
     REFUSED,
     SOLVED,
-    WEDGED,
     WRONG,
-    Outcome,
     outcome_of,
     outcome_of_case,
 )
 from sweep.transforms import Transform
 
-from contact_locking import study_file
 from contact_locking.process.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
@@ -39,35 +34,19 @@ pytest.importorskip("clarabel")
 pytestmark = pytest.mark.serial
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", [slow(f) if f == "grains" else f for f in FAMILIES])
 def test_a_problem_of_each_family_is_right(family: str) -> None:
     outcome = outcome_of(family, 0)
     assert outcome.is_good, f"{outcome.kind}: {outcome.reason}"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("family", FAMILIES)
-def test_more_problems_of_each_family_are_right_also_in_other_units(family: str) -> None:
-    for seed in range(1, 5):
-        outcome = outcome_of(family, seed, checks=True)
-        assert outcome.is_good, f"seed {seed}: {outcome.kind}: {outcome.reason}"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [11, 27, 52])
-def test_a_cube_with_a_strain_limit_that_rests_on_a_ball_is_right(seed: int) -> None:
-    """They did not arrive in 100 tangents where multipliers started from the elastic energy."""
-    outcome = outcome_of("sprung", seed, checks=seed == 52)
+@pytest.mark.parametrize("family", ["overlap", "approach_curved", "rollers", "disc", "block_3d"])
+def test_an_answer_knows_neither_units_nor_position_nor_another_solver(family: str) -> None:
+    """In other units, turned and mirrored, and beside Clarabel at the same friction bound."""
+    outcome = outcome_of(family, 1, checks=True)
     assert outcome.kind == SOLVED, outcome.reason
-    assert outcome.tangents <= 30
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("family", ["between_nodes", "narrow", "edges", "thin"])
-def test_what_a_mesh_may_miss_is_solved_right_or_told(family: str) -> None:
-    for seed in range(20):
-        outcome = outcome_of(family, seed)
-        assert outcome.is_good, f"seed {seed}: {outcome.kind}: {outcome.reason}"
+    assert outcome.notes["transformed"] < 1e-14
+    assert "reference" not in outcome.notes
 
 
 def _seen(case: Case, **changes: Any) -> str:
@@ -268,26 +247,6 @@ def test_a_worker_that_hangs_is_replaced() -> None:
     worker.limit = 60.0
     assert worker.solve(run.Task("zero_load", 0, checks=False)).kind != BROKEN
     worker.stop()
-
-
-def test_what_is_not_right_is_left_as_a_study_file(tmp_path: Path) -> None:
-    case = case_of("curved_2d", 3)
-    outcome = Outcome("curved_2d", 3, WRONG, "two\nlines", study=copy.deepcopy(case.study))
-    run.keep(outcome, tmp_path)
-    path = tmp_path / "curved_2d_3.yml"
-    assert path.read_text(encoding="utf-8").startswith("# wrong:\n# two\n# lines\n")
-    written = {"output": case.study.get("output", {}) | {"directory": "results/curved_2d_3"}}
-    assert study_file.load(path).parameters == Parameters.model_validate(case.study | written)
-
-
-def test_the_table_counts_outcomes_by_family() -> None:
-    kinds = [SOLVED, SOLVED, INFEASIBLE, WRONG, WEDGED]
-    outcomes = [Outcome("a", i, kind, tangents=10 + i) for i, kind in enumerate(kinds)]
-    lines = run.table(outcomes).splitlines()
-    counts = ["2", "1", ".", "1", ".", ".", "1", "."]
-    assert lines[1].split() == ["a", "5", *counts, "11", "12", "0.0"]
-    assert lines[-2] == "right: 4 of 5, 80.00 %"
-    assert lines[-1].endswith("known: 1")
 
 
 def test_a_refusal_counts_as_right_only_where_it_is() -> None:

@@ -15,9 +15,9 @@ from contact_locking.study_file import from_mapping
 pytestmark = pytest.mark.serial
 
 
-@pytest.mark.parametrize(("key", "value", "message"), WRONG)
-def test_a_wrong_value_is_refused_with_its_key(key: str, value: Any, message: str) -> None:
-    with pytest.raises(InputError, match=message) as caught:
+@pytest.mark.parametrize(("key", "value"), WRONG)
+def test_a_wrong_value_is_refused_with_its_key(key: str, value: Any) -> None:
+    with pytest.raises(InputError) as caught:
         from_mapping(nested(key, value))
     text = str(caught.value)
     assert text.startswith(key) or re.match(key.rpartition(".")[0] or key, text)
@@ -60,8 +60,8 @@ def test_all_that_is_wrong_is_reported_at_once() -> None:
     assert len(str(caught.value).splitlines()) == 4
 
 
-@pytest.mark.parametrize(("study", "message"), STUDIES_WRONG)
-def test_a_study_that_cannot_run_is_refused(study: Any, message: str) -> None:
-    with pytest.raises(InputError, match=message) as caught:
+@pytest.mark.parametrize("study", STUDIES_WRONG)
+def test_a_study_that_cannot_run_is_refused(study: Any) -> None:
+    with pytest.raises(InputError) as caught:
         from_mapping({"study": study})
     assert str(caught.value).startswith("study")

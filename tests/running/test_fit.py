@@ -15,10 +15,9 @@ import numpy as np
 import pytest
 from report_folder import quick
 
-from contact_locking import load, solve_steps
+from contact_locking import load
 from contact_locking.command import cli
-from contact_locking.errors import InputError, NoDerivatives
-from contact_locking.inverse.fit import session
+from contact_locking.errors import InputError
 from contact_locking.inverse.fit.curves import read_experiments
 
 pytestmark = pytest.mark.serial
@@ -155,24 +154,6 @@ def test_several_experiments_share_their_numbers(folder: Folder) -> None:
 
 
 @quick
-def test_differences_serve_where_derivatives_are_refused(
-    folder: Folder, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refused(*_: Any) -> None:
-        raise NoDerivatives("there are no derivatives")
-
-    from contact_locking.inverse.sensitivities import Sensitivities
-
-    monkeypatch.setattr(Sensitivities, "of", refused)
-    folder.write(COLUMN + FIT, curve=LINE)
-    assert folder.fit() == 0
-    value = folder.found["parameters"]["material.elasticity.young"]["value"]
-    assert value == pytest.approx(2.0, rel=5e-3)
-    told = folder.found["words"][0]
-    assert told == "there are no derivatives; without them each number takes one more solve"
-
-
-@quick
 def test_bodies_that_touch_each_other_are_fitted(folder: Folder) -> None:
     """Two like blocks that are pressed together have the force of one block of their height."""
     folder.write(
@@ -222,12 +203,6 @@ def test_jobs_are_for_several_searches(folder: Folder, capfd: pytest.CaptureFixt
     assert "are for several searches: fit.starts" in capfd.readouterr().err
 
 
-def test_several_searches_in_python_are_refused(folder: Folder) -> None:
-    folder.write(COLUMN + FIT.replace("data: c", "starts: 2\n  data: c"), curve=LINE)
-    with pytest.raises(InputError, match="take the command contact-locking fit"):
-        session.fit(load(folder.path / "study.yml").parameters, folder.path / "results")
-
-
 STEPS = COLUMN.replace("[0, -0.01]", '[0, "-0.03*t"]') + "steps: {to: 1, count: 3}\n"
 
 
@@ -238,54 +213,6 @@ def test_times_between_the_steps_are_interpolated(folder: Folder) -> None:
     value = folder.found["parameters"]["material.elasticity.young"]["value"]
     assert value == pytest.approx(2.0, rel=1e-5)
     assert (folder.path / "results/history.csv").exists()
-
-
-@quick
-def test_of_a_limit_that_nothing_reaches_the_data_have_a_least_value(folder: Folder) -> None:
-    """The column strains by 0.03, and has no solution with a limit below it."""
-    limit = "\n    material.locking_limit: {start: 0.5, bounds: [0.01, 1], scale: log}\n"
-    both = FIT.replace("parameters: {", "parameters:\n    ").replace("}}", "}")
-    folder.write(STEPS + both.rstrip() + limit, curve="t,force\n0.5,0.03\n1,0.061\n0.7,0.0415\n")
-    assert folder.fit() == 0
-    entry = folder.found["parameters"]["material.locking_limit"]
-    assert entry["start"] == 0.5 and entry["standard_error"] is None
-    # The end is located to a factor of 1.3 in the logarithm.
-    assert 0.012 < entry["interval"][0] <= 0.03 and entry["interval"][1] is None
-    assert folder.found["undetermined"][0].startswith("material.locking_limit: at least")
-
-
-@quick
-def test_a_start_at_which_nothing_locks_is_lowered_to_where_it_does(folder: Folder) -> None:
-    """A block on a curved foundation, with the forces of a limit of 0.05."""
-    pad = """
-mesh: {builder: block, h: 0.5, structured: true}
-material: {elasticity: {young: 1.0, poisson: 0.3}, locking_limit: 0.05}
-loads: {displacements: [{on: top, value: [0, "-0.045*t"]}]}
-contact: {on: bottom, gap: "0.25*(x-0.5)**2"}
-steps: {to: 1, count: 2}
-output: {directory: results, fields: false, picture: false}
-"""
-    folder.write(pad)
-    steps = solve_steps(load(folder.path / "study.yml").parameters)
-    rows = [f"{step.time},{step.summary['contact_force'][1]}" for step in steps]
-    wanted = "{material.locking_limit: {start: 0.4, bounds: [0.01, 1]}}"
-    fitted = f"data: curve.csv, quantities: {{force: contact_force.1}}, parameters: {wanted}"
-    folder.write(f"{pad}fit: {{{fitted}}}\n", curve="\n".join(["t,force", *rows, ""]))
-    assert folder.fit() == 0
-    entry = folder.found["parameters"]["material.locking_limit"]
-    assert entry["start"] < 0.2 and len(folder.found["words"]) >= 1
-    assert entry["value"] == pytest.approx(0.05, rel=1e-3)
-
-
-@quick
-def test_a_mesh_of_a_file_is_fitted_as_that_of_a_builder(folder: Folder) -> None:
-    folder.write(COLUMN + FIT, curve=LINE)
-    assert cli.main(["mesh", str(folder.path / "study.yml"), "-o", str(folder.path / "a.msh")]) == 0
-    of_file = COLUMN.replace("{builder: block, size: [1.0, 1.0], h: 0.5}", "{file: a.msh}")
-    folder.write(of_file + FIT, curve=LINE)
-    assert folder.fit() == 0
-    value = folder.found["parameters"]["material.elasticity.young"]["value"]
-    assert value == pytest.approx(2.0, rel=1e-2)
 
 
 def test_one_datum_determines_one_number_without_a_standard_error(
@@ -323,26 +250,6 @@ def test_curves_that_cannot_be_used_are_refused(folder: Folder, curve: str, said
 
 
 @pytest.mark.parametrize(
-    ("curve", "said"),
-    [
-        ("t,force\n1,2\n", "has a column t, and the file has no steps"),
-        ("force\n1\n2\n", "several rows, and nothing that differs between them"),
-    ],
-)
-def test_curves_without_steps_are_refused(folder: Folder, curve: str, said: str) -> None:
-    folder.write(COLUMN + FIT, curve=curve)
-    with pytest.raises(InputError, match=said):
-        read_experiments(load(folder.path / "study.yml").parameters)
-
-
-def test_more_parameters_than_data_are_refused(folder: Folder) -> None:
-    more = FIT.replace("}}", "}, material.elasticity.poisson: {start: 0.2}}")
-    folder.write(COLUMN + more, curve="force\n1\n")
-    with pytest.raises(InputError, match="2 parameters to fit and 1 measured number"):
-        read_experiments(load(folder.path / "study.yml").parameters)
-
-
-@pytest.mark.parametrize(
     ("given", "said"),
     [
         ("data: nothing.csv", "there is no such file"),
@@ -371,35 +278,3 @@ def test_a_fit_that_cannot_be_done_is_refused(
     code = folder.fit()
     told = capfd.readouterr().err
     assert code == 2 and said in told and "study.yml" in told
-
-
-@quick
-def test_units_that_are_off_are_told(folder: Folder) -> None:
-    folder.write(COLUMN + FIT, curve=f"{KEY},force\n-0.01,20200\n-0.03,59900\n")
-    folder.fit()
-    assert "are the units the same?" in folder.found["words"][0]
-
-
-def test_check_reads_the_curves(folder: Folder, capfd: pytest.CaptureFixture[str]) -> None:
-    folder.write(COLUMN + FIT, curve=LINE)
-    assert cli.main(["check", str(folder.path / "study.yml")]) == 0
-    assert "1 to 2 measured numbers" in capfd.readouterr().out
-    folder.write(COLUMN + FIT, curve="t,Force\n1,2\n")
-    assert cli.main(["check", str(folder.path / "study.yml")]) == 2
-    folder.write(COLUMN + FIT.replace("contact_force.1", "reactions.botom.1"), curve=LINE)
-    assert cli.main(["check", str(folder.path / "study.yml")]) == 2
-    assert "fit.quantities: no quantity 'reactions.botom.1'" in capfd.readouterr().err
-
-
-def test_a_file_without_a_fit_is_refused(folder: Folder, capfd: pytest.CaptureFixture[str]) -> None:
-    folder.write(COLUMN)
-    assert folder.fit() == 2
-    assert "the file has no section fit" in capfd.readouterr().err
-
-
-def test_measured_forces_are_read_with_the_study_of_their_page() -> None:
-    parameters = load(Path(__file__).parents[2] / "demos/measured/tip.yml").parameters
-    (one,) = read_experiments(parameters)
-    assert one.times is not None and parameters.steps is not None
-    assert tuple(one.times) == parameters.steps.planned
-    assert one.count == 12 and one.data["force"].max() == 44.587

@@ -11,16 +11,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from mpi4py import MPI
 from problems import SMALL_BLOCK
 from slow import slow
 from study_folder import Folder, wait_for
 
 from contact_locking.command import cli
 from contact_locking.errors import InputError
-from contact_locking.files.atomic import remove_abandoned, staging
-from contact_locking.files.lock import locked, make_folders, new_folders
-from contact_locking.results import output_folder
+from contact_locking.files.lock import locked
 
 pytestmark = pytest.mark.serial
 
@@ -118,43 +115,6 @@ def test_a_run_that_a_signal_ends_says_so_and_leaves_nothing(
     assert not (study.parent / "out" / ".lock").exists()
 
 
-def test_a_run_under_nohup_goes_on_when_its_terminal_is_closed(study: Path) -> None:
-    script = """
-        import os, signal, sys
-        from contact_locking.process import solving
-        from contact_locking.command import cli
-        solve = solving.solve
-
-        def hang_up(*arguments):
-            os.kill(os.getpid(), signal.SIGHUP)
-            return solve(*arguments)
-
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)
-        solving.solve = hang_up
-        sys.exit(cli.main())
-        """
-    words = ["run", str(study), "--output", str(study.parent / "out"), "--quiet"]
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(script), *words], capture_output=True, text=True
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-
-
-def test_only_abandoned_folders_of_this_program_are_removed(tmp_path: Path) -> None:
-    with staging(tmp_path) as used:
-        prefix = ".partial-contact-locking-"
-        abandoned = tmp_path / f"{prefix}a1b2c3_4"
-        (abandoned / "fields.bp").mkdir(parents=True)
-        users = tmp_path / ".partial-download"
-        users.mkdir()
-        (tmp_path / f"{prefix}12345678").write_text("a file")
-        (tmp_path / f"{prefix}abcdefgh").symlink_to(users)
-        remove_abandoned(tmp_path)
-        kept = {used.name, users.name, f"{prefix}12345678", f"{prefix}abcdefgh"}
-        assert {path.name for path in tmp_path.iterdir()} == kept
-    assert not used.exists()
-
-
 def test_a_lock_is_held_by_one_and_its_file_goes_with_it(tmp_path: Path) -> None:
     with locked(tmp_path, "run") as held:
         assert held
@@ -165,34 +125,3 @@ def test_a_lock_is_held_by_one_and_its_file_goes_with_it(tmp_path: Path) -> None
     (tmp_path / ".lock").write_text("a run, process 1 on nowhere\n")
     with locked(tmp_path, "run") as held:
         assert held
-
-
-def test_folders_that_stay_empty_go_again(tmp_path: Path) -> None:
-    with new_folders(tmp_path / "a" / "b"):
-        assert (tmp_path / "a" / "b").is_dir()
-    assert list(tmp_path.iterdir()) == []
-    with new_folders(tmp_path / "a" / "b"):
-        (tmp_path / "a" / "file").touch()
-    assert [path.name for path in tmp_path.rglob("*")] == ["a", "file"]
-
-
-def test_a_path_may_be_as_deep_as_the_system_allows(tmp_path: Path) -> None:
-    deep = tmp_path / Path(*["a"] * 1700)
-    output_folder.prepare(deep, MPI.COMM_SELF)
-    assert list(tmp_path.iterdir()) == []
-    made = make_folders(deep)
-    assert len(made) == 1700
-    for path in reversed(made):
-        path.rmdir()
-
-
-@pytest.mark.parametrize("path", ["a/" * 1945, "a" * 300], ids=["deep", "long"])
-def test_a_path_that_is_too_long_is_bad_input_in_a_message_that_one_can_read(
-    path: str, study: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(study.parent)
-    assert cli.main(["run", str(study), "--quiet", "--output", path]) == 2
-    errors = capsys.readouterr().err
-    assert "results cannot be written to a" in errors and "File name too long" in errors
-    assert len(errors) < 1200
-    assert [path.name for path in study.parent.iterdir()] == ["study.yml"]

@@ -5,13 +5,12 @@ from __future__ import annotations
 import errno
 import shutil
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from slow import slow
-from study_folder import Folder, alive, solved, wait_for
+from study_folder import Folder, alive, wait_for
 
 from contact_locking.command import cli
 from contact_locking.errors import ContactLockingError
@@ -94,23 +93,3 @@ def test_a_full_disk_stops_a_study_and_keeps_what_is_finished(
     folder.run()
     assert folder.started() == ["10", "20"]
     assert {row["state"] for row in folder.table()} == {"converged"}
-
-
-@pytest.mark.slow
-def test_a_study_that_was_killed_ends_as_one_that_was_not(
-    folder: Folder, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder.write("{vary: {penalty.n: [10, 1000, .inf]}}")
-    words = [sys.executable, "-m", "contact_locking", "study", str(folder.file)]
-    process = subprocess.Popen([*words, "--output", str(folder.output)], stdout=subprocess.DEVNULL)
-    wait_for(folder.summaries)
-    process.kill()
-    process.wait()
-    kept = {path: path.stat().st_mtime_ns for path in folder.summaries()}
-    assert cli.main(["check", str(folder.file), "--set", f"output.directory={folder.output}"]) == 0
-    assert f"3, {len(kept)} finished in {folder.output}" in capsys.readouterr().out
-    resumed = solved(folder)
-    assert {path: path.stat().st_mtime_ns for path in kept} == kept
-    shutil.rmtree(folder.output)
-    assert resumed == solved(folder, "--jobs", "2")
-    assert [row["penalty.n"] for row in resumed] == ["10", "1000", "inf"]

@@ -6,7 +6,6 @@ import json
 import os
 import shutil
 from pathlib import Path
-from typing import Any
 
 import pytest
 from study_folder import STUDY, Folder, solved
@@ -14,13 +13,10 @@ from study_folder import STUDY, Folder, solved
 from contact_locking import meshes, study_file
 from contact_locking.command import cli, terminal
 from contact_locking.command.cli import parse
-from contact_locking.errors import InputError, NoRoom
+from contact_locking.errors import InputError
 from contact_locking.files.lock import locked
-from contact_locking.running.studies.runner import Study, summary_rows
 
 pytestmark = pytest.mark.serial
-
-DEMO = Path(__file__).parents[2] / "demos" / "studies" / "block_n.yml"
 
 
 @pytest.fixture
@@ -123,13 +119,6 @@ def test_a_changed_file_reruns_only_what_changed(folder: Folder) -> None:
     assert len(folder.summaries()) == 3
 
 
-def test_cases_that_differ_in_their_title_only_are_solved_once(folder: Folder) -> None:
-    folder.write("{zip: {title: [a, b], penalty.n: [10, 10]}}")
-    folder.run()
-    assert folder.started() == ["10"]
-    assert [row["title"] for row in folder.table()] == ["a", "b"]
-
-
 def test_a_mesh_file_counts_with_its_content(folder: Folder) -> None:
     body = folder.path / "body.msh"
     meshes.write(meshes.BUILDERS["block"](h=0.5), body)
@@ -182,15 +171,6 @@ def test_two_studies_in_one_folder_are_refused(
     assert folder.started() == []
 
 
-def test_the_warnings_of_a_case_are_told_counted_and_in_the_table(folder: Folder) -> None:
-    folder.write("{vary: {penalty.n: [10, 9]}}")
-    said = folder.run()
-    assert said.count("warning: one\n") == said.count("warning: two\n") == 1
-    assert [row["warnings"] for row in folder.table()] == ["one; two", ""]
-    rows = dict(summary_rows(Study.of(folder.load()), 1.0))
-    assert rows["with warnings"] == "1"
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -220,15 +200,6 @@ def test_bad_input_is_one_message(
     assert not folder.output.exists()
 
 
-@pytest.mark.parametrize("text", ["a: " + "x" * 10_000_000, "a: &a [1]\nb: [*a, *a]\n"])
-def test_a_file_that_is_too_large_or_a_bomb_is_refused(
-    text: str, folder: Folder, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder.file.write_text(text)
-    assert cli.main(["study", str(folder.file)]) == 2
-    assert capsys.readouterr().err.startswith("error: ")
-
-
 def test_cases_run_on_several_ranks(folder: Folder) -> None:
     if shutil.which("mpirun") is None:
         pytest.skip("mpirun is not installed")
@@ -240,19 +211,6 @@ def test_cases_run_on_several_ranks(folder: Folder) -> None:
     assert float(two["compliance"]) == pytest.approx(float(one["compliance"]), rel=1e-8)
 
 
-def test_the_demo_shows_overstrain_and_penetration_fall_like_1_over_n(tmp_path: Path) -> None:
-    values = "study.vary={friction.coefficient: [0.3], penalty.n: [1.0e4, 1.0e6, .inf]}"
-    words = ["--set", "mesh.h=0.1", values, "--output", str(tmp_path), "--jobs", "2"]
-    assert cli.main(["study", str(DEMO), *words]) == 0
-    lines = (tmp_path / "table.jsonl").read_text().splitlines()
-    rows: list[dict[str, Any]] = [json.loads(line) for line in lines]
-    overstrain = [row["strain_norm_max"] - 0.02 for row in rows]
-    penetration = [row["penetration_max"] for row in rows]
-    for excess in (overstrain, penetration):
-        assert excess[0] / excess[1] == pytest.approx(100, rel=0.2)
-        assert abs(excess[2]) < 1e-9
-
-
 def test_a_study_is_not_started_under_mpirun(
     folder: Folder, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -260,13 +218,3 @@ def test_a_study_is_not_started_under_mpirun(
     monkeypatch.setattr(terminal, "world", object)
     with pytest.raises(InputError, match="without mpirun: --ranks K"):
         cli._run_command(parse(["study", str(folder.file)]))
-
-
-def test_a_full_disk_ends_the_study_at_the_first_case_that_has_no_room(folder: Folder) -> None:
-    folder.write("{vary: {penalty.n: [10, 8, 20, 30]}}")
-    with pytest.raises(NoRoom, match="Finished cases are kept; make room"):
-        folder.run(jobs=1)
-    assert len(folder.started()) == 2
-    assert [row["state"] for row in folder.table()] == [
-        *("converged", "failed", "not run", "not run")
-    ]

@@ -13,7 +13,6 @@ from study_folder import Folder
 
 from contact_locking.command.monitors import ProgressFile
 from contact_locking.monitor import Monitor
-from contact_locking.plain_text import duration
 from contact_locking.running.studies.cases import Case, Outcome
 from contact_locking.running.studies.executor import Slot
 from contact_locking.running.studies.runner import Study
@@ -61,22 +60,3 @@ def test_a_terminal_shows_what_runs_and_how_far_it_is(
 class Started:
     case: Case
     seconds: float
-
-
-@pytest.mark.parametrize(
-    ("seconds", "text"), [(1.26, "1.3 s"), (59.6, "60 s"), (600, "10 min"), (9000, "2 h 30 min")]
-)
-def test_times_are_said_in_units_that_fit(seconds: float, text: str) -> None:
-    assert duration(seconds) == text
-
-
-def test_a_rough_result_is_told_in_the_line_of_its_case(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = Folder(tmp_path, monkeypatch)
-    folder.write("{vary: {penalty.n: [10, 3]}}")
-    case = Study.of(folder.load()).cases[0]
-    summary = {"certificate": {"errors": {"mesh": {"relative": 0.3}}}}
-    with View(Console(width=200), 1) as view:
-        view.ended(case, Outcome("converged", "", summary), 1.0)
-    assert "converged, but rough: the error of the mesh is about 30 %" in capsys.readouterr().out

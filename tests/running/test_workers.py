@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from pathlib import Path
 
 import pytest
-from study_folder import STUDY, Folder
+from study_folder import Folder
 
-from contact_locking.command import cli
 from contact_locking.running.studies import executor
 from contact_locking.running.studies.executor import Executor, Plan
 from contact_locking.running.studies.runner import Study
@@ -84,24 +82,3 @@ def test_ending_a_study_ends_its_processes(tmp_path: Path, monkeypatch: pytest.M
     several.stop()
     assert time.monotonic() - began < 30
     assert all(slot.ended() for slot in several.running)
-
-
-@pytest.mark.slow
-def test_a_process_that_stays_finds_what_a_run_finds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Cases do not depend on those before them, not even on one that was refused."""
-    folder = Folder(tmp_path, monkeypatch)
-    folder.write(
-        '{zip: {contact.gap: [0, "1/(x - x)", 0.001], friction.coefficient: [0.3, 0.3, 0.1]}}'
-    )
-    assert cli.main(["study", str(folder.file), "--output", str(folder.output)]) == 3
-    table = [json.loads(line) for line in (folder.output / "table.jsonl").open()]
-    assert [row["state"] for row in table] == ["converged", "failed", "converged"]
-    alone = tmp_path / "alone"
-    text = STUDY.replace("{on: bottom}", "{on: bottom, gap: 0.001}")
-    (tmp_path / "one.yml").write_text(text.replace("friction: {", "friction: {coefficient: 0.1, "))
-    assert cli.main(["run", str(tmp_path / "one.yml"), "--quiet", "--output", str(alone)]) == 0
-    summary = json.loads((alone / "summary.json").read_text())
-    assert table[2]["compliance"] == summary["compliance"]
-    assert table[2]["contact_force.1"] == summary["contact_force"][1]

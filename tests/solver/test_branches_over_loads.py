@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,46 +13,9 @@ from mpi4py import MPI
 from sweep.case import Study, clamp, study
 
 import contact_locking as cl
-from contact_locking import study_file
 from contact_locking.mesh.domain import from_geometry
 from contact_locking.process import solving
-from contact_locking.results import in_words
-from contact_locking.running import writing
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.theory.equilibria.branch import Branch
-from contact_locking.view import report
-
-# Friction of the stiff block on a spring, mu = TOP - DROP s/(s + LENGTH), and what acts on it.
-TOP, DROP, LENGTH = 0.3, 0.25, 0.005
-STIFFNESS, PRESSURE, PULL = 0.5, 0.02, 0.005
-
-
-def _on_a_spring(to: float) -> Study:
-    """A stiff block that is pressed on the foundation, and pulled along it against a spring.
-
-    R takes the mean of the pressure, which is that of the prescribed shortening.
-    """
-    young = 1e4
-    data = study(
-        {"builder": "block", "dim": 2, "h": 0.25, "structured": True},
-        {
-            "displacements": [{"on": "top", "value": [None, -PRESSURE / young]}],
-            "springs": [{"on": "top", "stiffness": STIFFNESS, "along": [1.0, 0.0]}],
-            "tractions": [{"on": "top", "value": [PULL, 0.0]}],
-        },
-        young=young,
-        poisson=0.0,
-        friction=f"{TOP} - {DROP}*s/(s + {LENGTH})",
-        smoothing={"kernel": "helmholtz", "radius": 1000.0},
-    )
-    branches = {"over": "loads.tractions.0.value", "to": to}
-    return data | {"branches": branches, "output": {"fields": False, "picture": False}}
-
-
-def _pull(slip: float) -> float:
-    """The share of the pull with which the block slips so far."""
-    mu = TOP - DROP * slip / (slip + LENGTH)
-    return (STIFFNESS * slip + mu * PRESSURE) / PULL
 
 
 @pytest.mark.serial
@@ -81,68 +43,6 @@ def test_a_branch_leads_on_where_nodes_begin_to_slip() -> None:
     slip = 0.01 * math.log(50.0 * pressure / stiffness)
     turn = (stiffness * slip + (0.2 + stiffness / 50.0 / pressure * 0.5) * pressure) / pull
     assert found["folds"] == pytest.approx([0.7 * pressure / pull, turn], rel=2e-4)
-
-
-def test_a_branch_that_stops_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Branch, "_correct", lambda *_: None)
-    solution = solving.solve(Parameters.model_validate(_on_a_spring(3.0)), MPI.COMM_SELF)
-    found = solution.summary["branches"]
-    assert len(found["points"]["share"]) == 1 and found["end"].startswith("it stopped")
-
-
-@pytest.mark.slow
-@pytest.mark.serial
-def test_a_block_on_a_spring_snaps_where_friction_falls_as_fast_as_the_spring(
-    tmp_path: Path,
-) -> None:
-    """It sticks up to ``TOP p``; the branch turns again at ``k = DROP LENGTH p/(s + LENGTH)^2``."""
-    solution = solving.solve(Parameters.model_validate(_on_a_spring(3.0)), MPI.COMM_SELF)
-    found = solution.summary["branches"]
-    turn = math.sqrt(DROP * LENGTH * PRESSURE / STIFFNESS) - LENGTH
-    # Where the block begins to slip, its ends are a little ahead.
-    assert found["folds"] == pytest.approx([_pull(0.0), _pull(turn)], rel=5e-4)
-    assert found["leaves_at"] == found["folds"][0]
-    assert found["end"] == "the last share was reached"
-    points = found["points"]
-    first, second = (place for place, is_fold in enumerate(points["fold"]) if is_fold)
-    assert set(points["index"][:first]) == {1}
-    assert set(points["index"][first + 1 : second]) == {-1}
-    assert set(points["index"][second + 1 :]) == {1}
-    for share, bound in zip(points["share"][second:], points["bound"][second:], strict=True):
-        # The slip of a bound, and the pull that goes with it.
-        part = (TOP - bound / PRESSURE) / DROP
-        assert _pull(LENGTH * part / (1.0 - part)) == pytest.approx(share, rel=1e-3)
-    writing.write(solution, tmp_path)
-    page = report.write(tmp_path)[-1].read_text(encoding="utf-8")
-    assert "over loads.tractions.0.value, from the loads of the file on" in page
-    row = dict(in_words.rows(solution.summary))["branch of solutions"]
-    assert row.startswith("over loads.tractions.0.value: ")
-
-
-@pytest.mark.slow
-@pytest.mark.serial
-def test_a_block_wedges_where_the_branch_over_its_displacement_turns() -> None:
-    """Below the fold the problem has the solution of the branch, and beyond none is found."""
-    path = Path(__file__).parents[2] / "demos" / "studies" / "lost_equilibrium.yml"
-    key = "loads.displacements.1.value.1"
-
-    def solved(share: float, **branches: Any) -> Any:
-        changes = ["friction.coefficient=0.28", "study=null", f"{key}={-0.0111 * share}"]
-        data = study_file.load(path, changes).parameters
-        if branches:
-            changes.append(f"branches={{over: {branches['over']}, to: {branches['to']}}}")
-            data = study_file.load(path, changes).parameters
-        return solving.solve(data, MPI.COMM_SELF)
-
-    found = solved(1.0, over=key, to=1.2).summary["branches"]
-    assert max(found["points"]["share"]) == pytest.approx(found["folds"][0], rel=1e-6)
-    assert found["folds"][0] == pytest.approx(1.001185, abs=2e-6)
-    place = int(np.argmin(np.abs(np.array(found["points"]["share"]) - 1.0008)))
-    below = solved(found["points"]["share"][place])
-    assert below.converged
-    pressure = found["points"]["pressure"][place]
-    assert below.summary["contact_force"][1] == pytest.approx(pressure, rel=1e-3)
-    assert not solved(1.005).converged
 
 
 def _clamped(**sections: Any) -> Study:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from petsc4py import PETSc
 from sweep.case import Study, clamp, study
 
 from contact_locking import study_file
@@ -24,7 +22,6 @@ from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results import in_words
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing
-from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.strategy import solve
 from contact_locking.solver.task import Outcome, Task
 from contact_locking.study.assembly import assemble
@@ -33,7 +30,6 @@ from contact_locking.theory.constants import BY_KAPPA
 from contact_locking.theory.equilibria.bound_map import BoundMap
 from contact_locking.theory.equilibria.branch import Branch, OverFriction
 from contact_locking.theory.equilibria.diagram import diagram
-from contact_locking.theory.equilibria.newton import Deflation, MapNewton
 from contact_locking.theory.equilibria.search import (
     Equilibria,
     equilibria,
@@ -96,16 +92,7 @@ def test_the_derivative_of_the_map_is_that_of_its_values(n: float) -> None:
     problem.destroy()
 
 
-def test_a_tangent_that_rounding_makes_singular_ends_a_branch(task: Task, monkeypatch: Any) -> None:
-    def singular(*_: Any) -> FloatArray:
-        raise PETSc.Error(81)
-
-    monkeypatch.setattr(Tangent, "respond", singular)
-    problem = BoundMap(task)
-    assert [point.share for point in Branch(OverFriction(problem)).points()] == [0.0]
-    problem.destroy()
-
-
+@pytest.mark.serial
 def test_the_branch_turns_and_keeps_its_equation(task: Task) -> None:
     """With 70 % of the coefficient there are three solutions on the branch, one of another sign."""
     problem = BoundMap(task)
@@ -122,6 +109,7 @@ def test_the_branch_turns_and_keeps_its_equation(task: Task) -> None:
     assert {point.sign for point in points} == {1.0, -1.0}
 
 
+@pytest.mark.serial
 def test_the_solution_on_the_branch_is_that_of_the_method_without_friction_that_falls() -> None:
     """There it is the only one."""
     solver = _solver(_weakening() | {"friction": {"coefficient": 0.3}})
@@ -135,46 +123,7 @@ def test_the_solution_on_the_branch_is_that_of_the_method_without_friction_that_
     solver.close()
 
 
-@pytest.mark.slow
 @pytest.mark.serial
-def test_branches_lead_to_solutions_of_both_signs(task: Task) -> None:
-    """The degree of Leray and Schauder wants one of the index -1 between two of +1."""
-    equilibria = Equilibria(task)
-    problem, vectors = equilibria.map, equilibria.map.vectors
-    first = MapNewton(problem, 1e-8).solve(np.zeros(vectors.size))
-    assert first is not None
-    found = [first, *itertools.islice(equilibria.others(first), 2)]
-    indices = []
-    for number, bounds in enumerate(found):
-        assert vectors.norm(problem(bounds) - bounds) <= 2e-8 * vectors.norm(bounds)
-        indices.append(equilibria.index())
-        for known in found[:number]:
-            assert vectors.norm(bounds - known) > 1e-2 * vectors.norm(first)
-    assert set(indices) == {1, -1}
-    equilibria.destroy()
-
-
-def test_the_step_of_a_deflated_residual_is_newtons_for_it(task: Task) -> None:
-    """``(M rho)' d = -M rho`` for a linear rho, by differences."""
-    problem = BoundMap(task)
-    vectors = problem.vectors
-    random = np.random.default_rng(3)
-    matrix = np.eye(vectors.size) + 0.1 * random.random((vectors.size, vectors.size))
-    solution, known, at = random.random((3, vectors.size))
-    deflation = Deflation(vectors, [known], 0.7)
-
-    def residual(bounds: FloatArray) -> FloatArray:
-        return deflation.factor(bounds) * (matrix @ (bounds - solution))
-
-    step = solution - at
-    step = deflation.stretch(at, step) * step
-    slope = (residual(at + 1e-6 * step) - residual(at - 1e-6 * step)) / 2e-6
-    assert slope == pytest.approx(-residual(at), rel=1e-6)
-    assert deflation.is_known(known)
-    assert not deflation.is_known(at)
-    problem.destroy()
-
-
 def test_friction_that_alone_holds_a_body_has_no_map() -> None:
     data = study(
         {"builder": "block", "dim": 2, "h": 0.5, "structured": True},
@@ -197,15 +146,6 @@ def test_a_solution_beyond_folds_is_found(file: Path) -> None:
     solution = solving.solve(study_file.load(file).parameters, MPI.COMM_SELF)
     assert solution.converged, solution.summary["reason"]
     assert any("turns" in text for text in solution.summary["warnings"])
-
-
-@pytest.mark.slow
-@pytest.mark.serial
-def test_friction_that_falls_within_a_short_slip_is_solved_without_a_penalty() -> None:
-    """Whether the iteration arrives or the branch leads there hangs on rounding."""
-    file = Path(__file__).with_name("steep_slip.yml")
-    solution = solving.solve(study_file.load(file).parameters, MPI.COMM_SELF)
-    assert solution.converged, solution.summary["reason"]
 
 
 def _wedged() -> ProblemSolver:
@@ -269,6 +209,7 @@ def test_the_branch_of_a_block_that_wedges_has_bounds_that_grow() -> None:
     solver.close()
 
 
+@pytest.mark.serial
 def test_branches_need_friction_and_one_problem() -> None:
     data = _weakening(branches={"to": 0.1})
     with pytest.raises(InputError, match="needs friction"):
@@ -296,17 +237,6 @@ def test_a_body_that_nothing_presses_has_one_solution_and_no_branch() -> None:
     assert "add up to 1, and so do" in found.summary["equilibria"]["missing"]
     assert found.summary["branches"]["points"]["share"] == []
     assert "no node presses without friction" in found.summary["branches"]["end"]
-
-
-def test_a_short_branch_is_that_of_the_share(task: Task) -> None:
-    """Its points keep ``G = t Phi(G)``, and a larger share has a larger bound here."""
-    found = diagram(task, 0.1)
-    assert found.end == "the last share was reached"
-    assert found.folds == []
-    assert [point.index for point in found.points] == [1] * len(found.points)
-    bounds = [point.bound for point in found.points]
-    assert bounds == sorted(bounds)
-    assert bounds[0] == 0.0
 
 
 def test_a_study_finds_several_certified_solutions(tmp_path: Path) -> None:
@@ -367,6 +297,7 @@ def _pulled_third_block() -> Study:
     return _third_block(1.0, {"poisson": 0.03303525011198971}, 6.7037315589007385, loads)
 
 
+@pytest.mark.serial
 def test_a_block_that_touches_nothing_has_two_further_solutions() -> None:
     """All combinations of open, sticking and sliding nodes leave three: one node sticks or slides.
 
@@ -378,19 +309,7 @@ def test_a_block_that_touches_nothing_has_two_further_solutions() -> None:
     assert sorted(solution.summary["index"] for solution in found) == [-1, 1, 1]
 
 
-def test_the_map_has_pressures_after_a_value_at_which_nothing_touches() -> None:
-    solver = _solver(_pulled_third_block())
-    problem = BoundMap(Task(solver.system, solver.target, solver.settings))
-    bounds: FloatArray = np.array([0.0, 0.0, 0.13])
-    known = problem(bounds)
-    assert known.max() > 0.1
-    for _ in range(2):
-        problem(0.0 * bounds)
-        np.testing.assert_allclose(problem(bounds), known, rtol=1e-6, atol=1e-6)
-    problem.destroy()
-    solver.close()
-
-
+@pytest.mark.serial
 def test_a_solution_that_is_the_only_one_is_not_found_again() -> None:
     top = {"on": "top", "value": [0.005766154728078064, -0.0035503511531850725]}
     right = {"on": "right", "value": [0.019467886730568002, -0.03410015127565173]}
@@ -400,6 +319,7 @@ def test_a_solution_that_is_the_only_one_is_not_found_again() -> None:
     assert len(_solutions(Parameters.model_validate(data))) == 1
 
 
+@pytest.mark.serial
 def test_nothing_is_searched_beside_a_solution_that_is_proved_to_be_unique(
     monkeypatch: Any,
 ) -> None:

@@ -2,25 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NoReturn
 
 import numpy as np
 import pytest
 from petsc4py import PETSc
-from problems import block
-from slow import slow
 
-from contact_locking.process import solving
-from contact_locking.results.solution import StudySolution
-from contact_locking.solver.interior_point.bound_step import BoundStep
-from contact_locking.solver.interior_point.family import Direction
-from contact_locking.solver.interior_point.iterate import Corrections, Iterate
-from contact_locking.solver.interior_point.search import Search
-from contact_locking.solver.interior_point.tangent import Tangent
-from contact_locking.solver.linear import tangent_solver
-from contact_locking.solver.linear.factorised import FILTER_LIMIT
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.gmres import Gmres
 
@@ -115,90 +103,3 @@ def test_what_follows_the_displacement_without_symmetry_is_solved_for(
     solver.destroy()
     for vector in (right, towards, seen, x, left):
         vector.destroy()
-
-
-def _solved(coefficient: float = 0.3) -> StudySolution:
-    solution = solving.solve(
-        block(
-            3,
-            1 / 6,
-            mesh__structured=True,
-            penalty__n=math.inf,
-            friction__coefficient=coefficient,
-            solver__linear="iterative",
-        )
-    )
-    assert solution.converged, solution.summary["reason"]
-    return solution
-
-
-def _project(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("_PATIENCE_OF_PROJECTION", "_LONGER_PATIENCE"):
-        monkeypatch.setattr(tangent_solver, name, 0)
-    monkeypatch.setitem(FILTER_LIMIT, (3, 1), 0)
-
-
-def _filter(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
-
-
-@pytest.mark.parametrize("prepare", [_project, _filter], ids=["projected", "filtered"])
-@pytest.mark.parametrize("coefficient", [slow(0.3), 4.0])
-def test_a_step_solved_jointly_agrees_with_its_friction_bound(
-    monkeypatch: pytest.MonkeyPatch,
-    prepare: Callable[[pytest.MonkeyPatch], None],
-    coefficient: float,
-) -> None:
-    prepare(monkeypatch)
-    missed: list[float] = []
-    joint = Search._joint
-
-    def noted(
-        self: Search, bound_step: BoundStep, target: float, corrections: Corrections
-    ) -> Direction:
-        direction = joint(self, bound_step, target, corrections)
-        missed.append(bound_step.misses(direction))
-        return direction
-
-    monkeypatch.setattr(Search, "_joint", noted)
-    monkeypatch.setattr(
-        BoundStep, "adapt", lambda *_: pytest.fail("responses are for factorisations")
-    )
-    _solved(coefficient)
-    # Where a bound would fall below zero, smaller steps keep it positive, and others miss a little.
-    assert len(missed) > 10
-    assert min(missed[6:]) < 1e-12
-    assert max(missed[6:]) < 1e-3
-
-
-@pytest.mark.slow
-def test_a_joint_solve_takes_fewer_iterations_than_responses_to_the_friction_bound(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    _project(monkeypatch)
-    jointly = _solved()
-    monkeypatch.setattr(Tangent, "solves_following", False)
-    by_responses = _solved()
-    counts = [item.summary["iterations"]["linear"] for item in (jointly, by_responses)]
-    assert counts[0] < 0.85 * counts[1]
-    for key in ("compliance", "elastic_energy"):
-        assert jointly.summary[key] == pytest.approx(by_responses.summary[key], rel=2e-7)
-
-
-def test_the_last_step_is_balanced_from_rest_however_large_the_step_before(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A solve may fail where it starts a hundred thousand times farther away than rest is."""
-    count = 0
-    balance = Iterate.balanced
-
-    def noted(self: Iterate, direction: Direction, t: float, accuracy: float) -> Direction:
-        nonlocal count
-        count += 1
-        self.tangent._step.scale(1e9)
-        return balance(self, direction, t, accuracy)
-
-    monkeypatch.setattr(Iterate, "balanced", noted)
-    monkeypatch.setattr(Search, "_linear_accuracy", lambda self, measures: 5e-9)
-    assert _solved().summary["iterations"]["tangents"] < 20
-    assert count

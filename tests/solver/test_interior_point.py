@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pytest
 from mpi4py import MPI
-from petsc4py import PETSc
 from problems import block, column, with_changes
 from slow import slow
 from solved_by_cg import crushed_steel
@@ -18,13 +16,12 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.process import solving
 from contact_locking.results.contact_points import OPEN
-from contact_locking.solver.interior_point.judge import Measures
-from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
 from contact_locking.solver.linear.tangent_solver import MultigridTangents
 from contact_locking.study_file.parameters import Parameters
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("dim", [2, slow(3)])
 @pytest.mark.parametrize("coefficient", [0.0, 0.3, "0.5 - 0.2*s/(s + 0.01)"])
 def test_interior_point_and_newton_find_the_same_solution(
@@ -42,24 +39,16 @@ def test_interior_point_and_newton_find_the_same_solution(
         assert interior.summary[key] == pytest.approx(newton.summary[key], rel=1e-7, abs=1e-9)
 
 
-@pytest.mark.parametrize("coefficient", [0.3, 1.0])
+@pytest.mark.serial
+@pytest.mark.parametrize("coefficient", [0.3, slow(1.0)])
 def test_iterations_hardly_depend_on_n(coefficient: float) -> None:
     for n in (1e2, 1e4, 1e6, 1e8, math.inf):
-        solution = solving.solve(block(h=0.05, penalty__n=n, friction__coefficient=coefficient))
+        solution = solving.solve(block(h=0.1, penalty__n=n, friction__coefficient=coefficient))
         assert solution.converged, solution.summary["reason"]
         assert solution.summary["iterations"]["tangents"] <= 30
 
 
-def test_each_locking_stress_keeps_its_penalty_law_where_polishing_is_out_of_reach() -> None:
-    """The duality gap alone left single ones 1e-3 of the largest away."""
-    n = 1e6
-    found = solving.solve(block(penalty__n=n), MPI.COMM_SELF)
-    stress = np.linalg.norm(found.locking_stress.x.array.reshape(-1, 4), axis=1)
-    excess = np.maximum(found.strain_norm.x.array - found.locking_limit.x.array, 0.0)
-    assert stress.max() > 0.0
-    np.testing.assert_allclose(stress, 2.0 * n * excess, rtol=0.0, atol=1e-7 * stress.max())
-
-
+@pytest.mark.serial
 def test_penalised_solutions_tend_to_that_of_the_inequality() -> None:
     def displacement(n: float) -> FloatArray:
         # Alone, since two meshes need not be distributed alike.
@@ -89,6 +78,7 @@ def test_inequality_keeps_both_constraints_and_the_coulomb_cone(dim: int) -> Non
         assert np.all(sliding <= 1e-12)
 
 
+@pytest.mark.serial
 def test_column_under_the_inequality_stops_at_the_locking_limit() -> None:
     solution = solving.solve(column(penalty={"n": math.inf}))
     assert solution.converged
@@ -97,31 +87,12 @@ def test_column_under_the_inequality_stops_at_the_locking_limit() -> None:
     assert solution.summary["compliance"] == pytest.approx(0.05 * (0.1 + 0.04), rel=1e-7)
 
 
-def test_softer_steps_follow_a_tangent_that_rounding_makes_singular(monkeypatch: Any) -> None:
-    def solve() -> Mapping[str, Any]:
-        return solving.solve(block(penalty__n=math.inf, solver={"linear": "direct"})).summary
-
-    step, failed = Search.step, list[float]()
-
-    def singular(search: Search, measures: Measures) -> Any:
-        if measures.gap < 1e-6 and len(failed) < 2:
-            failed.append(measures.gap)
-            raise PETSc.Error(81)
-        return step(search, measures)
-
-    wanted = solve()
-    monkeypatch.setattr(Search, "step", singular)
-    found = solve()
-    assert found["converged"] and len(failed) == 2
-    assert found["compliance"] == pytest.approx(wanted["compliance"], rel=1e-7)
-    assert found["iterations"]["tangents"] <= wanted["iterations"]["tangents"] + 3
-
-
 def _stretched(by: float, n: float) -> Parameters:
     ends = [{"on": "left", "value": [0.0, 0.0]}, {"on": "right", "value": [by, None]}]
     return block(penalty__n=n, loads={"displacements": ends})
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("by", [0.015, 0.0199])
 def test_displacements_that_the_locking_limit_allows_are_followed(by: float) -> None:
     solution = solving.solve(_stretched(by, math.inf))
@@ -129,6 +100,7 @@ def test_displacements_that_the_locking_limit_allows_are_followed(by: float) -> 
     assert solution.summary["strain_norm_max"] <= 0.02 * (1.0 + 1e-6)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("by", [0.0205, 0.2])
 def test_displacements_that_no_field_within_the_limit_follows_are_infeasible(by: float) -> None:
     # The mean strain along x is by, and |eps| is no less: 0.02/by of it can be followed.
@@ -173,6 +145,7 @@ def test_what_is_infeasible_on_one_mesh_may_be_solved_on_a_finer_one() -> None:
     assert fine["converged"], fine["reason"]
 
 
+@pytest.mark.serial
 def test_foundation_that_no_strain_within_the_limit_makes_room_for_is_infeasible() -> None:
     # It stands 0.1 inside the body, up to the clamped side: no displacement to scale.
     summary = solving.solve(block(contact__gap=-0.1, penalty__n=math.inf)).summary
@@ -180,29 +153,7 @@ def test_foundation_that_no_strain_within_the_limit_makes_room_for_is_infeasible
     assert summary["admissible_load_factor"] is None
 
 
-def test_friction_bound_settles_where_contact_only_grazes() -> None:
-    # The gap all but stays open: pressure and friction bound vanish with the products themselves.
-    moved = [
-        {"on": "left", "value": [0.0, 0.0]},
-        {"on": "right", "value": [-0.024, 0.0096]},
-    ]
-    parameters = block(
-        h=0.2,
-        material__elasticity={"young": 0.1, "poisson": 0.0},
-        material__locking_limit=math.inf,
-        loads__body_force=[-0.0012, -0.0012],
-        loads__tractions=[{"on": "top", "value": [-0.006, -0.00576]}],
-        loads__displacements=moved,
-        contact__gap=0.00856,
-        friction__coefficient="0.6 - 0.3*s/(s + 0.05)",
-        friction__smoothing={"kernel": "helmholtz", "radius": 0.3},
-        penalty__n=math.inf,
-    )
-    solution = solving.solve(parameters)
-    assert solution.summary["converged"], solution.summary["reason"]
-    assert solution.summary["iterations"]["tangents"] < 50
-
-
+@pytest.mark.serial
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("limit", [0.05, math.inf])
 def test_the_advice_after_a_failed_solve_is_about_what_the_problem_has(
@@ -224,14 +175,7 @@ def test_the_advice_after_a_failed_solve_is_about_what_the_problem_has(
     assert ("strain limit only just admits" in advice) == (limit < math.inf)
 
 
-def test_a_solve_that_stops_early_says_how_far_the_friction_bound_was() -> None:
-    # The foundation overlaps the body, so that feasibility is tried, too.
-    given = {"max_iterations": 3}
-    summary = solving.solve(block(contact__gap=-5e-4, penalty__n=math.inf, solver=given)).summary
-    assert not summary["converged"]
-    assert 1e-8 < summary["friction_fixed_point"]["change"] < 1.0
-
-
+@pytest.mark.serial
 def test_penalty_lets_the_strain_exceed_a_limit_that_cannot_be_kept() -> None:
     solution = solving.solve(_stretched(0.0205, 1e3))
     assert solution.converged
@@ -242,7 +186,7 @@ def test_penalty_lets_the_strain_exceed_a_limit_that_cannot_be_kept() -> None:
 
 def test_an_iterative_solver_solves_at_n_infinite_on_any_number_of_ranks() -> None:
     changes = {"penalty__n": math.inf, "solver__linear": "iterative", "mesh__structured": True}
-    parameters = block(3, 1 / 12, **changes)
+    parameters = block(3, 1 / 8, **changes)
     assert solving.solve(parameters).converged
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NoReturn
 
 import numpy as np
 import pytest
@@ -12,14 +11,10 @@ from problems import block
 from slow import slow
 from solved_by_cg import crushed_steel
 
-from contact_locking.arrays import FloatArray
-from contact_locking.errors import NotConverged
-from contact_locking.problem.rigidity.motions import prescribed_motion
 from contact_locking.process import solving
 from contact_locking.process.of_study import solver_of
 from contact_locking.solver.interior_point import farkas, method
 from contact_locking.solver.interior_point.iterate import Iterate
-from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.task import Target
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
@@ -54,27 +49,6 @@ def test_a_body_that_is_moved_rigidly_along_the_foundation_takes_one_tangent_by_
     else:
         expected[:] = value
     assert np.abs(solution.displacement.x.array - expected.reshape(-1)).max() < 1e-12
-
-
-def test_the_motion_is_that_of_the_held_part_and_none_where_values_strain_the_body() -> None:
-    def motion(*displacements: dict[str, Any]) -> FloatArray | None:
-        problem = assemble(
-            block(2, 0.25, loads={"displacements": list(displacements)}), MPI.COMM_WORLD
-        )
-        constraints = problem.constraints
-        constraints.apply(problem.u)
-        return prescribed_motion(constraints, problem.u.x.array)
-
-    left, right = ({"on": side, "value": [0.1, -0.2]} for side in ("left", "right"))
-    found = motion(left, right)
-    assert found is not None
-    np.testing.assert_allclose(found.reshape(-1, 2), np.tile([0.1, -0.2], (len(found) // 2, 1)))
-    # What rollers leave free is left as it is.
-    found = motion({"on": "top", "value": [None, -0.2]})
-    assert found is not None
-    expected = np.tile([0.0, -0.2], (len(found) // 2, 1))
-    np.testing.assert_allclose(found.reshape(-1, 2), expected, atol=1e-12)
-    assert motion(left, {"on": "right", "value": [0.1, -0.1999]}) is None
 
 
 @pytest.mark.serial
@@ -126,65 +100,3 @@ def test_no_iterate_proves_that_a_body_on_springs_cannot_give_way(
     solution = solving.solve(pressed, MPI.COMM_SELF)
     assert solution.converged, solution.summary["reason"]
     assert factors and set(factors) == {None}
-
-
-def test_the_last_step_removes_what_linear_solves_have_left(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """What a tolerance of the forces lets pass may bend a slender body far."""
-    left: list[float] = []
-    measure = Iterate.equilibrium_residual
-
-    def noting(self: Iterate, scale: float, tolerance: float) -> float:
-        left.append(measure(self, scale, tolerance))
-        return left[-1]
-
-    monkeypatch.setattr(Iterate, "equilibrium_residual", noting)
-    pressed = block(
-        3, 1 / 4, mesh__structured=True, penalty__n=math.inf, solver__linear="iterative"
-    )
-    solution = solving.solve(pressed)
-    assert solution.converged, solution.summary["reason"]
-    # Linear solves leave 0.6 times the gap, so up to 0.6 times the tolerance.
-    sharpest = Tuning().linear_sharpest * pressed.solver.tolerance
-    assert left[-1] <= 1.1 * sharpest
-
-
-def test_a_last_step_that_cannot_be_balanced_is_taken_as_it_is(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """As where nothing but the rounding of nearly incompressible cells is unbalanced."""
-    count = 0
-
-    def fail(*_: object) -> NoReturn:
-        nonlocal count
-        count += 1
-        raise NotConverged("nothing but rounding is left")
-
-    monkeypatch.setattr(Iterate, "balanced", fail)
-    pressed = block(
-        3, 1 / 4, mesh__structured=True, penalty__n=math.inf, solver__linear="iterative"
-    )
-    assert solving.solve(pressed).converged
-    assert count
-
-
-def test_the_friction_bound_of_a_slender_beam_is_found_by_sharper_solves_at_the_end() -> None:
-    """With what the gap allows solves to leave, the bound stays off by 1e-6 for ever."""
-    beam = block(
-        3,
-        1.0,
-        mesh__size=[40.0, 1.0, 1.0],
-        mesh__structured=False,
-        material__locking_limit=0.0105,
-        loads={
-            "displacements": [{"on": "left", "value": [0.0, 0.0, 0.0]}],
-            "tractions": [{"on": "top", "value": [2.74944e-06, -1.07994e-05, -1.233846875e-05]}],
-        },
-        friction__coefficient=0.3,
-        friction__smoothing={"kernel": "none", "radius": 4.0},
-        penalty__n=math.inf,
-        solver__linear="iterative",
-    )
-    solution = solving.solve(beam, MPI.COMM_SELF)
-    assert solution.converged, solution.summary["reason"]

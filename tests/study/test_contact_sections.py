@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -64,31 +63,10 @@ def test_a_part_takes_from_the_common_friction_what_it_does_not_say(file: Path) 
     )
 
 
-def test_a_value_of_the_friction_has_the_key_where_the_file_defines_it(file: Path) -> None:
-    floor, wall = load(file).parameters.contacts
-    assert (floor.key, wall.key) == ("contact.0", "contact.1")
-    assert floor.friction_key("coefficient") == "friction.coefficient"
-    assert wall.friction_key("coefficient") == "contact.1.friction.coefficient"
-    assert wall.friction_key("smoothing.kernel") == "contact.1.friction.smoothing.kernel"
-    assert wall.friction_key("smoothing.radius") == "friction.smoothing.radius"
-
-
 @pytest.mark.parametrize("contact", [[], {"on": []}, [{"on": []}]])
 def test_a_body_without_contact_has_no_parts(contact: Any) -> None:
     parameters = from_mapping({"contact": contact})
     assert parameters.contacts == () == parameters.contact_names
-
-
-def test_a_section_without_a_part_leaves_the_keys_of_the_others() -> None:
-    (part,) = from_mapping({"contact": [{"on": []}, {"on": "left"}]}).contacts
-    assert part.key == "contact.1"
-
-
-def test_a_single_section_may_have_its_own_friction() -> None:
-    own = {"contact": {"friction": {"coefficient": 0.4}}, "friction": {"coefficient": 0.1}}
-    (part,) = from_mapping(own).contacts
-    assert part.friction.coefficient == 0.4
-    assert part.friction_key("coefficient") == "contact.friction.coefficient"
 
 
 def test_a_part_of_the_boundary_may_lie_between_two_foundations() -> None:
@@ -96,15 +74,6 @@ def test_a_part_of_the_boundary_may_lie_between_two_foundations() -> None:
     parameters = from_mapping({"contact": contact})
     assert [part.on for part in parameters.contacts] == [("bottom",), ("bottom", "left")]
     assert parameters.contact_names == ("bottom", "left")
-
-
-def test_the_parts_are_overridden_by_their_number(file: Path) -> None:
-    overrides = ["contact.0.gap=y", "contact.0.friction.coefficient=2", "contact.1.on=top"]
-    floor, wall = load(file, overrides).parameters.contacts
-    assert (floor.gap, floor.friction.coefficient, wall.on) == ("y", 2.0, ("top",))
-    # A null key has the value of the section friction.
-    _, wall = load(file, ["contact.1.friction.coefficient=null"]).parameters.contacts
-    assert wall.friction.coefficient == "0.3 + s"
 
 
 def test_a_study_varies_the_parts_by_their_number(file: Path) -> None:
@@ -124,10 +93,6 @@ def test_a_dump_keeps_the_parts_as_the_file_has_them(file: Path, override: str) 
     assert load(file).parameters == parameters
 
 
-def test_a_dump_of_one_section_has_no_friction_of_its_own() -> None:
-    assert "contact:\n  on: [bottom]\n  gap: 0.0\nfriction:" in dump(from_mapping({}))
-
-
 def test_the_fingerprint_tells_problems_apart_and_not_the_ways_to_write_them() -> None:
     def of(contact: Any, friction: Any = None) -> str:
         return problem_fingerprint(from_mapping({"contact": contact, "friction": friction}))
@@ -138,16 +103,6 @@ def test_the_fingerprint_tells_problems_apart_and_not_the_ways_to_write_them() -
     assert one != of({"gap": 0.1}, {"coefficient": 0.7})
     two = [{"gap": 0.1}, {"on": "left", "friction": {"coefficient": 0.3}}]
     assert len({one, of(two), of(two[::-1]), of(two, {"coefficient": 0.3}), of([])}) == 5
-
-
-def test_the_limit_has_neither_penalty_nor_regularisation(file: Path) -> None:
-    overrides = ["contact.1.friction.regularisation=1", "penalty={n: 1e3, epsilon: 1}"]
-    given = load(file, [*overrides, "solver.method=newton"]).parameters
-    limit = given.limit()
-    assert (limit.penalty.n, limit.penalty.epsilon, limit.solver.method) == (math.inf, None, "auto")
-    assert [part.friction.regularisation for part in limit.contacts] == [None, None]
-    assert [part.friction.coefficient for part in limit.contacts] == ["0.3 + s", 0.6]
-    assert from_mapping({"penalty": {"n": 1}}).limit() == from_mapping({})
 
 
 WRONG: list[tuple[Any, str]] = [
@@ -221,11 +176,3 @@ def test_prescribed_displacements_must_not_overlap_any_part(file: Path) -> None:
 )
 def test_a_study_cannot_vary_what_the_list_does_not_have(key: str, message: str) -> None:
     assert message in refusal({"contact": [{}], "study": {"vary": {key: [0]}}})
-
-
-def test_the_demo_of_two_foundations_is_a_study_file() -> None:
-    demo = Path(__file__).parents[2] / "demos" / "two_foundations.yml"
-    floor, wall = load(demo).parameters.contacts
-    assert (floor.friction.coefficient, wall.friction.coefficient) == (0.3, 0.6)
-    assert wall.friction.smoothing == floor.friction.smoothing
-    assert wall.foundation is not None and wall.foundation.cylinder is not None

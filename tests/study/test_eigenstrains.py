@@ -10,11 +10,13 @@ import pytest
 from mpi4py import MPI
 from problems import rollers_of, with_changes
 
-from contact_locking import InputError, solve
+from contact_locking import solve
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.parallel import maximum
 from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
+
+pytestmark = pytest.mark.serial
 
 YOUNG, POISSON, WARM = 2.0, 0.3, 0.004
 LAME_LAMBDA, LAME_MU = lame_from_young(YOUNG, POISSON)
@@ -93,20 +95,6 @@ def test_a_body_held_all_around_has_the_stress_of_its_eigenstrain(
     assert found.summary["reactions"]["top"][-1] == pytest.approx(stress * volume, rel=1e-10)
 
 
-def test_plane_stress_expands_as_a_sheet_does(comm: MPI.Intracomm) -> None:
-    found = solved(body(material__plane="stress"), comm)
-    assert distance(found, WARM) < 1e-12
-    assert found.summary["von_mises_max"] == pytest.approx(0.0, abs=1e-12)
-    assert found.summary["elastic_energy"] == pytest.approx(0.0, abs=1e-15)
-
-
-def test_entries_add_up(comm: MPI.Intracomm) -> None:
-    given = [{"value": [0.001, 0.002]}, {"expansion": [1e-5, 2e-5, 0.0], "temperature": "100"}]
-    found = solved(body(material__eigenstrain=given), comm)
-    assert distance(found, [0.002, 0.004]) < 1e-12
-    assert maximum(comm, np.abs(stresses(found))) < 1e-12
-
-
 def test_a_shear_strain_is_free_where_nothing_holds_it_back(comm: MPI.Intracomm) -> None:
     """``u = (2 g y, 0)`` has the strain ``g`` that the eigenstrain asks for."""
     shear = 0.003
@@ -118,16 +106,6 @@ def test_a_shear_strain_is_free_where_nothing_holds_it_back(comm: MPI.Intracomm)
     ]
     found = solved(body(material__eigenstrain=given, loads__displacements=held), comm)
     assert maximum(comm, np.abs(stresses(found))) < 1e-12
-
-
-def test_an_orthotropic_stiffness_takes_the_strains_in_the_plane(comm: MPI.Intracomm) -> None:
-    matrix = [[3.0, 0.4, 0.0], [0.4, 2.0, 0.0], [0.0, 0.0, 1.0]]
-    given: dict[str, Any] = {"material__elasticity": {"stiffness": matrix}}
-    found = solved(body(material__eigenstrain={"value": [0.001, -0.002]}, **given), comm)
-    assert distance(found, [0.001, -0.002]) < 1e-12
-    with pytest.raises(InputError, match="has a part across the plane") as caught:
-        solve(body(material__eigenstrain={"value": 0.01}, **given), comm)
-    assert caught.value.key == "material.elasticity"
 
 
 def test_a_strain_on_a_region_is_that_of_an_expression(comm: MPI.Intracomm) -> None:
@@ -170,21 +148,6 @@ def test_steps_heat_and_load_with_a_balance_of_energies(comm: MPI.Intracomm) -> 
     assert abs(lifted["numerical"]) < 1e-12
 
 
-def test_a_table_heats_the_body_over_time(comm: MPI.Intracomm, tmp_path_factory: Any) -> None:
-    folder = comm.bcast(str(tmp_path_factory.mktemp("table")) if comm.rank == 0 else None)
-    if comm.rank == 0:
-        with open(f"{folder}/oven.csv", "w") as stream:
-            stream.write("t,degrees\n0,0\n1,100\n2,50\n")
-    comm.barrier()
-    given = {"expansion": 1e-5, "temperature": "oven(t)*(1 + 0*x)"}
-    tables = {"oven": {"file": f"{folder}/oven.csv", "over": "t", "column": "degrees"}}
-    found = solved(
-        body(3, material__eigenstrain=given, tables=tables, steps={"to": 2.0, "count": 2}), comm
-    )
-    tops = [row["strain_norm_max"] for row in found.history.rows]
-    assert tops == pytest.approx([1e-3 * math.sqrt(3.0), 0.5e-3 * math.sqrt(3.0)], rel=1e-8)
-
-
 @pytest.mark.parametrize(("dim", "axisymmetric"), [(3, False), (2, True)])
 def test_heat_locks_the_body_at_the_limit_of_the_whole_strain(
     dim: int, axisymmetric: bool, comm: MPI.Intracomm
@@ -199,40 +162,6 @@ def test_heat_locks_the_body_at_the_limit_of_the_whole_strain(
     locking = found.locking_stress.x.array.reshape(-1, 3, 3)
     assert np.allclose(locking, wanted * np.eye(3), rtol=1e-4, atol=1e-4 * wanted)
     assert found.summary["locked_fraction"] == 1.0
-
-
-def test_the_proved_bound_says_that_it_does_not_know_an_eigenstrain(comm: MPI.Intracomm) -> None:
-    found = solved(body(certificate__error_bound=True), comm)
-    told = found.summary["certificate"]["errors"]["guaranteed"]
-    assert told["applicable"] is False and "no proof covers an eigenstrain" in told["reason"]
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize("weight", [1e-7, 1e-10, 1e-13])
-def test_a_weight_far_below_the_thermal_stress_still_lays_the_body_down(weight: float) -> None:
-    """The stress is 1e-3, and the weight alone decides the height: 0.05 below."""
-    given = body(
-        loads={
-            "body_force": [0.0, -weight],
-            "displacements": [{"on": "left", "value": [0.0, None]}],
-        },
-        material__eigenstrain={"expansion": 1.0, "temperature": "0.01*x*y*(1 - y)"},
-        contact={
-            "on": "bottom",
-            "foundation": {"half_space": {"point": [0.0, -0.05], "normal": [0.0, 1.0]}},
-        },
-        penalty={"n": math.inf},
-    )
-    solution = solve(given)
-    assert solution.converged, solution.summary["reason"]
-    assert solution.summary["contact_force"][1] == pytest.approx(weight, rel=1e-2)
-    heights = solution.displacement.x.array.reshape(-1, 2)[solution.contacts[0].surface.blocks, 1]
-    assert heights.min() == pytest.approx(-0.05, abs=1e-7)
-
-
-def test_the_indicator_does_not_see_a_free_expansion(comm: MPI.Intracomm) -> None:
-    found = solved(body(3), comm)
-    assert found.summary["certificate"]["errors"]["mesh"]["relative"] < 1e-8
 
 
 @pytest.mark.parametrize(
@@ -255,12 +184,6 @@ def test_the_indicator_does_not_see_a_free_expansion(comm: MPI.Intracomm) -> Non
 def test_what_is_no_eigenstrain_is_refused(given: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         body(material__eigenstrain=given)
-
-
-def test_a_strain_that_is_no_number_names_its_key(comm: MPI.Intracomm) -> None:
-    with pytest.raises(InputError) as caught:
-        solve(body(material__eigenstrain=[{"value": 0.0}, {"value": ["sqrt(-1 - x)", 0.0]}]), comm)
-    assert caught.value.key == "material.eigenstrain.1.value.0"
 
 
 def test_derivatives_by_heat_and_springs_are_those_of_differences(comm: MPI.Intracomm) -> None:

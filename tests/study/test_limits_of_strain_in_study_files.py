@@ -14,6 +14,8 @@ from contact_locking.errors import InputError
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import dump, from_mapping
 
+pytestmark = pytest.mark.serial
+
 BAD: dict[str, tuple[Any, str, str]] = {
     "unknown norm": ({"norm": "shear", "at_most": 1}, "0.norm", "must be"),
     "no limit": ({"norm": "volume"}, "0", "limits nothing"),
@@ -55,7 +57,6 @@ BAD: dict[str, tuple[Any, str, str]] = {
 }
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("name", BAD)
 def test_what_is_no_set_of_strains_is_refused_with_its_key(name: str) -> None:
     limit, key, message = BAD[name]
@@ -82,7 +83,6 @@ def test_limits_that_fail_on_the_mesh_are_refused_with_their_key(
     assert f"material.locking.0.{key}" in f"{caught.value.key} {caught.value}"
 
 
-@pytest.mark.serial
 def test_two_balls_and_a_ball_beside_the_short_form_are_refused() -> None:
     ball = {"norm": "strain", "at_most": 0.1}
     for wrong in (
@@ -94,7 +94,6 @@ def test_two_balls_and_a_ball_beside_the_short_form_are_refused() -> None:
             from_mapping({"material": wrong})
 
 
-@pytest.mark.serial
 def test_a_list_of_limits_is_written_and_read_back() -> None:
     given = from_mapping({"material": {"locking": SEVERAL}})
     again = from_mapping(YAML(typ="safe").load(dump(given)))

@@ -15,8 +15,6 @@ from contact_locking.study_file.schema import rows
 
 pytestmark = pytest.mark.serial
 
-IDENTITY = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
-
 
 def test_defaults_are_the_block_without_loads() -> None:
     parameters = Parameters()
@@ -35,11 +33,6 @@ def test_defaults_are_the_block_without_loads() -> None:
     assert parameters.study is None
 
 
-def test_an_empty_section_has_its_defaults() -> None:
-    sections = ["mesh", "material", "loads", "contact", "friction", "penalty", "solver", "output"]
-    assert from_mapping(dict.fromkeys(sections)) == Parameters()
-
-
 @pytest.mark.parametrize("value", [1e4, 10000, "1e4", "1.0e4", "2*5000", "10**4"])
 def test_a_number_may_be_written_as_a_constant_expression(value: Any) -> None:
     assert from_mapping({"penalty": {"n": value}}).penalty.n == 1e4
@@ -48,34 +41,6 @@ def test_a_number_may_be_written_as_a_constant_expression(value: Any) -> None:
         1e4,
         "x*y",
     )
-
-
-def test_names_are_a_name_or_a_list() -> None:
-    one = {"on": "left", "value": [0, None]}
-    two = {"on": ["right", "top"], "value": [0, "x"]}
-    loads = from_mapping({"loads": {"displacements": [one, two]}}).loads
-    assert loads.displacements[0].on == ("left",)
-    assert loads.displacements[0].value == (0.0, None)
-    assert loads.displacements[1].on == ("right", "top")
-    assert from_mapping({"contact": {"on": []}}).contact_names == ()
-
-
-def test_each_way_to_give_the_elasticity() -> None:
-    def elasticity(**given: Any) -> Any:
-        return from_mapping({"material": {"elasticity": given}}).material.elasticity
-
-    assert (elasticity(young=2).young, elasticity(young=2).poisson) == (2.0, 0.3)
-    lame = elasticity(**{"lambda": 1, "mu": "1 + x"})
-    assert (lame.lame_lambda, lame.lame_mu, lame.young) == (1.0, "1 + x", None)
-    assert elasticity(stiffness=IDENTITY).stiffness == ((1, 0, 0), (0, 1, 0), (0, 0, 1))
-    mixed = [["1 + x", "y", 0], ["y", 2, 0], [0, 0, 1]]
-    assert elasticity(stiffness=mixed).stiffness[0] == ("1 + x", "y", 0.0)
-
-
-def test_a_builder_takes_its_own_parameters() -> None:
-    mesh = from_mapping({"mesh": {"dim": 3, "size": [1, 2, "1/2"], "h": "1e-1"}}).mesh
-    assert mesh.dim == 3
-    assert mesh.geometry == BUILDERS["block"](dim=3, size=(1.0, 2.0, 0.5), h=0.1)  # type: ignore[call-arg]
 
 
 @pytest.mark.parametrize("builder", BUILDERS)
@@ -160,8 +125,3 @@ def test_the_json_schema_has_the_bounds_of_numbers() -> None:
         {"exclusiveMinimum": 0, "exclusiveMaximum": 1}
     ]
     assert bounds("LoadParameters", "tractions") == [{"maxItems": 200}]
-
-
-def test_the_json_schema_takes_one_section_or_a_list_for_contact() -> None:
-    one, several = schema()["properties"]["contact"]["oneOf"]
-    assert one == several["items"] == {"$ref": "#/$defs/ContactSection"}

@@ -33,38 +33,6 @@ VALUES = st.recursive(
 )
 
 
-@pytest.mark.parametrize(
-    ("values", "texts"),
-    [
-        ([100.0, float("inf"), "newton", None], ["100", ".inf", "newton", "null"]),
-        ([[0, -0.1], [0, -0.2]], ["[0, -0.1]", "[0, -0.2]"]),
-        ([{"E": 1, "nu": 0.3}, {"E": 2.0, "nu": 0.3}], ["{E: 1, …}", "{E: 2, …}"]),
-        ([LIGHT, HEAVY], [f"[{{on: top, value: [0, -0.0{load}]}}, …]" for load in (1, 2)]),
-        ([LIGHT, LIGHT[:1]], ["[…, {on: right, value: [0, 0.001]}]", "[…]"]),
-        ([LIGHT[1:], []], ["[{on: right, value: [0, 0.001]}]", "[]"]),
-        ([[1, 2, 3, 4, 5], [1, 2, 9, 4, 5]], ["[…, 3, …]", "[…, 9, …]"]),
-        ([{"on": "bottom", "gap": 0}, {"on": "bottom"}], ["{on: bottom, gap: 0}", "{on: bottom}"]),
-        ([1, True, 1.0, "1"], ["1", "true", "1", "'1'"]),
-    ],
-)  # fmt: skip
-def test_of_lists_and_mappings_only_what_differs_is_told(
-    values: list[Any], texts: list[str]
-) -> None:
-    assert told_apart(values) == texts
-
-
-def test_numbers_that_are_rounded_to_the_same_text_are_told_in_full() -> None:
-    assert told_apart([0.25, 1e-5], shown) == ["0.25", "10⁻⁵"]
-    assert told_apart([0.1234561, 0.1234562], shown) == ["0.1234561", "0.1234562"]
-
-
-def test_long_values_are_cut_and_numbered_where_the_difference_is_cut_off() -> None:
-    begin = "x" * 100
-    first, second = told_apart([f"{begin}+1", f"{begin}+2"])
-    assert first.endswith("… (value 1)") and second.endswith("… (value 2)")
-    assert len(first) < 90
-
-
 def test_the_label_of_a_case_names_every_key_that_varies() -> None:
     rows = [{"loads.tractions": load, "penalty.n": n} for load in (LIGHT, HEAVY) for n in (10, 20)]
     assert labels(rows)[1] == "loads.tractions = [{on: top, value: [0, -0.01]}, …], penalty.n = 20"

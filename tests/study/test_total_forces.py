@@ -11,6 +11,8 @@ from problems import block, column
 
 from contact_locking import InputError, from_mapping, solve
 
+pytestmark = pytest.mark.serial
+
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_force_is_the_traction_with_this_resultant(dim: int, comm: MPI.Intracomm) -> None:

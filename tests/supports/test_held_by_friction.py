@@ -20,6 +20,8 @@ from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
+pytestmark = pytest.mark.serial
+
 _BOX = {2: np.array([[0.0, 0.0], [2.0, 1.0]]), 3: np.array([[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]])}
 _LOCAL = {"kernel": "none"}
 _WIDE = {"kernel": "convolution", "radius": 1.0}
@@ -47,7 +49,6 @@ def failure(parameters: Parameters) -> tuple[str, str]:
     return found.summary["reason"], found.summary["suggestion"]
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_push_above_mu_times_the_force_is_compared_with_it(dim: int) -> None:
     why, advice = failure(pushed(dim, 2.1))
@@ -57,7 +58,6 @@ def test_a_push_above_mu_times_the_force_is_compared_with_it(dim: int) -> None:
     assert "raise friction.coefficient" in advice and "lower friction" not in advice
 
 
-@pytest.mark.serial
 def test_resultants_prove_nothing_where_r_moves_the_bound() -> None:
     """``int R p`` exceeds ``int p`` where the pressure gathers at the ends of Gamma_C."""
     why, advice = failure(pushed(2, 2.1, smoothing=_WIDE))
@@ -88,19 +88,6 @@ def test_all_of_the_friction_is_used_at_the_limit() -> None:
     assert any("friction alone holds the body" in text for text in found.summary["warnings"])
     rows = dict(in_words.rows({**found.summary, "wall_seconds": 0.0, "ranks": 1}))
     assert rows["friction used"] == "100 % of the friction bound"
-
-
-def test_less_than_all_of_the_friction_is_no_reason_to_warn() -> None:
-    found = solved(pushed(2, 1.0))
-    tractions = np.linalg.norm(found.contacts[0].traction, axis=1)
-    used = found.contacts[0].surface.integral(tractions) / (0.2 * 40.0)
-    assert found.summary["friction_used"] == pytest.approx(used, rel=1e-6)
-    assert used < 0.9 and not found.summary["warnings"]
-
-
-def test_without_friction_no_share_of_it_is_used() -> None:
-    held = {"displacements": [{"on": "left", "value": [0.0, 0.0]}]}
-    assert solved(pushed(2, 0.0, mu=0.0, loads=held)).summary["friction_used"] is None
 
 
 @pytest.mark.parametrize("mu", [0.2, 5.0])
@@ -142,24 +129,6 @@ def test_friction_may_hold_a_body_between_walls_that_open() -> None:
     assert forces == pytest.approx([0.0, -0.01], abs=1e-8)
 
 
-@pytest.mark.serial
-def test_a_body_that_is_pulled_off_a_wall_over_a_floor_is_told_what_friction_holds() -> None:
-    """Friction on the floor might stop it at some pressure, but rollers carry its weight."""
-    wall = {"on": "left", "foundation": {"half_space": {"point": [0, 0], "normal": [1, 0]}}}
-    why, _ = failure(
-        pushed(
-            2,
-            0.0,
-            contact=[wall, {"on": "bottom", "gap": 0.5}],
-            loads={
-                "body_force": [0.01, -0.002],
-                "displacements": [{"on": "top", "value": [None, 0.0]}],
-            },
-        )
-    )
-    assert "it lifts off (rigid motion: translation along x), which needs 0.04, and" in why
-
-
 def hardening(law: str) -> StudySolution:
     """A pressure of 0.02 and a shear of 0.006 that ask for mu = 0.3."""
     loads = {
@@ -187,114 +156,6 @@ def test_friction_that_grows_with_the_slip_holds_a_body_after_a_slip_of_0_01(law
     assert found.summary["friction_used"] == pytest.approx(1.0) and not found.summary["warnings"]
 
 
-def test_a_loose_block_between_two_foundations_of_one_side_slides_until_friction_holds_it() -> None:
-    """The deviator is limited, and only friction along the foot resists the load along x."""
-    plane = {"half_space": {"point": [0.5, -0.000225], "normal": [0.0, 1.0]}}
-    data = {
-        "mesh": {"builder": "block", "h": 0.2, "structured": True},
-        "material": {
-            "elasticity": {"young": 1.0, "poisson": 0.49},
-            "locking": [{"norm": "deviator", "at_most": 0.00225}],
-        },
-        "loads": {"body_force": [-0.0010000509, -0.0034964041]},
-        "contact": [
-            {"on": "bottom", "gap": "-0.00045*(x - 0.5)**2"},
-            {"on": "bottom", "foundation": plane, "friction": {"coefficient": 0.15}},
-        ],
-        "friction": {
-            "coefficient": "0.2 + 0.6*s/(s + 2.690982854477187e-05)",
-            "smoothing": {"kernel": "convolution", "radius": 5.0},
-        },
-        "solver": {"linear": "iterative"},
-    }
-    found = solved(Parameters.model_validate(data))
-    assert found.summary["iterations"]["tangents"] <= 40
-    forces = np.add(found.summary["contact_force"], found.summary["friction_force"])
-    assert forces == pytest.approx([0.0010000509, 0.0034964041], abs=1e-8)
-
-
-def test_two_methods_find_two_solutions_and_none_is_called_the_only_one() -> None:
-    """Friction that falls steeply with the slip: two branches, each with every criterion."""
-    data = {
-        "mesh": {"builder": "block", "h": 0.125, "structured": True},
-        "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
-        "loads": {
-            "displacements": [{"on": "left", "value": [0, 0]}],
-            "tractions": [{"on": "top", "value": [0.004, -0.02]}],
-        },
-        "contact": {"on": "bottom"},
-        "friction": {"coefficient": "0.3 - 0.25*s/(s + 1e-4)", "smoothing": {"radius": 0.3}},
-        "penalty": {"n": 1e6},
-    }
-    found = [
-        solved(Parameters.model_validate(data | {"solver": {"method": method}}))
-        for method in ("interior_point", "newton")
-    ]
-    forces = [solution.summary["friction_force"][0] for solution in found]
-    assert abs(forces[0] - forces[1]) > 1e-5
-    for solution in found:
-        uniqueness = solution.summary["certificate"]["constants"]["uniqueness"]["verdict"]
-        assert uniqueness == "not known"
-        told = in_words.weakest(solution.summary)
-        rows = dict(in_words.rows({**solution.summary, "wall_seconds": 0.0, "ranks": 1}))
-        assert "for the friction bound reached" in rows["proved"]
-        assert told is not None and "proved" not in told.words
-
-
-def test_a_proved_bound_of_the_penalty_names_its_friction_bound() -> None:
-    found = solved(pushed(2, 1.0, penalty={"n": 1e4}, loads=_clamped()))
-    errors = {"penalty": {"relative": 0.5}}
-    for coefficient, ending in (
-        (0.2, "proved bound for the friction bound reached"),
-        (0.0, "bound"),
-    ):
-        certificate = {"errors": errors, "constants": {"friction_coefficient": coefficient}}
-        used = found.summary["friction_used"] if coefficient else None
-        told = in_words.weakest(
-            {**found.summary, "certificate": certificate, "friction_used": used}
-        )
-        assert told is not None and told.words.endswith(ending)
-
-
-def _clamped() -> Study:
-    return {
-        "displacements": [{"on": "left", "value": [0.0, 0.0]}],
-        "tractions": [{"on": "top", "value": [1.0, -10.0]}],
-    }
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize(
-    ("kernel", "structured", "positive"),
-    [
-        ("none", False, True),
-        ("convolution", False, True),
-        ("helmholtz", True, True),
-        ("helmholtz", False, False),
-    ],
-)
-def test_a_filter_is_known_to_be_positive_where_no_triangle_is_obtuse(
-    kernel: str, structured: bool, positive: bool
-) -> None:
-    """The stretched cells of the free mesh have obtuse angles on the bottom."""
-    mesh = {"builder": "block", "dim": 3, "size": [1, 1, 1], "h": 0.3, "structured": structured}
-    given = pushed(3, 0.0, smoothing={"kernel": kernel, "radius": 0.5}, mesh=mesh)
-    problem = assemble(given, MPI.COMM_WORLD)
-    (contact,) = problem.contacts
-    if not structured and kernel == "helmholtz":
-        x = problem.domain.mesh.geometry.x
-        x[:, 0] += 3.0 * x[:, 1]
-        problem.close()
-        problem = assemble(given, MPI.COMM_WORLD, problem.domain)
-        (contact,) = problem.contacts
-    smoothing = contact.friction.smoothing
-    assert smoothing.is_positive() == positive
-    entries = np.array([smoothing.apply(row) for row in np.eye(len(contact.free))])
-    assert (entries.min() >= -1e-15) or not positive
-    problem.close()
-
-
-@pytest.mark.serial
 @pytest.mark.parametrize(
     ("motion", "dim", "words"),
     [
@@ -316,7 +177,6 @@ def test_a_rigid_motion_is_told_in_words(motion: list[float], dim: int, words: s
     assert describe_motion(np.array(motion, dtype=float), _BOX[dim]) == words
 
 
-@pytest.mark.serial
 def test_the_resultant_meets_the_plane_where_the_loads_have_no_moment() -> None:
     random = np.random.default_rng(3)
     points = np.column_stack([random.uniform(size=(5, 2)), np.full(5, 0.3)])

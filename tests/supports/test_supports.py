@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mpi4py import MPI
-from problems import block
 from slow import slow
 from turned_supports import (
     MOVED,
@@ -28,7 +26,6 @@ from turned_supports import (
 from contact_locking.arrays import FloatArray
 from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution
-from contact_locking.study.assembly import assemble
 
 
 @functools.cache
@@ -133,27 +130,3 @@ def test_a_proof_that_nothing_is_admissible_does_not_depend_on_the_position() ->
         return list(summary["admissible_load_factor"])
 
     assert factor(turn(2), "given") == pytest.approx(factor(np.eye(2), "component"), rel=1e-4)
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize("young", [1e-9, 1.0, 2.1e11])
-def test_units_do_not_matter_where_a_node_on_an_oblique_roller_sticks(young: float) -> None:
-    """The corners on the left stick to the floor and to the tool, with one direction left free."""
-    floor = {"on": "bottom", "foundation": {"half_space": {"point": [0, 0], "normal": [0, 1]}}}
-    above: dict[str, Any] = {"half_space": {"point": [0, 1], "normal": [0, -1]}}
-    push = {"on": "top", "foundation": {**above, "force": [0.0, -0.01 * young]}}
-    given = block(
-        2,
-        0.5,
-        mesh__structured=True,
-        material={"elasticity": {"young": young, "poisson": 0.3}, "locking_limit": 0.5},
-        loads={"supports": [{"on": "left", "along": [1, 0.2]}]},
-        contact=[floor, push],
-        friction={"coefficient": 0.2, "smoothing": {"kernel": "none"}},
-        penalty__n=math.inf,
-    )
-    solution = solve_assembled(assemble(given, MPI.COMM_WORLD))
-    assert solution.converged, solution.summary["reason"]
-    assert holds(solution)
-    assert solution.summary["contacts"][1]["tool"]["travel"] == pytest.approx(0.0084, rel=0.1)
-    assert solution.summary["iterations"]["tangents"] <= 14

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,19 +10,19 @@ import pytest
 from mpi4py import MPI
 from problems import block
 from turned_supports import (
-    differ,
     nodal,
     pressed,
     turn,
     turned,
 )
 
-from contact_locking import InputError, save, solve_steps
-from contact_locking.process.checkpoint import stored as checkpoint
+from contact_locking import InputError, solve_steps
 from contact_locking.process.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 from contact_locking.study_file.parameters import Parameters
+
+pytestmark = pytest.mark.serial
 
 
 def corner(*supports: dict[str, Any], **more: Any) -> Parameters:
@@ -133,16 +132,6 @@ def test_displacements_that_part_at_a_shared_node_are_refused_at_that_time() -> 
     problem.close()
 
 
-def test_a_displacement_that_comes_to_move_the_axis_is_refused_at_that_time() -> None:
-    loads = {"displacements": [{"on": "bottom", "value": ["0.01*(t - 1)", 0]}]}
-    changes = {"mesh__axisymmetric": True, "steps": {"times": [1, 2]}}
-    problem = assemble(_square(loads, **changes), MPI.COMM_WORLD)
-    with pytest.raises(InputError, match="moves the axis x = 0 along x at x = 0, y = 0"):
-        problem.advance(2.0)
-    problem.close()
-
-
-@pytest.mark.serial
 @pytest.mark.parametrize(
     ("support", "key", "words"),
     [
@@ -168,7 +157,6 @@ def test_a_wrong_support_is_refused_with_its_key(
     assert key in str(caught.value)
 
 
-@pytest.mark.serial
 def test_a_body_that_its_normals_leave_free_to_turn_is_refused() -> None:
     supports = [{"on": ["contact", "side"], "along": "normal"}]
     given = {
@@ -180,7 +168,6 @@ def test_a_body_that_its_normals_leave_free_to_turn_is_refused() -> None:
         assemble(from_mapping(given), MPI.COMM_WORLD)
 
 
-@pytest.mark.serial
 def test_a_support_follows_the_time_of_the_steps() -> None:
     held = [
         {"on": "left", "along": [1, 1]},
@@ -194,22 +181,6 @@ def test_a_support_follows_the_time_of_the_steps() -> None:
     assert sizes[1] == pytest.approx(2.0 * sizes[0], rel=1e-9)
 
 
-@pytest.mark.skipif(checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable()))
-def test_a_restart_finds_the_same_state(comm: MPI.Intracomm, tmp_path: Path) -> None:
-    folder = comm.bcast(tmp_path)
-    parameters = corner(
-        {"on": "left", "along": [1, 1], "value": 0.001},
-        {"on": "bottom", "along": [1, -1]},
-        tractions=[{"on": "right", "value": [0.01, 0.0]}],
-    )
-    first = solve_assembled(assemble(parameters, comm))
-    save(first, folder)
-    again = solve_assembled(assemble(parameters, comm), restart=folder)
-    assert differ(nodal(again), nodal(first)) < 1e-15
-    assert again.summary["iterations"]["tangents"] == 0
-
-
-@pytest.mark.serial
 def test_a_guaranteed_bound_is_not_given_where_a_direction_is_held() -> None:
     given = pressed(2, turn(2), "given", certificate__error_bound=True, penalty__n=math.inf)
     errors = solve_assembled(turned(given, turn(2))).summary["certificate"]["errors"]

@@ -18,6 +18,8 @@ from contact_locking.process.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 from contact_locking.theory.constants import SAMPLED
 
+pytestmark = pytest.mark.serial
+
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_trace_constant_of_a_column_under_its_fixed_top_is_the_root_of_its_height(dim: int) -> None:

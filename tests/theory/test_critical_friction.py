@@ -21,7 +21,6 @@ from contact_locking.process.solving import solve_assembled
 from contact_locking.results.contact_points import OPEN, SLIP
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.theory.critical_friction import critical_share
 
 pytestmark = pytest.mark.serial
 
@@ -122,17 +121,6 @@ def test_a_sliding_block_has_the_eigenvalue_of_a_dense_assembly() -> None:
     found = solution.summary["certificate"]["critical_friction"]
     assert found["coefficient"] == pytest.approx(1.0 / largest, rel=1e-5)
     assert found["share"] == pytest.approx(found["coefficient"] / 0.8)
-
-
-def test_only_positive_real_eigenvalues_are_critical() -> None:
-    turning = np.array([[0.0, -3.0], [3.0, 0.0]])
-    assert critical_share(turning) is None
-    assert critical_share(-np.eye(2)) is None
-    assert critical_share(np.zeros((3, 3))) is None
-    found = critical_share(np.diag([0.5, -4.0, 2.0]))
-    assert found is not None
-    assert found[0] == pytest.approx(0.5)
-    assert np.abs(found[1]) == pytest.approx([0.0, 0.0, 1.0])
 
 
 def test_without_friction_or_without_a_support_the_entry_says_why() -> None:

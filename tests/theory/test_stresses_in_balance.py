@@ -2,87 +2,28 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-import basix
 import numpy as np
 import pytest
-from basix import CellType, ElementFamily
 from bounded_block import benchmark
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking.arrays import FloatArray
 from contact_locking.parallel import maximum
 from contact_locking.process.of_study import solver_of
 from contact_locking.study.assembly import assemble
 from contact_locking.theory.guaranteed.body import Body
 from contact_locking.theory.guaranteed.boundary_conditions import held_components
 from contact_locking.theory.guaranteed.contact_tractions import contact_tractions
-from contact_locking.theory.guaranteed.data_oscillation import balanced_loads, korn_constants
+from contact_locking.theory.guaranteed.data_oscillation import balanced_loads
 from contact_locking.theory.guaranteed.facet_polynomials import product_integral
 from contact_locking.theory.guaranteed.floating import forces_in_balance
 from contact_locking.theory.guaranteed.macro_element import macro_element
 from contact_locking.theory.guaranteed.triangles import Triangles
 
-#: The points of high degrees that keep the polynomials apart.
-GLL = basix.LagrangeVariant.gll_warped
 #: Limits at the corners hold in whole cells.
 QUADRATIC = {"degree": 2}
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize(("degree", "free", "loads"), [(1, 9, 6), (2, 18, 18)])
-def test_the_macro_element_has_the_stresses_of_c1_splines_and_balances_all_loads(
-    degree: int, free: int, loads: int
-) -> None:
-    element = macro_element(degree)
-    # The second derivatives of C1 splines of degree k + 2 on the split triangle.
-    assert len(element.basis) == free
-    assert len(element.lifts) == loads
-    # A self-equilibrated traction does no work along translations and the rotation.
-    total = element.moments[:, :, 0].sum(axis=1)
-    assert np.abs(total).max() < 1e-12
-    lifted = element.lift_moments[:, :, 0].sum(axis=1)
-    # The divergence has one unit of mass at a point of a part of the area 1/6.
-    mass = element.load_mass.sum(axis=0) / 6.0
-    wanted = np.zeros((3, len(mass), 2, 2))
-    wanted[:, :, [0, 1], [0, 1]] = mass[None, :, None]
-    assert lifted == pytest.approx(wanted.reshape(-1, 2), abs=1e-12)
-
-
-def korn_constant(corners: FloatArray, degree: int) -> float:
-    """The largest ``|grad(v - r)|/|eps(v)|`` of the polynomials on a triangle, from eigenvalues."""
-    element = basix.create_element(ElementFamily.P, CellType.triangle, degree, GLL)
-    points, weights = basix.make_quadrature(CellType.triangle, 2 * degree)
-    inverse = np.linalg.inv((corners[1:] - corners[0]).T)
-    slopes = np.einsum("ji,jqn->qni", inverse, element.tabulate(1, points)[1:, :, :, 0])
-    x, y = np.moveaxis(slopes, 2, 0)
-    zero = np.zeros_like(x)
-    # Each column is a field along x or along y.
-    strains = [np.hstack(pair) for pair in ((x, zero), (zero, y), (y / 2**0.5, x / 2**0.5))]
-    turn = np.hstack([-y, x]) / 2.0
-    share = (weights / weights.sum())[:, None]
-    turn -= np.sum(share * turn, axis=0)
-    sizes, fields = np.linalg.eigh(sum(part.T @ (share * part) for part in strains))
-    # The first three are the rigid motions.
-    assert abs(sizes[2] / sizes[-1]) < 1e-12 < 1e-9 < sizes[3] / sizes[-1]
-    fields = fields[:, 3:] / np.sqrt(sizes[3:])
-    gram = fields.T @ turn.T @ (share * turn) @ fields
-    return math.sqrt(1.0 + 2.0 * np.linalg.eigvalsh(gram)[-1])
-
-
-@pytest.mark.serial
-def test_korns_constant_of_a_triangle_is_not_below_that_of_polynomials() -> None:
-    # From an equilateral triangle to needles with a flat or with a short side.
-    apices = [(0.5, 0.75**0.5), (0.0, 1.0), (0.5, 0.05), (0.0, 0.05), (0.97, 0.05), (1.5, 0.1)]
-    apices += list(np.random.default_rng(1).uniform([0.0, 0.1], 1.0, size=(12, 2)))
-    triangles = np.array([[[0.0, 0.0], [1.0, 0.0], apex] for apex in apices])
-    edges = triangles - np.roll(triangles, 1, axis=1)
-    bounds = korn_constants(np.linalg.norm(edges, axis=2))
-    for corners, upper in zip(triangles, bounds, strict=True):
-        assert 0.5 * upper < korn_constant(corners, 6) < upper
 
 
 @pytest.mark.parametrize("changes", [{}, {"discretisation": QUADRATIC}])

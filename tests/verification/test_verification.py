@@ -31,6 +31,7 @@ K = LAME_LAMBDA + 2.0 * LAME_MU
 TEST = "test_verification.py"
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("pressure", [0.01, 0.05])
 @pytest.mark.parametrize(("n", "epsilon"), [(1e3, 1e-4), (1e6, 1e-2)])
@@ -94,6 +95,7 @@ def pressed_cylinder(h_contact: float, **discretisation: int) -> StudySolution:
     return solution
 
 
+@pytest.mark.serial
 def test_v6_hertz_line_contact_has_the_half_width_and_peak_of_theory(found: list[Row]) -> None:
     solution = pressed_cylinder(0.05)
     half = solution.summary["contact_area"] / 2
@@ -185,6 +187,7 @@ def test_v15_r_keeps_constants_and_positivity(dim: int, kernel: str, found: list
     smoothing.destroy()
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("kernel", ["convolution", "helmholtz"])
 def test_v15_r_tends_to_the_identity_with_the_square_of_its_radius(
     kernel: str, found: list[Row]
@@ -204,6 +207,7 @@ def test_v15_r_tends_to_the_identity_with_the_square_of_its_radius(
     assert rate == pytest.approx(2.0, abs=0.2)
 
 
+@pytest.mark.serial
 def test_v15_helmholtz_filter_damps_a_cosine_by_one_over_one_plus_r2_k2() -> None:
     foot = Foot(2, 1.0 / 128)
     wave_number = 2.0 * np.pi
@@ -214,6 +218,7 @@ def test_v15_helmholtz_filter_damps_a_cosine_by_one_over_one_plus_r2_k2() -> Non
     smoothing.destroy()
 
 
+@pytest.mark.serial
 def test_v15_convolution_of_a_linear_function_is_exact_away_from_the_ends() -> None:
     foot = Foot(2, 1.0 / 64)
     x = foot.surface.points[:, 0]

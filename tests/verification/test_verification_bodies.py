@@ -16,6 +16,8 @@ import contact_locking as cl
 from contact_locking import StudySolution, solve
 from contact_locking.study_file.parameters import Parameters
 
+pytestmark = pytest.mark.serial
+
 pytest.importorskip("gmsh")
 
 TEST = "test_verification_bodies.py"

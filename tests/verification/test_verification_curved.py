@@ -14,6 +14,8 @@ from contact_locking import StudySolution, solve
 from contact_locking.fem.compiled import integral
 from contact_locking.study_file import from_mapping
 
+pytestmark = pytest.mark.serial
+
 TEST = "test_verification_curved.py"
 PRESS, NU = 0.01, 0.3
 # Lame's pressure on a ring of the radii 1 and 2, E = 1, that is pressed inwards by PRESS.

@@ -10,6 +10,8 @@ from pressed_tools import NONE, solved, told
 from problems import column
 from verification_table import Row
 
+pytestmark = pytest.mark.serial
+
 TEST = "test_verification_free_foundations.py"
 LAWS = [(math.inf, "auto"), (1e3, "newton"), (1e3, "interior_point")]
 

@@ -20,6 +20,8 @@ from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.parallel import maximum
 from contact_locking.results.solution import StudySolution
 
+pytestmark = pytest.mark.serial
+
 INNER, OUTER, YOUNG, POISSON, OVERLAP = 1.0, 2.0, 1.0, 0.3, 0.01
 TEST = "test_verification_heat.py"
 

@@ -44,6 +44,7 @@ def solved(parameters: Parameters, element: Element, comm: MPI.Intracomm) -> Stu
     return solution
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("dim", [2, 3])
 def test_v1_column_in_uniaxial_strain_is_exact(
     dim: int, found: list[Row], comm: MPI.Intracomm

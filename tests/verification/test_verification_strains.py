@@ -16,6 +16,8 @@ from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 
+pytestmark = pytest.mark.serial
+
 LAME_LAMBDA, LAME_MU = lame_from_young(1.0, 0.3)
 K = LAME_LAMBDA + 2.0 * LAME_MU
 PRESSURE = 0.05
@@ -66,7 +68,6 @@ def require_solved(solution: StudySolution) -> Mapping[str, Any]:
     return summary
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize(
     ("limit", "dim", "n", "method"),
     [

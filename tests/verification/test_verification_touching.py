@@ -20,12 +20,13 @@ from contact_locking import assemble, solve, solve_steps
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.study_file.parameters import Parameters
 
+pytestmark = pytest.mark.serial
+
 pytest.importorskip("gmsh")
 
 TEST = "test_verification_touching.py"
 
 
-@pytest.mark.serial
 def test_v45_partial_slip_between_equal_discs(found: list[Row]) -> None:
     """The stick zone has half-width ``c = a sqrt(1 - Q/(mu P))``, as on a plane (Johnson, 7.2).
 
@@ -107,7 +108,6 @@ def cracked(comm: MPI.Intracomm, folder: Path, half: float, far: float, fine: fl
     return shared(comm, folder, points, groups)
 
 
-@pytest.mark.serial
 def test_v46_a_closed_crack_slips_as_far_as_friction_lets_it(
     tmp_path: Path, found: list[Row]
 ) -> None:
@@ -232,7 +232,6 @@ def pushed(count: int) -> Parameters:
     return stack(2, 0.25, friction__coefficient=0.3, loads=loads, steps=steps)
 
 
-@pytest.mark.serial
 def test_v48_work_on_two_bodies_is_stored_or_dissipated(found: list[Row]) -> None:
     lost = []
     for count in (12, 48):

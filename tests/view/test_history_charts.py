@@ -23,6 +23,8 @@ from contact_locking.view.report.history_charts import (
     wanted_charts,
 )
 
+pytestmark = pytest.mark.serial
+
 HISTORY = History(
     [
         {"step": k, "t": 0.5 * k, "contact_force_plate_y": -2.0 * k, "motion_plate_y": -k}
@@ -93,7 +95,6 @@ def test_charts_need_steps_and_their_columns_are_checked_after_the_first() -> No
 
 
 # It reads the files of the run, which rank 0 writes.
-@pytest.mark.serial
 def test_a_run_of_two_contacts_has_their_charts_and_units(tmp_path: Path) -> None:
     output = {
         "picture": False,

@@ -20,10 +20,10 @@ from problems import block
 from solutions import made_up, snapshot
 
 from contact_locking import solve
-from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.arrays import BoolArray
 from contact_locking.errors import NoRendering
 from contact_locking.running import writing
-from contact_locking.view.pictures import offscreen, views
+from contact_locking.view.pictures import offscreen
 from contact_locking.view.pictures.gather import gather
 
 Image = npt.NDArray[np.uint8]
@@ -105,37 +105,6 @@ def test_every_view_of_every_kind_of_body_shows_something(
         assert image.std() > 20.0 or at_rest
 
 
-@pytest.mark.serial
-@needs_pyvista
-def test_the_body_hides_no_part_of_the_contact_of_hexahedra(
-    drawn: dict[str, dict[str, Image]],
-) -> None:
-    """The triangles of a hexahedron need not be those of the contact."""
-    states = drawn["hexahedra"]["Open, stick and slip"][:, :680]
-    is_contact = hue(states, VERMILION) | hue(states, BLUE)
-    rows, columns = np.nonzero(is_contact)
-    low, high = np.quantile(rows, [0.01, 0.99]).astype(int)
-    left, right = np.quantile(columns, [0.01, 0.99]).astype(int)
-    assert np.mean(is_contact[low:high, left:right]) > 0.9
-
-
-@pytest.mark.serial
-@needs_pyvista
-def test_the_locked_zone_is_the_upper_half_and_the_pressure_is_on_the_right(
-    drawn: dict[str, dict[str, Image]],
-) -> None:
-    rows, _ = np.nonzero(hue(drawn["locked"][LOCKED], VERMILION))
-    height = len(drawn["locked"][LOCKED])
-    assert len(rows) > 0.1 * drawn["locked"][LOCKED].size / 3
-    assert rows.mean() < 0.45 * height and np.quantile(rows, 0.99) < 0.75 * height
-    # The colours of the pressure, from blue to yellow, are on Gamma_C alone, beside the scale.
-    contact = drawn["locked"]["Contact pressure"][:, :680].astype(int)
-    _, columns = np.nonzero(np.ptp(contact[:-150], axis=-1) > 40)
-    assert np.quantile(columns, 0.05) > 0.5 * contact.shape[1]
-    # At rest it touches nowhere.
-    assert np.ptp(drawn["at rest"]["Contact pressure"][:-150, :680].astype(int), axis=-1).max() < 10
-
-
 @needs_pyvista
 def test_the_picture_of_a_run_is_made_of_views(tmp_path: Path, comm: MPI.Intracomm) -> None:
     folder = comm.bcast(tmp_path)
@@ -162,6 +131,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
     return replace
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("code", "told"),
     [
@@ -235,21 +205,3 @@ def test_without_a_screen_and_anything_on_the_path_all_results_are_there(
     if comm.rank == 0:
         assert (folder / "picture.png").is_file() == (not warnings)
         assert (folder / "summary.json").is_file()
-
-
-@pytest.mark.parametrize("normal", [*np.eye(3), *-np.eye(3), np.array([0.6, -0.64, 0.48])])
-def test_gamma_c_is_seen_from_below_and_the_foundation_is_behind_the_body(
-    normal: FloatArray,
-) -> None:
-    assert views.from_the_side(normal) @ normal < 0.0
-    below = views.from_below(normal)
-    assert below @ normal > 0.8 * np.linalg.norm(below)
-
-
-def test_a_camera_has_all_points_in_its_picture_upright() -> None:
-    points = np.random.default_rng(0).uniform(size=(50, 3)) * (3.0, 1.0, 0.5)
-    seen = views.camera(points, np.array([0.3, -1.0, 0.4]))
-    away = points - seen.centre
-    assert np.abs(away @ seen.right).max() == pytest.approx(0.5 * seen.width)
-    assert np.abs(away @ seen.up).max() == pytest.approx(0.5 * seen.height)
-    assert seen.up[2] > 0.9 and seen.right[0] > 0.9

@@ -63,19 +63,6 @@ def test_a_page_is_whole_at_any_width_and_asks_for_nothing(
     assert sizes and min(sizes) > 250
 
 
-def test_colours_follow_the_readers_preference(
-    pages: dict[str, Path], tab: browser.Browser
-) -> None:
-    text = "getComputedStyle(document.querySelector('figure svg [id^=text_] use')).fill"
-    colours = set()
-    for scheme in ("light", "dark"):
-        tab.open(pages["run"], scheme=scheme)
-        paper = tab.evaluate("getComputedStyle(document.body).backgroundColor")
-        colours |= {paper, tab.evaluate(text)}
-        assert paper != tab.evaluate(text)
-    assert len(colours) == 4
-
-
 def test_what_users_wrote_is_text_and_nothing_else(
     pages: dict[str, Path], tab: browser.Browser
 ) -> None:
@@ -146,70 +133,3 @@ def test_the_filter_keeps_rows_with_all_its_words(
     assert tab.evaluate("document.getElementById('count').textContent") == "1 of 8 cases"
     type_in(tab, "")
     assert len(column(tab, "state")) == 8
-
-
-def test_all_columns_are_seen_on_demand(pages: dict[str, Path], tab: browser.Browser) -> None:
-    tab.open(pages["study"])
-    visible = "[...document.querySelectorAll('#cases th')].filter(h => h.offsetWidth).length"
-    few = tab.evaluate(visible)
-    tab.evaluate("document.getElementById('all-columns').click()")
-    assert tab.evaluate(visible) > few
-
-
-def test_a_case_links_to_its_picture(pages: dict[str, Path], tab: browser.Browser) -> None:
-    tab.open(pages["study"])
-    target = "document.querySelector(document.querySelector('#cases a').getAttribute('href'))"
-    assert tab.evaluate(f"{target}.querySelector('img').naturalWidth") == 480
-
-
-@pytest.mark.parametrize("width", [420, 1400, 2500])
-def test_a_study_of_many_cases_has_one_line_per_case_at_any_width(
-    width: int, pages: dict[str, Path], tab: browser.Browser
-) -> None:
-    tab.open(pages["large study"], width)
-    heights = tab.evaluate(
-        "[...document.querySelectorAll('#cases tbody tr')].map(row => row.offsetHeight)"
-    )
-    line = tab.evaluate(
-        "parseFloat(getComputedStyle(document.querySelector('#cases td')).fontSize) * 1.5"
-    )
-    assert len(heights) == 60 and max(heights) < 2 * line
-    # A click unfolds the whole reason.
-    folded = "document.querySelector('#cases tr.failed details')"
-    assert "…" in tab.evaluate(f"{folded}.firstChild.textContent")
-    tab.evaluate(f"{folded}.firstChild.click()")
-    height = f"{folded}.closest('tr').offsetHeight"
-    assert tab.evaluate(height) >= 2 * line - 1
-    # The page uses the width: no text is wider than the window, charts stand beside each other.
-    charts = tab.evaluate(
-        "new Set([...document.querySelectorAll('.charts > figure')].slice(0, 6)"
-        ".map(figure => figure.getBoundingClientRect().top)).size"
-    )
-    assert charts == {420: 6, 1400: 4, 2500: 3}[width]
-
-
-def test_the_filter_finds_states_numbers_and_words_of_visible_columns(
-    pages: dict[str, Path], tab: browser.Browser
-) -> None:
-    tab.open(pages["large study"])
-    found = {
-        "converged": 37,
-        "not converged": 15,
-        "failed": 8,
-        "conv": 37,
-        "0.3": 6,
-        "1e6": 10,
-        "10⁶": 10,
-        "inf": 10,
-        "converged 1e6": 7,
-        "SIGKILL": 8,
-        "rough": 3,
-        "warning": 3,
-        # The versions are in a column that is not seen, until all columns are.
-        "0.9.0": 0,
-    }
-    for words, count in found.items():
-        type_in(tab, words)
-        assert len(column(tab, "state")) == count, words
-    tab.evaluate("document.getElementById('all-columns').click()")
-    assert len(column(tab, "state")) == 52
