@@ -163,7 +163,7 @@ def test_differences_serve_where_derivatives_are_refused(
 
     from contact_locking.inverse.sensitivities import Sensitivities
 
-    monkeypatch.setattr(Sensitivities, "of", refused)
+    monkeypatch.setattr(Sensitivities, "after", refused)
     folder.write(COLUMN + FIT, curve=LINE)
     assert folder.fit() == 0
     value = folder.found["parameters"]["material.elasticity.young"]["value"]
