@@ -154,6 +154,24 @@ def test_several_experiments_share_their_numbers(folder: Folder) -> None:
 
 
 @quick
+def test_differences_serve_where_derivatives_are_refused(
+    folder: Folder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: Any) -> None:
+        raise NoDerivatives("there are no derivatives")
+
+    from contact_locking.inverse.sensitivities import Sensitivities
+
+    monkeypatch.setattr(Sensitivities, "after", refused)
+    folder.write(COLUMN + FIT, curve=LINE)
+    assert folder.fit() == 0
+    value = folder.found["parameters"]["material.elasticity.young"]["value"]
+    assert value == pytest.approx(2.0, rel=5e-3)
+    told = folder.found["words"][0]
+    assert told == "there are no derivatives; without them each number takes one more solve"
+
+
+@quick
 def test_bodies_that_touch_each_other_are_fitted(folder: Folder) -> None:
     """Two like blocks that are pressed together have the force of one block of their height."""
     folder.write(
