@@ -333,18 +333,8 @@ def from_arrays(
         check_arrays(comm, data)
         made = distribute(comm, data)
         cells = DistributedCells(made.mesh, made.numbers)
-        told = _told_of_order(data)
-        return diagnosed(made.mesh, cells, made.regions, made.groups, origin, touching, told)
-
-
-def _told_of_order(mesh: MeshData) -> list[str]:
-    if mesh.straightened is None:
-        return []
-    what = "area" if mesh.dim == 2 else "volume"
-    return [
-        "its cells are of second order; their corners alone are taken, so that sides are straight: "
-        f"the {what} changes by {mesh.straightened:.1%}"
-    ]
+        groups, warnings = made.groups, data.warnings
+        return diagnosed(made.mesh, cells, made.regions, groups, origin, touching, warnings)
 
 
 @contextmanager

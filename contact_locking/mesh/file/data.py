@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -49,8 +48,7 @@ class MeshElements:
 class MeshData:
     """Points (m, dim), the numbers (m,) of the nodes in the file, cells and facets.
 
-    ``straightened`` is by what share the measure of the body changes where nodes on edges, of cells
-    of second order, are left out; None for a mesh of first order.
+    ``warnings`` are those of the reader.
     """
 
     dim: int
@@ -58,7 +56,7 @@ class MeshData:
     numbers: IntArray
     cells: MeshElements
     facets: MeshElements = field(default_factory=lambda: MeshElements.unnamed(*_NOTHING))
-    straightened: float | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def kind(self) -> CellKind:
@@ -77,7 +75,7 @@ class MeshData:
 
     def save(self, path: Path) -> None:
         """Write a file that `load` reads, without Python's pickle."""
-        names = json.dumps([self.cells.names, self.facets.names]).encode()
+        words = json.dumps([self.cells.names, self.facets.names, self.warnings]).encode()
         arrays = {
             f"{kind}_{part}": getattr(elements, part)
             for kind, elements in (("cells", self.cells), ("facets", self.facets))
@@ -88,8 +86,7 @@ class MeshData:
             dim=self.dim,
             points=self.points,
             numbers=self.numbers,
-            straightened=np.nan if self.straightened is None else self.straightened,
-            names=np.frombuffer(names, dtype=np.uint8),
+            words=np.frombuffer(words, dtype=np.uint8),
             **arrays,
         )
 
@@ -97,7 +94,7 @@ class MeshData:
     def load(path: Path) -> MeshData:
         """The mesh in a file of `save`."""
         with np.load(path, allow_pickle=False) as file:
-            names = json.loads(file["names"].tobytes())
+            *names, warnings = json.loads(file["words"].tobytes())
             cells, facets = (
                 MeshElements(
                     file[f"{k}_nodes"],
@@ -107,12 +104,5 @@ class MeshData:
                 )
                 for k, named in zip(("cells", "facets"), names, strict=True)
             )
-            share = float(file["straightened"])
-            return MeshData(
-                int(file["dim"]),
-                file["points"],
-                file["numbers"],
-                cells,
-                facets,
-                None if math.isnan(share) else share,
-            )
+            dim, points, numbers = int(file["dim"]), file["points"], file["numbers"]
+            return MeshData(dim, points, numbers, cells, facets, tuple(warnings))

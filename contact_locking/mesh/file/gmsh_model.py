@@ -70,8 +70,12 @@ def _with_straight_sides(model: Any, mesh: MeshData, number: int) -> MeshData:
     cells, facets = (
         replace(elements, nodes=np.searchsorted(kept, elements.nodes)) for elements in parts
     )
-    share = straight / _measure(model, number) - 1.0
-    return MeshData(mesh.dim, mesh.points[kept], mesh.numbers[kept], cells, facets, share)
+    what = "area" if mesh.dim == 2 else "volume"
+    told = (
+        "its cells are of second order; their corners alone are taken, so that sides are straight: "
+        f"the {what} changes by {straight / _measure(model, number) - 1.0:.1%}"
+    )
+    return MeshData(mesh.dim, mesh.points[kept], mesh.numbers[kept], cells, facets, (told,))
 
 
 def _measure(model: Any, number: int) -> float:
