@@ -44,7 +44,7 @@ def apart(presses: BoolArray, one: Side, other: Side, offset: float) -> float:
     distance, sagitta, _ = _distances(one.points, one, of_node, other)
     away = np.abs(distance + offset) - sagitta
     largest = float(np.max(_least_of_facets(away, one)[presses], initial=0.0))
-    bears = presses[one.facets].any(axis=1)
+    bears: BoolArray = np.any(presses[one.facets], axis=1)
     for side, facing in ((one, other), (other, one)):
         points, facet = _lattice(side)
         distance, sagitta, nearest = _distances(points, side, facet, facing)
