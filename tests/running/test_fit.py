@@ -17,7 +17,7 @@ from report_folder import quick
 
 from contact_locking import load
 from contact_locking.command import cli
-from contact_locking.errors import InputError
+from contact_locking.errors import InputError, NoDerivatives
 from contact_locking.inverse.fit.curves import read_experiments
 
 pytestmark = pytest.mark.serial

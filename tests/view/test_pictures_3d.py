@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import pickle
 import shutil
 import subprocess
 import sys
@@ -25,6 +24,7 @@ from contact_locking.errors import NoRendering
 from contact_locking.running import writing
 from contact_locking.view.pictures import offscreen
 from contact_locking.view.pictures.gather import gather
+from contact_locking.view.pictures.snapshot import save
 
 Image = npt.NDArray[np.uint8]
 
@@ -64,7 +64,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Image
     bodies["hexahedra"] = pressed
     folders = {kind: tmp_path_factory.mktemp("kind") for kind in bodies}
     for kind, body in bodies.items():
-        (folders[kind] / "snapshot").write_bytes(pickle.dumps(body))
+        save(body, folders[kind] / "snapshot")
     words = [*offscreen.XVFB, sys.executable, "-c", RENDER_ALL, *map(str, folders.values())]
     subprocess.run(words, env=offscreen.environment(), timeout=120, check=True)
     found = {}

@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import os
-import pickle
 import re
 import shutil
 import signal
@@ -23,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from contact_locking.errors import NoRendering
-from contact_locking.view.pictures.snapshot import Snapshot
+from contact_locking.view.pictures.snapshot import Snapshot, save
 
 Image = npt.NDArray[np.uint8]
 
@@ -31,7 +30,7 @@ INSTALL = "apt-get install python3-pyvista xvfb xauth libgl1-mesa-dri, or pip in
 
 # Python imports nothing from the current folder.
 _PROGRAM = (sys.executable, "-P", "-m", "contact_locking.view.pictures.render")
-_SOURCE, _TARGET = "snapshot.pickle", "views.npz"
+_SOURCE, _TARGET = "snapshot.npz", "views.npz"
 _SECONDS, _GRACE_SECONDS = 120, 2
 _ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
 _SHELL, _CRASHED = 128, "VTK was ended by"
@@ -46,7 +45,7 @@ def views(body: Snapshot) -> dict[str, Image]:
     hidden = shutil.which(XVFB[0]) is not None
     try:
         with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
-            (Path(folder) / _SOURCE).write_bytes(pickle.dumps(body))
+            save(body, Path(folder) / _SOURCE)
             reason = _draw(XVFB if hidden else (), Path(folder))
             if reason is None:
                 with np.load(Path(folder) / _TARGET, allow_pickle=False) as images:

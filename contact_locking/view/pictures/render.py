@@ -1,12 +1,11 @@
 """``python3 -m contact_locking.view.pictures.render SOURCE TARGET SECONDS``: drawn by PyVista.
 
-SOURCE is a pickled snapshot of a body in three dimensions.  This module is a program of its own, as
-VTK ends its process if it finds no screen or no OpenGL.
+SOURCE is the file of a snapshot of a body in 3D.  This module is a program of its own,
+as VTK ends its process if it finds no screen or no OpenGL.
 """
 
 from __future__ import annotations
 
-import pickle
 import signal
 import sys
 from collections.abc import Callable
@@ -29,7 +28,7 @@ from contact_locking.view.pictures.contact_map import (
     slipping,
 )
 from contact_locking.view.pictures.offscreen import Image
-from contact_locking.view.pictures.snapshot import Snapshot, foundation, tool
+from contact_locking.view.pictures.snapshot import Snapshot, foundation, load, tool
 from contact_locking.view.pictures.views import Camera, contact_camera, cut, side_camera
 
 # Faces that meet at a larger angle, in degrees, make an edge of the body.
@@ -336,7 +335,7 @@ def main(source: Path, target: Path, seconds: int) -> None:
     """Render the views of a snapshot into a file of NumPy."""
     # If a graphics driver hangs, the process that has started this one may be gone.
     signal.alarm(seconds)
-    images: dict[str, Any] = dict(render(pickle.loads(source.read_bytes())))
+    images: dict[str, Any] = dict(render(load(source)))
     with target.open("wb") as stream:
         np.savez(stream, **images)
 

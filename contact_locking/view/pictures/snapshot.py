@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -94,6 +96,47 @@ class Snapshot:
     def size(self) -> float:
         """The longest edge of the body's bounding box."""
         return float(np.ptp(self.x, axis=0).max())
+
+
+# Fields of a snapshot that are no arrays, and those of its map.
+_FACTS = ("title", "dofs", "locked_fraction", "converged")
+_LISTS = ("names", "bodies")
+
+
+def save(body: Snapshot, path: Path) -> None:
+    """Write a snapshot for another process, as a file of NumPy."""
+    contact = body.contact
+    arrays = {f"points.{name}": value for name, value in vars(contact.points).items()}
+    for owner, before in ((contact, "contact."), (body, "")):
+        arrays |= {
+            f"{before}{name}": np.asarray(value)
+            for name, value in vars(owner).items()
+            if name not in ("points", "tools", "contact")
+        }
+    arrays |= {f"tool.{number}": facets for number, facets in enumerate(contact.tools)}
+    with path.open("wb") as stream:
+        np.savez(stream, **arrays)
+
+
+def load(path: Path) -> Snapshot:
+    """Read what :func:`save` has written."""
+    with np.load(path, allow_pickle=False) as file:
+        stored = dict(file)
+
+    def named(before: str) -> dict[str, Any]:
+        return {
+            name.removeprefix(before): value
+            for name, value in stored.items()
+            if name.startswith(before) and "." not in name.removeprefix(before)
+        }
+
+    contact = named("contact.")
+    lists = {name: tuple(contact.pop(name).tolist()) for name in _LISTS}
+    tools = tuple(stored[f"tool.{number}"] for number in range(len(lists["names"])))
+    body = named("")
+    facts = {name: body.pop(name).item() for name in _FACTS}
+    points = ContactPoints(**named("points."))
+    return Snapshot(**body, **facts, contact=ContactMap(points, **contact, **lists, tools=tools))
 
 
 # Reach of the drawn foundation beyond Gamma_C as a share of the body's size.
