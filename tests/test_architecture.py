@@ -55,6 +55,11 @@ FORBIDDEN = (
     ),
 )
 MOST_AT_THE_ROOT = 12
+# The most lines of each folder, which only shrink.
+BUDGETS = {
+    "": 1300,
+}
+MOST_IN_THE_CORE, MOST_IN_WINGS, MOST_IN_TESTS = 38_000, 10_000, 40_000
 
 
 def module(path: Path) -> str:
@@ -132,6 +137,25 @@ def test_no_module_is_named_for_odds_and_ends() -> None:
     names = {path.stem for path in FILES.values()}
     assert not {"utils", "helpers", "util", "helper", "misc", "common"} & names
     assert len(list(PACKAGE.glob("*.py"))) <= MOST_AT_THE_ROOT
+
+
+def lines_of(folder: Path) -> int:
+    # In a checkout meshes/ is a link, which rglob does not follow.
+    files = {*folder.rglob("*.py"), *folder.glob("meshes/*.py"), *folder.glob("*.py")}
+    return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files)
+
+
+def test_no_folder_grows_beyond_its_budget() -> None:
+    lines = {path.name: lines_of(path) for path in PACKAGE.iterdir() if path.is_dir()}
+    lines = {name: count for name, count in lines.items() if count}
+    root = sum(len(path.read_text().splitlines()) for path in PACKAGE.glob("*.py"))
+    assert {**lines, "": root}.keys() == BUDGETS.keys()
+    above = {name: count for name, count in lines.items() if count > BUDGETS[name]}
+    assert not above and root <= BUDGETS[""]
+    in_wings = sum(lines[name] for name in WINGS)
+    assert in_wings <= MOST_IN_WINGS
+    assert sum(lines.values()) + root - in_wings <= MOST_IN_THE_CORE
+    assert lines_of(Path(__file__).parent) <= MOST_IN_TESTS
 
 
 def test_docstrings_refer_to_modules_that_exist() -> None:

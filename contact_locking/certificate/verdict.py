@@ -69,7 +69,7 @@ class Certificate:
             "criteria": {name: item.summary() for name, item in self.criteria.items()},
             **self.proofs.entries,
             "resultants": self.resultants,
-            "errors": self.errors | self.proofs.errors,
+            "errors": {**self.errors, **self.proofs.errors},
         }
 
 

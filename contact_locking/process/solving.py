@@ -94,7 +94,7 @@ def solve_steps(
             measured = _distance_to_limit(solution, monitor, petsc_options)
             certificate["errors"] = {**certificate["errors"], "penalty_measured": measured}
             solution = solution.telling(certificate=certificate)
-        entries = {"version": __version__, "fingerprint": fingerprint}
+        entries: dict[str, Any] = {"version": __version__, "fingerprint": fingerprint}
         entries["wall_seconds"] = time.perf_counter() - start
         others = tuple(other.telling(**entries) for other in solution.others)
         yield dataclasses.replace(solution.telling(**entries), others=others)
