@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from contact_locking.errors import ContactLockingError as ContactLockingError
     from contact_locking.errors import InputError as InputError
     from contact_locking.errors import NotConverged as NotConverged
-    from contact_locking.inverse.parameters import Number as Number
+    from contact_locking.inverse.derivatives import Number as Number
     from contact_locking.laws.faceted import Polyline as Polyline
     from contact_locking.laws.faceted import TriangulatedSurface as TriangulatedSurface
     from contact_locking.laws.foundation import Cylinder as Cylinder

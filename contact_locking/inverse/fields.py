@@ -25,8 +25,7 @@ from dolfinx import fem, la
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.fem.joint_forms import JointForm
-from contact_locking.inverse.derivatives import Derivatives
-from contact_locking.inverse.parameters import along
+from contact_locking.inverse.derivatives import Derivatives, along
 from contact_locking.inverse.quantities import scale_of
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem import forms

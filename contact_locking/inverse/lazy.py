@@ -11,11 +11,17 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from contact_locking.errors import InputError, NoDerivatives
-from contact_locking.inverse.central_path import penalised_iterate
-from contact_locking.inverse.derivatives import Derivatives
+from contact_locking.inverse.derivatives import (
+    Derivatives,
+    Frozen,
+    Number,
+    entries,
+    number,
+    refresh,
+)
 from contact_locking.inverse.equations import require_settled
 from contact_locking.inverse.fields import field
-from contact_locking.inverse.parameters import Frozen, Number, entries, number, refresh
+from contact_locking.inverse.linearisation import penalised_iterate
 from contact_locking.inverse.quantities import require_quantities
 from contact_locking.process.problem_solver import ProblemSolver, linear_solver
 from contact_locking.script_names import script_names

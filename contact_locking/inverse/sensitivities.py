@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from contact_locking.errors import InputError, NoDerivatives
-from contact_locking.inverse.derivatives import Table
+from contact_locking.inverse.derivatives import Frozen, Table, width
 from contact_locking.inverse.equations import Equations
 from contact_locking.inverse.lazy import LazyDerivatives, require_derivatives
 from contact_locking.inverse.linearisation import Change
-from contact_locking.inverse.parameters import Frozen, width
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.process.of_study import settings_of

@@ -121,7 +121,7 @@ class Solution:
         """``dJ/dp``, J being a quantity of the summary such as "contact_force.1" or "compliance".
 
         ``of`` is p: a constant of DOLFINx, which gives a number or an array of its shape, a
-        :class:`~contact_locking.inverse.parameters.Number`, which gives a number, or a function
+        :class:`~contact_locking.inverse.derivatives.Number`, which gives a number, or a function
         of DOLFINx, which gives a function of its space with the derivatives by its values.  J and p
         have units, and the derivative that of J over that of p.  Collective.  Raises InputError for
         a quantity without a derivative, for a step after another one, and if the problem has been

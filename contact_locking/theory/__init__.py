@@ -21,31 +21,22 @@ if TYPE_CHECKING:
 # Modules are imported where they are used: most runs use few of them.
 @wings.PROOFS.add
 def _proofs(state: SolvedState, lifting: Lifting, extras: Extras) -> Proofs:
-    from contact_locking.theory.proofs import proofs
+    from contact_locking.theory.bounds import proofs
 
     return proofs(state, lifting, extras)
 
 
 @wings.RESCUES.add
 def _rescue(task: Task, report: SolverReport, most_tangents: int) -> Rescue:
-    from contact_locking.theory.rescue import rescue
+    from contact_locking.theory.equilibria.stiffening import rescue
 
     return rescue(task, report, most_tangents)
 
 
 @wings.FOLLOWERS.add
-def _branches(problem: StudyProblem, solver: ProblemSolver, monitor: Monitor) -> Follower | None:
-    if problem.parameters.branches is None:
+def _solutions(problem: StudyProblem, solver: ProblemSolver, monitor: Monitor) -> Follower | None:
+    if problem.parameters.branches is None and problem.parameters.equilibria is None:
         return None
-    from contact_locking.theory.several import Branches
+    from contact_locking.theory.solutions import SectionsOfStudy
 
-    return Branches(problem, solver, monitor)
-
-
-@wings.FOLLOWERS.add
-def _equilibria(problem: StudyProblem, solver: ProblemSolver, monitor: Monitor) -> Follower | None:
-    if problem.parameters.equilibria is None:
-        return None
-    from contact_locking.theory.several import Equilibria
-
-    return Equilibria(problem, solver, monitor)
+    return SectionsOfStudy(problem, solver, monitor)

@@ -1,17 +1,26 @@
-"""Several solutions of a `ContactProblem`: others beside the first, and branches of them."""
+"""Several solutions of a `ContactProblem` or of a study: others beside the first, and branches."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
+from typing import Any
 
 from dolfinx import fem
 
 from contact_locking.certificate.verdict import Extras
 from contact_locking.contact_problem import ContactProblem
-from contact_locking.results.solution import Solution
+from contact_locking.monitor import Monitor
+from contact_locking.process.of_study import certified, of_study
+from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.results import names
+from contact_locking.results.solution import Solution, StudySolution
 from contact_locking.script_names import in_script, script_names
+from contact_locking.solver.task import SolverReport
+from contact_locking.study.assembly import StudyProblem
+from contact_locking.study_file.named_numbers import with_load_share
 from contact_locking.theory.constants import is_unique
-from contact_locking.theory.equilibria.diagram import NO_START, Diagram, diagram
+from contact_locking.theory.equilibria.search import NO_START, Diagram, DiagramPoint, diagram
 from contact_locking.theory.equilibria.search import equilibria as search
 
 
@@ -96,3 +105,105 @@ def branch(
 
     made = diagram(solver.task, to, load)
     return dataclasses.replace(made, end=in_script(made.end))
+
+
+_COLUMNS = ("index", "contact_force", "friction_force", "elastic_energy", "compliance")
+_NONE = "there is no other on this mesh, as kappa is below 1, and none was searched"
+
+
+class SectionsOfStudy:
+    """The sections ``branches`` and ``equilibria`` of a study; collective."""
+
+    def __init__(self, problem: StudyProblem, solver: ProblemSolver, monitor: Monitor) -> None:
+        self._problem, self._solver, self._monitor = problem, solver, monitor
+
+    def after(
+        self, solution: StudySolution, report: SolverReport, time: float | None
+    ) -> StudySolution:
+        """The solution with the branch in its summary, or with others, each certified."""
+        given, problem = self._problem.parameters, self._problem
+        if given.branches is not None:
+            self._monitor.message("following the branch of solutions")
+            branch = _branch_of_study(problem, self._solver, solution.converged)
+            solution = solution.telling(branches=branch)
+        if given.equilibria is None or not solution.converged:
+            return solution
+        most = 1 if is_unique(solution.summary) else given.equilibria.find
+        solutions = [solution]
+        for number, item in enumerate(search(self._solver.task, report, most)):
+            if number > 0:
+                self._monitor.message(f"another solution: {number + 1} so far")
+                state = self._solver.state(item.report)
+                other = of_study(problem, state, certified(problem.parameters, state))
+                solutions.append(other.telling(restart=None))
+            solutions[-1] = solutions[-1].telling(index=item.index)
+        first = solutions[0].telling(equilibria=_entry(solutions))
+        return dataclasses.replace(first, others=tuple(solutions[1:]))
+
+    def close(self) -> None:
+        """Nothing: the solutions are done."""
+
+
+def _entry(found: Sequence[StudySolution]) -> dict[str, Any]:
+    """The key ``equilibria`` of summary.json.
+
+    ``missing`` says in words that the indices prove others, where they do: where Phi is continuous
+    and bounded, and regular at its fixed points, those of all solutions add up to 1.
+    """
+    rows = [
+        {"folder": names.folder_of(number) if number > 1 else "."}
+        | {name: solution.summary[name] for name in _COLUMNS}
+        for number, solution in enumerate(found, start=1)
+    ]
+    total = sum(int(solution.summary["index"]) for solution in found)
+    if is_unique(found[0].summary):
+        missing = _NONE
+    elif total == 1:
+        missing = "the indices of these solutions add up to 1, and so do those of all solutions"
+    else:
+        missing = (
+            f"the indices of these solutions add up to {total}, and those of all solutions to 1: "
+            f"there are {abs(total - 1)} others at least, if the friction bounds cannot grow "
+            "without a limit"
+        )
+    return {"found": len(found), "solutions": rows, "missing": missing}
+
+
+def _branch_of_study(
+    problem: StudyProblem, solver: ProblemSolver, converged: bool
+) -> dict[str, Any]:
+    """The key ``branches`` of summary.json, with the solution of the problem solved; collective.
+
+    Over loads the branch begins at this solution, in a second problem whose time is their share.
+    The points are the columns of branches.csv.  ``leaves_at`` is the share of the first fold:
+    solutions that follow a share which grows from 0 leave the branch there.
+    """
+    given = problem.parameters.branches
+    assert given is not None
+    if given.is_over_friction:
+        found = diagram(solver.task, given.to)
+    elif not converged:
+        found = NO_START
+    else:
+        parameters = with_load_share(problem.parameters)
+        shared = StudyProblem(parameters, problem.domain, problem.element)
+        shared.advance(1.0)
+        shared.enter(shared.at_rest())
+        other = ProblemSolver(shared, solver.settings)
+        other.system.bounds.enter(shared.contacts, problem.data.bounds.at(problem.contacts))
+
+        def load(share: float) -> None:
+            shared.advance(share)
+            other.system.assemble_loads()
+
+        found = diagram(other.task, given.to, load)
+        other.close()
+        shared.close()
+    columns = [item.name for item in dataclasses.fields(DiagramPoint)]
+    return {
+        "over": given.over,
+        "end": found.end,
+        "folds": found.folds,
+        "leaves_at": found.folds[0] if found.folds else None,
+        "points": {name: [getattr(point, name) for point in found.points] for name in columns},
+    }

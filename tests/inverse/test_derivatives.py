@@ -14,7 +14,7 @@ from differentiated_block import NAMES, Block, block, quantities
 from slow import slow
 
 import contact_locking as cl
-from contact_locking.inverse.parameters import entries, number
+from contact_locking.inverse.derivatives import entries, number
 
 CASES: dict[str, dict[str, Any]] = {
     "inequality": {},

@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 import contact_locking as cl
 from contact_locking.arrays import FloatArray
-from contact_locking.inverse.parameters import Frozen, along
+from contact_locking.inverse.derivatives import Frozen, along
 
 QUANTITIES = ("compliance", "elastic_energy", "contact_force.1", "reactions.bcs.0.1")
 SHARP = cl.Settings(tolerance=1e-10, friction_tolerance=1e-11)

@@ -11,8 +11,7 @@ import pytest
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.inverse.fit import words
-from contact_locking.inverse.fit.estimate import estimate
-from contact_locking.inverse.fit.variables import Residuals, Variable
+from contact_locking.inverse.fit.estimate import Residuals, Variable, estimate
 
 pytestmark = pytest.mark.serial
 

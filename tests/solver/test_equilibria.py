@@ -29,9 +29,9 @@ from contact_locking.study_file.parameters import Parameters
 from contact_locking.theory.constants import BY_KAPPA
 from contact_locking.theory.equilibria.bound_map import BoundMap
 from contact_locking.theory.equilibria.branch import Branch, OverFriction
-from contact_locking.theory.equilibria.diagram import diagram
 from contact_locking.theory.equilibria.search import (
     Equilibria,
+    diagram,
     equilibria,
     has_map,
     solve_on_branch,

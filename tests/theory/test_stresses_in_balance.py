@@ -14,13 +14,13 @@ from contact_locking.parallel import maximum
 from contact_locking.process.of_study import solver_of
 from contact_locking.study.assembly import assemble
 from contact_locking.theory.guaranteed.body import Body
-from contact_locking.theory.guaranteed.boundary_conditions import held_components
-from contact_locking.theory.guaranteed.contact_tractions import contact_tractions
+from contact_locking.theory.guaranteed.boundary import (
+    contact_tractions,
+    forces_in_balance,
+    held_components,
+)
 from contact_locking.theory.guaranteed.data_oscillation import balanced_loads
-from contact_locking.theory.guaranteed.facet_polynomials import product_integral
-from contact_locking.theory.guaranteed.floating import forces_in_balance
-from contact_locking.theory.guaranteed.macro_element import macro_element
-from contact_locking.theory.guaranteed.triangles import Triangles
+from contact_locking.theory.guaranteed.triangles import Triangles, macro_element, product_integral
 
 #: Limits at the corners hold in whole cells.
 QUADRATIC = {"degree": 2}

@@ -31,10 +31,9 @@ from contact_locking.study_file.parameters import Parameters
 
 from . import words
 from .curves import Experiment, read_experiments
-from .estimate import Estimate, estimate
+from .estimate import Estimate, Residuals, Variable, estimate
 from .model import Evaluation, Model
 from .starts import Begun, variables_of
-from .variables import Residuals, Variable
 
 # A start at which a strain limit is nowhere reached is lowered to below the largest strain, at most
 # so often where other limits are reached before it.

@@ -25,7 +25,7 @@ from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.wording import labels
 
 from .curves import read_experiments
-from .variables import Variable
+from .estimate import Variable
 
 if TYPE_CHECKING:
     from rich.console import Console

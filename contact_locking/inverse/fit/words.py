@@ -12,8 +12,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.plain_text import count, per_cent
 
 from . import estimate
-from .estimate import UNDETERMINED, Combination, Estimate, combinations
-from .variables import Residuals
+from .estimate import UNDETERMINED, Combination, Estimate, Residuals, combinations
 
 # Powers below this share are left out of the name of a combination.
 _SMALL = 0.2

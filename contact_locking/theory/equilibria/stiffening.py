@@ -1,4 +1,4 @@
-"""Solutions with penalties from soft to stiff, each the start of the next: a solver, and evidence.
+"""Where the solver fails: solutions over the penalty, and on the branch over friction.
 
 With a finite penalty the friction bounds of all solutions have a limit.  As the penalty grows, the
 forces either settle, and then the bounds lead to the solution of the target, or they grow with it:
@@ -18,11 +18,15 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
-from contact_locking.solver.interior_point.feasibility import contact_force, force_with_friction
+from contact_locking.solver.interior_point.feasibility import (
+    FRICTION_WAY_OUT,
+    contact_force,
+    force_with_friction,
+)
 from contact_locking.solver.interior_point.method import InteriorPoint
-from contact_locking.solver.task import Counts, Outcome, Target, Task
-from contact_locking.theory.equilibria.bound_map import BoundMap, BoundVectors
-from contact_locking.theory.equilibria.newton import MapNewton
+from contact_locking.solver.strategy import Rescue
+from contact_locking.solver.task import Counts, Outcome, SolverReport, Target, Task
+from contact_locking.theory.equilibria.bound_map import BoundMap, BoundVectors, MapNewton
 from contact_locking.theory.equilibria.search import (
     FARTHEST,
     has_map,
@@ -306,3 +310,36 @@ def _softened(target: Target, power: float) -> Target:
 
 def _rounded(value: float) -> float:
     return float(f"{value:.3g}")
+
+
+_PAST_FOLDS = (
+    "with less friction there are several solutions: the branch of solutions over the share of "
+    "friction.coefficient turns {folds} times before this one, so there may be others here as well"
+)
+
+
+def rescue(task: Task, report: SolverReport, most_tangents: int) -> Rescue:
+    """The solution that stiffer and stiffer penalties lead to, or the branch over friction.
+
+    Where forces grow with the penalty, that is the explanation.  Collective.
+    """
+    stiffened = solve_by_penalties(task, most_tangents)
+    if stiffened is not None and stiffened.growth:
+        known, reason = vars(stiffened.found), report.reason + stiffened.growth
+        report = replace(report, **known, reason=reason, suggestion=FRICTION_WAY_OUT)
+        return Rescue(report, is_explained=True)
+    if stiffened is not None:
+        return Rescue(report, stiffened.found, _past(stiffened.folds))
+    try:
+        if task.follows_branch:
+            found, folds = solve_on_branch(task, most_tangents)
+            return Rescue(report, found, _past(folds))
+    except NotConverged as end:
+        reason = "; ".join(filter(None, (report.reason, str(end))))
+        report = replace(report, reason=reason)
+    return Rescue(report)
+
+
+def _past(folds: int) -> list[str]:
+    """The warning about folds that lie before a solution."""
+    return [_PAST_FOLDS.format(folds=folds)] if folds else []

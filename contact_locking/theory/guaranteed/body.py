@@ -15,18 +15,18 @@ from contact_locking.fem import compiled
 from contact_locking.laws.elasticity import MANDEL_PAIRS
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.elasticity import matrix_of
-from contact_locking.theory.guaranteed.bars import Bars
 from contact_locking.theory.guaranteed.hybrid_system import (
     LARGEST_JUMP,
+    Bars,
     Forces,
     HybridSystem,
 )
-from contact_locking.theory.guaranteed.macro_element import (
+from contact_locking.theory.guaranteed.triangles import (
     TENSORS,
     MacroElement,
+    Triangles,
     lagrange_gradients,
 )
-from contact_locking.theory.guaranteed.triangles import Triangles
 
 # The body stiffened by zeta >= 0 where it locks: A + zeta in place of A.
 #

@@ -20,15 +20,15 @@ from contact_locking.arrays import FloatArray, IndexArray, IntArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.fem import compiled
 from contact_locking.problem.forms import ProblemData
-from contact_locking.theory.guaranteed.macro_element import (
+from contact_locking.theory.guaranteed.triangles import (
     FACET_ENDS,
     MacroElement,
+    Triangles,
     between,
     in_parts,
     lagrange,
     legendre,
 )
-from contact_locking.theory.guaranteed.triangles import Triangles
 
 # A part of a load that is below this share of it is rounding.
 _ROUNDING = 1e-13

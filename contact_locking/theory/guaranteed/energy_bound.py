@@ -17,24 +17,22 @@ from contact_locking.certificate.penalty_error import admissible_neighbour, ener
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.theory.guaranteed.body import Body, Gap
-from contact_locking.theory.guaranteed.boundary_conditions import (
+from contact_locking.theory.guaranteed.boundary import (
+    ContactTractions,
+    contact_tractions,
+    forces_in_balance,
     held_components,
     require_exact_gaps,
     require_straight_triangles,
 )
-from contact_locking.theory.guaranteed.contact_tractions import (
-    ContactTractions,
-    contact_tractions,
-)
 from contact_locking.theory.guaranteed.data_oscillation import BalancedLoads, balanced_loads
-from contact_locking.theory.guaranteed.floating import forces_in_balance
-from contact_locking.theory.guaranteed.macro_element import (
+from contact_locking.theory.guaranteed.triangles import (
     MacroElement,
+    Triangles,
     lagrange,
     lattice,
     macro_element,
 )
-from contact_locking.theory.guaranteed.triangles import Triangles
 
 # Singular values of the reference element below this share are zero.
 _RANK = 1e-10

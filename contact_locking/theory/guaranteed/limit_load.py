@@ -15,23 +15,18 @@ from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import NotApplicable, require_still_foundations
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.parallel import maximum, on_any_rank
-from contact_locking.theory.guaranteed.bars import Bars
 from contact_locking.theory.guaranteed.body import Body
-from contact_locking.theory.guaranteed.boundary_conditions import (
+from contact_locking.theory.guaranteed.boundary import (
+    ContactTractions,
+    contact_tractions,
+    forces_in_balance,
     held_components,
     require_exact_gaps,
     require_straight_triangles,
 )
-from contact_locking.theory.guaranteed.contact_tractions import (
-    ContactTractions,
-    contact_tractions,
-)
 from contact_locking.theory.guaranteed.data_oscillation import BalancedLoads
-from contact_locking.theory.guaranteed.facet_polynomials import product_integral
-from contact_locking.theory.guaranteed.floating import forces_in_balance
-from contact_locking.theory.guaranteed.hybrid_system import LARGEST_JUMP, HybridSystem
-from contact_locking.theory.guaranteed.macro_element import macro_element
-from contact_locking.theory.guaranteed.triangles import Triangles
+from contact_locking.theory.guaranteed.hybrid_system import LARGEST_JUMP, Bars, HybridSystem
+from contact_locking.theory.guaranteed.triangles import Triangles, macro_element, product_integral
 
 # Reweighted steps, and the least weight over the largest.
 _STEPS, _LEAST = 8, 1e-4

@@ -1,0 +1,345 @@
+"""What the boundary prescribes to stresses in balance: displacements, gaps and tractions.
+
+A traction ``-p nu + q`` on Gamma_C, from the forces of a solution, is admissible if ``p >= 0`` and
+``|q| <= G``.  The data must do no work along motions that no condition holds; otherwise no stress
+balances the data.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from mpi4py import MPI
+
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.parallel import maximum, on_any_rank
+from contact_locking.problem.discrete_problem import DiscreteProblem
+from contact_locking.problem.rigidity.motions import free_motions
+from contact_locking.results.derived import ContactFields
+from contact_locking.theory.guaranteed.data_oscillation import BalancedLoads
+from contact_locking.theory.guaranteed.hybrid_system import Forces
+from contact_locking.theory.guaranteed.triangles import (
+    FACET_ENDS,
+    MacroElement,
+    Triangles,
+    absolute_integral,
+    bernstein,
+    between,
+    control_values,
+    lagrange,
+    legendre_moments,
+    product_integral,
+)
+
+# Rounding in normals, and relative to the largest displacement.
+_ROUNDING = 1e-10
+
+
+@dataclass(frozen=True)
+class ContactTractions:
+    """The traction of one contact on the m facets of this rank, by control values.
+
+    ``cells`` (m,) and ``sides`` (m,) say which side of which triangle each facet is.  ``normal``
+    (m, 2) is the contact normal, ``gap``, ``pressure`` and ``bound`` are (m, r + 1), and ``along``
+    (m, r + 1) is the friction traction along the tangent ``(-nu_2, nu_1)``.  ``fixed`` (m, r + 1)
+    marks the held nodes.
+    """
+
+    fields: ContactFields
+    cells: IntArray
+    sides: IntArray
+    nodes: IndexArray
+    lengths: FloatArray
+    normal: FloatArray
+    gap: FloatArray
+    pressure: FloatArray
+    along: FloatArray
+    bound: FloatArray
+    fixed: BoolArray
+
+    @property
+    def tangent(self) -> FloatArray:
+        return np.column_stack([-self.normal[:, 1], self.normal[:, 0]])
+
+    def split(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """``u_nu`` and ``u_tau`` as control values (m, r + 1), from values at all nodes (k, 2)."""
+        values = u[self.nodes]
+        along = (np.einsum("mri,mi->mr", values, unit) for unit in (self.normal, self.tangent))
+        normal, tangent = map(control_values, along)
+        return normal, tangent
+
+    def moments(self, degree: int) -> FloatArray:
+        """The moments (m, k + 1, 2) of the traction along the facets of the cells."""
+        rubbing = self.along[:, :, None] * self.tangent[:, None]
+        vectors = rubbing - self.pressure[:, :, None] * self.normal[:, None]
+        return self.lengths[:, None, None] * legendre_moments(vectors, degree)
+
+    def work(self, normal: FloatArray, tangent: FloatArray, gap: FloatArray) -> FloatArray:
+        """``int p (g - w_nu) + G |w_tau| + q . w_tau`` over each facet (m,) of this rank.
+
+        All arguments are control values.  Every term is non-negative for an admissible w.
+        """
+        opening = product_integral(self.pressure, gap - normal)
+        friction = absolute_integral(self.bound, tangent) + product_integral(self.along, tangent)
+        return np.asarray(self.lengths * (opening + friction))
+
+
+def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTractions:
+    """The traction of a solution, made admissible at the control points; collective.
+
+    Raises NotApplicable where the contact normal changes along a facet: then no polynomial traction
+    without friction is normal to the foundation everywhere.
+    """
+    surface, contact = fields.surface, fields.contact
+    cells, sides = triangles.sides_on(surface.facets)
+    dofmap = surface.scalar_space.dofmap
+    layout = dofmap.dof_layout
+    closures = np.array([layout.entity_closure_dofs(1, side) for side in range(3)])
+    # The closure lists both ends before the inner nodes.
+    order = [0, *range(2, closures.shape[1]), 1]
+    nodes = dofmap.list[cells[:, None], closures[sides][:, order]]
+    normals = contact.normal.x.array.reshape(-1, 2)[nodes]
+    turning = np.abs(normals - normals[:, :1]) > _ROUNDING
+    if on_any_rank(surface.domain.comm, turning):
+        raise NotApplicable("the contact normal changes along a facet")
+
+    # Values that the laws limit are control values, unless the element limits nodal values.
+    controls = control_values if surface.limited.are_nodal else np.asarray
+
+    def of(values: FloatArray) -> FloatArray:
+        return controls(surface.scalar_function(values).x.array[nodes])
+
+    fixed = surface.scalar_function((~contact.free).astype(float)).x.array[nodes] > 0.5
+    normal = normals[:, 0]
+    tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
+    friction = surface.vector_function(fields.traction).x.array.reshape(-1, 2)
+    along = controls(np.einsum("mri,mi->mr", friction[nodes], tangent))
+    bound = np.maximum(of(fields.bound), 0.0)
+    return ContactTractions(
+        fields,
+        cells,
+        sides,
+        nodes,
+        triangles.lengths[cells, sides],
+        normal,
+        controls(contact.gap.x.array[nodes]),
+        np.maximum(_continued(of(fields.pressure), fixed), 0.0),
+        np.clip(_continued(along, fixed), -bound, bound),
+        bound,
+        fixed,
+    )
+
+
+def _continued(values: FloatArray, fixed: BoolArray) -> FloatArray:
+    """Give the fixed control points (m, r + 1) at one end of a facet the value of the other end.
+
+    At held nodes the solution has no contact forces, whatever the forces beside them.
+    """
+    values = values.copy()
+    for first, last in ((0, -1), (-1, 0)):
+        alone = fixed[:, first] & ~fixed[:, last]
+        values[alone, first] = values[alone, last]
+    return values
+
+
+# Values are compared at so many points of each facet, both ends included.
+_SAMPLES = 8
+# Rounding in distances, relative to the body.
+_ROUNDING_OF_DISTANCES = 1e-12
+
+
+def require_straight_triangles(state: SolvedState) -> None:
+    """Raise NotApplicable for a mesh on which there are no stresses in balance here."""
+    domain, element = state.problem.domain, state.problem.element
+    if state.dim != 2:
+        raise NotApplicable(
+            "not in three dimensions, where the system for the stress has about 20 unknowns a cell"
+        )
+    if domain.axisymmetric:
+        raise NotApplicable("not for axisymmetric bodies, whose equilibrium has other terms")
+    if element.boxes:
+        raise NotApplicable("the stresses in equilibrium are for triangles, not quadrilaterals")
+
+
+def held_components(state: SolvedState, triangles: Triangles) -> BoolArray:
+    """(n, 3, 2) which components are prescribed on each facet; collective.
+
+    Raises NotApplicable for supports along other directions than the axes, and if the displacement
+    of the solution differs from the prescribed values at one of 8 points of a facet: the solution
+    then does not have these values between the nodes.
+    """
+    held = np.zeros((*triangles.facets.shape, 2), dtype=bool)
+    problem, worst, s = state.problem, 0.0, np.arange(_SAMPLES) / (_SAMPLES - 1.0)
+    if problem.constraints.supports.placed:
+        raise NotApplicable("a support holds a direction that is no axis")
+    if problem.constraints.given:
+        raise NotApplicable("conditions of DOLFINx prescribe values at nodes")
+    samples, nodal = between(FACET_ENDS, s), triangles.at_nodes(problem.u)
+    shapes = np.stack([lagrange(problem.element.degree, points) for points in samples])
+    for item in problem.constraints.wanted:
+        cells, sides = triangles.sides_on(problem.domain.facets(item.on, item.key))
+        held[cells, sides, item.component] = True
+        places = between(triangles.ends[cells, sides], s)
+        wanted = item.value(places.reshape(-1, 2).T).reshape(len(cells), _SAMPLES)
+        values = np.einsum("msi,mi->ms", shapes[sides], nodal[cells, :, item.component])
+        worst = max(worst, float(np.abs(wanted - values).max(initial=0.0)))
+    if maximum(state.comm, worst) > _ROUNDING * state.largest_displacement:
+        raise NotApplicable("prescribed displacements are not met between the nodes")
+    return held
+
+
+def require_exact_gaps(
+    state: SolvedState, triangles: Triangles, contacts: list[ContactTractions]
+) -> None:
+    """Raise NotApplicable if a gap differs from the polynomial through its nodes; collective.
+
+    The values are compared at 8 points of each facet.
+    """
+    s, worst = np.arange(_SAMPLES) / (_SAMPLES - 1.0), 0.0
+    for contact in contacts:
+        places = between(triangles.ends[contact.cells, contact.sides], s)
+        at_places = contact.fields.contact.foundation.gap(places.reshape(-1, 2).T)
+        exact = at_places.reshape(len(places), _SAMPLES)
+        own = np.einsum("mr,sr->ms", contact.gap, bernstein(contact.gap.shape[1] - 1, s))
+        worst = max(worst, float(np.abs(exact - own).max(initial=0.0)))
+    if maximum(state.comm, worst) > _ROUNDING_OF_DISTANCES * state.target.length:
+        raise NotApplicable("the gap is not met between the nodes of the mesh")
+
+
+# Pressures that balance the data differ from those of the solution by less than this share.
+_LARGEST_CHANGE = 0.5
+# A Gram matrix of the normal components of motions with a smaller eigenvalue is singular.
+_SINGULAR = 1e-10
+
+
+def forces_in_balance(
+    problem: DiscreteProblem,
+    triangles: Triangles,
+    element: MacroElement,
+    held: BoolArray,
+    loads: BalancedLoads,
+    contacts: list[ContactTractions],
+) -> tuple[Forces, list[ContactTractions]]:
+    """The tractions of loads and contacts, and the contacts with pressures in balance; collective.
+
+    ``held`` (n, 3, 2) marks the prescribed components.  Each control value of a pressure is
+    multiplied by ``1 + c . nu`` with one free motion c of the part, so that the data do no work
+    along free motions.  One facet of Gamma_C of each part has springs, as many as there are free
+    motions.  Raises NotApplicable if a factor would be far from 1, and where friction alone resists
+    a motion.
+    """
+    comm, size = triangles.domain.comm, 2 * (element.degree + 1)
+    turned = triangles.signs[:, :, None, None] ** np.arange(element.degree + 1)[:, None]
+    springs = np.zeros((len(triangles.areas), 3, size, size))
+    for part in _floating_parts(problem, triangles):
+        modes = part.on_facets(triangles, element.degree)
+        contacts = _balanced(part, modes, triangles, element, loads, contacts)
+        # As the data are balanced, no spring has a force.
+        facet = _facet_of(part, contacts, comm)
+        if facet is not None:
+            shapes = (modes * turned)[:, *facet].reshape(len(modes), -1)
+            shapes /= np.linalg.norm(shapes, axis=1)[:, None]
+            springs[facet] += problem.material.stiffness * shapes.T @ shapes
+    moments = loads.moments.copy()
+    for contact in contacts:
+        np.add.at(moments, (contact.cells, contact.sides), contact.moments(element.degree))
+    return Forces(held, loads.body, moments * turned, springs), contacts
+
+
+@dataclass(frozen=True)
+class _FloatingPart:
+    """A connected part of the body with f free motions; ``motions`` (3, f) are coefficients.
+
+    ``cells`` (n,) marks the triangles of the part.
+    """
+
+    motions: FloatArray
+    cells: BoolArray
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """The motions (f, ..., 2) at points (..., 2)."""
+        x, y = points[..., 0], points[..., 1]
+        one, zero = np.ones_like(x), np.zeros_like(x)
+        basis = np.stack([np.stack(v, axis=-1) for v in ((one, zero), (zero, one), (-y, x))])
+        return np.einsum("m...,mf->f...", basis, self.motions)
+
+    def on_facets(self, triangles: Triangles, degree: int) -> FloatArray:
+        """The Legendre coefficients (f, n, 3, k + 1, 2) of the motions on the facets of all cells.
+
+        They are zero in cells of other parts.
+        """
+        values = self.at(triangles.ends)
+        found = legendre_moments(values.reshape(-1, 2, 2), degree)
+        return found.reshape(*values.shape[:3], -1, 2) * self.cells[:, None, None, None]
+
+
+def _floating_parts(problem: DiscreteProblem, triangles: Triangles) -> list[_FloatingPart]:
+    """The parts of the body that have free motions; collective."""
+    space, domain = problem.u.function_space, problem.domain
+    found = []
+    for number in range(len(domain.part_names)):
+        inside = domain.parts == number
+        mark = np.zeros((len(problem.u.x.array) // 2, 2), dtype=bool)
+        mark[space.dofmap.list[inside[: len(space.dofmap.list)]].reshape(-1)] = True
+        motions = free_motions(domain, space, problem.constraints, mark.reshape(-1))
+        if motions.shape[1]:
+            found.append(_FloatingPart(motions, inside[: len(triangles.areas)]))
+    return found
+
+
+def _balanced(
+    part: _FloatingPart,
+    modes: FloatArray,
+    triangles: Triangles,
+    element: MacroElement,
+    loads: BalancedLoads,
+    contacts: list[ContactTractions],
+) -> list[ContactTractions]:
+    """The contacts with pressures that balance the data along the motions of a part; collective."""
+    comm, places = triangles.domain.comm, triangles.at(element.load_points)[part.cells]
+    weight = np.einsum("ij,n->nij", element.load_mass, triangles.areas[part.cells] / 3.0)
+    work = np.einsum("fntid,nij,ntjd->f", part.at(places), weight, loads.body[part.cells])
+    work += np.einsum("fnsjd,nsjd->f", modes, loads.moments)
+    gram, every = np.zeros((len(work), len(work))), []
+    for contact in contacts:
+        here, count = modes[:, contact.cells, contact.sides], contact.pressure.shape[1]
+        work += np.einsum("fmjd,mjd->f", here, contact.moments(element.degree))
+        ends = triangles.ends[contact.cells, contact.sides]
+        points = between(ends, np.arange(count) / (count - 1.0))
+        pushed = np.einsum("fmrd,md->fmr", part.at(points), contact.normal)
+        pushed *= part.cells[contact.cells][:, None]
+        every.append(pushed)
+        vectors = (contact.pressure * pushed)[..., None] * contact.normal[:, None]
+        moved = legendre_moments(vectors.reshape(-1, count, 2), element.degree).reshape(here.shape)
+        gram += np.einsum("m,fmjd,gmjd->fg", contact.lengths, here, moved)
+    factors = _factors(comm.allreduce(work), comm.allreduce(gram))
+    changes = [np.einsum("f,fmr->mr", factors, pushed) for pushed in every]
+    if maximum(comm, max(np.abs(item).max(initial=0.0) for item in changes)) > _LARGEST_CHANGE:
+        raise NotApplicable("the contact pressures do not balance the loads")
+    pairs = zip(contacts, changes, strict=True)
+    return [replace(item, pressure=item.pressure * (1.0 + change)) for item, change in pairs]
+
+
+def _factors(work: FloatArray, gram: FloatArray) -> FloatArray:
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    scaled = gram * np.outer(scale, scale)
+    if not np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0] > _SINGULAR:
+        raise NotApplicable("friction alone holds a rigid motion")
+    return np.asarray(np.linalg.solve(gram, work))
+
+
+def _facet_of(
+    part: _FloatingPart, contacts: list[ContactTractions], comm: MPI.Intracomm
+) -> tuple[int, int] | None:
+    """The cell and the side of one facet of Gamma_C of a part, None on other ranks; collective."""
+    mine = [
+        (int(cell), int(side))
+        for contact in contacts
+        for cell, side in zip(contact.cells, contact.sides, strict=True)
+        if part.cells[cell]
+    ]
+    first = comm.allreduce(comm.rank if mine else comm.size, op=MPI.MIN)
+    return mine[0] if comm.rank == first else None
