@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 # Modules are imported where they are used: most runs use none of them.
 @wings.DERIVATIVES.add
 def _derivatives(solver: ProblemSolver, report: SolverReport) -> Differentiable:
-    from contact_locking.inverse.lazy import LazyDerivatives
+    from contact_locking.inverse.sensitivities import LazyDerivatives
 
     return LazyDerivatives(solver, report)
 

@@ -102,7 +102,7 @@ class Put:
             frozen.refresh()
 
 
-def number(given: Number) -> Put:
+def number_of(given: Number) -> Put:
     """A number of a script."""
     return Put(given.name, given.value, partial(setattr, given, "value"))
 

@@ -353,38 +353,31 @@ def nearer_the_path(linear: Linearisation) -> LastIterate | None:
     if not weight > 0.0:
         return None
     mean = total / weight
-    apart = np.concatenate([np.abs(_products(family) / mean - 1.0) for family in families])
+    products = [
+        (family.x * family.z if family.x.ndim == 1 else dot(family.x, family.z)) / family.scale
+        for family in families
+    ]
+    apart = np.concatenate([np.abs(product / mean - 1.0) for product in products])
     if maximum(comm, apart) <= _ALIKE:
         return None
     change = linear.centring(mean)
     longest = [family.longest_step(step) for family, step in change.steps.items()]
     length = min(1.0, _SHARE * minimum(comm, np.array(longest)))
-    return _after(length, change, equations) if length > _SHORT else None
-
-
-def _products(family: Family) -> FloatArray:
-    """The complementarity products (k,) per volume."""
-    product = family.x * family.z if family.x.ndim == 1 else dot(family.x, family.z)
-    return np.asarray(product / family.scale)
-
-
-def _after(length: float, change: Change, equations: Equations) -> LastIterate:
-    """The iterate after a step; collective."""
+    if length <= _SHORT:
+        return None
     system, owned = equations.system, len(equations.system.load)
     system.u.x.array[:owned] += length * change.displacement[:owned]
     system.u.x.scatter_forward()
     moves = change.displacement[owned:]
     pairs = zip(system.tools.travels, moves, strict=True)
     travels = tuple(float(travel + length * move) for travel, move in pairs)
-
-    def cones(family: Family) -> tuple[FloatArray, FloatArray] | None:
-        step = change.steps.get(family)
-        if step is None:
-            return None
-        return family.x + length * step.primal, family.z + length * step.dual
-
-    every = tuple(cones(family) for family in equations.every)
-    return LastIterate(system.u.x.array.copy(), travels, every)
+    cones = tuple(
+        (family.x + length * step.primal, family.z + length * step.dual)
+        if (step := change.steps.get(family))
+        else None
+        for family in equations.every
+    )
+    return LastIterate(system.u.x.array.copy(), travels, cones)
 
 
 def penalised_iterate(system: PenalisedSystem, target: Target, tolerance: float) -> LastIterate:

@@ -1,31 +1,147 @@
-"""The derivatives that a study file asks for, in one solve or through the steps of a process."""
+"""The derivatives that scripts and study files ask for, through the steps of a process as well."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import dataclasses
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from typing import Any
 
 import numpy as np
+from dolfinx import fem
+from petsc4py import PETSc
 
 from contact_locking.errors import InputError, NoDerivatives
-from contact_locking.inverse.derivatives import Frozen, Table, width
-from contact_locking.inverse.equations import Equations
-from contact_locking.inverse.lazy import LazyDerivatives, require_derivatives
-from contact_locking.inverse.linearisation import Change
+from contact_locking.inverse.derivatives import (
+    Derivatives,
+    Frozen,
+    Number,
+    Table,
+    entries,
+    number_of,
+    refresh,
+    width,
+)
+from contact_locking.inverse.equations import Equations, require_settled
+from contact_locking.inverse.fields import field
+from contact_locking.inverse.linearisation import Change, penalised_iterate
+from contact_locking.inverse.quantities import require_quantities
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.process.of_study import settings_of
-from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.process.problem_solver import ProblemSolver, linear_solver
 from contact_locking.process.solving import solve_assembled
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import ContactFields
 from contact_locking.results.quantities import look_up
 from contact_locking.results.solution import StudySolution
-from contact_locking.solver.task import SolverReport
+from contact_locking.script_names import script_names
+from contact_locking.solver.linear.options import UserOptions
+from contact_locking.solver.task import Settings, SolverReport, Task
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.named_numbers import number_at, with_number
-from contact_locking.study_file.parameters import Parameters
+
+# A family of points with more than this share near a change is told of.
+_MANY = 0.02
+# The width of a central difference of solves, relative to the number.
+_CHECK = 1e-3
+
+
+def deriving(solver: ProblemSolver) -> Settings:
+    """The settings for derivatives, which take a factorisation where the body is small."""
+    settings = solver.settings
+    if linear_solver(solver.problem, "auto") == "direct" and settings.linear != "direct":
+        # The options are those of an iterative solver.
+        return dataclasses.replace(settings, linear="direct", petsc=UserOptions({}))
+    return settings
+
+
+def require_derivatives(solver: ProblemSolver, names: Sequence[str] = ()) -> None:
+    """Raise InputError for a problem or quantities without derivatives; needs no solve."""
+    if deriving(solver).linear != "direct":
+        raise NoDerivatives(
+            "derivatives take a factorisation, for which this body is too large by the choice of "
+            "auto; take direct",
+            "solver.linear",
+        )
+    require_quantities(names, solver.problem.domain, solver.system)
+
+
+class LazyDerivatives:
+    """The derivatives of the solution of a report, until :meth:`close`; collective."""
+
+    def __init__(self, solver: ProblemSolver, report: SolverReport) -> None:
+        self._solver, self._report = solver, report
+        self._made: Derivatives | None = None
+        self._is_closed = False
+
+    @script_names()
+    def derivative(self, quantity: str, of: Any) -> Any:
+        """As :meth:`contact_locking.results.solution.Solution.derivative`."""
+        match of:
+            case fem.Constant():
+                found = np.array([self.made.by(quantity, entry) for entry in entries(of)])
+                return found.reshape(np.shape(of.value)) if np.ndim(of.value) else float(found[0])
+            case fem.Function():
+                return field(self.made, quantity, of)
+            case Number():
+                return self.made.by(quantity, number_of(of))
+        raise InputError(
+            "a derivative is by a constant or a function of DOLFINx or by a Number, not by "
+            f"{type(of).__name__}",
+            "of",
+        )
+
+    @property
+    def made(self) -> Derivatives:
+        """The derivatives themselves.  Raises InputError for a solution that has none."""
+        if self._is_closed:
+            raise InputError(
+                "the problem has been solved again, or closed, since this solution: ask for its "
+                "derivatives before"
+            )
+        require_derivatives(self._solver)
+        problem, system, report = self._solver.problem, self._solver.system, self._report
+        for contact in problem.contacts:
+            frame = contact.surface.frame
+            if frame is not None and frame.displacement is not None:
+                raise NoDerivatives(
+                    "derivatives do not see how the bodies that touch turn their normals as they "
+                    "deform; take pair: once",
+                    f"{contact.key}.pair",
+                )
+        if not report.converged:
+            raise InputError("a solve that has not converged has no derivatives")
+        if self._made is None:
+            # Data that have changed since are told from the equations, which they change.
+            refresh(problem, system)
+            target, settings = self._solver.target, deriving(self._solver)
+            tolerance = settings.tolerance
+            iterate = report.last
+            if iterate is None and report.multipliers is not None:
+                raise InputError(
+                    "a solution that was read from a checkpoint has no last iterate, by which it "
+                    "would be differentiated: solve it anew"
+                )
+            # Newton's method has the last word where there are no multipliers.
+            if iterate is None or report.multipliers is None:
+                require_settled(system, tolerance)
+                iterate = penalised_iterate(system, target, tolerance)
+            frozen = Frozen(problem, system, lambda: self._solver.target, iterate)
+            self._made = Derivatives(frozen, Task(system, target, settings))
+        return self._made
+
+    def close(self) -> None:
+        """Destroy the PETSc objects."""
+        self._is_closed = True
+        if self._made is not None:
+            self._made.destroy()
+            self._made = None
+
+    def __del__(self) -> None:
+        # The garbage collector clears the contexts of PETSc's objects before PETSc destroys these.
+        if self._solver.problem.domain.comm.size == 1 and not PETSc.Sys.isFinalized():
+            self.close()
 
 
 def require_known(problem: StudyProblem) -> None:
@@ -159,7 +275,8 @@ class Sensitivities:
         """Add to each derivative the difference of two solves; collective."""
         given, options = self._given, self._solver.settings.petsc
 
-        def values(changed: Parameters) -> list[float] | None:
+        def values(key: str, value: float) -> list[float] | None:
+            changed = with_number(solution.parameters, key, value)
             changed = changed.model_copy(update={"sensitivities": None})
             problem = assemble(changed, solution.domain.comm, solution.domain, solution.element)
             other = solve_assembled(problem, Monitor(), options)
@@ -167,10 +284,12 @@ class Sensitivities:
 
         for key in given.to:
             self._monitor.message(f"solving twice around {key}, to check its derivatives")
-            length = solution.domain.extent
-            differences = central_differences(solution.parameters, key, length, values)
+            at = number_at(solution.parameters, key)
+            step = _CHECK * (abs(at) or solution.domain.extent)
+            above, below = (values(key, at + side) for side in (step, -step))
+            is_known = above is not None and below is not None
             for number, name in enumerate(given.of):
-                rate = None if differences is None else differences[number]
+                rate = (above[number] - below[number]) / (2.0 * step) if is_known else None
                 found[name][key]["checked"] = rate
 
     def close(self) -> None:
@@ -181,27 +300,17 @@ class Sensitivities:
 
 def entry(table: Table, shares: dict[str, float]) -> dict[str, Any]:
     """The entries of summary.json about derivatives, with the shares of points near a change."""
-    elasticities = table.elasticities
-    found: dict[str, Any] = {
-        quantity: {
-            name: {
-                "derivative": float(table.derivatives[row, column]),
-                "elasticity": float(elasticities[row, column]),
-            }
-            for column, name in enumerate(table.parameters)
-        }
-        for row, quantity in enumerate(table.quantities)
-    }
-    for quantity, is_nothing in zip(table.quantities, table.are_nothing, strict=True):
-        if is_nothing:
-            reason = f"{quantity} is zero, which has no per cent"
-            for one in found[quantity].values():
-                one |= {"elasticity": None, "reason": reason}
+    elasticities, found = table.elasticities, dict[str, dict[str, Any]]()
+    for row, quantity in enumerate(table.quantities):
+        found[quantity] = {}
+        for column, name in enumerate(table.parameters):
+            one = {"derivative": float(table.derivatives[row, column])}
+            if table.are_nothing[row]:
+                reason = f"{quantity} is zero, which has no per cent"
+                found[quantity][name] = one | {"elasticity": None, "reason": reason}
+            else:
+                found[quantity][name] = one | {"elasticity": float(elasticities[row, column])}
     return {"sensitivities": found, "share_at_change": {**shares, "in_words": in_words(shares)}}
-
-
-# A family of points with more than this share near a change is told of.
-_MANY = 0.02
 
 
 def in_words(shares: dict[str, float]) -> str:
@@ -219,28 +328,6 @@ def in_words(shares: dict[str, float]) -> str:
         f"many points are near a change of their state ({told}): there derivatives differ from one "
         "side to the other; sensitivities.check compares with solves"
     )
-
-
-# The width of a central difference of solves, relative to the number.
-_CHECK = 1e-3
-
-
-def central_differences(
-    parameters: Parameters,
-    key: str,
-    length: float,
-    values: Callable[[Parameters], list[float] | None],
-) -> list[float] | None:
-    """The central differences of quantities by a number, None without a solution; collective.
-
-    ``values`` solves other parameters.  ``length`` stands for a number that is zero.
-    """
-    at = number_at(parameters, key)
-    step = _CHECK * (abs(at) or length)
-    above, below = (values(with_number(parameters, key, at + side)) for side in (step, -step))
-    if above is None or below is None:
-        return None
-    return [(one - other) / (2.0 * step) for one, other in zip(above, below, strict=True)]
 
 
 def value_of(name: str, solution: StudySolution) -> float:

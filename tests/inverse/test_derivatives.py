@@ -14,7 +14,7 @@ from differentiated_block import NAMES, Block, block, quantities
 from slow import slow
 
 import contact_locking as cl
-from contact_locking.inverse.derivatives import entries, number
+from contact_locking.inverse.derivatives import entries, number_of
 
 CASES: dict[str, dict[str, Any]] = {
     "inequality": {},
@@ -82,7 +82,7 @@ def test_forward_and_adjoint_agree(make: Make) -> None:
     solution = made.problem.solve()
     lazy: Any = solution.differentiable
     constants = [entries(made.given[name])[0] for name in ("E", "M", "pull")]
-    numbers = [number(made.given["mu"]), *constants]
+    numbers = [number_of(made.given["mu"]), *constants]
     forward = lazy.made.table(NAMES, numbers)
     adjoint = [lazy.made.table([name], numbers).derivatives[0] for name in NAMES]
     np.testing.assert_allclose(adjoint, forward.derivatives, rtol=1e-6)

@@ -123,33 +123,32 @@ class _Place:
         return np.clip(x, *bounds), float(left @ left)
 
 
-class Intervals:
-    """The intervals at the least squares (n,), by the residuals and slopes there.
+@dataclass(frozen=True)
+class _Intervals:
+    """The intervals at the least squares, with Student's quantile and the scale s."""
 
-    ``quantile`` is q, and ``scale`` is s.
-    """
+    variables: Sequence[Variable]
+    misfit: Misfit
+    best: _Place
+    quantile: float
+    scale: float
 
-    def __init__(
-        self,
-        variables: Sequence[Variable],
-        misfit: Misfit,
-        numbers: FloatArray,
-        residuals: FloatArray,
-        slopes: FloatArray,
-        quantile: float,
-        scale: float,
-    ) -> None:
-        self._variables, self._misfit = variables, misfit
-        x = [v.searched(number) for v, number in zip(variables, numbers, strict=True)]
-        self._best = _Place(np.array(x), residuals, slopes)
-        ends = [[v.searched(v.least), v.searched(v.largest)] for v in variables]
-        self._bounds = np.array(ends).T
-        self._quantile, self._rise = quantile, (quantile * scale) ** 2
-        self._most = self._best.misfit + self._rise
+    @property
+    def _rise(self) -> float:
+        return (self.quantile * self.scale) ** 2
+
+    @property
+    def _most(self) -> float:
+        return self.best.misfit + self._rise
+
+    @property
+    def _bounds(self) -> FloatArray:
+        ends = [[v.searched(v.least), v.searched(v.largest)] for v in self.variables]
+        return np.array(ends).T
 
     def of(self, number: int, error: float) -> tuple[float, float]:
         """The ends for a searched number with its standard error; infinite where it is open."""
-        reach = self._quantile * error
+        reach = self.quantile * error
         if not math.isfinite(self._rise) or reach <= _LEAST_ERROR:
             return self._numbers(number, -reach, reach)
         low, high = (self._end(number, side, reach, False) for side in (-1.0, 1.0))
@@ -161,7 +160,7 @@ class Intervals:
         return self._numbers(number, -low, high)
 
     def _numbers(self, number: int, low: float, high: float) -> tuple[float, float]:
-        variable, x = self._variables[number], float(self._best.x[number])
+        variable, x = self.variables[number], float(self.best.x[number])
         ends = [variable.number(x + step) if math.isfinite(step) else step for step in (low, high)]
         return ends[0], ends[1]
 
@@ -172,19 +171,19 @@ class Intervals:
         """
         far = self._far(number)
         bound = float(self._bounds[int(side > 0.0), number])
-        farthest = min(side * (bound - float(self._best.x[number])), far)
+        farthest = min(side * (bound - float(self.best.x[number])), far)
         if farthest <= _LEAST_ERROR:
             return reach
-        first, start = min(reach, farthest), self._best.misfit
+        first, start = min(reach, farthest), self.best.misfit
         flat = start + _TOO_FLAT * self._rise * (first / reach) ** 2
         goal = self._most if first < reach else flat
-        place = self._at(number, side * first, self._best, goal)
+        place = self._at(number, side * first, self.best, goal)
         misfit = math.inf if place is None else place.misfit
         is_beyond = misfit > self._most
         if misfit >= flat and not (is_beyond and (is_sharp or first < reach)):
             return reach if reach <= far else math.inf
         if is_beyond or place is None:
-            place, low, high = self._best, _NEAREST * first, first
+            place, low, high = self.best, _NEAREST * first, first
         else:
             low, high = first, farthest
             last = self._at(number, side * farthest, place, self._most)
@@ -204,10 +203,10 @@ class Intervals:
 
     def _far(self, number: int) -> float:
         """The distance of a number that is many times as large or as small."""
-        variable = self._variables[number]
+        variable = self.variables[number]
         if variable.is_log:
             return abs(variable.searched(variable.start * _FARTHEST))
-        size = abs(variable.number(float(self._best.x[number]))) or abs(variable.start) or 1.0
+        size = abs(variable.number(float(self.best.x[number]))) or abs(variable.start) or 1.0
         return (_FARTHEST - 1.0) * size / variable.rate(size)
 
     def _at(self, number: int, distance: float, known: _Place, goal: float) -> _Place | None:
@@ -215,22 +214,22 @@ class Intervals:
 
         ``known`` is a place near.  None where there is no solution.
         """
-        value, place = float(self._best.x[number]) + distance, None
+        value, place = float(self.best.x[number]) + distance, None
         for _ in range(1 + _CORRECTIONS):
             x, expected = known.predicted(number, value, self._bounds)
-            if place is None and known is not self._best:
+            if place is None and known is not self.best:
                 # Beyond a kink the slopes before it lead the other numbers astray.
                 x = known.x.copy()
                 x[number] = value
             if place is not None and (place.misfit <= goal or expected > goal):
                 break
-            numbers = [v.number(float(at)) for v, at in zip(self._variables, x, strict=True)]
-            found = self._misfit(np.array(numbers))
+            numbers = [v.number(float(at)) for v, at in zip(self.variables, x, strict=True)]
+            found = self.misfit(np.array(numbers))
             if found is None:
                 break
-            slopes = self._best.slopes
+            slopes = self.best.slopes
             if found.derivatives is not None:
-                slopes = found.derivatives * rates(self._variables, np.array(numbers))
+                slopes = found.derivatives * rates(self.variables, np.array(numbers))
             place = known = _Place(x, found.values, slopes)
         return place
 
@@ -391,7 +390,8 @@ def estimate(
     scale = float(np.sqrt(max(1.0, scatter) if has_errors else scatter))
     errors, correlation = _covariance(slopes, scale)
     quantile = float(student.ppf(0.975, freedom if freedom > 0 else np.inf))
-    judged = Intervals(variables, misfit, numbers, left, slopes, quantile, scale)
+    x = np.array([v.searched(value) for v, value in zip(variables, numbers, strict=True)])
+    judged = _Intervals(variables, misfit, _Place(x, left, slopes), quantile, scale)
     intervals = np.array([judged.of(place, float(error)) for place, error in enumerate(errors)])
     # There is no standard error where the misfit is no parabola on one side.
     errors = np.where(np.isinf(intervals).any(axis=1), np.inf, errors)
