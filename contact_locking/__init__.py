@@ -88,7 +88,7 @@ _NAMES = {
     "process.solving": "check solve_assembled solve_steps",
     "results.solution": "Solution State StudySolution",
     "running.writing": "save write",
-    "inverse.parameters": "Number",
+    "inverse.derivatives": "Number",
     "solver.task": "Settings",
     "study.assembly": "assemble",
     "study_file": "from_mapping load",

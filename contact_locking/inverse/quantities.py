@@ -39,9 +39,6 @@ from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 
-# The units of the quantities of free foundations.
-_UNITS = {"travel": "length", "angle": "rad"}
-
 
 def known() -> list[str]:
     """The names, by their first components: of the registry, and those of parts and tools."""
@@ -96,10 +93,9 @@ def scale_of(name: str, domain: Domain, system: PenalisedSystem) -> float:
     length, energy = system.largest_displacement(), abs(system.elastic_energy())
     force = energy / length if length > 0.0 else 0.0
     key = next((part for part in reversed(name.split(".")) if part in QUANTITIES), "")
-    unit = QUANTITIES[key].unit if key else _UNITS.get(name.rpartition(".")[2], "force")
-    face, angle = domain.extent ** (domain.dim - 1), length / domain.extent
-    sizes = {"energy": energy, "force": force, "stress": force / face, "length": length}
-    return (sizes | {"rad": angle})[unit]
+    of_tool = "length" if name.endswith(".travel") else "force"
+    unit, face = QUANTITIES[key].unit if key else of_tool, domain.extent ** (domain.dim - 1)
+    return {"energy": energy, "force": force, "stress": force / face, "length": length}[unit]
 
 
 def _named(name: str, domain: Domain, system: PenalisedSystem) -> Quantity:

@@ -46,11 +46,6 @@ class Experiment:
     def __len__(self) -> int:
         return len(next(iter(self.data.values())))
 
-    @property
-    def count(self) -> int:
-        """The measured numbers."""
-        return sum(len(values) for values in self.data.values())
-
     def cases(self) -> list[Case]:
         """The solves of this experiment."""
         keys = list(self.varied)
@@ -130,7 +125,8 @@ def read_experiments(parameters: Parameters) -> list[Experiment]:
                 "column t nor one with a key of the study file, as contact.gap",
                 one.key,
             )
-    numbers, wanted = sum(one.count for one in found), len(given.parameters)
+    numbers = sum(len(values) for one in found for values in one.data.values())
+    wanted = len(given.parameters)
     if numbers < wanted:
         raise InputError(
             f"{count(wanted, 'parameter')} to fit and {count(numbers, 'measured number')}: give "
@@ -160,8 +156,13 @@ def _read(curve: Curve, key: str, given: FitParameters) -> Experiment:
                 continue
             if len(numbers) == _MOST_ROWS:
                 raise InputError(f"{path} has more than {_MOST_ROWS} rows", key)
-            pairs = zip(wanted, places, strict=True)
-            numbers.append([_number(row, at, f"{path}, row {line}, {n}", key) for n, at in pairs])
+            read = [number_at(place, row) for place in places]
+            for name, (value, text) in zip(wanted, read, strict=True):
+                if not math.isfinite(value):
+                    raise InputError(
+                        f"{path}, row {line}, {name}: {text!r} is no finite number", key
+                    )
+            numbers.append([value for value, _ in read])
     if not numbers:
         raise InputError(f"{path} has no rows of numbers below its first row", key)
     table = dict(zip(wanted, np.array(numbers).T, strict=True))
@@ -181,10 +182,3 @@ def _read(curve: Curve, key: str, given: FitParameters) -> Experiment:
         sigma,
         tuple(name for name in header if name not in wanted and name),
     )
-
-
-def _number(row: list[str], place: int, where: str, key: str) -> float:
-    value, text = number_at(place, row)
-    if not math.isfinite(value):
-        raise InputError(f"{where}: {text!r} is no finite number", key)
-    return value

@@ -7,11 +7,10 @@ derivatives: a fit that was killed finds them again.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -48,20 +47,6 @@ class Evaluation:
     values: FloatArray
     derivatives: FloatArray | None
     used: float | None
-
-    def as_mapping(self) -> dict[str, Any]:
-        """For a JSON file."""
-        found = vars(self).items()
-        return {name: None if one is None else np.asarray(one).tolist() for name, one in found}
-
-    @classmethod
-    def of_mapping(cls, data: Mapping[str, Any]) -> Evaluation:
-        """From a JSON file.  Raises KeyError, TypeError and ValueError for another one."""
-        times, values, derivatives = (
-            None if data[name] is None else np.array(data[name], dtype=float)
-            for name in ("times", "values", "derivatives")
-        )
-        return cls(times, np.asarray(values, dtype=float), derivatives, data["used"])
 
     def at(self, times: FloatArray | None, start: float) -> tuple[FloatArray, FloatArray | None]:
         """Values (r, q) and derivatives (r, q, n) at r times, linear between the steps.
@@ -191,15 +176,20 @@ class Model:
 
     def _kept(self, name: str) -> Evaluation | None:
         every = (read_mapping(folder / EVALUATIONS / name) for folder in self._folders)
-        data = next((one for one in every if one is not None), None)
+        data = next((one for one in every if one is not None), {})
         try:
-            found = None if data is None else Evaluation.of_mapping(data)
+            times, values, derivatives = (
+                None if data[name] is None else np.array(data[name], dtype=float)
+                for name in ("times", "values", "derivatives")
+            )
+            found = Evaluation(times, np.asarray(values, dtype=float), derivatives, data["used"])
         except (KeyError, TypeError, ValueError):
             return None
-        is_whole = found is not None and found.values.shape[-1:] == (len(self.quantities),)
-        return found if is_whole else None
+        return found if found.values.shape[-1:] == (len(self.quantities),) else None
 
     def _keep(self, name: str, found: Evaluation) -> None:
         folder = self._folders[0] / EVALUATIONS
         folder.mkdir(parents=True, exist_ok=True)
-        atomic.write_text(folder / name, json.dumps(found.as_mapping()) + "\n")
+        data = vars(found).items()
+        plain = {key: None if one is None else np.asarray(one).tolist() for key, one in data}
+        atomic.write_text(folder / name, json.dumps(plain) + "\n")

@@ -202,7 +202,13 @@ class Search:
                 f"start; {self._model.failure}"
             )
         for _ in range(_LOWERINGS):
-            before, (used, lowered) = self._variables, self._lowered()
+            before, evaluations = self._variables, self._evaluations[_place(self._start)]
+            used = max((one.used for one in evaluations if one.used is not None), default=1.0)
+            lowered = {}
+            for variable in before if used < _LOCKS else ():
+                number = max(_BELOW * used * variable.start, variable.least)
+                if variable.key.endswith(_LIMIT) and number < variable.start:
+                    lowered[variable.key] = dataclasses.replace(variable, start=number)
             if not lowered:
                 break
             self._variables = [lowered.get(one.key, one) for one in before]
@@ -220,17 +226,6 @@ class Search:
                 ]
             )
         return found
-
-    def _lowered(self) -> tuple[float, dict[str, Variable]]:
-        """The largest share of the limit at the start, and the limits that are lowered to it."""
-        evaluations = self._evaluations[_place(self._start)]
-        used = max((one.used for one in evaluations if one.used is not None), default=1.0)
-        lowered = {}
-        for variable in self._variables if used < _LOCKS else ():
-            number = max(_BELOW * used * variable.start, variable.least)
-            if variable.key.endswith(_LIMIT) and number < variable.start:
-                lowered[variable.key] = dataclasses.replace(variable, start=number)
-        return used, lowered
 
     @property
     def _start(self) -> FloatArray:

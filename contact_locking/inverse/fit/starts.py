@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.stats.qmc import LatinHypercube
 
 from contact_locking import study_file
 from contact_locking.arrays import FloatArray
@@ -76,14 +77,13 @@ def variables_of(parameters: Parameters) -> list[Variable]:
 
 def starts_of(variables: Sequence[Variable], number: int) -> FloatArray:
     """The numbers (s, n) where s searches begin."""
-    random, others = np.random.default_rng(0), number - 1
-    columns = []
-    for variable in variables:
-        low, high = map(variable.searched, _range_of(variable))
-        places = (random.permutation(others) + random.random(others)) / max(others, 1)
-        among = [variable.number(low + (high - low) * float(place)) for place in places]
-        columns.append([variable.start, *among])
-    return np.array(columns).T
+    low, high = np.array([[v.searched(end) for end in _range_of(v)] for v in variables]).T
+    places = LatinHypercube(len(variables), seed=0).random(number - 1)
+    among = [
+        [v.number(float(x)) for v, x in zip(variables, row, strict=True)]
+        for row in low + (high - low) * places
+    ]
+    return np.array([[variable.start for variable in variables], *among])
 
 
 def _range_of(variable: Variable) -> tuple[float, float]:
@@ -129,19 +129,16 @@ def search(parameters: Parameters, plan: Plan, console: Console) -> Begun:
     unfinished, misfit = min(ended)
     alike = unfinished, misfit * (1.0 + _SAME)
     best = next(case for case, end in zip(cases, ends, strict=True) if end and end <= alike)
-    rows = [
-        {"start": start, "state": one.state, **_end(one.summary)}
-        for start, one in zip(starts, found, strict=True)
-    ]
+    rows = []
+    for start, one in zip(starts, found, strict=True):
+        # The content of fit.json.
+        content = one.summary or {"parameters": None, "misfit": None, "evaluations": None}
+        value = content["parameters"] and {
+            key: entry["value"] for key, entry in content["parameters"].items()
+        }
+        row = {name: content[name] for name in ("misfit", "evaluations")}
+        rows.append({"start": start, "state": one.state, "value": value, **row})
     return Begun(best.parameters, best.folder, rows)
-
-
-def _end(content: dict[str, Any] | None) -> dict[str, Any]:
-    """The part of the content of fit.json that a row has."""
-    if content is None:
-        return {"value": None, "misfit": None, "evaluations": None}
-    value = {key: entry["value"] for key, entry in content["parameters"].items()}
-    return {"value": value, "misfit": content["misfit"], "evaluations": content["evaluations"]}
 
 
 def _case(parameters: Parameters, start: dict[str, float], label: str, folder: Path) -> Case:

@@ -14,6 +14,7 @@ from contact_locking.plain_text import count, per_cent
 from . import estimate
 from .estimate import UNDETERMINED, Combination, Estimate, Residuals, combinations
 
+_NOTHING = "the data do not depend on it"
 # Powers below this share are left out of the name of a combination.
 _SMALL = 0.2
 # Data and model that differ by this factor have other units.
@@ -41,25 +42,18 @@ def combination_name(combination: Combination, keys: Sequence[str]) -> str:
 def undetermined(found: Estimate, keys: Sequence[str]) -> list[str]:
     """The numbers that the data bound on one side, and the combinations that they leave open."""
     bounds = [one_bound(float(low), float(high)) for low, high in found.intervals]
-    one_sided = {
-        key: f"{key}: {bound}; beyond, the misfit is flat"
-        for key, bound in zip(keys, bounds, strict=True)
-        if bound
-    }
-    names = [combination_name(one, keys) for one in found.combinations]
-    told = [
-        f"{name}: {_uncertain(one.error)}"
-        for name, one in zip(names, found.combinations, strict=True)
-        if name not in one_sided and _is_open(one, found)
-    ]
-    return [*one_sided.values(), *told]
-
-
-def _is_open(one: Combination, found: Estimate) -> bool:
-    if np.isinf(found.scatter):
-        # Without residuals there is no noise to tell.
-        return one.singular <= estimate.NO_INFLUENCE * found.combinations[0].singular
-    return not one.error <= UNDETERMINED
+    one_sided = {key: bound for key, bound in zip(keys, bounds, strict=True) if bound}
+    told = [f"{key}: {bound}; beyond, the misfit is flat" for key, bound in one_sided.items()]
+    least = estimate.NO_INFLUENCE * found.combinations[0].singular
+    for one in found.combinations:
+        name, is_open = combination_name(one, keys), not one.error <= UNDETERMINED
+        if np.isinf(found.scatter):
+            # Without residuals there is no noise to tell.
+            is_open = one.singular <= least
+        if is_open and name not in one_sided:
+            error = f"its standard error is {per_cent(one.error)}"
+            told.append(f"{name}: {error if np.isfinite(one.error) else _NOTHING}")
+    return told
 
 
 def one_bound(low: float | None, high: float | None) -> str:
@@ -68,12 +62,6 @@ def one_bound(low: float | None, high: float | None) -> str:
     if has_low == has_high:
         return ""
     return f"at least {low:.5g}" if has_low else f"at most {high:.5g}"
-
-
-def _uncertain(error: float) -> str:
-    if not np.isfinite(error):
-        return "the data do not depend on it"
-    return f"its standard error is {per_cent(error)}"
 
 
 def before(
