@@ -24,14 +24,13 @@ from contact_locking.fem import compiled
 from contact_locking.fields import plausibility
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.rounding import ROUNDING
-from contact_locking.theory.constants import Kappa, constant_supports, constants, kappa
+from contact_locking.theory.constants import constant_supports, constants
 from contact_locking.theory.critical_friction import critical_friction
 from contact_locking.theory.other_solutions import share_against_sliding
 
 
 def proofs(state: SolvedState, lifting: Lifting, extras: Extras) -> Proofs:
     """The a priori bounds, constants, and the parts that ``extras`` asks for; collective."""
-    small = _kappa(state, extras.constants)
     bounds = proved_bounds(state, lifting)
     entries: dict[str, Any] = {"bounds": bounds}
     errors: dict[str, Any] = {}
@@ -46,7 +45,7 @@ def proofs(state: SolvedState, lifting: Lifting, extras: Extras) -> Proofs:
             most = f"{100.0 * limit['load_factor'][1]:.3g}"
             reason = f"on no mesh can more than {most} % of them be followed"
         errors["guaranteed"] = guaranteed_error(state, lifting)
-    entries["constants"] = constants(state, extras.constants, small)
+    entries["constants"] = constants(state, extras.constants)
     if extras.critical_friction:
         entries["critical_friction"] = critical_friction(state)
     broken = [
@@ -57,14 +56,6 @@ def proofs(state: SolvedState, lifting: Lifting, extras: Extras) -> Proofs:
     ]
     warnings = constant_supports(state) if extras.constants else ()
     return Proofs(entries, errors, "; ".join(broken), reason, (*_about_friction(state), *warnings))
-
-
-def _kappa(state: SolvedState, wanted: bool) -> Kappa | NotApplicable:
-    """Kappa, or why there is none; collective."""
-    try:
-        return kappa(state, wanted)
-    except NotApplicable as failure:
-        return failure
 
 
 def _about_friction(state: SolvedState) -> list[str]:

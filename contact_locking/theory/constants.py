@@ -36,12 +36,22 @@ from contact_locking.fem.joint_forms import JointForm, action
 from contact_locking.fem.trace import make_nodal
 from contact_locking.mesh.rank_sums import marked
 from contact_locking.parallel import maximum, on_any_rank
+from contact_locking.supports.conditions import Constraints
 from contact_locking.theory.other_solutions import without_friction
 
 # A condition that holds more of a unit normal than this holds more than rounding.
 _OBLIQUE = 1e-9
 # The share that two eigenvalues to a relative 1e-6 may lack, with room.
 _MARGIN = 1e-4
+# mu(x, s) is sampled at the slip 0, and from this share of the extent of the body to the extent.
+_LEAST_SLIP = 1e-8
+_SLIPS = 400
+# Samples may exceed the constants of a friction law by this share because of rounding.
+_ROUNDING = 1e-9
+# The verdicts on uniqueness where there is friction.
+BY_KAPPA = "unique on this mesh"
+SAMPLED = "covered for the discrete problem, by sampled constants"
+UNKNOWN = "not known"
 
 
 @dataclass(frozen=True)
@@ -54,10 +64,6 @@ class Kappa:
     @property
     def value(self) -> float:
         return self.trace * self.lift
-
-    def numbers(self) -> dict[str, float]:
-        """The entries of summary.json."""
-        return {"kappa": self.value, "c": self.trace, "rho": self.lift}
 
     @property
     def is_small(self) -> bool:
@@ -84,7 +90,7 @@ def kappa(state: SolvedState, wanted: bool) -> Kappa:
         raise NotApplicable("there is no friction")
     if any(item.friction.depends_on_slip for item in rubbing):
         raise NotApplicable("the friction coefficient depends on the slip")
-    lifts = _Lifts(state, rubbing)
+    constraints = _constraints_of_lifts(state, rubbing)
     if not wanted:
         raise NotApplicable("certificate.constants is false")
     v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
@@ -92,8 +98,7 @@ def kappa(state: SolvedState, wanted: bool) -> Kappa:
     pairs = zip(rubbing, slips, strict=True)
     traces = sum(ufl.inner(*pair) * contact.surface.ds for contact, pair in pairs)
     trace = trace_norm(state, state.system.bilinear, traces)
-    with closing(EllipticProblem(state, state.system.bilinear, lifts.constraints)) as elastic:
-        return Kappa(trace, math.sqrt(lifts.largest_energy(elastic)))
+    return Kappa(trace, _lift_constant(state, rubbing, constraints))
 
 
 def require_coulomb(state: SolvedState) -> None:
@@ -107,66 +112,60 @@ def require_coulomb(state: SolvedState) -> None:
         raise NotApplicable("the friction bound is the user's own")
 
 
-class _Lifts:
-    """The fields w_g for values g at the owned nodes of the contacts ``rubbing``.
+def _constraints_of_lifts(state: SolvedState, rubbing: list[NodalContact]) -> Constraints:
+    """The conditions, and those that hold Gamma_C and the cells that can lock; collective.
 
-    ``constraints`` hold Gamma_C and the cells that can lock.  The constructor is collective.
     Raises NotApplicable where a w_g is no displacement of the mesh.
     """
+    given, space = state.problem.constraints, state.problem.u.function_space
+    contacts, points = state.problem.contacts, state.points
+    free = [np.repeat(item.free[:, None].astype(float), state.dim, axis=1) for item in contacts]
+    acting = on_contacts(space, [item.surface for item in contacts], free).x.array
+    limits = [points.by_cell(np.isfinite(item.limit)).any(axis=1) for item in points.sets]
+    cells = np.flatnonzero(np.any(limits, axis=0))
+    can_lock = marked(space.dofmap.index_map, space.dofmap.list[cells])
+    locks = np.repeat(can_lock.astype(float), state.dim)
+    if on_any_rank(state.comm, acting > 1.0):
+        raise NotApplicable("friction or pressure of two contacts acts at one node")
+    if on_any_rank(state.comm, (acting > 0.0) & (locks > 0.0)):
+        raise NotApplicable("the body can lock beside Gamma_C")
+    for contact in rubbing:
+        normals = contact.surface.vector_function(contact.normals * contact.free[:, None])
+        held = normals.x.array - given.free_part(normals.x.array)
+        if on_any_rank(state.comm, np.abs(held) > _OBLIQUE):
+            raise NotApplicable("a displacement condition holds an oblique direction")
+    return with_contacts_fixed(state, locks)
 
-    def __init__(self, state: SolvedState, rubbing: list[NodalContact]) -> None:
-        self._state, self._rubbing = state, rubbing
-        given, space = state.problem.constraints, state.problem.u.function_space
-        contacts = state.problem.contacts
-        free = [np.repeat(item.free[:, None].astype(float), state.dim, axis=1) for item in contacts]
-        acting = on_contacts(space, [item.surface for item in contacts], free).x.array
-        locks = self._where_the_body_can_lock()
-        if on_any_rank(state.comm, acting > 1.0):
-            raise NotApplicable("friction or pressure of two contacts acts at one node")
-        if on_any_rank(state.comm, (acting > 0.0) & (locks > 0.0)):
-            raise NotApplicable("the body can lock beside Gamma_C")
-        for contact in rubbing:
-            normals = contact.surface.vector_function(contact.normals * contact.free[:, None])
-            held = normals.x.array - given.free_part(normals.x.array)
-            if on_any_rank(state.comm, np.abs(held) > _OBLIQUE):
-                raise NotApplicable("a displacement condition holds an oblique direction")
-        self.constraints = with_contacts_fixed(state, locks)
-        self._mu = [item.friction.coefficient(np.zeros(len(item.free))) for item in rubbing]
-        self._lift = fem.Function(space)
 
-    def largest_energy(self, problem: EllipticProblem) -> float:
-        """``rho^2``, where ``problem`` is elastic with the constraints; collective."""
-        roots = [np.sqrt(contact.surface.weights[contact.free]) for contact in self._rubbing]
-        root = np.concatenate(roots)
-        ends = np.cumsum([len(part) for part in roots])[:-1]
-        form = JointForm(action(self._state.system.bilinear, self._lift))
+def _lift_constant(
+    state: SolvedState, rubbing: list[NodalContact], constraints: Constraints
+) -> float:
+    """rho, over the values g at the owned nodes of the contacts ``rubbing``; collective."""
+    space, surfaces = state.problem.u.function_space, [contact.surface for contact in rubbing]
+    lift = fem.Function(space)
+    form = JointForm(action(state.system.bilinear, lift))
+    coefficients = [item.friction.coefficient(np.zeros(len(item.free))) for item in rubbing]
+    roots = [np.sqrt(contact.surface.weights[contact.free]) for contact in rubbing]
+    root, ends = np.concatenate(roots), np.cumsum([len(part) for part in roots])[:-1]
 
-        def apply(values: FloatArray) -> FloatArray:
-            parts = np.split(values / root, ends)
-            self._lift.x.array[:] = problem.solve(None, self._pushed(parts)).x.array
-            return root * np.concatenate(self._carried(form))
-
-        return largest_eigenvalue(self._state.comm, len(root), apply)
-
-    def _pushed(self, parts: list[FloatArray]) -> fem.Function:
-        """``R* (mu g) nu`` on Gamma_C for g at the nodes where friction acts; collective."""
-        values, surfaces = [], [contact.surface for contact in self._rubbing]
-        for contact, mu, part in zip(self._rubbing, self._mu, parts, strict=True):
+    def pushed(parts: list[FloatArray]) -> fem.Function:
+        """``R* (mu g) nu`` on Gamma_C for g at the nodes where friction acts."""
+        values = []
+        for contact, mu, part in zip(rubbing, coefficients, parts, strict=True):
             g = np.zeros(len(mu))
             g[contact.free] = part
             along = contact.rubbing(contact.friction.smoothing.adjoint(mu * g))
             values.append(along[:, None] * contact.normals)
-        field = on_contacts(self._lift.function_space, surfaces, values)
+        field = on_contacts(space, surfaces, values)
         make_nodal(field, [surface.limited for surface in surfaces])
         return field
 
-    def _carried(self, form: JointForm) -> list[FloatArray]:
-        """``mu R s`` where friction acts, with the normal stresses s of w_g; collective."""
-        space = self._lift.function_space
+    def carried() -> list[FloatArray]:
+        """``mu R s`` where friction acts, with the normal stresses s of w_g."""
         forces = la.vector(space.dofmap.index_map, space.dofmap.index_map_bs)
         form.assemble_vector(forces)
-        nodal, found = forces.array.reshape(-1, self._state.dim), []
-        for contact, mu in zip(self._rubbing, self._mu, strict=True):
+        nodal, found = forces.array.reshape(-1, state.dim), []
+        for contact, mu in zip(rubbing, coefficients, strict=True):
             surface = contact.surface
             limited = surface.limited.limited_forces(nodal[surface.blocks])
             normal = np.sum(limited * contact.normals, axis=1)
@@ -174,26 +173,14 @@ class _Lifts:
             found.append((mu * contact.friction.smoothing.apply(stress))[contact.free])
         return found
 
-    def _where_the_body_can_lock(self) -> FloatArray:
-        """1 at the local dofs of cells with a finite limit, and 0 elsewhere; collective."""
-        state, space = self._state, self._state.problem.u.function_space
-        points = state.points
-        limits = [points.by_cell(np.isfinite(item.limit)).any(axis=1) for item in points.sets]
-        cells = np.flatnonzero(np.any(limits, axis=0))
-        locks = marked(space.dofmap.index_map, space.dofmap.list[cells])
-        return np.repeat(locks.astype(float), state.dim)
+    with closing(EllipticProblem(state, state.system.bilinear, constraints)) as problem:
 
+        def apply(values: FloatArray) -> FloatArray:
+            parts = np.split(values / root, ends)
+            lift.x.array[:] = problem.solve(None, pushed(parts)).x.array
+            return root * np.concatenate(carried())
 
-# mu(x, s) is sampled at the slip 0, and from this share of the extent of the body to the extent.
-_LEAST_SLIP = 1e-8
-_SLIPS = 400
-
-# Samples may exceed the constants of a friction law by this share because of rounding.
-_ROUNDING = 1e-9
-# The verdicts on uniqueness where there is friction.
-BY_KAPPA = "unique on this mesh"
-SAMPLED = "covered for the discrete problem, by sampled constants"
-UNKNOWN = "not known"
+        return math.sqrt(largest_eigenvalue(state.comm, len(root), apply))
 
 
 @dataclass(frozen=True)
@@ -210,13 +197,17 @@ class Coefficient:
     exceeded: bool = False
 
 
-def constants(state: SolvedState, wanted: bool, small: Kappa | NotApplicable) -> dict[str, Any]:
+def constants(state: SolvedState, wanted: bool) -> dict[str, Any]:
     """``alpha``, ``c_0``, ``mu*``, ``L_mu``, ``|R|`` and the verdict on uniqueness; collective.
 
     c_0 takes an eigenproblem, as long as one or two elastic solves, and is None unless ``wanted``.
-    ``small`` is kappa, or why there is none.
     """
     found: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
+    small: Kappa | NotApplicable
+    try:
+        small = kappa(state, wanted)
+    except NotApplicable as failure:
+        small = failure
     bounds = [contact.friction for contact in state.problem.contacts]
     if bounds:
         coefficient = coefficient_range(state)
@@ -234,7 +225,8 @@ def constants(state: SolvedState, wanted: bool, small: Kappa | NotApplicable) ->
         return found | {"uniqueness": without_friction(state)}
     verdict, why = _uniqueness(state, found, coefficient, small)
     report: dict[str, Any] = {"verdict": verdict, "why": why, "kappa": None}
-    report |= small.numbers() if isinstance(small, Kappa) else {}
+    if isinstance(small, Kappa):
+        report |= {"kappa": small.value, "c": small.trace, "rho": small.lift}
     report["contraction"] = state.report.contraction
     return found | {"uniqueness": report}
 

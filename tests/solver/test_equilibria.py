@@ -28,7 +28,7 @@ from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.theory.constants import BY_KAPPA
 from contact_locking.theory.equilibria.bound_map import BoundMap
-from contact_locking.theory.equilibria.branch import Branch, OverFriction
+from contact_locking.theory.equilibria.branch import Branch, OverShare
 from contact_locking.theory.equilibria.search import (
     Equilibria,
     diagram,
@@ -97,7 +97,7 @@ def test_the_branch_turns_and_keeps_its_equation(task: Task) -> None:
     """With 70 % of the coefficient there are three solutions on the branch, one of another sign."""
     problem = BoundMap(task)
     points = []
-    for point in Branch(OverFriction(problem)).points():
+    for point in Branch(OverShare(problem)).points():
         points.append(point)
         if point.share > 0.9:
             break

@@ -20,7 +20,6 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.interior_point.bound_step import BoundLaw
 from contact_locking.solver.interior_point.family import Reaction
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.task import LastIterate, Outcome, Task
@@ -138,14 +137,11 @@ class BoundMap:
         for column in np.flatnonzero(self._inside):
             step = np.zeros(size)
             step[column] = 1.0
-            found[:, column] = self._moved(laws, step)
+            pairs = zip(laws, self.vectors.split(step), strict=True)
+            reactions = [Reaction(law.friction, law.friction.response(part)) for law, part in pairs]
+            displacement = self._solver.respond(reactions)
+            found[:, column] = self.vectors.join([law.moved_by(displacement) for law in laws])
         return found
-
-    def _moved(self, laws: list[BoundLaw], step: FloatArray) -> FloatArray:
-        pairs = zip(laws, self.vectors.split(step), strict=True)
-        reactions = [Reaction(law.friction, law.friction.response(part)) for law, part in pairs]
-        displacement = self._solver.respond(reactions)
-        return self.vectors.join([law.moved_by(displacement) for law in laws])
 
     def destroy(self) -> None:
         """Free the PETSc objects."""

@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 
@@ -38,48 +37,36 @@ _ASIDE = 0.6
 _WIDTH = 1e-4
 
 
-class OverFriction:
-    """``Psi(G, s) = s Phi(G)``: the share is that of the friction coefficient."""
+class OverShare:
+    """``Psi(G, s)``: ``s Phi(G)``, or ``Phi(G)`` with loads for the share s.
 
-    def __init__(self, problem: BoundMap) -> None:
-        self.problem, self.vectors = problem, problem.vectors
-        self._share, self._wanted = 0.0, np.zeros(problem.vectors.size)
+    ``put`` gives a share of the loads to the system; without it the share is that of the friction
+    coefficient.
+    """
+
+    def __init__(self, problem: BoundMap, put: Callable[[float], None] | None = None) -> None:
+        self.problem, self.vectors, self._put = problem, problem.vectors, put
+        self._bounds = self._wanted = np.zeros(problem.vectors.size)
+        self._share = 0.0
 
     def __call__(self, bounds: FloatArray, share: float) -> FloatArray:
         """``Psi(G, s)`` (m,); raises NotConverged where Tresca's problem is not solved."""
-        self._share, self._wanted = share, self.problem(bounds)
-        return share * self._wanted
+        self._bounds, self._share = bounds, share
+        self._wanted = self._at(share)
+        return share * self._wanted if self._put is None else self._wanted
 
     def slopes(self) -> tuple[FloatArray, FloatArray]:
         """The derivatives of Psi by G (m, m) and by s (m,) at the last value; collective."""
-        return self._share * self.problem.derivative(), self._wanted
-
-
-class OverLoads:
-    """``Psi(G, s) = Phi(G)`` with loads for the share s, which ``put`` gives to the system."""
-
-    def __init__(self, problem: BoundMap, put: Callable[[float], None]) -> None:
-        self.problem, self.vectors, self._put = problem, problem.vectors, put
-        self._bounds, self._share = np.zeros(problem.vectors.size), 1.0
-        self._wanted = self._bounds
-
-    def __call__(self, bounds: FloatArray, share: float) -> FloatArray:
-        self._bounds, self._share = bounds, share
-        self._wanted = self._at(share)
-        return self._wanted
-
-    def slopes(self) -> tuple[FloatArray, FloatArray]:
         by_bounds = self.problem.derivative()
+        if self._put is None:
+            return self._share * by_bounds, self._wanted
         beside = self._at(self._share + _WIDTH)
         return by_bounds, np.asarray((beside - self._wanted) / _WIDTH)
 
     def _at(self, share: float) -> FloatArray:
-        self._put(share)
-
+        if self._put is not None:
+            self._put(share)
         return self.problem(self._bounds)
-
-
-Path: TypeAlias = OverFriction | OverLoads
 
 
 @dataclass(frozen=True)
@@ -104,7 +91,7 @@ class Branch:
     ``locates_folds`` the places where the share turns are points, too.
     """
 
-    def __init__(self, path: Path, bold: bool = False, locates_folds: bool = False) -> None:
+    def __init__(self, path: OverShare, bold: bool = False, locates_folds: bool = False) -> None:
         self._locates_folds = locates_folds
         self._path, self._vectors = path, path.vectors
         self._bold, self._aside = bold, math.inf if bold else _ASIDE

@@ -21,9 +21,7 @@ from contact_locking.theory.equilibria.bound_map import BoundMap, Deflation, Map
 from contact_locking.theory.equilibria.branch import (
     Branch,
     BranchPoint,
-    OverFriction,
-    OverLoads,
-    Path,
+    OverShare,
 )
 
 # Tresca's problems need to be solved this much more sharply than the bounds, and those with bounds
@@ -94,7 +92,7 @@ class Equilibria:
     ) -> Iterator[tuple[FloatArray, int]]:
         """The solutions on the branch over the share of friction, and the folds before each."""
         folds, before = 0, None
-        branch = Branch(OverFriction(self.map), bold)
+        branch = Branch(OverShare(self.map), bold)
         is_strict = self._task.target.penalty.is_strict
         most = _MOST_POINTS if start is None else _FEWER_POINTS
         points = itertools.islice(branch.points(start, direction), most)
@@ -325,46 +323,37 @@ def diagram(task: Task, to: float, put: Callable[[float], None] | None = None) -
     require_map(task, "branches")
     equilibria = Equilibria(task)
     problem, vectors = equilibria.map, equilibria.map.vectors
-    path: Path = OverFriction(problem)
-    start: FloatArray | None = None
-    if put is not None:
-        path = OverLoads(problem, put)
-        start = vectors.in_force()
+    path, onwards = OverShare(problem, put), -1.0 if put is not None and to < 1.0 else 1.0
+    start = None if put is None else vectors.in_force()
+    points, end, branch = [], _STOPPED, Branch(path, locates_folds=True)
     try:
         with task.system.preserved():
-            return _followed(path, start, to, is_strict=task.target.penalty.is_strict)
+            for point in itertools.islice(branch.points(start, onwards), _MOST_OF_DIAGRAM):
+                try:
+                    path(point.bounds, point.share)
+                except NotConverged:
+                    break
+                pressure = vectors.dot(problem.pressures(), vectors.ones)
+                bound, is_fold = vectors.dot(point.bounds, vectors.ones), int(point.sign == 0.0)
+                sign = int(point.sign)
+                points.append(DiagramPoint(point.share, pressure, bound, sign, is_fold))
+                grows = branch.reach > FARTHEST * max(1.0, point.share)
+                if task.target.penalty.is_strict and grows:
+                    of = "the pressure without friction" if put is None else "all of the loads"
+                    end = f"the friction bound is {branch.reach:.0f} times that of {of}, and grows"
+                    break
+                if onwards * (point.share - to) >= 0.0:
+                    end = "the last share was reached"
+                    break
+            else:
+                if len(points) == _MOST_OF_DIAGRAM:
+                    end = f"after {_MOST_OF_DIAGRAM} points"
     finally:
         if put is not None:
             put(1.0)
         equilibria.destroy()
-
-
-def _followed(path: Path, start: FloatArray | None, to: float, is_strict: bool) -> Diagram:
-    points, vectors = [], path.vectors
-    end = _STOPPED
-    onwards = -1.0 if start is not None and to < 1.0 else 1.0
-    branch = Branch(path, locates_folds=True)
-    for point in itertools.islice(branch.points(start, onwards), _MOST_OF_DIAGRAM):
-        try:
-            path(point.bounds, point.share)
-        except NotConverged:
-            break
-        pressure = vectors.dot(path.problem.pressures(), vectors.ones)
-        bound = vectors.dot(point.bounds, vectors.ones)
-        is_fold = point.sign == 0.0
-        points.append(DiagramPoint(point.share, pressure, bound, int(point.sign), int(is_fold)))
-        if is_strict and branch.reach > FARTHEST * max(1.0, point.share):
-            beginning = "the pressure without friction" if start is None else "all of the loads"
-            end = f"the friction bound is {branch.reach:.0f} times that of {beginning}, and grows"
-            break
-        if onwards * (point.share - to) >= 0.0:
-            end = "the last share was reached"
-            break
-    else:
-        if len(points) == _MOST_OF_DIAGRAM:
-            end = f"after {_MOST_OF_DIAGRAM} points"
     if points and end == _STOPPED:
         end = f"it stopped at the share {points[-1].share:.4g}, as {_STOPPED}"
-    if not points and start is None:
+    if not points and put is None:
         end = "no node presses without friction, so that no share of it does anything"
     return Diagram(tuple(points), end)

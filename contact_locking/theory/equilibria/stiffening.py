@@ -109,20 +109,7 @@ class Stage:
         )
 
 
-@dataclass(frozen=True)
-class Stiffened:
-    """The solution that the penalties have led to, or one that shows how forces grow.
-
-    ``growth`` tells in words how they grow, "" for a solution.  ``folds`` are those of
-    branches.
-    """
-
-    found: Outcome
-    growth: str
-    folds: int
-
-
-def solve_by_penalties(task: Task, most_tangents: float = math.inf) -> Stiffened | None:
+def solve_by_penalties(task: Task, most_tangents: float = math.inf) -> Stiffening | None:
     """Solve with soft penalties, then with stiffer and stiffer ones; collective.
 
     The solution that is returned is in the system.  None where the penalties lead nowhere; the
@@ -134,8 +121,8 @@ def solve_by_penalties(task: Task, most_tangents: float = math.inf) -> Stiffened
     stiffening = Stiffening(task, most_tangents)
     try:
         with task.system.preserved(only_on_failure=True):
-            growth = stiffening.followed()
-            return Stiffened(stiffening.found, growth, stiffening.folds)
+            stiffening.growth = stiffening.followed()
+        return stiffening
     except NotConverged:
         return None
     finally:
@@ -145,13 +132,14 @@ def solve_by_penalties(task: Task, most_tangents: float = math.inf) -> Stiffened
 class Stiffening:
     """The stages of a task, which end after ``most_tangents``; all methods are collective.
 
-    ``found`` is the solution of the last stage, which is in the system, ``folds`` are those of
-    branches over friction on the way, and ``counts`` is for what they take.
+    ``found`` is the solution of the last stage, which is in the system, and ``growth`` tells in
+    words how forces grow, "" for a solution.  ``folds`` are those of branches over friction on the
+    way, and ``counts`` is for what they take.
     """
 
     def __init__(self, task: Task, most_tangents: float) -> None:
         self._task, self._most_tangents = task, most_tangents
-        self.found, self.folds, self.counts = Outcome(), 0, Counts()
+        self.found, self.growth, self.folds, self.counts = Outcome(), "", 0, Counts()
         self._vectors = BoundVectors(task.system) if has_map(task) else None
         self._last = _last_power(task.target)
 
@@ -241,7 +229,8 @@ class Stiffening:
         if bounds is None:
             self.found = before_it
             return None
-        return self._stage(power, target, bounds)
+        force = contact_force(self._task.system, self.found)
+        return Stage(power, target, bounds, force)
 
     def _solved(self, target: Target, start: FloatArray, tolerance: float) -> FloatArray | None:
         problem = BoundMap(sharpened(self._task.aside(self.counts, target)), self.found.last)
@@ -263,7 +252,7 @@ class Stiffening:
                 system.constraints.apply(system.u)
                 with contextlib.suppress(NotConverged):
                     self.found = solver.solve()
-                    return self._stage(power, target, self._bounds())
+                    return self._stage(power, target)
             return None
         finally:
             solver.destroy()
@@ -274,14 +263,13 @@ class Stiffening:
         with contextlib.suppress(NotConverged):
             self.found, folds = solve_on_branch(self._task.aside(self.counts, target), left)
             self.folds += folds
-            return self._stage(power, target, self._bounds())
+            return self._stage(power, target)
         return None
 
-    def _bounds(self) -> FloatArray:
-        return np.empty(0) if self._vectors is None else self._vectors.in_force()
-
-    def _stage(self, power: float, target: Target, bounds: FloatArray) -> Stage:
+    def _stage(self, power: float, target: Target) -> Stage:
+        """The stage of the solution in the system; collective."""
         force = contact_force(self._task.system, self.found)
+        bounds = np.empty(0) if self._vectors is None else self._vectors.in_force()
         return Stage(power, target, bounds, force)
 
 
@@ -328,18 +316,14 @@ def rescue(task: Task, report: SolverReport, most_tangents: int) -> Rescue:
         known, reason = vars(stiffened.found), report.reason + stiffened.growth
         report = replace(report, **known, reason=reason, suggestion=FRICTION_WAY_OUT)
         return Rescue(report, is_explained=True)
-    if stiffened is not None:
-        return Rescue(report, stiffened.found, _past(stiffened.folds))
     try:
-        if task.follows_branch:
+        if stiffened is not None:
+            found, folds = stiffened.found, stiffened.folds
+        elif task.follows_branch:
             found, folds = solve_on_branch(task, most_tangents)
-            return Rescue(report, found, _past(folds))
+        else:
+            return Rescue(report)
+        return Rescue(report, found, [_PAST_FOLDS.format(folds=folds)] if folds else [])
     except NotConverged as end:
         reason = "; ".join(filter(None, (report.reason, str(end))))
-        report = replace(report, reason=reason)
-    return Rescue(report)
-
-
-def _past(folds: int) -> list[str]:
-    """The warning about folds that lie before a solution."""
-    return [_PAST_FOLDS.format(folds=folds)] if folds else []
+        return Rescue(replace(report, reason=reason))

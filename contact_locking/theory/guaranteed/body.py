@@ -134,7 +134,14 @@ class Body:
         self._state, self.triangles, self.element = state, triangles, element
         self._degree, points = state.problem.element.degree, state.points
         self.limit = self._constant(points.by_cell(points.limit))
-        self.elasticity = Elasticity(*np.linalg.eigh(self._constant(self._stiffness())))
+        problem, mesh = state.problem, state.problem.domain.mesh
+        space = problem.element.strain_space(mesh, (3, 3))
+        function = fem.Function(space)
+        matrix = matrix_of(problem.material.linear, MANDEL_PAIRS[2], 2)
+        function.interpolate(compiled.interpolation(matrix, space))
+        dofs = space.dofmap.list[: len(triangles.areas)]
+        stiffness = self._constant(function.x.array.reshape(-1, 3, 3)[dofs])
+        self.elasticity = Elasticity(*np.linalg.eigh(stiffness))
         ratio = np.linalg.norm(points.locking_stress, axis=(1, 2)) / points.limit
         # Z alternates between the cells of a locked zone, and means over patches do not.
         means = points.by_cell(ratio).mean(axis=1)[:, None]
@@ -230,16 +237,6 @@ class Body:
         slack = np.where(zeta > 0.0, most - size, 0.0)
         values = 0.5 * (np.sum(apart * shifted, axis=(1, 2, 3)) + np.sum(zeta * slack, axis=(1, 2)))
         return Gap(values, zeta, apart, eigenvalues, shifted)
-
-    def _stiffness(self) -> FloatArray:
-        """A as Mandel matrices (n, points, 3, 3)."""
-        problem = self._state.problem
-        matrix = matrix_of(problem.material.linear, MANDEL_PAIRS[2], 2)
-        space = problem.element.strain_space(problem.domain.mesh, (3, 3))
-        function = fem.Function(space)
-        function.interpolate(compiled.interpolation(matrix, space))
-        dofs = space.dofmap.list[: len(self.triangles.areas)]
-        return np.asarray(function.x.array.reshape(-1, 3, 3)[dofs])
 
     def _constant(self, values: FloatArray) -> FloatArray:
         """The value (n, ...) in each cell of values (n, points, ...); collective."""

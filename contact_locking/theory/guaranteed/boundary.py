@@ -238,8 +238,15 @@ def forces_in_balance(
         modes = part.on_facets(triangles, element.degree)
         contacts = _balanced(part, modes, triangles, element, loads, contacts)
         # As the data are balanced, no spring has a force.
-        facet = _facet_of(part, contacts, comm)
-        if facet is not None:
+        mine = [
+            (int(cell), int(side))
+            for contact in contacts
+            for cell, side in zip(contact.cells, contact.sides, strict=True)
+            if part.cells[cell]
+        ]
+        first = comm.allreduce(comm.rank if mine else comm.size, op=MPI.MIN)
+        if comm.rank == first:
+            facet = mine[0]
             shapes = (modes * turned)[:, *facet].reshape(len(modes), -1)
             shapes /= np.linalg.norm(shapes, axis=1)[:, None]
             springs[facet] += problem.material.stiffness * shapes.T @ shapes
@@ -315,31 +322,14 @@ def _balanced(
         vectors = (contact.pressure * pushed)[..., None] * contact.normal[:, None]
         moved = legendre_moments(vectors.reshape(-1, count, 2), element.degree).reshape(here.shape)
         gram += np.einsum("m,fmjd,gmjd->fg", contact.lengths, here, moved)
-    factors = _factors(comm.allreduce(work), comm.allreduce(gram))
+    work, gram = comm.allreduce(work), comm.allreduce(gram)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    scaled = gram * np.outer(scale, scale)
+    if not np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0] > _SINGULAR:
+        raise NotApplicable("friction alone holds a rigid motion")
+    factors = np.linalg.solve(gram, work)
     changes = [np.einsum("f,fmr->mr", factors, pushed) for pushed in every]
     if maximum(comm, max(np.abs(item).max(initial=0.0) for item in changes)) > _LARGEST_CHANGE:
         raise NotApplicable("the contact pressures do not balance the loads")
     pairs = zip(contacts, changes, strict=True)
     return [replace(item, pressure=item.pressure * (1.0 + change)) for item, change in pairs]
-
-
-def _factors(work: FloatArray, gram: FloatArray) -> FloatArray:
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    scaled = gram * np.outer(scale, scale)
-    if not np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0] > _SINGULAR:
-        raise NotApplicable("friction alone holds a rigid motion")
-    return np.asarray(np.linalg.solve(gram, work))
-
-
-def _facet_of(
-    part: _FloatingPart, contacts: list[ContactTractions], comm: MPI.Intracomm
-) -> tuple[int, int] | None:
-    """The cell and the side of one facet of Gamma_C of a part, None on other ranks; collective."""
-    mine = [
-        (int(cell), int(side))
-        for contact in contacts
-        for cell, side in zip(contact.cells, contact.sides, strict=True)
-        if part.cells[cell]
-    ]
-    first = comm.allreduce(comm.rank if mine else comm.size, op=MPI.MIN)
-    return mine[0] if comm.rank == first else None

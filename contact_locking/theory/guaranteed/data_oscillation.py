@@ -58,32 +58,19 @@ class BalancedLoads:
         return cls(body, np.zeros((n, 3, k + 1, 2)), np.zeros(n), np.zeros((n, 3)))
 
     def oscillation(self, triangles: Triangles) -> FloatArray:
-        """(n,) o_K with ``|(f, v) - (balanced part, v)| <= sum_K o_K |eps(v)|_K``."""
-        inside = _korn_sizes(triangles) / np.pi * self.body_rest
-        return np.asarray(inside + np.sum(trace_constants(triangles) * self.rest, axis=1))
+        """(n,) o_K with ``|(f, v) - (balanced part, v)| <= sum_K o_K |eps(v)|_K``.
 
-
-def trace_constants(triangles: Triangles) -> FloatArray:
-    """(n, 3) C with ``|v - r|_F <= C |eps(v)|_K`` on each facet F, for a rigid motion r of K."""
-    share = triangles.lengths / triangles.areas[:, None] * (1.0 / np.pi**2 + 1.0 / np.pi)
-    return np.asarray(_korn_sizes(triangles)[:, None] * np.sqrt(share))
-
-
-def _korn_sizes(triangles: Triangles) -> FloatArray:
-    """(n,) the diameters times Korn's constants."""
-    return np.asarray(triangles.lengths.max(axis=1) * korn_constants(triangles.lengths))
-
-
-def korn_constants(lengths: FloatArray) -> FloatArray:
-    """(n,) C with ``|grad(v - r)| <= C |eps(v)|`` on each triangle, for a rotation r.
-
-    ``lengths`` (n, 3) are those of the edges.
-    """
-    a, b, c = np.sort(lengths, axis=1).T
-    # The smallest angle is opposite to the shortest edge.
-    cosine = (b**2 + c**2 - a**2) / (2.0 * b * c)
-    half_sine = np.sqrt(np.maximum(0.5 * (1.0 - cosine), 0.0))
-    return np.asarray(np.sqrt(1.0 + 8.0 / half_sine**2))
+        With Korn's constant C, ``|grad(v - r)| <= C |eps(v)|`` on each triangle for a rotation r,
+        the factors are ``C h/pi`` inside, and ``C h sqrt(|F|/|K| (1/pi^2 + 1/pi))`` on a facet F.
+        """
+        a, b, c = np.sort(triangles.lengths, axis=1).T
+        # The smallest angle is opposite to the shortest edge.
+        cosine = (b**2 + c**2 - a**2) / (2.0 * b * c)
+        half_sine = np.sqrt(np.maximum(0.5 * (1.0 - cosine), 0.0))
+        sizes = c * np.sqrt(1.0 + 8.0 / half_sine**2)
+        share = triangles.lengths / triangles.areas[:, None] * (1.0 / np.pi**2 + 1.0 / np.pi)
+        on_facets = sizes[:, None] * np.sqrt(share) * self.rest
+        return np.asarray(sizes / np.pi * self.body_rest + np.sum(on_facets, axis=1))
 
 
 def balanced_loads(data: ProblemData, triangles: Triangles, element: MacroElement) -> BalancedLoads:
@@ -101,7 +88,12 @@ def balanced_loads(data: ProblemData, triangles: Triangles, element: MacroElemen
                 raise NotApplicable("a body force acts on a part of the body only")
             _add_body_force(found, load, triangles, element)
         elif kind == "exterior_facet":
-            _add_traction(found, load, triangles, _facets_of(integral), element.degree)
+            tags, wanted = integral.subdomain_data(), integral.subdomain_id()
+            if tags is None or wanted == "everywhere":
+                raise NotApplicable("a traction acts on a part of the boundary without a name")
+            numbers = wanted if isinstance(wanted, tuple) else (wanted,)
+            facets = np.unique(np.concatenate([tags.find(number) for number in numbers]))
+            _add_traction(found, load, triangles, facets, element.degree)
         else:
             raise NotApplicable(f"a load acts on the measure {kind!r}")
     return found
@@ -147,14 +139,6 @@ def _turning(
     middle = np.einsum("q,ntqd->ntd", weights, turned)
     factor = moment / np.einsum("ntd,ntd->n", middle, middle)
     return np.asarray((factor[:, None, None] * middle)[:, :, None])
-
-
-def _facets_of(measure: Any) -> IndexArray:
-    tags, wanted = measure.subdomain_data(), measure.subdomain_id()
-    if tags is None or wanted == "everywhere":
-        raise NotApplicable("a traction acts on a part of the boundary without a name")
-    numbers = wanted if isinstance(wanted, tuple) else (wanted,)
-    return np.unique(np.concatenate([tags.find(number) for number in numbers]))
 
 
 def _add_traction(

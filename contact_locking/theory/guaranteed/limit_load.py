@@ -51,7 +51,11 @@ def limit_load(state: SolvedState) -> dict[str, Any] | None:
     if state.problem.constraints.largest() == 0.0:
         return None
     try:
-        triangles = _triangles(state)
+        require_still_foundations(state)
+        require_straight_triangles(state)
+        if state.problem.element.degree != 1:
+            raise NotApplicable("for linear elements")
+        triangles = Triangles(state.problem.domain)
         contacts = _pushing(state, triangles)
         excluded = _excluded(state, triangles, contacts or [])
     except NotApplicable as failure:
@@ -69,16 +73,6 @@ def limit_load(state: SolvedState) -> dict[str, Any] | None:
         "load_factor": [confirmed, excluded if np.isfinite(excluded) else None],
         "reason": _PROVED,
     }
-
-
-def _triangles(state: SolvedState) -> Triangles:
-    """The triangles of a problem that the proof covers; collective."""
-    problem = state.problem
-    require_still_foundations(state)
-    require_straight_triangles(state)
-    if problem.element.degree != 1:
-        raise NotApplicable("for linear elements")
-    return Triangles(problem.domain)
 
 
 def _excluded(state: SolvedState, triangles: Triangles, contacts: list[ContactTractions]) -> float:
