@@ -80,8 +80,9 @@ class Residual:
 class Equations:
     """The equations of a system for its present data, at an iterate that stands still.
 
-    Displacements at held dofs are those that the data prescribe.  ``families`` take part.  The
-    constructor is collective.  Raises InputError for laws whose derivatives are not known.
+    Displacements at held dofs are those that the data prescribe.  Those of ``every`` family that
+    take part are the ``families``.  The constructor is collective.  Raises InputError for laws
+    whose derivatives are not known.
     """
 
     def __init__(self, system: PenalisedSystem, target: Target, iterate: LastIterate) -> None:
@@ -95,25 +96,21 @@ class Equations:
         self.system, self.target = system, target
         self._owned = len(system.load)
         self._all: Families = families_of(system, target, 0.0)
+        self.every = self._all.every
         held = system.constraints.free_part(iterate.displacement)
         system.u.x.array[:] = held
         system.constraints.apply(system.u)
         system.tools.travels = iterate.travels
         self.families: list[Family] = []
-        if len(self._all.every) != len(iterate.cones):
+        if len(self.every) != len(iterate.cones):
             raise InputError("the laws of contact and friction are others with these data")
-        for family, cones in zip(self._all.every, iterate.cones, strict=True):
+        for family, cones in zip(self.every, iterate.cones, strict=True):
             family.takes_part = cones is not None
             family.look(self.displacement)
             if cones is not None:
                 family.x, family.z = family.centred(*cones)
                 self.families.append(family)
         self.bounds = [bound for bound in self._all.bounds if bound.friction.takes_part]
-
-    @property
-    def every(self) -> list[Family]:
-        """All families, those that take no part among them."""
-        return self._all.every
 
     @property
     def displacement(self) -> FloatArray:
@@ -208,6 +205,11 @@ def share_at_change(
 
 def _judged(family: Family, stiffness: float, comm: MPI.Intracomm) -> tuple[str, BoolArray]:
     """The kind of a family, and its points near a change; collective."""
+
+    def untold(room: FloatArray, force: FloatArray) -> BoolArray:
+        """Where neither of two stresses is small beside the other."""
+        return np.asarray(np.minimum(room, force) > _TOLD * np.maximum(room, force))
+
     if isinstance(family, FrictionCones):
         if not family.takes_part:
             return "friction", np.zeros(len(family.weights), dtype=bool)
@@ -215,33 +217,18 @@ def _judged(family: Family, stiffness: float, comm: MPI.Intracomm) -> tuple[str,
         left = bound - norm(family.z[1:])
         holds = bound > _NEAR * maximum(comm, bound)
         near = (slip <= _NEAR * maximum(comm, slip)) & (left <= _NEAR * bound)
-        return "friction", np.asarray(holds & (near | _untold(stiffness * slip, left)))
+        return "friction", np.asarray(holds & (near | untold(stiffness * slip, left)))
+    kind = "contact" if isinstance(family, ContactCones) else "strain"
     if not family.takes_part:
-        return _at_rest(family, comm)
+        # The multipliers of an elastic solution are zero; these points are nearly reached.
+        if isinstance(family, ContactCones):
+            size = maximum(comm, np.append(np.abs(family.seen), 0.0))
+            return kind, np.asarray(family.limit - family.seen <= _NEAR * size)
+        assert isinstance(family, LimitsOfStrain)
+        return kind, np.asarray(family.limit - family.reach <= _NEAR * family.limit)
     if family.x.ndim == 1:
-        room, force = family.x, family.z
-        size = maximum(comm, np.abs(family.seen))
+        room, force, size = family.x, family.z, maximum(comm, np.abs(family.seen))
     else:
-        room, force = family.x[0] - norm(family.x[1:]), family.z[0]
-        size = family.x[0]
+        room, force, size = family.x[0] - norm(family.x[1:]), family.z[0], family.x[0]
     near = (room <= _NEAR * size) & (force <= _NEAR * maximum(comm, force))
-    near |= _untold(stiffness * room, force)
-    return "contact" if isinstance(family, ContactCones) else "strain", np.asarray(near)
-
-
-def _untold(room: FloatArray, force: FloatArray) -> BoolArray:
-    """Where neither of two stresses is small beside the other."""
-    return np.asarray(np.minimum(room, force) > _TOLD * np.maximum(room, force))
-
-
-def _at_rest(family: Family, comm: MPI.Intracomm) -> tuple[str, BoolArray]:
-    """The points of cones that take no part in an elastic solution: those that are nearly reached.
-
-    Its multipliers are zero.
-    """
-    if isinstance(family, ContactCones):
-        room = family.limit - family.seen
-        size = maximum(comm, np.concatenate([np.abs(family.seen), np.zeros(1)]))
-        return "contact", np.asarray(room <= _NEAR * size)
-    assert isinstance(family, LimitsOfStrain)
-    return "strain", np.asarray(family.limit - family.reach <= _NEAR * family.limit)
+    return kind, np.asarray(near | untold(stiffness * room, force))

@@ -40,16 +40,6 @@ from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 
 
-def known() -> list[str]:
-    """The names, by their first components: of the registry, and those of parts and tools."""
-    own = [item for item in QUANTITIES.values() if item.derives]
-    forces = [f"{item.key}.0" for item in own if item.unit == "force"]
-    scalars = [item.key for item in own if item.unit != "force"]
-    each = [f"contacts.NAME.{name}" for name in forces]
-    free = ["contacts.NAME.tool.travel"]
-    return [*scalars, *forces, *each, *free, "reactions.PART.0"]
-
-
 @dataclass(frozen=True)
 class Quantity(ABC):
     """A number of an iterate, with its derivatives; methods are collective.
@@ -122,11 +112,17 @@ def _named(name: str, domain: Domain, system: PenalisedSystem) -> Quantity:
                 return _Travel(name, number)
     if found := re.fullmatch(r"reactions\.(.+)\.(\d)", name):
         reaction = _Reaction(name, found[1], int(found[2]), domain)
-        if reaction.axis < dim and reaction.exists(system):
+        holds = reaction.lifts(system) is not None or reaction.springs(system)
+        if reaction.axis < dim and holds:
             return reaction
+    own = [item for item in QUANTITIES.values() if item.derives]
+    forces = [f"{item.key}.0" for item in own if item.unit == "force"]
+    scalars = [item.key for item in own if item.unit != "force"]
+    each = [f"contacts.NAME.{force}" for force in forces]
+    known = [*scalars, *forces, *each, "contacts.NAME.tool.travel", "reactions.PART.0"]
     raise InputError(
-        f"no quantity '{name}' has a derivative{nearest(name, known())}; there are "
-        f"{', '.join(known())}",
+        f"no quantity '{name}' has a derivative{nearest(name, known)}; there are "
+        f"{', '.join(known)}",
         "sensitivities.of",
     )
 
@@ -262,13 +258,9 @@ class _Reaction(Quantity):
     axis: int
     domain: Domain
 
-    def exists(self, system: PenalisedSystem) -> bool:
-        """Whether the part holds anything; collective."""
-        return self.lifts(system) is not None or bool(self._springs(system))
-
     def value(self, equations: Equations, residual: Residual) -> float:
         system, count = equations.system, len(equations.system.load)
-        pulled = sum(item.forces(system.u)[:count] for item in self._springs(system))
+        pulled = sum(item.forces(system.u)[:count] for item in self.springs(system))
         local = float(np.sum(pulled * self._unit(system)))
         if (lifts := self.lifts(system)) is not None:
             local += float(lifts @ residual.forces[:count])
@@ -278,7 +270,7 @@ class _Reaction(Quantity):
         system, count = equations.system, len(equations.system.load)
         found, seen = _nothing(equations), dict[Family, FloatArray]()
         unit = system.function_of(self._unit(system))
-        for item in self._springs(system):
+        for item in self.springs(system):
             found[:count] += item.forces(unit)[:count]
         if (lifts := self.lifts(system)) is not None:
             lifted = system.function_of(lifts)
@@ -291,14 +283,14 @@ class _Reaction(Quantity):
     def functional(self, equations: Equations) -> ufl.Form:
         system, data, found = equations.system, equations.system.data, ufl.Form([])
         unit = system.function_of(self._unit(system))
-        for item in self._springs(system):
+        for item in self.springs(system):
             found -= item.form(system.u, unit)
         if (lifts := self.lifts(system)) is not None:
             lifted = system.function_of(lifts)
             found += forms.elastic_form(system.u, lifted, data) - forms.external_work(lifted, data)
         return found
 
-    def _springs(self, system: PenalisedSystem) -> list[ElasticSupport]:
+    def springs(self, system: PenalisedSystem) -> list[ElasticSupport]:
         return [item for item in system.data.springs if item.on == self.part]
 
     def lifts(self, system: PenalisedSystem) -> FloatArray | None:

@@ -173,7 +173,7 @@ def _held_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     half = 0.5 * load / alpha
     largest = half + float(np.sqrt(half**2 + friction / alpha))
     most = 0.25 * load**2 / alpha + friction
-    return _Bounds(lift + largest, most, most, _over(most, _room_to_lock(state, w)))
+    return _Bounds(lift + largest, most, most, _locking_work(state, w, most))
 
 
 def _remembered(state: SolvedState) -> float:
@@ -188,15 +188,10 @@ def _remembered(state: SolvedState) -> float:
     )
 
 
-def _room_to_lock(state: SolvedState, w: fem.Function | None) -> float:
-    """``1 - max |eps(w)|/M`` over all sets of strains, at least 0; 1 without w; collective."""
-    if w is None:
-        return 1.0
-    ratios = [item.reach(item.measured(w)) / item.limit for item in state.points.sets]
-    return max(1.0 - max(maximum(state.comm, ratio) for ratio in ratios), 0.0)
-
-
-def _over(most: float, room: float) -> float:
+def _locking_work(state: SolvedState, w: fem.Function | None, most: float) -> float:
+    """``most/(1 - max |eps(w)|/M)`` over all sets of strains, infinite without room; collective."""
+    ratios = [] if w is None else [s.reach(s.measured(w)) / s.limit for s in state.points.sets]
+    room = 1.0 - max((maximum(state.comm, ratio) for ratio in ratios), default=0.0)
     return most / room if room > 0.0 else np.inf
 
 
@@ -231,7 +226,7 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
         lift + float((np.sqrt(quarter) + np.sqrt(most)) / np.sqrt(alpha)),
         most,
         float(np.sqrt(soft) + np.sqrt(most)) ** 2,
-        _over(most, _room_to_lock(state, w)),
+        _locking_work(state, w, most),
     )
 
 

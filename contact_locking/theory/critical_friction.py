@@ -57,10 +57,14 @@ def critical_friction(state: SolvedState) -> dict[str, Any]:
     parts = [contact.surface.points[contact.free] for contact in vectors.contacts]
     coordinates = zip(*(part.T for part in parts), strict=True)
     places = np.stack([vectors.join(list(values)) for values in coordinates], axis=1)
-    mu = _constant(state)
+    values = np.concatenate(
+        [item.friction.coefficient(np.zeros(len(item.free))) for item in state.system.rubbing]
+    )
+    mu, smallest = maximum(state.comm, values), minimum(state.comm, values)
+    falls = any(contact.friction.depends_on_slip for contact in state.system.rubbing)
     return {
         "share": share,
-        "coefficient": None if mu is None else share * mu,
+        "coefficient": None if falls or mu != smallest else share * mu,
         "mode_peak": places[int(np.argmax(np.abs(mode)))].tolist(),
     }
 
@@ -93,13 +97,3 @@ def critical_share(derivative: FloatArray) -> tuple[float, FloatArray] | None:
         return None
     place = int(np.argmax(np.where(is_real, values.real, -math.inf)))
     return 1.0 / float(values[place].real), np.real(vectors[:, place])
-
-
-def _constant(state: SolvedState) -> float | None:
-    """The coefficient if it is the same everywhere and at every slip, else None; collective."""
-    rubbing = state.system.rubbing
-    if any(contact.friction.depends_on_slip for contact in rubbing):
-        return None
-    values = np.concatenate([c.friction.coefficient(np.zeros(len(c.free))) for c in rubbing])
-    largest, smallest = maximum(state.comm, values), minimum(state.comm, values)
-    return largest if largest == smallest else None

@@ -138,10 +138,6 @@ class _Intervals:
         return (self.quantile * self.scale) ** 2
 
     @property
-    def _most(self) -> float:
-        return self.best.misfit + self._rise
-
-    @property
     def _bounds(self) -> FloatArray:
         ends = [[v.searched(v.least), v.searched(v.largest)] for v in self.variables]
         return np.array(ends).T
@@ -175,26 +171,27 @@ class _Intervals:
         if farthest <= _LEAST_ERROR:
             return reach
         first, start = min(reach, farthest), self.best.misfit
+        most = start + self._rise
         flat = start + _TOO_FLAT * self._rise * (first / reach) ** 2
-        goal = self._most if first < reach else flat
+        goal = most if first < reach else flat
         place = self._at(number, side * first, self.best, goal)
         misfit = math.inf if place is None else place.misfit
-        is_beyond = misfit > self._most
+        is_beyond = misfit > most
         if misfit >= flat and not (is_beyond and (is_sharp or first < reach)):
             return reach if reach <= far else math.inf
         if is_beyond or place is None:
             place, low, high = self.best, _NEAREST * first, first
         else:
             low, high = first, farthest
-            last = self._at(number, side * farthest, place, self._most)
-            if first == farthest or (last is not None and last.misfit <= self._most):
+            last = self._at(number, side * farthest, place, most)
+            if first == farthest or (last is not None and last.misfit <= most):
                 return math.inf
         for _ in range(_HALVINGS):
             if high <= _FACTOR * low:
                 break
             middle = math.sqrt(low * high)
-            found = self._at(number, side * middle, place, self._most)
-            if found is not None and found.misfit <= self._most:
+            found = self._at(number, side * middle, place, most)
+            if found is not None and found.misfit <= most:
                 low, place = middle, found
             else:
                 high = middle
@@ -318,7 +315,7 @@ class _Trials:
             return np.full_like(next(iter(self._known.values())).values, np.nan)
         self._known[numbers.tobytes()] = found
         if self._at_start is None:
-            self._at_start = _influence(found, numbers)
+            self._at_start = influence(found, numbers)
         if not np.any(self.faded(numbers)):
             self._nearest = numbers
         return found.values
@@ -329,7 +326,7 @@ class _Trials:
     def faded(self, numbers: FloatArray) -> BoolArray:
         """Which numbers (n,) matter much less here than at the start."""
         assert self._at_start is not None
-        here = _influence(self.at(numbers), numbers)
+        here = influence(self.at(numbers), numbers)
         return np.asarray((here <= _FADED * self._at_start) & (self._at_start > NO_INFLUENCE))
 
     def beside(self, numbers: FloatArray, which: BoolArray) -> FloatArray | None:
@@ -381,8 +378,7 @@ def estimate(
         if at is not None:
             held = trials.faded(at)
     numbers, slopes = end.numbers, end.slopes
-    by_x = rates(variables, numbers)
-    left = trials.at(numbers).values
+    by_x, left = rates(variables, numbers), trials.at(numbers).values
     freedom = len(left) - len(variables)
     total = float(left @ left)
     scatter = total / freedom if freedom > 0 else (1.0 if has_errors else np.inf)
@@ -479,12 +475,7 @@ def offset(residuals: FloatArray, slopes: FloatArray) -> float:
     return size / float(spread) if spread > 0.0 else np.inf
 
 
-def idle(found: Residuals, numbers: FloatArray) -> BoolArray:
-    """Which numbers (n,) the residuals do not depend on; none without derivatives."""
-    return np.asarray(_influence(found, numbers) <= NO_INFLUENCE)
-
-
-def _influence(found: Residuals, numbers: FloatArray) -> FloatArray:
+def influence(found: Residuals, numbers: FloatArray) -> FloatArray:
     """The derivatives (n,) by logarithms over the largest of them; ones without derivatives."""
     if found.derivatives is None:
         return np.ones(len(numbers))
@@ -496,8 +487,7 @@ def _influence(found: Residuals, numbers: FloatArray) -> FloatArray:
 def _singular(matrix: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Singular values (n,) of (m, n), the rows (n, n) of V^T, and which are more than rounding."""
     _, singular, rows = np.linalg.svd(matrix, full_matrices=True)
-    size = np.zeros(matrix.shape[1])
-    size[: len(singular)] = singular
+    size = np.pad(singular, (0, matrix.shape[1] - len(singular)))
     return size, rows, size > ROUNDING * size.max(initial=0.0)
 
 

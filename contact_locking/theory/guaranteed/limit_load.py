@@ -66,7 +66,11 @@ def limit_load(state: SolvedState) -> dict[str, Any] | None:
         confirmed = 1.0
     elif state.report.admissible_factor is not None:
         confirmed = state.report.admissible_factor[0]
-    if contacts is None or _enters(state, contacts, confirmed):
+    nodal = confirmed * state.problem.u.x.array.reshape(-1, 2)
+    depth = [(item.split(nodal)[0] - item.gap)[item.fixed] for item in contacts or []]
+    deepest = max((item.max(initial=0.0) for item in depth), default=0.0)
+    allowed = _ADMISSIBLE * state.mean_strain * state.target.length
+    if contacts is None or maximum(state.comm, deepest) > allowed:
         confirmed = 0.0
     return {
         "infeasible": bool(excluded * (1.0 + _ROUNDING) < 1.0),
@@ -119,14 +123,6 @@ def _pushing(state: SolvedState, triangles: Triangles) -> list[ContactTractions]
     except NotApplicable:
         return None
     return [replace(item, along=np.zeros_like(item.along)) for item in found]
-
-
-def _enters(state: SolvedState, contacts: list[ContactTractions], factor: float) -> bool:
-    """Whether the factor on u_D leads held nodes of Gamma_C into the foundation; collective."""
-    nodal = factor * state.problem.u.x.array.reshape(-1, 2)
-    depth = [(item.split(nodal)[0] - item.gap)[item.fixed].max(initial=0.0) for item in contacts]
-    allowed = _ADMISSIBLE * state.mean_strain * state.target.length
-    return maximum(state.comm, max(depth, default=0.0)) > allowed
 
 
 def _factor(
