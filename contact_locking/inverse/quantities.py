@@ -115,9 +115,9 @@ def _named(name: str, domain: Domain, system: PenalisedSystem) -> Quantity:
         holds = reaction.lifts(system) is not None or reaction.springs(system)
         if reaction.axis < dim and holds:
             return reaction
-    own = [item for item in QUANTITIES.values() if item.derives]
-    forces = [f"{item.key}.0" for item in own if item.unit == "force"]
-    scalars = [item.key for item in own if item.unit != "force"]
+    derived = [item for item in QUANTITIES.values() if item.derives]
+    forces = [f"{item.key}.0" for item in derived if item.unit == "force"]
+    scalars = [item.key for item in derived if item.unit != "force"]
     each = [f"contacts.NAME.{force}" for force in forces]
     known = [*scalars, *forces, *each, "contacts.NAME.tool.travel", "reactions.PART.0"]
     raise InputError(

@@ -287,9 +287,10 @@ class Sensitivities:
             at = number_at(solution.parameters, key)
             step = _CHECK * (abs(at) or solution.domain.extent)
             above, below = (values(key, at + side) for side in (step, -step))
-            is_known = above is not None and below is not None
-            for number, name in enumerate(given.of):
-                rate = (above[number] - below[number]) / (2.0 * step) if is_known else None
+            for place, name in enumerate(given.of):
+                rate = None
+                if above is not None and below is not None:
+                    rate = (above[place] - below[place]) / (2.0 * step)
                 found[name][key]["checked"] = rate
 
     def close(self) -> None:

@@ -343,17 +343,6 @@ class _Trials:
         return None
 
 
-@dataclass(frozen=True)
-class _End:
-    """The end of a search: numbers (n,), slopes ``dr/dx`` (m, n), and which are at a bound."""
-
-    numbers: FloatArray
-    slopes: FloatArray
-    at_bound: BoolArray
-    converged: bool
-    reason: str
-
-
 def estimate(
     variables: Sequence[Variable], misfit: Misfit, has_errors: bool, derives: bool
 ) -> Estimate:
@@ -364,7 +353,6 @@ def estimate(
     a difference.
     """
     trials = _Trials(misfit, derives)
-    keys = [variable.key for variable in variables]
     at: FloatArray | None = np.array([variable.start for variable in variables])
     held: BoolArray = np.zeros(len(variables), dtype=bool)
     while at is not None:
@@ -372,12 +360,12 @@ def estimate(
         variables = [dataclasses.replace(variable, start=start) for variable, start in pairs]
         try:
             end = _least_squares(variables, held, trials, derives)
-            at = trials.beside(end.numbers, held)
+            at = trials.beside(end[0], held)
         except _Stopped as stopped:
             at = stopped.numbers
         if at is not None:
             held = trials.faded(at)
-    numbers, slopes = end.numbers, end.slopes
+    numbers, slopes, at_bound, converged, reason = end
     by_x, left = rates(variables, numbers), trials.at(numbers).values
     freedom = len(left) - len(variables)
     total = float(left @ left)
@@ -397,20 +385,21 @@ def estimate(
         intervals,
         correlation,
         combinations(slopes / by_x * numbers, scale),
-        tuple(key for key, side in zip(keys, end.at_bound, strict=True) if side),
+        tuple(v.key for v, side in zip(variables, at_bound, strict=True) if side),
         total,
         scatter,
-        end.converged,
-        end.reason,
+        converged,
+        reason,
     )
 
 
 def _least_squares(
     variables: Sequence[Variable], held: BoolArray, trials: _Trials, derives: bool
-) -> _End:
-    """The end of SciPy's search from the starts, where some stay.  Raises as trials, and _Stopped.
+) -> tuple[FloatArray, FloatArray, BoolArray, bool, str]:
+    """The end of SciPy's search from the starts, where some stay.
 
-    It stops where other numbers have faded.
+    It has the numbers (n,), the slopes ``dr/dx`` (m, n), which are at a bound, whether the search
+    converged, and why it ends.  Raises as trials, and _Stopped where other numbers have faded.
     """
     starts, free = np.array([v.start for v in variables]), np.flatnonzero(~held)
     moved = [variables[place] for place in free]
@@ -451,11 +440,11 @@ def _least_squares(
         if not stopped.is_end:
             raise
         reason = f"the least squares are within {_OFFSET:g} standard errors"
-        return _End(stopped.numbers, slopes_at(stopped.numbers), at_bound, True, reason)
+        return stopped.numbers, slopes_at(stopped.numbers), at_bound, True, reason
     numbers = numbers_at(found.x)
     at_bound[free] = found.active_mask != 0
     slopes = slopes_at(numbers) if derives else np.asarray(found.jac)
-    return _End(numbers, slopes, at_bound, bool(found.status > 0), str(found.message))
+    return numbers, slopes, at_bound, bool(found.status > 0), str(found.message)
 
 
 def offset(residuals: FloatArray, slopes: FloatArray) -> float:
@@ -469,8 +458,7 @@ def offset(residuals: FloatArray, slopes: FloatArray) -> float:
         return np.inf
     step = np.linalg.lstsq(slopes, residuals, rcond=ROUNDING)[0]
     within = slopes @ step
-    left = residuals - within
-    spread = np.linalg.norm(left) / np.sqrt(rows - count)
+    spread = np.linalg.norm(residuals - within) / np.sqrt(rows - count)
     size = float(np.linalg.norm(within) / np.sqrt(count))
     return size / float(spread) if spread > 0.0 else np.inf
 
