@@ -137,42 +137,51 @@ class Linearisation:
 
     def change(self, residual: Residual) -> Change:
         """How the iterate moves with data that change what the equations leave by ``residual``."""
-        families = self.equations.families
         self._still()
-        for family, gap in zip(families, residual.gaps, strict=True):
+        for family, gap in zip(self.equations.families, residual.gaps, strict=True):
             family.move(gap)
         rest = [
             Reaction(family, family.reactions_of(family.step(np.zeros_like(family.seen)).dual))
-            for family in families
+            for family in self.equations.families
         ]
-        return self._moved(-residual.free - self.tangent.forces(rest), residual.bounds)
+        return self._moved(residual, rest)
 
     def centring(self, product: float) -> Change:
         """The step to products that are ``product`` in all cones and equations that hold.
 
         Comes before all other changes, which move the families; collective.
         """
-        residual = self.equations.residual()
         self._still()
         rest = [
             Reaction(family, family.aim(product * family.scale) - family.reactions)
             for family in self.equations.families
         ]
-        return self._moved(-residual.free - self.tangent.forces(rest), residual.bounds)
+        return self._moved(self.equations.residual(), rest)
 
-    def _moved(self, forces: FloatArray, wanted: Sequence[FloatArray]) -> Change:
-        """The change by forces; bounds move by ``wanted``, and with what they follow."""
-        found = self._solve(forces)
+    def _moved(self, residual: Residual, rest: Sequence[Reaction]) -> Change:
+        """The change by a residual, with the reactions ``rest`` if nothing moves."""
+        found = self._solve(-residual.free - self.tangent.forces(rest))
         steps = self._steps(found)
         moved = [
             law.moved(steps[pressing].dual, law.friction.slip_step(steps[law.friction]))
             for law, pressing in zip(self._laws, self._pressing, strict=True)
         ]
-        bounds, more = self._krylov(
-            lambda bounds: -self.tangent.forces(self._respond(bounds)),
-            lambda answer: -self._followed(answer),
-            _joined(wanted) + _joined(moved),
-        )
+
+        def forces(bounds: FloatArray) -> FloatArray:
+            parts = self._parts(bounds)
+            return -self.tangent.forces(
+                [Reaction(law.friction, law.friction.response(part)) for law, _, part in parts]
+            )
+
+        def followed(answer: _Answer) -> FloatArray:
+            """Less the change of the bounds by a response of the displacement."""
+            return -_joined(
+                law.moved(pressing.block(answer.seen[pressing]), answer.seen[law.friction])
+                for law, pressing in zip(self._laws, self._pressing, strict=True)
+            )
+
+        wanted = _joined(residual.bounds) + _joined(moved)
+        bounds, more = self._krylov(forces, followed, wanted)
         found = found.plus(more)
         for law, _, part in self._parts(bounds):
             law.friction.bound_step = part
@@ -186,20 +195,9 @@ class Linearisation:
         parts = np.split(bounds, self._ends)[: len(self._laws)]
         return list(zip(self._laws, self._pressing, parts, strict=True))
 
-    def _followed(self, answer: _Answer) -> FloatArray:
-        """The change of the bounds by a response of the displacement."""
-        return _joined(
-            law.moved(pressing.block(answer.seen[pressing]), answer.seen[law.friction])
-            for law, pressing in zip(self._laws, self._pressing, strict=True)
-        )
-
     def _still(self) -> None:
         for law in self._laws:
             law.friction.bound_step = np.zeros(len(law.friction.weights))
-
-    def _respond(self, bounds: FloatArray) -> list[Reaction]:
-        parts = self._parts(bounds)
-        return [Reaction(law.friction, law.friction.response(part)) for law, _, part in parts]
 
     # Adjoint.
 
@@ -217,7 +215,16 @@ class Linearisation:
         def seen(answer: _Answer) -> FloatArray:
             return _joined(one.response_adjoint(answer.seen[one]) for one in frictions)
 
-        bounds, more = self._krylov(self._pulled, seen, wanted - seen(found))
+        def pulled_by(bounds: FloatArray) -> FloatArray:
+            """``P^T y``: the forces of what bounds follow a displacement by."""
+            reactions = []
+            for law, pressing, part in self._parts(bounds):
+                pressure, slip = law.moved_adjoint(part)
+                reactions.append(Reaction(pressing, pressing.stiffness * pressure))
+                reactions.append(Reaction(law.friction, slip))
+            return self.tangent.forces(reactions)
+
+        bounds, more = self._krylov(pulled_by, seen, wanted - seen(found))
         found, parts = found.plus(more), self._parts(bounds)
         gaps = {
             family: family.move_adjoint(
@@ -230,15 +237,6 @@ class Linearisation:
             gaps[pressing] = gaps[pressing] - pressing.stiffness * pressure
             gaps[law.friction][1 : 1 + len(slip)] += slip
         return Adjoint(found.displacement, gaps, tuple(part for _, _, part in parts))
-
-    def _pulled(self, bounds: FloatArray) -> FloatArray:
-        """``P^T y``: the forces of what bounds follow a displacement by."""
-        reactions = []
-        for law, pressing, part in self._parts(bounds):
-            pressure, slip = law.moved_adjoint(part)
-            reactions.append(Reaction(pressing, pressing.stiffness * pressure))
-            reactions.append(Reaction(law.friction, slip))
-        return self.tangent.forces(reactions)
 
     def gained(self, adjoint: Adjoint, residual: Residual) -> float:
         """The gain by a residual of the quantity of an adjoint, beside its own change."""

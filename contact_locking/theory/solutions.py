@@ -58,9 +58,9 @@ def equilibria(
     if not report.converged:
         return [problem.solution(report, extras)]
     solutions: list[Solution] = []
-    for other in search(solver.task, report, find):
-        solution = problem.solution(other.report, extras)
-        solutions.append(solution.telling(index=other.index))
+    for other, index in search(solver.task, report, find):
+        solution = problem.solution(other, extras)
+        solutions.append(solution.telling(index=index))
         if is_unique(solution.summary):
             break
     return solutions
@@ -130,13 +130,13 @@ class SectionsOfStudy:
             return solution
         most = 1 if is_unique(solution.summary) else given.equilibria.find
         solutions = [solution]
-        for number, item in enumerate(search(self._solver.task, report, most)):
+        for number, (own, index) in enumerate(search(self._solver.task, report, most)):
             if number > 0:
                 self._monitor.message(f"another solution: {number + 1} so far")
-                state = self._solver.state(item.report)
+                state = self._solver.state(own)
                 other = of_study(problem, state, certified(problem.parameters, state))
                 solutions.append(other.telling(restart=None))
-            solutions[-1] = solutions[-1].telling(index=item.index)
+            solutions[-1] = solutions[-1].telling(index=index)
         first = solutions[0].telling(equilibria=_entry(solutions))
         return dataclasses.replace(first, others=tuple(solutions[1:]))
 

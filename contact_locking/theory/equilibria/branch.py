@@ -140,11 +140,9 @@ class Branch:
             if at[-1] < 0.0:
                 return
             if count <= _FEW:
-                length = min(_LONGER * length, max(_LONGEST, self._growth() * self.reach))
+                growth = _BOLD_GROWTH if self._bold and self.reach > _FAR else _GROWTH
+                length = min(_LONGER * length, max(_LONGEST, growth * self.reach))
             yield BranchPoint(at[:-1], float(at[-1]), sign)
-
-    def _growth(self) -> float:
-        return _BOLD_GROWTH if self._bold and self.reach > _FAR else _GROWTH
 
     def _fold(self, before: FloatArray, length: float, tangent: FloatArray) -> BranchPoint:
         """The last point before the share turns, within a step that leads beyond it."""

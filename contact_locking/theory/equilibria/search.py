@@ -240,19 +240,11 @@ def require_map(task: Task, key: str = "equilibria") -> None:
         )
 
 
-@dataclass(frozen=True)
-class Equilibrium:
-    """The report of a solution that is in the system, and its index (:meth:`Equilibria.index`)."""
-
-    report: SolverReport
-    index: int
-
-
-def equilibria(task: Task, first: SolverReport, most: int) -> Iterator[Equilibrium]:
+def equilibria(task: Task, first: SolverReport, most: int) -> Iterator[tuple[SolverReport, int]]:
     """The solution in the system, and others, so many at most, each in the system in its turn.
 
-    ``first`` is the report of the solution in the system.  Collective.  Raises InputError as
-    :func:`require_map`.
+    Each comes as its report and its index (:meth:`Equilibria.index`).  ``first`` is the report of
+    the solution in the system.  Collective.  Raises InputError as :func:`require_map`.
     """
     require_map(task)
     search = Equilibria(task)
@@ -262,7 +254,7 @@ def equilibria(task: Task, first: SolverReport, most: int) -> Iterator[Equilibri
         with task.system.preserved():
             search.map(known)
             index = search.index()
-        yield Equilibrium(first, index)
+        yield first, index
         for bounds in itertools.islice(search.others(known), most - 1):
             before = replace(counts)
             found = search.enter(bounds)
@@ -271,7 +263,7 @@ def equilibria(task: Task, first: SolverReport, most: int) -> Iterator[Equilibri
             with task.system.preserved():
                 index = search.index()
             stages = [stage_of(task.target.penalty, own.tangents)]
-            yield Equilibrium(SolverReport.solved(found, own, stages=stages), index)
+            yield SolverReport.solved(found, own, stages=stages), index
     finally:
         search.destroy()
 

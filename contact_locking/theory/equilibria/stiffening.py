@@ -141,7 +141,11 @@ class Stiffening:
         self._task, self._most_tangents = task, most_tangents
         self.found, self.growth, self.folds, self.counts = Outcome(), "", 0, Counts()
         self._vectors = BoundVectors(task.system) if has_map(task) else None
-        self._last = _last_power(task.target)
+        #: The power at which the penalties are those of the target, or the stiffest.
+        self._last, penalty = _STIFFEST, task.target.penalty
+        if math.isfinite(penalty.n) and penalty.epsilon > 0.0:
+            stiffest = max(penalty.n, task.target.length / penalty.epsilon)
+            self._last = math.log10(stiffest / task.target.stiffness)
 
     def followed(self) -> str:
         """How forces grow over the stages, in words; "" for a solution; raises NotConverged."""
@@ -271,15 +275,6 @@ class Stiffening:
         force = contact_force(self._task.system, self.found)
         bounds = np.empty(0) if self._vectors is None else self._vectors.in_force()
         return Stage(power, target, bounds, force)
-
-
-def _last_power(target: Target) -> float:
-    """The power at which the penalties are those of the target, or the stiffest."""
-    penalty = target.penalty
-    if math.isinf(penalty.n) or penalty.epsilon == 0.0:
-        return _STIFFEST
-    stiffest = max(penalty.n, target.length / penalty.epsilon)
-    return math.log10(stiffest / target.stiffness)
 
 
 def _softened(target: Target, power: float) -> Target:

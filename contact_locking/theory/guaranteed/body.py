@@ -49,25 +49,6 @@ _THICKNESS = 0.3
 _NOTHING = 1e-10
 
 
-@dataclass(frozen=True)
-class Elasticity:
-    """A on each triangle: the ``eigenvalues`` (n, 3) and the ``vectors`` (n, 3, 3), as columns."""
-
-    eigenvalues: FloatArray
-    vectors: FloatArray
-
-    def compliance(self, zeta: FloatArray) -> FloatArray:
-        """``(A + zeta)^-1`` as matrices (n, 3, 4, 3, 3) for zeta (n, 3, 4)."""
-        vectors = self.vectors[:, None, None]
-        stiffened = self.eigenvalues[:, None, None] + zeta[..., None]
-        return np.asarray(vectors / stiffened[..., None, :] @ np.swapaxes(vectors, 3, 4))
-
-    def modes(self, tensors: FloatArray) -> FloatArray:
-        """Components (n, 3, m, 3) of Mandel vectors (n, 3, m, 3) along the eigenvectors."""
-        shape = tensors.shape
-        return np.asarray(flattened(tensors, kept=1) @ self.vectors).reshape(shape)
-
-
 def best_stiffening(squares: FloatArray, eigenvalues: FloatArray, limit: FloatArray) -> FloatArray:
     """The zeta (...,) that minimises ``sum_a S_a/(a + zeta)/2 + zeta L/2``.
 
@@ -127,7 +108,7 @@ class Balanced:
 class Body:
     """The material of n triangles, constant in each; the constructor is collective.
 
-    ``limit`` (n,) is M.  Raises NotApplicable for a material that varies in a cell of the mesh.
+    ``limit`` (n,) is M, and ``eigenvalues`` (n, 3) are those of A.  Raises NotApplicable for a material that varies in a cell of the mesh.
     """
 
     def __init__(self, state: SolvedState, triangles: Triangles, element: MacroElement) -> None:
@@ -141,7 +122,7 @@ class Body:
         function.interpolate(compiled.interpolation(matrix, space))
         dofs = space.dofmap.list[: len(triangles.areas)]
         stiffness = self._constant(function.x.array.reshape(-1, 3, 3)[dofs])
-        self.elasticity = Elasticity(*np.linalg.eigh(stiffness))
+        self.eigenvalues, self._vectors = np.linalg.eigh(stiffness)
         ratio = np.linalg.norm(points.locking_stress, axis=(1, 2)) / points.limit
         # Z alternates between the cells of a locked zone, and means over patches do not.
         means = points.by_cell(ratio).mean(axis=1)[:, None]
@@ -161,8 +142,8 @@ class Body:
         bars = Bars(triangles, element.degree, forces.held, self.limit)
         system = HybridSystem(triangles, element, forces, bars, state.settings.linear)
         strains = self.strains(w, element)
-        along = bars.along(strains)
-        least = self.elasticity.eigenvalues[:, 0] * _LEAST
+        along, vectors = bars.along(strains), self._vectors[:, None, None]
+        least = self.eigenvalues[:, 0] * _LEAST
         least_bar = least[bars.cells] * bars.lengths
         first_bar = np.maximum(_THICKNESS * bars.lengths * self._zeta[bars.cells], least_bar)
         # The first round has no bars but by rounding: a body without locked zones needs none.
@@ -171,7 +152,10 @@ class Body:
         zeta = np.broadcast_to(self._zeta[:, None, None], (len(least), 3, len(element.quarters)))
         best, least_value, before = None, np.inf, np.inf
         for step in range(_ROUNDS):
-            stress, tension, jump = system.solve(self.elasticity.compliance(zeta), strains, of_bars)
+            # (A + zeta)^-1 in the quarters, as matrices (n, 3, 4, 3, 3).
+            stiffened = self.eigenvalues[:, None, None] + zeta[..., None]
+            compliance = vectors / stiffened[..., None, :] @ np.swapaxes(vectors, 3, 4)
+            stress, tension, jump = system.solve(compliance, strains, of_bars)
             if jump > LARGEST_JUMP and best is None:
                 raise NotApplicable(f"rounding leaves jumps of {jump:.1e} in the tractions")
             if jump > LARGEST_JUMP:
@@ -222,12 +206,14 @@ class Body:
             """(n, 3, 4, 3) from modes (n, 3, 4 or 1, m, 3)."""
             return np.sum(modes * (element.quarters @ modes), axis=3) * areas[..., None]
 
-        eps = self.elasticity.modes(self.strains(w, element))[:, :, None]
-        modes = self.elasticity.modes(stress)[:, :, None]
+        def modes_of(tensors: FloatArray) -> FloatArray:
+            """Components (n, 3, 1, m, 3) of Mandel vectors (n, 3, m, 3) along the eigenvectors."""
+            found = flattened(tensors, kept=1) @ self._vectors
+            return np.asarray(found.reshape(tensors.shape))[:, :, None]
+
+        eps, modes = modes_of(self.strains(w, element)), modes_of(stress)
         size = np.sum(squares(eps), axis=3)
-        eigenvalues = np.broadcast_to(
-            self.elasticity.eigenvalues[:, None, None], (*size.shape, eps.shape[4])
-        )
+        eigenvalues = np.broadcast_to(self.eigenvalues[:, None, None], (*size.shape, eps.shape[4]))
         locks = np.isfinite(self.limit)
         most = np.where(locks, self.limit, 0.0)[:, None, None] ** 2 * areas / size.shape[2]
         most = np.where(locks[:, None, None], np.maximum(most, size), np.inf)

@@ -234,7 +234,15 @@ def forces_in_balance(
     comm, size = triangles.domain.comm, 2 * (element.degree + 1)
     turned = triangles.signs[:, :, None, None] ** np.arange(element.degree + 1)[:, None]
     springs = np.zeros((len(triangles.areas), 3, size, size))
-    for part in _floating_parts(problem, triangles):
+    space, domain = problem.u.function_space, problem.domain
+    for number in range(len(domain.part_names)):
+        inside = domain.parts == number
+        mark = np.zeros((len(problem.u.x.array) // 2, 2), dtype=bool)
+        mark[space.dofmap.list[inside[: len(space.dofmap.list)]].reshape(-1)] = True
+        motions = free_motions(domain, space, problem.constraints, mark.reshape(-1))
+        if not motions.shape[1]:
+            continue
+        part = _FloatingPart(motions, inside[: len(triangles.areas)])
         modes = part.on_facets(triangles, element.degree)
         contacts = _balanced(part, modes, triangles, element, loads, contacts)
         # As the data are balanced, no spring has a force.
@@ -281,20 +289,6 @@ class _FloatingPart:
         values = self.at(triangles.ends)
         found = legendre_moments(values.reshape(-1, 2, 2), degree)
         return found.reshape(*values.shape[:3], -1, 2) * self.cells[:, None, None, None]
-
-
-def _floating_parts(problem: DiscreteProblem, triangles: Triangles) -> list[_FloatingPart]:
-    """The parts of the body that have free motions; collective."""
-    space, domain = problem.u.function_space, problem.domain
-    found = []
-    for number in range(len(domain.part_names)):
-        inside = domain.parts == number
-        mark = np.zeros((len(problem.u.x.array) // 2, 2), dtype=bool)
-        mark[space.dofmap.list[inside[: len(space.dofmap.list)]].reshape(-1)] = True
-        motions = free_motions(domain, space, problem.constraints, mark.reshape(-1))
-        if motions.shape[1]:
-            found.append(_FloatingPart(motions, inside[: len(triangles.areas)]))
-    return found
 
 
 def _balanced(

@@ -131,7 +131,7 @@ def _bound(state: SolvedState, lifting: Lifting) -> float:
     share, most = _sharpened(state, gap, square)
     # The load of a component that is prescribed does no work.
     loads.rest[held.all(axis=2)] = 0.0
-    oscillation = loads.oscillation(triangles) ** 2 / body.elasticity.eigenvalues[:, 0]
+    oscillation = loads.oscillation(triangles) ** 2 / body.eigenvalues[:, 0]
     rough = np.sqrt(state.sum(oscillation))
     return float(share * rough + np.sqrt((share * rough) ** 2 + most) + apart)
 
