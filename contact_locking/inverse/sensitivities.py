@@ -174,26 +174,31 @@ class StudyNumber:
         self.name = name
         self.value = number_at(problem.parameters, name)
         step = width(self, problem.domain.extent)
-        self._sides = [_Side(problem, name, self.value + sign * step) for sign in (1.0, -1.0)]
+        self._sides: list[tuple[float, StudyProblem, ProblemSolver]] = []
+        for value in (self.value + step, self.value - step):
+            parameters = with_number(problem.parameters, name, value)
+            made = StudyProblem(parameters, problem.domain, problem.element)
+            made.advance(problem.clock.now)
+            self._sides.append((value, made, ProblemSolver(made, settings_of(parameters))))
+            made.enter(made.at_rest())
 
     def advance(self, time: float) -> None:
         """Put the data of both problems to a time."""
-        for side in self._sides:
-            side.problem.advance(time)
+        for _, problem, _ in self._sides:
+            problem.advance(time)
 
     @contextmanager
     def equations_at(self, value: float, frozen: Frozen) -> Iterator[Equations]:
         """A context with the equations for one of the two values."""
-        (side,) = (side for side in self._sides if side.value == value)
-        side.solver.system.assemble_loads()
-        made = Equations(side.solver.system, side.solver.target, frozen.iterate)
-        with closing(made) as equations:
+        (solver,) = (solver for own, _, solver in self._sides if own == value)
+        solver.system.assemble_loads()
+        with closing(Equations(solver.system, solver.target, frozen.iterate)) as equations:
             yield equations
 
     def remember(self, contacts: Sequence[ContactFields], change: Change, frozen: Frozen) -> None:
         """End a step, in which the iterate changes by ``change`` with this number."""
-        for side in self._sides:
-            system, problem, step = side.solver.system, side.problem, side.value - self.value
+        for value, problem, solver in self._sides:
+            system, step = solver.system, value - self.value
             owned = len(system.load)
             system.u.x.array[:] = system.constraints.free_part(frozen.iterate.displacement)
             system.u.x.array[:owned] += step * change.displacement[:owned]
@@ -210,20 +215,8 @@ class StudyNumber:
 
     def close(self) -> None:
         """Destroy the PETSc objects."""
-        for side in self._sides:
-            side.problem.close()
-
-
-class _Side:
-    """The study at another value of one number, which is never solved."""
-
-    def __init__(self, base: StudyProblem, name: str, value: float) -> None:
-        self.value = value
-        parameters = with_number(base.parameters, name, value)
-        self.problem = StudyProblem(parameters, base.domain, base.element)
-        self.problem.advance(base.clock.now)
-        self.solver = ProblemSolver(self.problem, settings_of(parameters))
-        self.problem.enter(self.problem.at_rest())
+        for _, problem, _ in self._sides:
+            problem.close()
 
 
 class Sensitivities:

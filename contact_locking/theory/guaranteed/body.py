@@ -108,7 +108,8 @@ class Balanced:
 class Body:
     """The material of n triangles, constant in each; the constructor is collective.
 
-    ``limit`` (n,) is M, and ``eigenvalues`` (n, 3) are those of A.  Raises NotApplicable for a material that varies in a cell of the mesh.
+    ``limit`` (n,) is M, and ``eigenvalues`` (n, 3) are those of A.  Raises NotApplicable for a
+    material that varies in a cell of the mesh.
     """
 
     def __init__(self, state: SolvedState, triangles: Triangles, element: MacroElement) -> None:
