@@ -232,40 +232,33 @@ def constants(state: SolvedState, wanted: bool) -> dict[str, Any]:
 
 
 def coefficient_range(state: SolvedState) -> Coefficient:
-    """mu* and L_mu over all contacts, stated by the friction laws or sampled; collective."""
-    found = [_coefficient_range(contact, state) for contact in state.problem.contacts]
+    """mu* and L_mu over all contacts, stated by the friction laws or sampled; collective.
+
+    The samples are at the nodes of Gamma_C, as in the discrete problem, and at slips up to the
+    extent of the body.  Samples prove nothing, except for a mu that does not depend on s.
+    """
+    found, comm = [], state.comm
+    for contact in state.problem.contacts:
+        law = contact.friction.law
+        if law.lipschitz == 0.0 and law.largest is not None:
+            found.append(Coefficient(law.largest, 0.0, True))
+            continue
+        shares = np.concatenate([[0.0], np.geomspace(_LEAST_SLIP, 1.0, _SLIPS)])
+        slips = (shares[:1] if law.lipschitz == 0.0 else shares) * state.target.length
+        everywhere = np.ones(len(contact.free))
+        values = np.stack([contact.friction.coefficient(slip * everywhere) for slip in slips])
+        steps = np.abs(np.diff(values, axis=0)) / np.diff(slips)[:, None]
+        largest, steepest = maximum(comm, values), maximum(comm, steps)
+        most = largest if law.largest is None else law.largest
+        lipschitz = steepest if law.lipschitz is None else law.lipschitz
+        exceeds = largest > most * (1 + _ROUNDING) or steepest > lipschitz * (1 + _ROUNDING)
+        exact = law.lipschitz is not None and (law.largest is not None or law.lipschitz == 0.0)
+        found.append(Coefficient(most, lipschitz, exact, exceeds))
     return Coefficient(
         max(item.largest for item in found),
         max(item.lipschitz for item in found),
         exact=all(item.exact for item in found),
         exceeded=any(item.exceeded for item in found),
-    )
-
-
-def _coefficient_range(contact: NodalContact, state: SolvedState) -> Coefficient:
-    """mu* and L_mu of one contact; collective.
-
-    The samples are at the nodes of Gamma_C, as in the discrete problem, and at slips up to the
-    extent of the body.  Samples prove nothing, except for a mu that does not depend on s.
-    """
-    law = contact.friction.law
-    if law.lipschitz == 0.0 and law.largest is not None:
-        return Coefficient(law.largest, 0.0, True)
-    slips = np.concatenate([[0.0], np.geomspace(_LEAST_SLIP, 1.0, _SLIPS)]) * state.target.length
-    slips = slips[:1] if law.lipschitz == 0.0 else slips
-    everywhere = np.ones(len(contact.free))
-    values = np.stack([contact.friction.coefficient(slip * everywhere) for slip in slips])
-    steps = np.abs(np.diff(values, axis=0)) / np.diff(slips)[:, None]
-    comm = state.comm
-    largest, steepest = maximum(comm, values), maximum(comm, steps)
-    stated = (
-        largest if law.largest is None else law.largest,
-        steepest if law.lipschitz is None else law.lipschitz,
-    )
-    return Coefficient(
-        *stated,
-        exact=law.lipschitz is not None and (law.largest is not None or law.lipschitz == 0.0),
-        exceeded=bool(np.any(np.array([largest, steepest]) > np.array(stated) * (1 + _ROUNDING))),
     )
 
 

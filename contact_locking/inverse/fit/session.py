@@ -237,7 +237,7 @@ class Search:
             self._monitor.message(f"warning: {text}")
 
     def _misfit(self, numbers: FloatArray) -> Residuals | None:
-        place = _place(numbers)
+        place, told = _place(numbers), ""
         if place not in self._evaluations:
             self.evaluations += 1
             found = self._model.evaluate(place, is_first=self.evaluations == 1)
@@ -248,18 +248,16 @@ class Search:
                 self._monitor.message(f"{told}: {self._model.failure}")
                 return None
             self._evaluations[place] = found
-            residuals = self._residuals(numbers)
-            size = float(residuals.values @ residuals.values)
-            self._monitor.message(f"{told}, misfit {size:.4g}")
-        return self._residuals(numbers)
-
-    def _residuals(self, numbers: FloatArray) -> Residuals:
-        values, slopes = [], []
-        for one in self.compared(numbers):
-            values.append((one.model - one.data) * one.weights)
-            if one.derivatives is not None:
-                slopes.append(one.derivatives * one.weights[:, None])
-        return Residuals(np.concatenate(values), np.concatenate(slopes) if slopes else None)
+        compared = self.compared(numbers)
+        values = np.concatenate([(one.model - one.data) * one.weights for one in compared])
+        slopes = [
+            one.derivatives * one.weights[:, None]
+            for one in compared
+            if one.derivatives is not None
+        ]
+        if told:
+            self._monitor.message(f"{told}, misfit {float(values @ values):.4g}")
+        return Residuals(values, np.concatenate(slopes) if slopes else None)
 
     def compared(self, numbers: FloatArray) -> list[Compared]:
         """Each measured column with the model at numbers (n,) that were evaluated."""
