@@ -20,7 +20,7 @@ from dolfinx import fem
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
-from contact_locking.inverse.equations import Equations, Residual, require_solved, share_at_change
+from contact_locking.inverse.equations import Equations, Residual, require_solved
 from contact_locking.inverse.linearisation import Adjoint, Change, Linearisation, nearer_the_path
 from contact_locking.inverse.quantities import Quantity, quantity_of, scale_of
 from contact_locking.problem.discrete_problem import DiscreteProblem
@@ -43,10 +43,6 @@ class Frozen:
     def equations(self) -> Equations:
         """The equations for the present data; collective."""
         return Equations(self.system, self.target(), self.iterate)
-
-    def refresh(self) -> None:
-        """Take the present data; collective."""
-        refresh(self.problem, self.system)
 
 
 def refresh(problem: DiscreteProblem, system: PenalisedSystem) -> None:
@@ -94,12 +90,12 @@ class Put:
         """A context with the equations for another value; collective."""
         self.put(value)
         try:
-            frozen.refresh()
+            refresh(frozen.problem, frozen.system)
             with closing(frozen.equations()) as equations:
                 yield equations
         finally:
             self.put(self.value)
-            frozen.refresh()
+            refresh(frozen.problem, frozen.system)
 
 
 def number_of(given: Number) -> Put:
@@ -139,28 +135,17 @@ _MOST_STEPS = 5
 
 @dataclass(frozen=True)
 class Table:
-    """Derivatives (m, n) of m quantities by n parameters, and the quantities and their values.
+    """Derivatives (m, n) of m quantities by n parameters, and their ``elasticities``.
 
-    ``scales`` (m,) are what quantities of their units have, by energy and displacement.
+    These are ``d ln J/d ln p`` (m, n), not a number where J is nothing: ``are_nothing`` (m,) says
+    which quantities are zero, or as good as that.
     """
 
     quantities: tuple[str, ...]
     parameters: tuple[str, ...]
-    values: FloatArray
-    scales: FloatArray
-    at: FloatArray
     derivatives: FloatArray
-
-    @property
-    def are_nothing(self) -> BoolArray:
-        """Which quantities (m,) are zero, or as good as that."""
-        return np.asarray(np.abs(self.values) <= _NOTHING * self.scales)
-
-    @property
-    def elasticities(self) -> FloatArray:
-        """``d ln J/d ln p`` (m, n), not a number where J is nothing."""
-        values = np.where(self.are_nothing, np.nan, self.values)
-        return np.asarray(self.derivatives * self.at / values[:, None])
+    elasticities: FloatArray
+    are_nothing: BoolArray
 
 
 class Derivatives:
@@ -191,11 +176,6 @@ class Derivatives:
                 self.destroy()
                 self.frozen = dataclasses.replace(self.frozen, iterate=iterate)
                 self.linear = Linearisation(self.frozen.equations(), task)
-
-    def share_at_change(self) -> dict[str, float]:
-        """The share of each kind of points that are near a change of their state."""
-        equations, comm = self.linear.equations, self.frozen.system.comm
-        return share_at_change(equations.every, equations.target.young, comm)
 
     def forward(
         self, names: Sequence[str], parameters: Sequence[Parameter]
@@ -235,13 +215,14 @@ class Derivatives:
         values = evaluated(self.linear.equations, quantities).values
         system = self.frozen.system
         scales = [scale_of(quantity.name, self.domain, system) for quantity in quantities]
+        are_nothing = np.abs(values) <= _NOTHING * np.array(scales)
+        at = np.array([parameter.value for parameter in parameters])
         return Table(
             tuple(quantity.name for quantity in quantities),
             tuple(parameter.name for parameter in parameters),
-            values,
-            np.array(scales),
-            np.array([parameter.value for parameter in parameters]),
             found,
+            found * at / np.where(are_nothing, np.nan, values)[:, None],
+            are_nothing,
         )
 
     def by(self, name: str, parameter: Parameter) -> float:

@@ -19,7 +19,6 @@ body, is not small beside its force, nor large, is near a change as well: its st
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -186,15 +185,11 @@ _NEAR = 1e-3
 _TOLD = 1e-4
 
 
-def share_at_change(
-    families: Sequence[Family], young: float, comm: MPI.Intracomm
-) -> dict[str, float]:
-    """The share of the points of "strain", "contact" and "friction" near a change; collective.
-
-    ``young`` is the modulus of the body.
-    """
+def share_at_change(equations: Equations) -> dict[str, float]:
+    """The share of the points of "strain", "contact" and "friction" near a change; collective."""
+    young, comm = equations.target.young, equations.system.comm
     counts: dict[str, FloatArray] = {}
-    for family in families:
+    for family in equations.every:
         kind, near = _judged(family, young / family.scale, comm)
         size = np.array([family.weights[near].sum(), family.weights.sum()])
         counts[kind] = counts.get(kind, np.zeros(2)) + comm.allreduce(size)

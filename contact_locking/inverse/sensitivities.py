@@ -22,7 +22,7 @@ from contact_locking.inverse.derivatives import (
     refresh,
     width,
 )
-from contact_locking.inverse.equations import Equations, require_settled
+from contact_locking.inverse.equations import Equations, require_settled, share_at_change
 from contact_locking.inverse.fields import field
 from contact_locking.inverse.linearisation import Change, penalised_iterate
 from contact_locking.inverse.quantities import require_quantities
@@ -248,7 +248,7 @@ class Sensitivities:
         lazy = self._solver.derivatives(report)
         assert isinstance(lazy, LazyDerivatives)
         derivatives, numbers = lazy.made, self._numbers
-        for kind, share in derivatives.share_at_change().items():
+        for kind, share in share_at_change(derivatives.linear.equations).items():
             self._shares[kind] = max(share, self._shares.get(kind, 0.0))
         if time is None:
             table = derivatives.table(self._given.of, numbers)
