@@ -65,10 +65,7 @@ def one_bound(low: float | None, high: float | None) -> str:
 
 
 def before(
-    at_start: Residuals,
-    numbers: FloatArray,
-    keys: Sequence[str],
-    refusal: str,
+    at_start: Residuals, numbers: FloatArray, keys: Sequence[str], refusal: str
 ) -> list[str]:
     """The numbers that the data cannot tell, by the derivatives at the start, the ``numbers`` (n,).
 

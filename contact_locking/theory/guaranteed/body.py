@@ -15,12 +15,7 @@ from contact_locking.fem import compiled
 from contact_locking.laws.elasticity import MANDEL_PAIRS
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.elasticity import matrix_of
-from contact_locking.theory.guaranteed.hybrid_system import (
-    LARGEST_JUMP,
-    Bars,
-    Forces,
-    HybridSystem,
-)
+from contact_locking.theory.guaranteed.hybrid_system import LARGEST_JUMP, Bars, Forces, HybridSystem
 from contact_locking.theory.guaranteed.triangles import (
     TENSORS,
     MacroElement,
