@@ -43,6 +43,14 @@ from contact_locking.solver.task import LastIterate, Target
 # solve leave more than this share of forces and points.  The smooth laws that stand for penalties
 # leave more of the forces, too, near a kink of a law.
 _POINTS, _FORCES = 1e-4, 1e-3
+_CHANGED = (
+    "the data have changed since the solve: solve again, or ask for derivatives before the data "
+    "change"
+)
+# A point is near a change where both are below this share of the largest, or of the limit.
+_NEAR = 1e-3
+# The state of a point is told where room and force, in units of the body, are so far apart.
+_TOLD = 1e-4
 
 
 @dataclass(frozen=True)
@@ -162,27 +170,13 @@ def require_solved(equations: Equations) -> None:
         size = maximum(system.comm, family.x, moved if isinstance(family, OnContact) else 0.0)
         holds &= maximum(system.comm, np.abs(gap)) <= _POINTS * size
     if not holds:
-        raise changed()
+        raise InputError(_CHANGED)
 
 
 def require_settled(system: PenalisedSystem, tolerance: float) -> None:
     """Raise InputError if the penalty laws do not balance the forces; collective."""
     if system.relative_residual(tolerance) > _POINTS:
-        raise changed()
-
-
-def changed() -> InputError:
-    """The error about data that have changed."""
-    return InputError(
-        "the data have changed since the solve: solve again, or ask for derivatives before the "
-        "data change"
-    )
-
-
-# A point is near a change where both are below this share of the largest, or of the limit.
-_NEAR = 1e-3
-# The state of a point is told where room and force, in units of the body, are so far apart.
-_TOLD = 1e-4
+        raise InputError(_CHANGED)
 
 
 def share_at_change(equations: Equations) -> dict[str, float]:

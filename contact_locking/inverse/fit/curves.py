@@ -100,31 +100,28 @@ def read_experiments(parameters: Parameters) -> list[Experiment]:
                 with_key("fit.quantities", partial(place_of, name, header, path))
     steps = parameters.steps
     for one in found:
+        problem = ""
         if steps is None and one.times is not None:
-            raise InputError(
-                f"{one.path} has a column t, and the file has no steps: add a section such as "
-                "steps: {to: 1, count: 20}, or name the column by the key that varies",
-                one.key,
+            problem = (
+                "has a column t, and the file has no steps: add a section such as "
+                "steps: {to: 1, count: 20}, or name the column by the key that varies"
             )
-        if steps is not None:
-            if one.times is None:
-                raise InputError(
-                    f"{one.path} has no column t, the times at which the steps are compared",
-                    one.key,
-                )
+        elif steps is None and not one.varied and len(one) > 1:
+            problem = (
+                "has several rows, and nothing that differs between them: neither a column t nor "
+                "one with a key of the study file, as contact.gap"
+            )
+        elif steps is not None and one.times is None:
+            problem = "has no column t, the times at which the steps are compared"
+        elif steps is not None and one.times is not None:
             first, last = float(one.times.min()), float(one.times.max())
             if first < steps.start or last > steps.planned[-1] * (1.0 + 1e-9):
-                raise InputError(
-                    f"{one.path} has times from {first:g} to {last:g}, and the steps go from "
-                    f"{steps.start:g} to {steps.planned[-1]:g}; are the units the same?",
-                    one.key,
+                problem = (
+                    f"has times from {first:g} to {last:g}, and the steps go from {steps.start:g} "
+                    f"to {steps.planned[-1]:g}; are the units the same?"
                 )
-        if steps is None and not one.varied and len(one) > 1:
-            raise InputError(
-                f"{one.path} has several rows, and nothing that differs between them: neither a "
-                "column t nor one with a key of the study file, as contact.gap",
-                one.key,
-            )
+        if problem:
+            raise InputError(f"{one.path} {problem}", one.key)
     numbers = sum(len(values) for one in found for values in one.data.values())
     wanted = len(given.parameters)
     if numbers < wanted:

@@ -73,9 +73,9 @@ def before(
     """
     if at_start.derivatives is None:
         return [f"{refusal}; without them each number takes one more solve"]
-    found, by_logarithms = [], at_start.derivatives * numbers
+    by_logarithms = at_start.derivatives * numbers
     idle = estimate.influence(at_start, numbers) <= estimate.NO_INFLUENCE
-    found += [
+    found = [
         f"{key}: the measured quantities do not depend on it at the start"
         for key, is_idle in zip(keys, idle, strict=True)
         if is_idle

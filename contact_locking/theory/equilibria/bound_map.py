@@ -234,7 +234,7 @@ class MapNewton:
                 bounds = np.maximum(bounds + step, 0.0)
                 found = self._residual(bounds)
             else:
-                bounds, found = self._search(bounds, step, left, known)
+                bounds, found = self._search(bounds, step, left)
         return None
 
     def _residual(self, bounds: FloatArray) -> tuple[FloatArray, FloatArray] | None:
@@ -246,16 +246,16 @@ class MapNewton:
         return wanted, bounds - wanted
 
     def _search(
-        self, bounds: FloatArray, step: FloatArray, left: FloatArray, known: Deflation
+        self, bounds: FloatArray, step: FloatArray, left: FloatArray
     ) -> tuple[FloatArray, tuple[FloatArray, FloatArray] | None]:
         """The first of shorter and shorter steps that lowers the residual, or the best of them."""
-        before = known.factor(bounds) * self.problem.vectors.norm(left)
-        best, t, at = math.inf, 1.0, 1.0
+        norm, best, t, at = self.problem.vectors.norm, math.inf, 1.0, 1.0
+        before = norm(left)
         for _ in range(_HALVINGS):
             trial = np.maximum(bounds + t * step, 0.0)
             found = self._residual(trial)
             if found is not None:
-                merit = known.factor(trial) * self.problem.vectors.norm(found[1])
+                merit = norm(found[1])
                 if merit <= (1.0 - _DECREASE * t) * before:
                     return trial, found
                 if merit < best:

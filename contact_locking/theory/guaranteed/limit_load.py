@@ -94,6 +94,26 @@ def _excluded(state: SolvedState, triangles: Triangles, contacts: list[ContactTr
     # |Z| of the last iterate, raised by a share of its mean.
     size = np.linalg.norm(state.points.locking_stress, axis=(1, 2))
     size = size + (state.sum(size * triangles.areas) / state.points.volume or 1.0)
+    areas, mass = triangles.areas[:, None] / 3.0, element.mass
+    nodal = problem.u.x.array.reshape(-1, 2)
+
+    def factor(stress: FloatArray) -> float:
+        """``(int M |s| + int p gap)/int s nu . u_D``; infinite if the divisor is rounding.
+
+        ``|s|`` is convex, so that the mean of its values at the corners of a part is an upper
+        bound.
+        """
+        work = np.sum(np.sum(stress * (mass @ strains), axis=(2, 3)) * areas)
+        sizes = np.linalg.norm(stress, axis=3).mean(axis=2)
+        resistance = np.sum(limit[:, None] * sizes * areas)
+        for contact in contacts:
+            normal, _ = contact.split(nodal)
+            work += contact.lengths @ product_integral(contact.pressure, normal)
+            resistance += contact.lengths @ product_integral(contact.pressure, contact.gap)
+        work, resistance = (state.sum(np.asarray(value)) for value in (work, resistance))
+        resistance = max(resistance, 0.0)
+        return resistance / work if work > _ROUNDING * resistance else np.inf
+
     best = np.inf
     for _ in range(_STEPS):
         weights = limit / np.maximum(size, _LEAST * maximum(state.comm, size))
@@ -107,7 +127,7 @@ def _excluded(state: SolvedState, triangles: Triangles, contacts: list[ContactTr
             break
         if jump > LARGEST_JUMP:
             raise NotApplicable(f"rounding leaves jumps of {jump:.1e} in the tractions")
-        best = min(best, _factor(state, triangles, stress, strains, limit, contacts))
+        best = min(best, factor(stress))
         size = np.sqrt(np.mean(np.sum(stress**2, axis=3), axis=(1, 2)))
     return best
 
@@ -123,30 +143,3 @@ def _pushing(state: SolvedState, triangles: Triangles) -> list[ContactTractions]
     except NotApplicable:
         return None
     return [replace(item, along=np.zeros_like(item.along)) for item in found]
-
-
-def _factor(
-    state: SolvedState,
-    triangles: Triangles,
-    stress: FloatArray,
-    strains: FloatArray,
-    limit: FloatArray,
-    contacts: list[ContactTractions],
-) -> float:
-    """``(int M |s| + int p gap)/int s nu . u_D``; infinite if the divisor is rounding.
-
-    ``|s|`` is convex, so that the mean of its values at the corners of a part is an upper bound.
-    """
-    areas = triangles.areas[:, None] / 3.0
-    mass = macro_element(1).mass
-    power = np.sum(np.sum(stress * (mass @ strains), axis=(2, 3)) * areas)
-    sizes = np.linalg.norm(stress, axis=3).mean(axis=2)
-    resistance = np.sum(limit[:, None] * sizes * areas)
-    nodal = state.problem.u.x.array.reshape(-1, 2)
-    for contact in contacts:
-        normal, _ = contact.split(nodal)
-        power += contact.lengths @ product_integral(contact.pressure, normal)
-        resistance += contact.lengths @ product_integral(contact.pressure, contact.gap)
-    power, resistance = (state.sum(np.asarray(value)) for value in (power, resistance))
-    resistance = max(resistance, 0.0)
-    return resistance / power if power > _ROUNDING * resistance else np.inf
