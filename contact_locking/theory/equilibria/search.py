@@ -34,11 +34,6 @@ _BEYOND = 2.0
 # Known solutions times these are starts of further searches, and so are shares of the bounds that
 # the pressure without friction asks for, or the mean stress of the body where nothing presses.
 _BESIDE, _SHARES, _SHARES_OF_STRESS = (1.02, 0.5, 1.5, 0.1), (0.0, 1.0, 2.0), (1.0, 0.1)
-_ENDS = (
-    "the branch of solutions from none of the friction on ends near {share:.3g} % of "
-    "friction.coefficient, where the friction bound is {times:.0f} times that of the pressure "
-    "without friction, and grows"
-)
 
 
 def has_map(task: Task) -> bool:
@@ -94,7 +89,12 @@ class Equilibria:
         points = itertools.islice(branch.points(start, direction), most)
         for point in points:
             if is_strict and branch.reach > FARTHEST:
-                self.end = _ENDS.format(share=100.0 * point.share, times=branch.reach)
+                self.end = (
+                    "the branch of solutions from none of the friction on ends near "
+                    f"{100.0 * point.share:.3g} % of friction.coefficient, where the friction "
+                    f"bound is {branch.reach:.0f} times that of the pressure without friction, "
+                    "and grows"
+                )
                 return
             if self.counts.tangents > self._most_tangents or point.share > _BEYOND:
                 return

@@ -52,14 +52,6 @@ _GROWTH, _OVER, _JUMP = 0.7, 0.9, 1.3
 # The force of a penalty that is only as stiff as growth needs, over the force that is enough.
 _ENOUGH = 1.3
 
-_GROWS = (
-    "; with penalties of {soft:.2g} and {stiff:.2g} times the stiffness of the material there are "
-    "solutions, and the stiffer one has {growth:.2g} times the contact force of the other: its "
-    "forces grow with the penalty, and there seems to be no equilibrium without one; the state "
-    "that is left is that of penalty.n: {n:g}, penalty.epsilon: {epsilon:g} and "
-    "friction.regularisation: {length:g}"
-)
-
 
 @dataclass(frozen=True)
 class Stage:
@@ -99,13 +91,13 @@ class Stage:
         penalty, softer = self.target.penalty, self.last_below(known)
         if softer is None:
             return ""
-        return _GROWS.format(
-            soft=10.0**softer.power,
-            stiff=10.0**self.power,
-            growth=self.force / softer.force,
-            n=penalty.n,
-            epsilon=penalty.epsilon,
-            length=max(penalty.regularisations),
+        return (
+            f"; with penalties of {10.0**softer.power:.2g} and {10.0**self.power:.2g} times the "
+            "stiffness of the material there are solutions, and the stiffer one has "
+            f"{self.force / softer.force:.2g} times the contact force of the other: its forces "
+            "grow with the penalty, and there seems to be no equilibrium without one; the state "
+            f"that is left is that of penalty.n: {penalty.n:g}, penalty.epsilon: "
+            f"{penalty.epsilon:g} and friction.regularisation: {max(penalty.regularisations):g}"
         )
 
 
@@ -295,12 +287,6 @@ def _rounded(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-_PAST_FOLDS = (
-    "with less friction there are several solutions: the branch of solutions over the share of "
-    "friction.coefficient turns {folds} times before this one, so there may be others here as well"
-)
-
-
 def rescue(task: Task, report: SolverReport, most_tangents: int) -> Rescue:
     """The solution that stiffer and stiffer penalties lead to, or the branch over friction.
 
@@ -318,7 +304,12 @@ def rescue(task: Task, report: SolverReport, most_tangents: int) -> Rescue:
             found, folds = solve_on_branch(task, most_tangents)
         else:
             return Rescue(report)
-        return Rescue(report, found, [_PAST_FOLDS.format(folds=folds)] if folds else [])
+        past = (
+            "with less friction there are several solutions: the branch of solutions over the "
+            f"share of friction.coefficient turns {folds} times before this one, so there may be "
+            "others here as well"
+        )
+        return Rescue(report, found, [past] if folds else [])
     except NotConverged as end:
         reason = "; ".join(filter(None, (report.reason, str(end))))
         return Rescue(replace(report, reason=reason))
