@@ -46,6 +46,11 @@ class Experiment:
     def __len__(self) -> int:
         return len(next(iter(self.data.values())))
 
+    @property
+    def count(self) -> int:
+        """The measured numbers."""
+        return sum(len(values) for values in self.data.values())
+
     def cases(self) -> list[Case]:
         """The solves of this experiment."""
         keys = list(self.varied)
@@ -122,8 +127,7 @@ def read_experiments(parameters: Parameters) -> list[Experiment]:
                 )
         if problem:
             raise InputError(f"{one.path} {problem}", one.key)
-    numbers = sum(len(values) for one in found for values in one.data.values())
-    wanted = len(given.parameters)
+    numbers, wanted = sum(one.count for one in found), len(given.parameters)
     if numbers < wanted:
         raise InputError(
             f"{count(wanted, 'parameter')} to fit and {count(numbers, 'measured number')}: give "
