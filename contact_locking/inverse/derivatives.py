@@ -135,14 +135,15 @@ _MOST_STEPS = 5
 
 @dataclass(frozen=True)
 class Table:
-    """Derivatives (m, n) of m quantities by n parameters, and their ``elasticities``.
+    """Values (m,) of m quantities, derivatives (m, n) by n parameters, and ``elasticities``.
 
-    These are ``d ln J/d ln p`` (m, n), not a number where J is nothing: ``are_nothing`` (m,) says
-    which quantities are zero, or as good as that.
+    The last are ``d ln J/d ln p`` (m, n), not a number where J is nothing.  ``are_nothing`` (m,)
+    says which quantities are zero, or as good as that.
     """
 
     quantities: tuple[str, ...]
     parameters: tuple[str, ...]
+    values: FloatArray
     derivatives: FloatArray
     elasticities: FloatArray
     are_nothing: BoolArray
@@ -220,6 +221,7 @@ class Derivatives:
         return Table(
             tuple(quantity.name for quantity in quantities),
             tuple(parameter.name for parameter in parameters),
+            values,
             found,
             found * at / np.where(are_nothing, np.nan, values)[:, None],
             are_nothing,
