@@ -371,7 +371,7 @@ def nearer_the_path(linear: Linearisation) -> LastIterate | None:
     travels = tuple(float(travel + length * move) for travel, move in pairs)
     cones = tuple(
         (family.x + length * step.primal, family.z + length * step.dual)
-        if (step := change.steps.get(family))
+        if (step := change.steps.get(family)) is not None
         else None
         for family in equations.every
     )

@@ -112,8 +112,7 @@ def _named(name: str, domain: Domain, system: PenalisedSystem) -> Quantity:
                 return _Travel(name, number)
     if found := re.fullmatch(r"reactions\.(.+)\.(\d)", name):
         reaction = _Reaction(name, found[1], int(found[2]), domain)
-        holds = reaction.lifts(system) is not None or reaction.springs(system)
-        if reaction.axis < dim and holds:
+        if reaction.axis < dim and (reaction.lifts(system) is not None or reaction.springs(system)):
             return reaction
     derived = [item for item in QUANTITIES.values() if item.derives]
     forces = [f"{item.key}.0" for item in derived if item.unit == "force"]

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats.qmc import LatinHypercube
 
 from contact_locking import study_file
 from contact_locking.arrays import FloatArray
@@ -77,13 +76,14 @@ def variables_of(parameters: Parameters) -> list[Variable]:
 
 def starts_of(variables: Sequence[Variable], number: int) -> FloatArray:
     """The numbers (s, n) where s searches begin."""
-    low, high = np.array([[v.searched(end) for end in _range_of(v)] for v in variables]).T
-    places = LatinHypercube(len(variables), seed=0).random(number - 1)
-    among = [
-        [v.number(float(x)) for v, x in zip(variables, row, strict=True)]
-        for row in low + (high - low) * places
-    ]
-    return np.array([[variable.start for variable in variables], *among])
+    random, others = np.random.default_rng(0), number - 1
+    columns = []
+    for variable in variables:
+        low, high = map(variable.searched, _range_of(variable))
+        places = (random.permutation(others) + random.random(others)) / max(others, 1)
+        among = [variable.number(low + (high - low) * float(place)) for place in places]
+        columns.append([variable.start, *among])
+    return np.array(columns).T
 
 
 def _range_of(variable: Variable) -> tuple[float, float]:

@@ -14,7 +14,6 @@ from contact_locking.plain_text import count, per_cent
 from . import estimate
 from .estimate import UNDETERMINED, Combination, Estimate, Residuals, combinations
 
-_NOTHING = "the data do not depend on it"
 # Powers below this share are left out of the name of a combination.
 _SMALL = 0.2
 # Data and model that differ by this factor have other units.
@@ -51,8 +50,10 @@ def undetermined(found: Estimate, keys: Sequence[str]) -> list[str]:
             # Without residuals there is no noise to tell.
             is_open = one.singular <= least
         if is_open and name not in one_sided:
-            error = f"its standard error is {per_cent(one.error)}"
-            told.append(f"{name}: {error if np.isfinite(one.error) else _NOTHING}")
+            error = "the data do not depend on it"
+            if np.isfinite(one.error):
+                error = f"its standard error is {per_cent(one.error)}"
+            told.append(f"{name}: {error}")
     return told
 
 
