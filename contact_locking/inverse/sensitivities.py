@@ -258,11 +258,11 @@ class Sensitivities:
             table, changes = derivatives.forward(self._given.of, numbers)
             for number, change in zip(numbers, changes, strict=True):
                 number.remember(solution.contacts, change, derivatives.frozen)
-        entries = entry(table, self._shares)
+        told = entry(table, self._shares)
         steps = solution.parameters.steps
         if self._given.check and (steps is None or time == steps.planned[-1]):
-            self._check(entries["sensitivities"], solution)
-        return solution.telling(**entries)
+            self._check(told["sensitivities"], solution)
+        return solution.telling(**told)
 
     def _check(self, found: dict[str, Any], solution: StudySolution) -> None:
         """Add to each derivative the difference of two solves; collective."""

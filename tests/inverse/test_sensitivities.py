@@ -200,6 +200,7 @@ class Told(Monitor):
         ("complience", "contact.gap", r"no quantity 'complience'.*compliance"),
         ("locked_fraction", "contact.gap", "count of points"),
         ("reactions.botom.1", "contact.gap", "no quantity"),
+        ("reactions.left.2", "contact.gap", "no quantity"),
         ("compliance", "mesh.h", "changes the mesh"),
     ],
 )
