@@ -24,6 +24,8 @@ from contact_locking.view.pictures.snapshot import ContactMap, Snapshot, tool, t
 _MOST_MARKERS = 60
 # A contact whose tractions are a smaller share than this of the largest one is open.
 _UNTOUCHED = 1e-6
+# The numbers of characters of a contact's name in a title.
+_LONGEST_NAME = 40
 
 
 def draw_tractions(
@@ -41,7 +43,7 @@ def draw_tractions(
     """
     lines = curves(facets)
     positions, label = abscissa([points.x[line] for line in lines])
-    hidden, peak = "", 0.0
+    hidden = ""
     for s, line in zip(positions, lines, strict=True):
         bound, pressure = points.bound[line], points.pressure[line]
         friction = along(points.traction[line], points.x[line], s)
@@ -50,17 +52,17 @@ def draw_tractions(
         name = hidden + r"contact pressure $-\sigma_\nu$"
         axes.plot(s, pressure, color=style.BLUE, lw=1.8, label=name)
         if smoothed is not None:
-            look: dict[str, Any] = {"color": style.BLACK, "lw": 1.2, "ls": (0, (5, 2))}
             name = hidden + r"smoothed $|R\sigma_\nu|$"
-            axes.plot(s, np.abs(smoothed[line]), label=name, **look)
-        look = {"color": style.VERMILION, "lw": 1.6, "ms": 2.2}
-        look["marker"] = "o" if len(s) <= _MOST_MARKERS else ""
-        axes.plot(s, friction, label=hidden + r"friction traction $\sigma_\tau$", **look)
+            values = np.abs(smoothed[line])
+            axes.plot(s, values, color=style.BLACK, lw=1.2, ls=(0, (5, 2)), label=name)
+        name = hidden + r"friction traction $\sigma_\tau$"
+        marker = "o" if len(s) <= _MOST_MARKERS else ""
+        axes.plot(s, friction, color=style.VERMILION, lw=1.6, marker=marker, ms=2.2, label=name)
         _state_strip(strip, s, points.state[line])
-        peak = max(peak, *(np.abs(v).max(initial=0.0) for v in (pressure, friction, bound)))
         # Matplotlib leaves labels that begin with an underscore out of the legend.
         hidden = "_"
-    if peak < _UNTOUCHED * largest:
+    all_values = (points.pressure, points.bound, points.traction)
+    if max(np.abs(values).max() for values in all_values) < _UNTOUCHED * largest:
         axes.set_ylim(-0.5 * largest, largest)
     axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
     axes.set_ylabel("traction")
@@ -138,7 +140,8 @@ def figure(body: Snapshot) -> Figure:
     """The deformed body, and below it a panel with the tractions along each contact."""
     contacts, factor = body.contact.parts(), style.magnification(body)
     width, top = _SHEET - _LEFT - _RIGHT, style.HEAD + _TITLE
-    height = _height(*_window(body, factor), width)
+    across, up = _window(body, factor)
+    height = float(np.clip(width * up / across, _LOWEST, _HIGHEST))
     first = top + height + _BELOW + _LEGEND
     each = _LEGEND + _TITLE + _TRACTIONS + _BETWEEN + _STATES + _BELOW
     fig = Figure(figsize=(_SHEET, first + each * len(contacts)))
@@ -157,29 +160,27 @@ def figure(body: Snapshot) -> Figure:
         axes = style.panel(fig, _LEFT, top, width, _TRACTIONS)
         strip = style.panel(fig, _LEFT, top + _TRACTIONS + _BETWEEN, width, _STATES)
         draw_tractions(axes, strip, contact.points, contact.facets, largest, contact.smoothed)
-        # A name leaves the title less room beside the legend.
-        words = r"On $\Gamma_C$" if contact.names[0] else r"On the contact boundary $\Gamma_C$"
-        axes.set_title(contact.titled(words), loc="left")
+        title = r"On the contact boundary $\Gamma_C$"
+        if name := contact.names[0]:
+            # A name leaves the title less room beside the legend.
+            short = name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}\u2026"
+            # Matplotlib would begin a formula at a dollar sign.
+            title = r"On $\Gamma_C$: " + short.replace("$", r"\$")
+        axes.set_title(title, loc="left")
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     return fig
 
 
-def _height(low: FloatArray, high: FloatArray, width: float) -> float:
-    """The height of axes of a width that show a window at one scale, within limits; in inches."""
-    return float(np.clip(width * (high - low)[1] / (high - low)[0], _LOWEST, _HIGHEST))
-
-
-def _window(body: Snapshot, factor: float) -> tuple[FloatArray, FloatArray]:
-    """The corners of a window with the deformed body and the foundations near it."""
+def _window(body: Snapshot, factor: float) -> FloatArray:
+    """The width and height of a window with the deformed body and the foundations near it."""
     places = style.deformed(body, factor)
     low, high = places.min(axis=0), places.max(axis=0)
     beside = _BESIDE * float((high - low).max())
     tools = [tool(part, factor) for part in body.contact.parts()]
     points = np.concatenate([places[:0], *(segments.reshape(-1, 2) for segments in tools)])
     near = points[np.all((points >= low - beside) & (points <= high + beside), axis=1)]
-    low, high = np.vstack([low, near]).min(axis=0), np.vstack([high, near]).max(axis=0)
-    margin = _MARGIN * float((high - low).max())
-    return low - margin, high + margin
+    extent = np.ptp(np.vstack([low, high, near]), axis=0)
+    return extent + 2.0 * _MARGIN * extent.max()
 
 
 def _deformed(fig: Figure, axes: Axes, body: Snapshot, factor: float) -> list[Patch | Line2D]:
@@ -222,14 +223,11 @@ def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> list[Patch | Line
         axes.tricontour(
             *x.T, body.cells, share, levels=[style.RIM_SHARE], colors=[colour], linewidths=[width]
         )
-    rim = Line2D([], [], color=style.VERMILION, lw=1.6, label=style.RIM_LABEL)
-    look: dict[str, Any] = {
-        "facecolor": "none",
-        "edgecolor": style.BLACK,
-        "hatch": "////",
-        "linewidth": 0.6,
-    }
-    return [Patch(label=style.LOCKED_LABEL, **look), rim]
+    rim = Line2D([], [], color=style.VERMILION, lw=1.6, label="edge of the limit zone")
+    look: dict[str, Any] = {"facecolor": "none", "edgecolor": style.BLACK, "linewidth": 0.6}
+    # The cells that the number of a summary counts.
+    label = r"cells at the limit, $|\varepsilon| \geq M$"
+    return [Patch(label=label, hatch="////", **look), rim]
 
 
 def _foundation(axes: Axes, contact: ContactMap, factor: float, size: float) -> Patch:
