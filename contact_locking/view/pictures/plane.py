@@ -58,7 +58,10 @@ def draw_tractions(
         name = hidden + r"friction traction $\sigma_\tau$"
         marker = "o" if len(s) <= _MOST_MARKERS else ""
         axes.plot(s, friction, color=style.VERMILION, lw=1.6, marker=marker, ms=2.2, label=name)
-        _state_strip(strip, s, points.state[line])
+        # Each state from the middle before to the middle after its point.
+        edges = np.concatenate([s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]])
+        states = points.state[None, line]
+        strip.pcolormesh(edges, [0.0, 1.0], states, cmap=style.STATES, vmin=-0.5, vmax=2.5)
         # Matplotlib leaves labels that begin with an underscore out of the legend.
         hidden = "_"
     all_values = (points.pressure, points.bound, points.traction)
@@ -73,8 +76,7 @@ def draw_tractions(
     strip.set_yticks([])
     strip.set_xlabel(label, loc="left")
     strip.set_ylabel("state", rotation=0, ha="right", va="center")
-    for side in ("left", "bottom"):
-        strip.spines[side].set_visible(False)
+    strip.spines[["left", "bottom"]].set_visible(False)
     where: dict[str, Any] = {"loc": "upper right", "bbox_to_anchor": (1.0, 0.0)}
     strip.legend(handles=style.state_patches(), borderaxespad=2.2, ncols=3, **where)
 
@@ -88,7 +90,9 @@ def abscissa(lines: Sequence[FloatArray]) -> tuple[list[FloatArray], str]:
     for axis, name in enumerate("xy"):
         along = [line[:, axis] for line in lines]
         steps = [np.diff(s) for s in along]
-        if all((step > 0).all() or (step < 0).all() for step in steps) and not _overlap(along):
+        monotone = all((step > 0).all() or (step < 0).all() for step in steps)
+        ends = itertools.pairwise(sorted((s.min(), s.max()) for s in along))
+        if monotone and not any(second[0] < first[1] for first, second in ends):
             return along, f"${name}$"
     position: list[FloatArray] = []
     start = 0.0
@@ -102,24 +106,11 @@ def abscissa(lines: Sequence[FloatArray]) -> tuple[list[FloatArray], str]:
 
 def along(vectors: FloatArray, x: FloatArray, s: FloatArray) -> FloatArray:
     """The components (k,) of vectors along a curve, towards where the abscissa ``s`` grows."""
-    if len(x) < 2:
-        return np.array(vectors[:, 0])
     tangent = np.gradient(x, axis=0)
     length = np.linalg.norm(tangent, axis=1)
     direction = 1.0 if s[-1] >= s[0] else -1.0
+    # At the tip of a slit the points before and after may be at one place.
     return direction * np.sum(vectors * tangent, axis=1) / np.where(length > 0.0, length, 1.0)
-
-
-def _overlap(along: list[FloatArray]) -> bool:
-    intervals = sorted((float(s.min()), float(s.max())) for s in along)
-    return any(b[0] < a[1] for a, b in itertools.pairwise(intervals))
-
-
-def _state_strip(axes: Axes, s: FloatArray, state: IntArray) -> None:
-    """Draw the state of each point, from the middle before to the middle after the point."""
-    middle = 0.5 * (s[1:] + s[:-1])
-    edges = np.concatenate([s[:1], middle, s[-1:]])
-    axes.pcolormesh(edges, [0.0, 1.0], state[None, :], cmap=style.STATES, vmin=-0.5, vmax=2.5)
 
 
 # Thickness of the drawn foundation and its reach beyond Gamma_C, as shares of the body's size.
@@ -186,7 +177,6 @@ def _window(body: Snapshot, factor: float) -> FloatArray:
 def _deformed(fig: Figure, axes: Axes, body: Snapshot, factor: float) -> list[Patch | Line2D]:
     """Draw the body, its locked zone and the foundation; returns the entries of the legend."""
     shade, x = style.shade(body), style.deformed(body, factor)
-    handles: list[Patch | Line2D] = []
     # Corners of one colour: Matplotlib draws polygons, each of them a path, more slowly.
     corners = np.arange(body.cells.size).reshape(-1, 3)
     mesh = Triangulation(*x[body.cells].reshape(-1, 2).T, corners)
@@ -194,17 +184,14 @@ def _deformed(fig: Figure, axes: Axes, body: Snapshot, factor: float) -> list[Pa
     colours.set_array(shade.values.repeat(3))
     axes.add_collection(colours, autolim=False)
     axes.update_datalim(x)
-    if body.locked.any():
-        handles += _locked_zone(axes, x, body)
+    handles = _locked_zone(axes, x, body) if body.locked.any() else []
     for outline in curves(body.boundary):
         axes.plot(*body.x[outline].T, color=style.GREY, lw=0.9, ls=_DASHES)
         axes.plot(*x[outline].T, color=style.BLACK, lw=1.1)
     handles.append(Line2D([], [], color=style.GREY, lw=0.9, ls=_DASHES, label="undeformed"))
     if body.contact.on_foundations():
         handles.append(_foundation(axes, body.contact, factor, body.size))
-    axes.set_aspect("equal")
-    axes.set_xlabel("$x$")
-    axes.set_ylabel("$y$")
+    axes.set(aspect="equal", xlabel="$x$", ylabel="$y$")
     bar = axes.inset_axes((1.03, 0.08, 0.025, 0.84))
     fig.colorbar(colours, cax=bar, label=shade.label, extend=shade.extend)
     return handles
@@ -258,18 +245,16 @@ def _tools(segments: FloatArray, size: float) -> Iterator[tuple[FloatArray, Floa
 def _ground(
     contact: ContactMap, factor: float, size: float
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """The lines of the foundation below Gamma_C, and the layers below them."""
+    """The lines of the foundation below Gamma_C, and the layers below them.
+
+    A line that is not closed is prolonged along its end tangents.
+    """
     surface = touched(contact, factor)
     for curve in curves(contact.facets):
-        line, normal = _extended(surface[curve], contact.points.normal[curve], _REACH * size)
+        line, normal = surface[curve], contact.points.normal[curve]
+        if not np.array_equal(line[0], line[-1]):
+            ends = np.array([line[0] - line[1], line[-1] - line[-2]])
+            reach = _REACH * size / np.linalg.norm(ends, axis=1)[:, None]
+            start, end = line[[0, -1]] + reach * ends
+            line, normal = np.vstack([start, line, end]), normal[[0, *range(len(line)), -1]]
         yield line, np.vstack([line, (line + _THICKNESS * size * normal)[::-1]])
-
-
-def _extended(line: FloatArray, normal: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
-    """A line prolonged along its end tangents; a closed one stays as it is."""
-    if np.array_equal(line[0], line[-1]):
-        return line, normal
-    first, last = line[0] - line[1], line[-1] - line[-2]
-    start = line[0] + reach * first / np.linalg.norm(first)
-    end = line[-1] + reach * last / np.linalg.norm(last)
-    return np.vstack([start, line, end]), np.vstack([normal[0], normal, normal[-1]])

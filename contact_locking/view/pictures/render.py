@@ -150,9 +150,8 @@ class Scene:
         parts, point = nearest_parts(self._lifted_contact(), contact.facets)
         part = _loose(parts)
         part.cell_data["state"] = contact.points.state[point]
-        names = dict(enumerate(STATE_NAMES))
-        how = {"cmap": style.STATES, "n_colors": len(names), "clim": (-0.5, len(names) - 0.5)}
-        how |= {"scalars": "state", "annotations": names, "lighting": False}
+        how = {"cmap": style.STATES, "n_colors": 3, "clim": (-0.5, 2.5), "lighting": False}
+        how |= {"scalars": "state", "annotations": dict(enumerate(STATE_NAMES))}
         self._add(part, scalar_bar_args=_BAR | {"n_labels": 0}, **how)
         shown = _with_arrow(contact.points)
         slip = contact.points.u_tangent[shown]
@@ -190,12 +189,10 @@ class Scene:
     def _body_but_contact(self, **how: Any) -> None:
         """Add the surface of the body without Gamma_C, whose place another surface takes."""
         contact = self._body.contact
-        both = np.sort(np.vstack([contact.vertices[contact.facets], self._faces]), axis=1)
-        _, number = np.unique(both, axis=0, return_inverse=True)
-        number, first = number.reshape(-1), len(contact.facets)
-        faces = self._faces[~np.isin(number[first:], number[:first])]
-        if len(faces):
-            self._add(_surface(self._x, faces), **how)
+        own = {frozenset(facet) for facet in contact.vertices[contact.facets].tolist()}
+        rest = [frozenset(face) not in own for face in self._faces.tolist()]
+        if any(rest):
+            self._add(_surface(self._x, self._faces[rest]), **how)
 
     def _pale_body(self) -> None:
         # A body that is touched by another one lies between the viewer and the interface.
@@ -208,9 +205,9 @@ class Scene:
         for contact in self._body.contact.on_foundations():
             corners = foundation(contact, self._factor, self._body.size)
             ground, plane = _loose(corners), len(corners) == 1
-            how: dict[str, Any] = {"lighting": False} if plane else _PLAIN
+            how: dict[str, Any] = {"lighting": False} if plane else dict(_PLAIN)
             if len(tool(contact, self._factor)):
-                how = how | {"opacity": _TOOL_OPACITY}
+                how["opacity"] = _TOOL_OPACITY
                 if towards is not None:
                     ground = ground.clip(normal=towards, origin=middle, invert=True)
                     if not ground.n_points:
@@ -312,8 +309,7 @@ def from_the_side(normal: FloatArray) -> FloatArray:
 def across(normal: FloatArray) -> FloatArray:
     """The axis along the foundation that points most at the viewer from the side."""
     side = from_the_side(normal)
-    free = np.abs(normal) < _ALONG
-    axis = int(np.argmax(np.abs(side) * free))
+    axis = int(np.argmax(np.abs(side) * (np.abs(normal) < _ALONG)))
     return np.sign(side[axis]) * np.eye(3)[axis]
 
 
@@ -377,32 +373,21 @@ def render(body: Snapshot) -> dict[str, Image]:
             plotter.remove_scalar_bar(name, render=False)
         plotter.clear_actors()
         draw(Scene(plotter, body, factor, seen.frame[2]))
-        _look(plotter, seen)
+        right, up, towards = seen.frame
+        centre = seen.centre + _BESIDE * seen.width * right
+        plotter.camera.position = centre + 10.0 * max(seen.width, seen.height) * towards
+        plotter.camera.focal_point, plotter.camera.up = centre, up
+        plotter.enable_parallel_projection()
+        plotter.camera.parallel_scale = _ROOM * max(seen.height, seen.width * SIZE[1] / SIZE[0])
+        plotter.reset_camera_clipping_range()
         # The arrows along the axes of an earlier picture would be turned one picture late.
         plotter.add_axes(viewport=(0.0, 0.0, 0.25, 0.25))
         plotter.render()
-        drawn[title] = _coarser(np.asarray(plotter.screenshot(return_img=True))[..., :3])
+        image = np.asarray(plotter.screenshot(return_img=True))[..., :3]
+        blocks = image.reshape(SIZE[1], _FINER, SIZE[0], _FINER, 3).astype(np.uint16)
+        drawn[title] = (blocks.sum(axis=(1, 3)) // _FINER**2).astype(np.uint8)
     plotter.close()
     return drawn
-
-
-def _look(plotter: Any, seen: Camera) -> None:
-    """Set the camera of a plotter."""
-    right, up, towards = seen.frame
-    distance = 10.0 * max(seen.width, seen.height)
-    centre = seen.centre + _BESIDE * seen.width * right
-    plotter.camera.position = centre + distance * towards
-    plotter.camera.focal_point = centre
-    plotter.camera.up = up
-    plotter.enable_parallel_projection()
-    plotter.camera.parallel_scale = _ROOM * max(seen.height, seen.width * SIZE[1] / SIZE[0])
-    plotter.reset_camera_clipping_range()
-
-
-def _coarser(image: Image) -> Image:
-    steps = range(_FINER)
-    total = sum(image[i::_FINER, j::_FINER].astype(np.uint16) for i in steps for j in steps)
-    return np.asarray(total // _FINER**2, dtype=np.uint8)
 
 
 def main(source: Path, target: Path, seconds: int) -> None:

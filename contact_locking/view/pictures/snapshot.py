@@ -34,17 +34,17 @@ class ContactMap:
 
     def parts(self) -> list[ContactMap]:
         """The map of each contact, which has a name if there are several."""
-        rows = self.points.rows()
-        names = self.names if len(rows) > 1 else ("",) * len(rows)
         return [
             ContactMap(
                 self.points[own],
                 facets_within(self.facets, own),
                 self.vertices[own],
                 self.smoothed[own],
-                *((name,), (tool,), (is_body,)),
+                (self.names[number] if len(self.names) > 1 else "",),
+                (self.tools[number],),
+                (self.bodies[number],),
             )
-            for own, name, tool, is_body in zip(rows, names, self.tools, self.bodies, strict=True)
+            for number, own in enumerate(self.points.rows())
         ]
 
     def on_foundations(self) -> list[ContactMap]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import textwrap
 from dataclasses import dataclass
 from typing import Any
@@ -96,11 +95,9 @@ def shade(body: Snapshot) -> Shade:
 
 def locked_share(body: Snapshot) -> FloatArray:
     """The share (v,) of the cells around a vertex that are locked."""
-    number, locked = (
-        np.bincount(cells.ravel(), minlength=len(body.x))
-        for cells in (body.cells, body.cells[body.locked])
-    )
-    return locked / np.maximum(number, 1)
+    number = np.bincount(body.cells.ravel())
+    locked = np.bincount(body.cells[body.locked].ravel(), minlength=len(number))
+    return locked / number
 
 
 def magnification(body: Snapshot) -> float:
@@ -110,12 +107,11 @@ def magnification(body: Snapshot) -> float:
     """
     largest = float(np.linalg.norm(body.displacement, axis=1).max(initial=0.0))
     share = largest / body.size
-    gaps = [part.points.gap for part in body.contact.parts()]
-    curved = any(np.ptp(gap) > 1e-9 * body.size for gap in gaps)
+    curved = any(np.ptp(part.points.gap) > 1e-9 * body.size for part in body.contact.parts())
     if curved or not 0.0 < share < _VISIBLE:
         return 1.0
     wanted = _SHOWN / share
-    power = 10.0 ** math.floor(math.log10(wanted))
+    power = 10.0 ** np.floor(np.log10(wanted))
     return power * max(step for step in (1, 2, 5) if step * power <= wanted)
 
 

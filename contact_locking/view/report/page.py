@@ -20,6 +20,7 @@ import matplotlib
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.cm import ScalarMappable
@@ -120,6 +121,14 @@ class Curve:
     values: str = ""
 
 
+def gridded(figure: Figure, x_label: str, y_label: str) -> Axes:
+    """New axes with a pale grid behind the curves."""
+    axes = figure.add_subplot(xlabel=x_label, ylabel=y_label)
+    axes.grid(color=style.PALE, lw=0.6)
+    axes.set_axisbelow(True)
+    return axes
+
+
 def has_bar(curves: Sequence[Curve]) -> bool:
     """Whether a bar of colours names the curves, which are too many for a legend."""
     return len(curves) > _MOST_NAMED
@@ -212,17 +221,13 @@ def environment() -> Environment:
 
 def key(name: str) -> Markup:
     """A dotted key as code; a line may break after a dot or an underscore."""
-    return Markup("<code>{}</code>").format(_marked(r"(?<=[._])(?=.)", "<wbr>", name))
+    broken = re.sub(r"(?<=[._])(?=.)", "<wbr>", str(escape(name)))
+    return Markup(f"<code>{broken}</code>")
 
 
 def formula(text: str) -> Markup:
     """A text whose indices of one letter are set as indices: the C in Gamma_C."""
-    return _marked(r"_(\w)", r"<sub>\1</sub>", text)
-
-
-def _marked(pattern: str, markup: str, text: str) -> Markup:
-    """The escaped text with markup in place of a pattern."""
-    return Markup(re.sub(pattern, markup, str(escape(text))))
+    return Markup(re.sub(r"_(\w)", r"<sub>\1</sub>", str(escape(text))))
 
 
 def _resource(name: str) -> str:

@@ -144,7 +144,6 @@ def _numbers_of_contacts(summary: Mapping[str, Any], units: Mapping[str, str]) -
 
 
 _MOST_PICTURES = 200
-_MOST_VALUES = 12
 
 
 def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
@@ -185,7 +184,7 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
     html = render(
         "study.html.j2",
         title=shown(data.get("title") or "Study"),
-        varied=[(texts.titles[key], key, _values(texts.all_of(key))) for key in keys],
+        varied=[(texts.titles[key], key, texts.all_of(key)) for key in keys],
         rough=rough.count(True),
         side_by_side=len(what.zip) > 1,
         table=cases(rows, keys, pictures, texts, quantities),
@@ -202,10 +201,6 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
         other_states=[f"{n} {state}" for state, n in sorted(count.items()) if state != "converged"],
     )
     return html, [*over_steps, *(chart for _, charts in drawn for chart in charts)]
-
-
-def _values(texts: list[str]) -> list[str]:
-    return texts if len(texts) <= _MOST_VALUES else [*texts[:6], "…", *texts[-2:]]
 
 
 _NOT_BETWEEN = ("converged", "case", "reason", "suggestion", "warnings")
@@ -291,21 +286,19 @@ def _remark(row: Row) -> str:
 def _kind(
     name: str, front: Sequence[str], rows: Sequence[Row], quantities: Mapping[str, Quantity]
 ) -> str | None:
+    """The kind of a column: ``more`` where no number differs by more than rounding."""
     if name == REMARKS:
         return "why"
-    vector = name.rpartition(".")[0] if name[-1:].isdecimal() else ""
     if name in front or name == "case":
         return None
+    vector = name.rpartition(".")[0] if name[-1:].isdecimal() else ""
     found = quantities.get(name) or quantities.get(vector)
-    is_main = found is not None and found.trend is not None and found.of != "solver"
-    return None if is_main and _tells_apart(name, rows) else "more"
-
-
-def _tells_apart(name: str, rows: Sequence[Row]) -> bool:
-    """Whether a number differs between the cases by more than rounding."""
+    if found is None or found.trend is None or found.of == "solver":
+        return "more"
     values = [number(row.get(name)) for row in rows if row.get("converged") is True]
     known = [value for value in values if value is not None]
-    return len(known) > 1 and (len(known) < len(values) or differ(known))
+    differs = len(known) > 1 and (len(known) < len(values) or differ(known))
+    return None if differs else "more"
 
 
 def _cell(row: Row, column: Column, linked: Collection[str], texts: VariedTexts | None) -> Cell:

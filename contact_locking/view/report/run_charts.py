@@ -25,7 +25,7 @@ from contact_locking.results.read import RunResults
 from contact_locking.view.pictures import plane, style
 from contact_locking.view.pictures.snapshot import nearest_parts
 
-from .page import WIDTH, Chart, Curve, chart, drawing, has_bar, name_curves, plain
+from .page import WIDTH, Chart, Curve, chart, drawing, gridded, has_bar, name_curves, plain
 
 
 def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
@@ -305,16 +305,17 @@ def _label(text: str, contacts: Sequence[str], units: Mapping[str, str]) -> str:
 def _over_column(
     figure: Figure, curves: Sequence[Curve], x_label: str, y_label: str, varied: str
 ) -> None:
-    axes = figure.add_subplot()
+    axes = gridded(figure, plain(x_label), plain(y_label))
     for curve in curves:
-        axes.plot(curve.x, curve.y, **{**drawing(curves, curve.label), "ms": 2.5})
-    axes.set(xlabel=plain(x_label), ylabel=plain(y_label))
-    axes.grid(color=style.PALE, lw=0.6)
-    axes.set_axisbelow(True)
+        axes.plot(curve.x, curve.y, **(drawing(curves, curve.label) | {"ms": 2.5}))
     name_curves(figure, curves, varied)
 
 
 _COLUMNS, _MOST = 3, 12
+# Towards the eye, for the surface of a body in 3D: from the front and from below, where contact is.
+_TO_EYE = np.array([0.45, -0.8, -0.4])
+# Edges of the finest meshes would cover their cells.
+_WIDEST, _CELLS = 0.5, 600.0
 
 
 def adapt_charts(run: RunResults) -> list[Chart]:
@@ -340,13 +341,10 @@ def adapt_charts(run: RunResults) -> list[Chart]:
 
 
 def _errors(figure: Figure, errors: list[tuple[float, float]], tolerance: float) -> None:
-    axes, label = figure.add_subplot(), "estimate, by recovery"
+    axes, label = gridded(figure, "unknowns", "relative error"), "estimate, by recovery"
     axes.loglog(*zip(*errors, strict=True), color=style.BLUE, marker="o", ms=4, label=label)
     dashes = (0, (5, 3))
     axes.axhline(tolerance, color=style.GREY, lw=1.0, ls=dashes, label="tolerance", zorder=0.5)
-    axes.grid(visible=True, which="major", color=style.PALE, lw=0.6)
-    axes.set_axisbelow(True)
-    axes.set(xlabel="unknowns", ylabel="relative error")
     axes.legend()
 
 
@@ -355,38 +353,19 @@ def _multiples(figure: Figure, meshes: list[tuple[str, AdaptedMesh]], lines: int
     for axes in places:
         axes.set_axis_off()
     for axes, (title, mesh) in zip(places, meshes, strict=False):
-        _draw_mesh(axes, mesh)
         axes.set_title(title, fontsize=8)
-
-
-# Towards the eye, for the surface of a body in 3D: from the front and from below, where contact is.
-_TO_EYE = np.array([0.45, -0.8, -0.4])
-# Edges of the finest meshes would cover their cells.
-_WIDEST, _CELLS = 0.5, 600.0
-
-
-def _draw_mesh(axes: Axes, mesh: AdaptedMesh) -> None:
-    """Draw the edges of a mesh; marked cells are coloured.
-
-    The lines become an image, because a picture of all lines would be as large as the mesh.
-    """
-    x, triangles, marked = mesh.x, mesh.triangles, mesh.marked
-    if mesh.dim == 3:
-        right, up, towards = style.view_frame(_TO_EYE)
-        order = np.argsort((x @ towards)[triangles].mean(axis=1))
-        x, triangles, marked = x @ np.array([right, up]).T, triangles[order], marked[order]
-    width = _WIDEST * min(1.0, (_CELLS / len(triangles)) ** 0.5)
-    axes.add_collection(
-        PolyCollection(
-            list(x[triangles]),
-            facecolors=np.where(marked, style.ORANGE, "white").tolist(),
-            edgecolors=style.BLACK,
-            linewidths=width,
-            rasterized=True,
-        )
-    )
-    axes.set_aspect("equal")
-    axes.autoscale_view()
+        x, triangles, marked = mesh.x, mesh.triangles, mesh.marked
+        if mesh.dim == 3:
+            right, up, towards = style.view_frame(_TO_EYE)
+            order = np.argsort((x @ towards)[triangles].mean(axis=1))
+            x, triangles, marked = x @ np.array([right, up]).T, triangles[order], marked[order]
+        # The lines become an image, because a picture of all lines would be as large as the mesh.
+        look: dict[str, Any] = {"edgecolors": style.BLACK, "rasterized": True}
+        look["linewidths"] = _WIDEST * min(1.0, (_CELLS / len(triangles)) ** 0.5)
+        colours = np.where(marked, style.ORANGE, "white").tolist()
+        axes.add_collection(PolyCollection(list(x[triangles]), facecolors=colours, **look))
+        axes.set_aspect("equal")
+        axes.autoscale_view()
 
 
 # More bars, charts or curves would be no picture.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,8 +17,10 @@ from contact_locking.study_file.parameters.study import StudyParameters
 from contact_locking.study_file.parameters.wording import told_apart
 from contact_locking.view.pictures import style
 
-from .page import Chart, Curve, chart, drawing, has_bar, name_curves, plain
+from .page import Chart, Curve, chart, drawing, gridded, has_bar, name_curves, plain
 from .words import shown
+
+_MOST_TEXTS = 12
 
 
 class VariedTexts:
@@ -42,11 +43,10 @@ class VariedTexts:
         return ", ".join(f"{self.titles[key]} = {text}" for key, text in pairs)
 
     def all_of(self, key: str) -> list[str]:
-        """The texts of a key, each once, in the order of the rows."""
-        return list(dict.fromkeys(self._texts[key].values()))
+        """The texts of a key, each once, in the order of the rows; of many the first and last."""
+        texts = list(dict.fromkeys(self._texts[key].values()))
+        return texts if len(texts) <= _MOST_TEXTS else [*texts[:6], "…", *texts[-2:]]
 
-
-Compared = Literal["zero", "the value at infinity", "the next value"]
 
 # Values whose quotient is this large are shown on a logarithmic scale.
 _WIDE = 50.0
@@ -106,13 +106,13 @@ class Differences:
 
 @dataclass(frozen=True)
 class Trend:
-    """A quantity over an axis; ``differences`` are its distances from ``compared``."""
+    """A quantity over an axis; ``differences`` are its distances from ``compared``, in words."""
 
     quantity: Quantity
     axis: Axis
     curves: list[Curve]
     differences: list[Differences]
-    compared: Compared
+    compared: str
 
 
 def axes(study: StudyParameters, rows: Sequence[Row], titles: Mapping[str, str]) -> list[Axis]:
@@ -185,7 +185,7 @@ def _curve(axis: Axis, quantity: Quantity, rows: Sequence[Row], texts: VariedTex
 
 def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
     limited = [(curve, curve.limit) for curve in curves if curve.limit is not None]
-    compared: Compared = "the value at infinity" if limited else "the next value"
+    compared: str = "the value at infinity" if limited else "the next value"
     differences: list[Differences] = []
     settles = quantity.trend in ("settles", "vanishes")
     if axis.geometric and quantity.trend == "vanishes" and any(map(_falls, curves)):
@@ -225,16 +225,14 @@ _PLOT, _ROW = 2.5, 0.19
 
 def trend_charts(trend: Trend) -> list[Chart]:
     """The chart of the values, and if there are differences, a chart of their rates."""
-    quantity, over, compared = trend.quantity, trend.axis.title, trend.compared
-    stem = re.sub(r"[^A-Za-z0-9._-]", "_", f"{quantity.key}-over-{trend.axis.key}")
-    about = f"{quantity.name} over the"
-    found = []
-    if not trend.differences or compared != "zero":
+    stem = re.sub(r"[^A-Za-z0-9._-]", "_", f"{trend.quantity.key}-over-{trend.axis.key}")
+    about, found = f"{trend.quantity.name} over the {trend.axis.title}", []
+    if not trend.differences or trend.compared != "zero":
         rows = 0 if has_bar(trend.curves) else 1 + sum(bool(curve.label) for curve in trend.curves)
-        found.append(chart(stem, f"{about} {over}", _PLOT + _ROW * rows, _values, trend))
+        found.append(chart(stem, about, _PLOT + _ROW * rows, _values, trend))
     if trend.differences:
         rows = 1 if has_bar(trend.curves) else 1 + len(trend.differences)
-        about = f"{about} {over}: distance from {compared}"
+        about = f"{about}: distance from {trend.compared}"
         found.append(chart(f"{stem}-rate", about, _PLOT + _ROW * rows, _rates, trend))
     return found
 
@@ -263,15 +261,14 @@ def _rates(figure: Figure, trend: Trend) -> None:
     rates = []
     for differences in trend.differences:
         look = drawing(trend.curves, differences.label)
-        law = differences.power_law()
-        label = plain(differences.label) or trend.quantity.name
+        label, law = plain(differences.label) or trend.quantity.name, differences.power_law()
+        x, y, reliable = differences.x, differences.y, differences.reliable
         if law is None:
-            axes.plot(differences.x, differences.y, label=label, **look)
+            axes.plot(x, y, label=label, **look)
             continue
         rate, factor = law
         rates.append(rate)
         label, look = f"{label}: rate {_signed(rate)}", look | {"ls": ""}
-        x, y, reliable = differences.x, differences.y, differences.reliable
         axes.plot(x[reliable], y[reliable], label=label, **look)
         axes.plot(x[~reliable], y[~reliable], markerfacecolor="none", **look)
         ends = x[reliable][[0, -1]]
@@ -283,7 +280,7 @@ def _rates(figure: Figure, trend: Trend) -> None:
 
 
 def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
-    axes = figure.add_subplot()
+    axes = gridded(figure, plain(trend.axis.title), label)
     x = np.unique(np.concatenate([curve.x for curve in trend.curves]))
     if trend.axis.geometric:
         axes.set_xscale("log")
@@ -292,10 +289,6 @@ def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
             axes.minorticks_off()
     elif len(x) <= _MOST_TICKS:
         axes.set_xticks(x)
-    axes.set_xlabel(plain(trend.axis.title))
-    axes.set_ylabel(label)
-    axes.grid(color=style.PALE, lw=0.6)
-    axes.set_axisbelow(True)
     return axes
 
 
