@@ -53,7 +53,7 @@ class Pieces:
         return [
             (number, facet)
             for number, piece in enumerate(self.nodes)
-            for facet in (np.delete(piece, corner) for corner in range(len(piece)))
+            for facet in (np.delete(piece, corner) for corner in range(self.nodes.shape[1]))
             if nodes.issuperset(facet)
         ]
 

@@ -189,10 +189,10 @@ class Scene:
     def _body_but_contact(self, **how: Any) -> None:
         """Add the surface of the body without Gamma_C, whose place another surface takes."""
         contact = self._body.contact
-        own = {frozenset(facet) for facet in contact.vertices[contact.facets].tolist()}
-        rest = [frozenset(face) not in own for face in self._faces.tolist()]
-        if any(rest):
-            self._add(_surface(self._x, self._faces[rest]), **how)
+        own = {frozenset(facet) for facet in contact.vertices[contact.facets]}
+        others = [face for face in self._faces if frozenset(face) not in own]
+        if others:
+            self._add(_surface(self._x, np.array(others)), **how)
 
     def _pale_body(self) -> None:
         # A body that is touched by another one lies between the viewer and the interface.
@@ -345,7 +345,8 @@ def views(body: Snapshot, factor: float) -> dict[str, tuple[Callable[[Scene], No
     """The body, cut open, its locked zone, and each contact: how to draw them, by their titles."""
     side = side_camera(body, factor)
     strain = "|ε(u)| / M" if np.isfinite(body.locking_limit).any() else "|ε(u)|"
-    found = {f"Deformed body, {strain}": (Scene.deformed_body, side)}
+    found: dict[str, tuple[Callable[[Scene], None], Camera]] = {}
+    found[f"Deformed body, {strain}"] = (Scene.deformed_body, side)
     found[f"Cut open, {strain}"] = (Scene.cut_open, side)
     if body.locked.any():
         found["Cells at the strain limit, |ε(u)| ≥ M"] = (Scene.locked_zone, side)

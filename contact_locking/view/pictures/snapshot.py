@@ -88,7 +88,7 @@ def save(body: Snapshot, path: Path) -> None:
     """Write a snapshot for another process, as a file of NumPy."""
     contact = body.contact
     owners = {"body": vars(body), "contact": vars(contact), "points": vars(contact.points)}
-    arrays = {
+    arrays: dict[str, Any] = {
         f"{owner}.{name}": np.asarray(value)
         for owner, values in owners.items()
         for name, value in values.items()
@@ -106,14 +106,11 @@ def load(path: Path) -> Snapshot:
         for key, value in file.items():
             owner, _, name = key.partition(".")
             owners[owner][name] = value if value.ndim else value.item()
-    lists = {name: tuple(owners["contact"].pop(name).tolist()) for name in ("names", "bodies")}
-    contact = ContactMap(
-        ContactPoints(**owners["points"]),
-        tools=tuple(owners["tools"].values()),
-        **owners["contact"],
-        **lists,
-    )
-    return Snapshot(**owners["body"], contact=contact)
+    of_contact = owners["contact"]
+    for name in ("names", "bodies"):
+        of_contact[name] = tuple(of_contact[name].tolist())
+    points, tools = ContactPoints(**owners["points"]), tuple(owners["tools"].values())
+    return Snapshot(**owners["body"], contact=ContactMap(points, tools=tools, **of_contact))
 
 
 def nearest_parts(x: FloatArray, facets: IntArray) -> tuple[FloatArray, IntArray]:

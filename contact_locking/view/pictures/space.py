@@ -36,8 +36,8 @@ _WIDTH, _TITLE, _PAD = 4.0, 0.35, 0.05
 def figure(body: Snapshot) -> Figure:
     """The views of a body with their titles, in two columns.  Raises NoRendering."""
     images = views(body)
-    height, width, _ = next(iter(images.values())).shape
-    height = _WIDTH * height / width
+    down, across, _ = next(iter(images.values())).shape
+    height = _WIDTH * down / across
     sheet = Figure(figsize=(2.0 * _WIDTH, style.HEAD + -(-len(images) // 2) * (_TITLE + height)))
     style.head(sheet, body)
     for number, (title, image) in enumerate(images.items()):

@@ -308,7 +308,8 @@ def _cell(row: Row, column: Column, linked: Collection[str], texts: VariedTexts 
     # JavaScript reads numbers as Python writes them, but for infinity.
     written = None if order is None else repr(order).replace("inf", "Infinity")
     if texts is not None:
-        return Cell(*texts.of(row, [column.key]), order=written, in_parts=in_parts)
+        (text,) = texts.of(row, [column.key])
+        return Cell(text, order=written, in_parts=in_parts)
     text = json.dumps(value, ensure_ascii=False) if in_parts else shown(value)
     is_link = column.key == "case" and text in linked
     return Cell(text, column.kind, written, text if is_link else None)

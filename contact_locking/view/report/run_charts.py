@@ -408,17 +408,13 @@ def derivative_charts(rows: Sequence[tuple[str, str, Any, Any]]) -> list[Chart]:
 def _bars(figure: Figure, bars: Sequence[tuple[str, float]]) -> None:
     axes = figure.add_subplot()
     names = [key if len(key) <= _LONGEST else f"…{key[1 - _LONGEST :]}" for key, _ in bars]
-    values = [value for _, value in bars]
-    colours = [style.BLUE if value >= 0.0 else style.VERMILION for value in values]
-    axes.barh(range(len(bars)), values, color=colours, height=0.65)
+    colours = [style.BLUE if value >= 0.0 else style.VERMILION for _, value in bars]
+    axes.barh(range(len(bars)), [value for _, value in bars], color=colours, height=0.65)
     axes.set_yticks(range(len(bars)), names)
     axes.invert_yaxis()
     axes.axvline(0.0, color=style.BLACK, lw=0.8)
     axes.set_xlabel("change in % for 1 % more", loc="left")
     axes.margins(x=0.08)
-
-
-_ROWS = (("pressure", r"$\int p$"), ("bound", r"$\int G$"))
 
 
 def branch_charts(found: Mapping[str, Any] | None) -> list[Chart]:
@@ -437,9 +433,10 @@ def _branch(figure: Figure, points: Mapping[str, Any], over: str) -> None:
     marks: list[tuple[Any, str, dict[str, Any]]] = [
         (points["index"] == 1, "index +1", {"marker": "o", "color": style.BLUE, "ms": 3.0}),
         (points["index"] == -1, "index -1", {"marker": "o", "color": style.VERMILION, "ms": 3.0}),
-        (points["fold"].astype(bool), "fold", fold),
+        (points["fold"] == 1, "fold", fold),
     ]
-    for axes, (name, label) in zip((above, below), _ROWS, strict=True):
+    rows = ((above, "pressure", r"$\int p$"), (below, "bound", r"$\int G$"))
+    for axes, name, label in rows:
         axes.plot(points["share"], points[name], color=style.GREY, lw=1.0)
         for own, words, look in marks:
             axes.plot(points["share"][own], points[name][own], label=words, ls="", **look)
