@@ -69,8 +69,8 @@ def own_run(kept_run: Path, tmp_path: Path) -> Path:
 @pytest.fixture
 def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     """Charts are composed and not rendered, which takes most of the time of a report."""
-    rendered = "contact_locking.view.report.charts._rendered"
-    monkeypatch.setattr(rendered, lambda drawing: ("<svg></svg>", b""))
+    rendered = "contact_locking.view.report.page._rendered"
+    monkeypatch.setattr(rendered, lambda drawing: ('<svg viewBox=""></svg>', b""))
 
 
 @pytest.fixture(autouse=True)

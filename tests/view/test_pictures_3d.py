@@ -22,7 +22,7 @@ from contact_locking import solve
 from contact_locking.arrays import BoolArray
 from contact_locking.errors import NoRendering
 from contact_locking.running import writing
-from contact_locking.view.pictures import offscreen
+from contact_locking.view.pictures import space
 from contact_locking.view.pictures.gather import gather
 from contact_locking.view.pictures.snapshot import save
 
@@ -65,8 +65,8 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Image
     folders = {kind: tmp_path_factory.mktemp("kind") for kind in bodies}
     for kind, body in bodies.items():
         save(body, folders[kind] / "snapshot")
-    words = [*offscreen.XVFB, sys.executable, "-c", RENDER_ALL, *map(str, folders.values())]
-    subprocess.run(words, env=offscreen.environment(), timeout=120, check=True)
+    words = [*space.XVFB, sys.executable, "-c", RENDER_ALL, *map(str, folders.values())]
+    subprocess.run(words, env=space.environment(), timeout=120, check=True)
     found = {}
     for kind, folder in folders.items():
         with np.load(folder / "views.npz") as images:
@@ -126,7 +126,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
 
     def replace(code: str) -> None:
         program = (sys.executable, "-c", code)
-        monkeypatch.setattr(offscreen, "_PROGRAM", program)
+        monkeypatch.setattr(space, "_PROGRAM", program)
 
     return replace
 
@@ -160,10 +160,10 @@ def test_a_program_that_hangs_is_ended_with_all_it_has_started(
     pid = tmp_path / "pid"
     sleep = "import subprocess as s; p = s.Popen(['sleep', '60'])"
     stand_in(f"{sleep}; open({str(pid)!r}, 'w').write(str(p.pid)); p.wait()")
-    monkeypatch.setattr(offscreen, "_SECONDS", 1)
-    monkeypatch.setattr(offscreen, "_GRACE_SECONDS", 0.5)
+    monkeypatch.setattr(space, "_SECONDS", 1)
+    monkeypatch.setattr(space, "_GRACE_SECONDS", 0.5)
     with pytest.raises(NoRendering, match="not finished in 1 seconds"):
-        offscreen.views(snapshot())
+        space.views(snapshot())
     end = time.monotonic() + 5.0
     while _runs(int(pid.read_text())):
         assert time.monotonic() < end
@@ -184,13 +184,13 @@ def test_without_pyvista_or_a_screen_the_reason_says_so(monkeypatch: pytest.Monk
     with monkeypatch.context() as without:
         without.setattr(importlib.util, "find_spec", lambda name: None)
         with pytest.raises(NoRendering, match="PyVista is not installed"):
-            offscreen.views(snapshot())
+            space.views(snapshot())
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: True)
     monkeypatch.setattr(shutil, "which", lambda name: None)
     monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.setattr(offscreen, "_PROGRAM", (sys.executable, "-c", ABORT))
+    monkeypatch.setattr(space, "_PROGRAM", (sys.executable, "-c", ABORT))
     with pytest.raises(NoRendering, match="there is no screen, and no xvfb-run"):
-        offscreen.views(snapshot())
+        space.views(snapshot())
 
 
 def test_without_a_screen_and_anything_on_the_path_all_results_are_there(

@@ -15,7 +15,7 @@ from solutions import DIVISIONS, KINDS, displacement, made_up, of_kind
 
 from contact_locking.errors import NoRendering
 from contact_locking.view import pictures
-from contact_locking.view.pictures import offscreen, style
+from contact_locking.view.pictures import space, style
 from contact_locking.view.pictures.gather import gather
 from contact_locking.view.pictures.snapshot import Snapshot
 
@@ -74,7 +74,7 @@ def test_without_pyvista_there_is_no_picture_in_space_and_the_reason_says_how_to
     def fail(body: object) -> None:
         raise NoRendering("there is no PyVista")
 
-    monkeypatch.setattr(offscreen, "views", fail)
+    monkeypatch.setattr(space, "views", fail)
     folder = comm.bcast(tmp_path)
     told = pictures.picture(of_kind(3, "locked"), folder)
     assert told is not None and "there is no PyVista\n" in told and "apt-get install" in told

@@ -16,9 +16,8 @@ from report_folder import page, quick, run_folder
 
 from contact_locking.results import names as result_files
 from contact_locking.view import report
-from contact_locking.view.report import run_page
-from contact_locking.view.report.charts import Chart
-from contact_locking.view.report.templates import environment
+from contact_locking.view.report import pages
+from contact_locking.view.report.page import Chart, environment
 
 pytestmark = pytest.mark.serial
 
@@ -114,7 +113,7 @@ def test_a_report_replaces_the_one_before(own_run: Path, monkeypatch: pytest.Mon
     charts = set(os.listdir(own_run / "report"))
     with monkeypatch.context() as patch:
         one = Chart("old", "", "<svg>", b"")
-        patch.setattr(run_page, "run_page", lambda results: ("", [one]))
+        patch.setattr(pages, "run_page", lambda results: ("", [one]))
         report.write(own_run)
     report.write(own_run)
     assert set(os.listdir(own_run)) == before | {report.PAGE, report.CHARTS}

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from report_folder import REASON, page, quick, rows, run_folder, study_folder
 
+from contact_locking.errors import InputError
 from contact_locking.view import report
 from contact_locking.view.report.trends import Differences
 
@@ -62,4 +63,5 @@ def test_pictures_of_the_cases_are_inside_the_page(tmp_path: Path) -> None:
     assert f'href="#picture-{case.name}"' in text and f'id="picture-{case.name}"' in text
     assert text.count("data:image/png") == 1
     (case / "picture.png").write_bytes(b"\x89PNG no more")
-    assert "data:image/png" not in page(tmp_path / "study")
+    with pytest.raises(InputError, match="damaged"):
+        report.write(tmp_path / "study")

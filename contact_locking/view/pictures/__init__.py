@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +13,6 @@ from contact_locking.results.names import PICTURE, TEXTS_BYTES
 
 if TYPE_CHECKING:
     from contact_locking.results.solution import StudySolution
-    from contact_locking.view.pictures.offscreen import Image
     from contact_locking.view.pictures.snapshot import Snapshot
 
 
@@ -40,19 +38,27 @@ def picture(solution: StudySolution, folder: Path) -> str | None:
     return outcome
 
 
-def _draw(snapshot: Snapshot, folder: Path) -> str | None:
-    if not np.isfinite(snapshot.displacement).all():
+def _draw(body: Snapshot, folder: Path) -> str | None:
+    if not np.isfinite(body.displacement).all():
         return "no picture was drawn: the displacement is not finite"
     target = folder / PICTURE
     try:
-        from contact_locking.view.pictures import offscreen
+        import matplotlib
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-        images = offscreen.views(snapshot) if snapshot.dim == 3 else None
-        draw(snapshot, target, images)
+        from contact_locking.view.pictures import plane, space, style
+
+        # Matplotlib's global state stays as it is.
+        with matplotlib.rc_context(style.RC):
+            figure = plane.figure(body) if body.dim == 2 else space.figure(body)
+            FigureCanvasAgg(figure)
+            # Files a sixth larger than by the default compression of 6, in a third of the time.
+            how: dict[str, Any] = {"pil_kwargs": {"compress_level": 3}}
+            figure.savefig(target, dpi=style.DPI, format="png", facecolor="white", **how)
         # The text files are written later, and matter more.
         require_room(folder, TEXTS_BYTES)
     except NoRendering as reason:
-        return f"no picture was drawn: {reason}\nFor pictures in 3D: {offscreen.INSTALL}"
+        return f"no picture was drawn: {reason}\nFor pictures in 3D: {space.INSTALL}"
     except ImportError as error:
         return f"no picture was drawn: Matplotlib cannot be imported ({error})"
     except Exception as error:
@@ -63,18 +69,3 @@ def _draw(snapshot: Snapshot, folder: Path) -> str | None:
             raise NoRoom(f"no picture was drawn: {error.strerror} ({where})") from error
         return f"no picture was drawn: {type(error).__name__}: {error}"
     return None
-
-
-def draw(body: Snapshot, path: Path, images: Mapping[str, Image] | None = None) -> None:
-    """Draw a body without Matplotlib's global state; in three dimensions around ``images``."""
-    import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    from contact_locking.view.pictures import plane, space, style
-
-    with matplotlib.rc_context(style.RC):
-        figure = plane.figure(body) if images is None else space.figure(body, images)
-        FigureCanvasAgg(figure)
-        # Files a sixth larger than by the default compression of 6, in a third of the time.
-        how: dict[str, Any] = {"pil_kwargs": {"compress_level": 3}}
-        figure.savefig(path, dpi=style.DPI, format="png", facecolor="white", **how)

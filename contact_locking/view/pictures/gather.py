@@ -48,16 +48,14 @@ class Pieces:
             return cls(np.array(kind.simplices, dtype=np.int64), kind.is_simplex)
         return cls(np.array(_QUADRATIC[kind.dim], dtype=np.int64))
 
-    def facets_within(self, nodes: set[int]) -> tuple[list[int], list[IntArray]]:
-        """The facets of pieces whose nodes are all among ``nodes``: the pieces, and the facets."""
-        owners, facets = [], []
-        for number, piece in enumerate(self.nodes):
-            for left_out in range(self.nodes.shape[1]):
-                facet = np.delete(piece, left_out)
-                if nodes.issuperset(facet):
-                    owners.append(number)
-                    facets.append(facet)
-        return owners, facets
+    def facets_within(self, nodes: set[int]) -> list[tuple[int, IntArray]]:
+        """The facets of pieces whose nodes are all among ``nodes``, each after its piece."""
+        return [
+            (number, facet)
+            for number, piece in enumerate(self.nodes)
+            for facet in (np.delete(piece, corner) for corner in range(self.nodes.shape[1]))
+            if nodes.issuperset(facet)
+        ]
 
     def strain_norm(self, solution: StudySolution) -> FloatArray:
         """|eps(u)| (k,) at the midpoints of the pieces of owned cells; collective.
@@ -111,38 +109,32 @@ def gather(solution: StudySolution) -> Snapshot | None:
         parts = comm.gather(local)
         return None if parts is None else np.concatenate(parts)
 
-    x = whole(u.function_space.tabulate_dof_coordinates()[:nodes, :dim])
-    displacement = whole(u.x.array.reshape(-1, dim)[:nodes])
-    nodal = [(whole(one.surface.points), whole(one.smoothed_stress)) for one in solution.contacts]
     piece_nodes = dofmap.list[:cells][:, pieces.nodes].reshape(-1, dim + 1)
-    all_pieces = whole(_numbers(node_map, piece_nodes))
-    boundary = whole(_numbers(node_map, facet_nodes))
-    boundary_piece = whole(_numbers(cell_map, facet_cells) * len(pieces.nodes) + facet_pieces)
-    strain = whole(pieces.strain_norm(solution))
-    limit = whole(pieces.at_points(solution.locking_limit))
-    locked = whole(pieces.at_points(solution.locked))
-    points, facets = solution.contact_points, solution.contact_facets
+    fields = {
+        "x": whole(u.function_space.tabulate_dof_coordinates()[:nodes, :dim]),
+        "displacement": whole(u.x.array.reshape(-1, dim)[:nodes]),
+        "cells": whole(_numbers(node_map, piece_nodes)),
+        "boundary": whole(_numbers(node_map, facet_nodes)),
+        "boundary_cell": whole(_numbers(cell_map, facet_cells) * len(pieces.nodes) + facet_pieces),
+        "strain_norm": whole(pieces.strain_norm(solution)),
+        "locking_limit": whole(pieces.at_points(solution.locking_limit)),
+        "locked": whole(pieces.at_points(solution.locked) >= 0.5),
+    }
+    nodal = [(whole(one.surface.points), whole(one.smoothed_stress)) for one in solution.contacts]
+    points, facets, x = solution.contact_points, solution.contact_facets, fields["x"]
     if points is None or facets is None:
         return None
-    vertex = _nearest(points.x, x)
     # At a node of two contacts each has a smoothed stress of its own.
     pairs = zip(points.parts(), nodal, strict=True)
     smoothed = [values[_nearest(part.x, places)] for part, (places, values) in pairs]
     numbers = np.unique(points.contact)
     names = tuple(contact_name(solution.summary, int(number)) for number in numbers)
     return Snapshot(
-        x=x,
-        displacement=displacement,
-        cells=all_pieces,
-        boundary=boundary,
-        boundary_cell=boundary_piece,
-        strain_norm=strain,
-        locking_limit=limit,
-        locked=locked >= 0.5,
+        **fields,
         contact=ContactMap(
             points,
             facets,
-            vertex,
+            _nearest(points.x, x),
             np.concatenate([np.empty(0), *smoothed]),
             names,
             tuple(drawn_tool(solution.contacts[number].outline, x) for number in numbers),
@@ -167,10 +159,10 @@ def _boundary(
     facets = dmesh.exterior_facet_indices(topology)
     cells = domain.owners(facets)
     place, layout = facet_places(domain, facets, cells), space.dofmap.dof_layout
-    numbers = range(len(domain.kind.facets))
-    closure = [set(layout.entity_closure_dofs(dim - 1, i)) for i in numbers]
-    outer = [pieces.facets_within(nodes) for nodes in closure]
-    owners, nodes = (np.array(found) for found in zip(*outer, strict=True))
+    closures = (layout.entity_closure_dofs(dim - 1, i) for i in range(len(domain.kind.facets)))
+    outer = [pieces.facets_within(set(closure)) for closure in closures]
+    owners = np.array([[owner for owner, _ in found] for found in outer])
+    nodes = np.array([[facet for _, facet in found] for found in outer])
     local = space.dofmap.list[cells[:, None, None], nodes[place]]
     return np.repeat(cells, nodes.shape[1]), owners[place].reshape(-1), local.reshape(-1, dim)
 

@@ -24,6 +24,8 @@ from contact_locking.view.pictures.snapshot import ContactMap, Snapshot, tool, t
 _MOST_MARKERS = 60
 # A contact whose tractions are a smaller share than this of the largest one is open.
 _UNTOUCHED = 1e-6
+# The numbers of characters of a contact's name in a title.
+_LONGEST_NAME = 40
 
 
 def draw_tractions(
@@ -41,7 +43,7 @@ def draw_tractions(
     """
     lines = curves(facets)
     positions, label = abscissa([points.x[line] for line in lines])
-    hidden, peak = "", 0.0
+    hidden = ""
     for s, line in zip(positions, lines, strict=True):
         bound, pressure = points.bound[line], points.pressure[line]
         friction = along(points.traction[line], points.x[line], s)
@@ -50,17 +52,20 @@ def draw_tractions(
         name = hidden + r"contact pressure $-\sigma_\nu$"
         axes.plot(s, pressure, color=style.BLUE, lw=1.8, label=name)
         if smoothed is not None:
-            look: dict[str, Any] = {"color": style.BLACK, "lw": 1.2, "ls": (0, (5, 2))}
             name = hidden + r"smoothed $|R\sigma_\nu|$"
-            axes.plot(s, np.abs(smoothed[line]), label=name, **look)
-        look = {"color": style.VERMILION, "lw": 1.6, "ms": 2.2}
-        look["marker"] = "o" if len(s) <= _MOST_MARKERS else ""
-        axes.plot(s, friction, label=hidden + r"friction traction $\sigma_\tau$", **look)
-        _state_strip(strip, s, points.state[line])
-        peak = max(peak, *(np.abs(v).max(initial=0.0) for v in (pressure, friction, bound)))
+            values = np.abs(smoothed[line])
+            axes.plot(s, values, color=style.BLACK, lw=1.2, ls=(0, (5, 2)), label=name)
+        name = hidden + r"friction traction $\sigma_\tau$"
+        marker = "o" if len(s) <= _MOST_MARKERS else ""
+        axes.plot(s, friction, color=style.VERMILION, lw=1.6, marker=marker, ms=2.2, label=name)
+        # Each state from the middle before to the middle after its point.
+        edges = np.concatenate([s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]])
+        states = points.state[None, line]
+        strip.pcolormesh(edges, [0.0, 1.0], states, cmap=style.STATES, vmin=-0.5, vmax=2.5)
         # Matplotlib leaves labels that begin with an underscore out of the legend.
         hidden = "_"
-    if peak < _UNTOUCHED * largest:
+    all_values = (points.pressure, points.bound, points.traction)
+    if max(np.abs(values).max() for values in all_values) < _UNTOUCHED * largest:
         axes.set_ylim(-0.5 * largest, largest)
     axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
     axes.set_ylabel("traction")
@@ -71,8 +76,7 @@ def draw_tractions(
     strip.set_yticks([])
     strip.set_xlabel(label, loc="left")
     strip.set_ylabel("state", rotation=0, ha="right", va="center")
-    for side in ("left", "bottom"):
-        strip.spines[side].set_visible(False)
+    strip.spines[["left", "bottom"]].set_visible(False)
     where: dict[str, Any] = {"loc": "upper right", "bbox_to_anchor": (1.0, 0.0)}
     strip.legend(handles=style.state_patches(), borderaxespad=2.2, ncols=3, **where)
 
@@ -86,7 +90,9 @@ def abscissa(lines: Sequence[FloatArray]) -> tuple[list[FloatArray], str]:
     for axis, name in enumerate("xy"):
         along = [line[:, axis] for line in lines]
         steps = [np.diff(s) for s in along]
-        if all((step > 0).all() or (step < 0).all() for step in steps) and not _overlap(along):
+        monotone = all((step > 0).all() or (step < 0).all() for step in steps)
+        ends = itertools.pairwise(sorted((s.min(), s.max()) for s in along))
+        if monotone and not any(second[0] < first[1] for first, second in ends):
             return along, f"${name}$"
     position: list[FloatArray] = []
     start = 0.0
@@ -100,24 +106,11 @@ def abscissa(lines: Sequence[FloatArray]) -> tuple[list[FloatArray], str]:
 
 def along(vectors: FloatArray, x: FloatArray, s: FloatArray) -> FloatArray:
     """The components (k,) of vectors along a curve, towards where the abscissa ``s`` grows."""
-    if len(x) < 2:
-        return np.array(vectors[:, 0])
     tangent = np.gradient(x, axis=0)
     length = np.linalg.norm(tangent, axis=1)
     direction = 1.0 if s[-1] >= s[0] else -1.0
+    # At the tip of a slit the points before and after may be at one place.
     return direction * np.sum(vectors * tangent, axis=1) / np.where(length > 0.0, length, 1.0)
-
-
-def _overlap(along: list[FloatArray]) -> bool:
-    intervals = sorted((float(s.min()), float(s.max())) for s in along)
-    return any(b[0] < a[1] for a, b in itertools.pairwise(intervals))
-
-
-def _state_strip(axes: Axes, s: FloatArray, state: IntArray) -> None:
-    """Draw the state of each point, from the middle before to the middle after the point."""
-    middle = 0.5 * (s[1:] + s[:-1])
-    edges = np.concatenate([s[:1], middle, s[-1:]])
-    axes.pcolormesh(edges, [0.0, 1.0], state[None, :], cmap=style.STATES, vmin=-0.5, vmax=2.5)
 
 
 # Thickness of the drawn foundation and its reach beyond Gamma_C, as shares of the body's size.
@@ -138,7 +131,8 @@ def figure(body: Snapshot) -> Figure:
     """The deformed body, and below it a panel with the tractions along each contact."""
     contacts, factor = body.contact.parts(), style.magnification(body)
     width, top = _SHEET - _LEFT - _RIGHT, style.HEAD + _TITLE
-    height = _height(*_window(body, factor), width)
+    across, up = _window(body, factor)
+    height = float(np.clip(width * up / across, _LOWEST, _HIGHEST))
     first = top + height + _BELOW + _LEGEND
     each = _LEGEND + _TITLE + _TRACTIONS + _BETWEEN + _STATES + _BELOW
     fig = Figure(figsize=(_SHEET, first + each * len(contacts)))
@@ -157,35 +151,32 @@ def figure(body: Snapshot) -> Figure:
         axes = style.panel(fig, _LEFT, top, width, _TRACTIONS)
         strip = style.panel(fig, _LEFT, top + _TRACTIONS + _BETWEEN, width, _STATES)
         draw_tractions(axes, strip, contact.points, contact.facets, largest, contact.smoothed)
-        # A name leaves the title less room beside the legend.
-        words = r"On $\Gamma_C$" if contact.names[0] else r"On the contact boundary $\Gamma_C$"
-        axes.set_title(contact.titled(words), loc="left")
+        title = r"On the contact boundary $\Gamma_C$"
+        if name := contact.names[0]:
+            # A name leaves the title less room beside the legend.
+            short = name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}\u2026"
+            # Matplotlib would begin a formula at a dollar sign.
+            title = r"On $\Gamma_C$: " + short.replace("$", r"\$")
+        axes.set_title(title, loc="left")
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     return fig
 
 
-def _height(low: FloatArray, high: FloatArray, width: float) -> float:
-    """The height of axes of a width that show a window at one scale, within limits; in inches."""
-    return float(np.clip(width * (high - low)[1] / (high - low)[0], _LOWEST, _HIGHEST))
-
-
-def _window(body: Snapshot, factor: float) -> tuple[FloatArray, FloatArray]:
-    """The corners of a window with the deformed body and the foundations near it."""
+def _window(body: Snapshot, factor: float) -> FloatArray:
+    """The width and height of a window with the deformed body and the foundations near it."""
     places = style.deformed(body, factor)
     low, high = places.min(axis=0), places.max(axis=0)
     beside = _BESIDE * float((high - low).max())
     tools = [tool(part, factor) for part in body.contact.parts()]
     points = np.concatenate([places[:0], *(segments.reshape(-1, 2) for segments in tools)])
     near = points[np.all((points >= low - beside) & (points <= high + beside), axis=1)]
-    low, high = np.vstack([low, near]).min(axis=0), np.vstack([high, near]).max(axis=0)
-    margin = _MARGIN * float((high - low).max())
-    return low - margin, high + margin
+    extent = np.ptp(np.vstack([low, high, near]), axis=0)
+    return extent + 2.0 * _MARGIN * extent.max()
 
 
 def _deformed(fig: Figure, axes: Axes, body: Snapshot, factor: float) -> list[Patch | Line2D]:
     """Draw the body, its locked zone and the foundation; returns the entries of the legend."""
     shade, x = style.shade(body), style.deformed(body, factor)
-    handles: list[Patch | Line2D] = []
     # Corners of one colour: Matplotlib draws polygons, each of them a path, more slowly.
     corners = np.arange(body.cells.size).reshape(-1, 3)
     mesh = Triangulation(*x[body.cells].reshape(-1, 2).T, corners)
@@ -193,17 +184,14 @@ def _deformed(fig: Figure, axes: Axes, body: Snapshot, factor: float) -> list[Pa
     colours.set_array(shade.values.repeat(3))
     axes.add_collection(colours, autolim=False)
     axes.update_datalim(x)
-    if body.locked.any():
-        handles += _locked_zone(axes, x, body)
+    handles = _locked_zone(axes, x, body) if body.locked.any() else []
     for outline in curves(body.boundary):
         axes.plot(*body.x[outline].T, color=style.GREY, lw=0.9, ls=_DASHES)
         axes.plot(*x[outline].T, color=style.BLACK, lw=1.1)
     handles.append(Line2D([], [], color=style.GREY, lw=0.9, ls=_DASHES, label="undeformed"))
     if body.contact.on_foundations():
         handles.append(_foundation(axes, body.contact, factor, body.size))
-    axes.set_aspect("equal")
-    axes.set_xlabel("$x$")
-    axes.set_ylabel("$y$")
+    axes.set(aspect="equal", xlabel="$x$", ylabel="$y$")
     bar = axes.inset_axes((1.03, 0.08, 0.025, 0.84))
     fig.colorbar(colours, cax=bar, label=shade.label, extend=shade.extend)
     return handles
@@ -222,14 +210,11 @@ def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> list[Patch | Line
         axes.tricontour(
             *x.T, body.cells, share, levels=[style.RIM_SHARE], colors=[colour], linewidths=[width]
         )
-    rim = Line2D([], [], color=style.VERMILION, lw=1.6, label=style.RIM_LABEL)
-    look: dict[str, Any] = {
-        "facecolor": "none",
-        "edgecolor": style.BLACK,
-        "hatch": "////",
-        "linewidth": 0.6,
-    }
-    return [Patch(label=style.LOCKED_LABEL, **look), rim]
+    rim = Line2D([], [], color=style.VERMILION, lw=1.6, label="edge of the limit zone")
+    look: dict[str, Any] = {"facecolor": "none", "edgecolor": style.BLACK, "linewidth": 0.6}
+    # The cells that the number of a summary counts.
+    label = r"cells at the limit, $|\varepsilon| \geq M$"
+    return [Patch(label=label, hatch="////", **look), rim]
 
 
 def _foundation(axes: Axes, contact: ContactMap, factor: float, size: float) -> Patch:
@@ -260,18 +245,16 @@ def _tools(segments: FloatArray, size: float) -> Iterator[tuple[FloatArray, Floa
 def _ground(
     contact: ContactMap, factor: float, size: float
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """The lines of the foundation below Gamma_C, and the layers below them."""
+    """The lines of the foundation below Gamma_C, and the layers below them.
+
+    A line that is not closed is prolonged along its end tangents.
+    """
     surface = touched(contact, factor)
     for curve in curves(contact.facets):
-        line, normal = _extended(surface[curve], contact.points.normal[curve], _REACH * size)
+        line, normal = surface[curve], contact.points.normal[curve]
+        if not np.array_equal(line[0], line[-1]):
+            ends = np.array([line[0] - line[1], line[-1] - line[-2]])
+            reach = _REACH * size / np.linalg.norm(ends, axis=1)[:, None]
+            start, end = line[[0, -1]] + reach * ends
+            line, normal = np.vstack([start, line, end]), normal[[0, *range(len(line)), -1]]
         yield line, np.vstack([line, (line + _THICKNESS * size * normal)[::-1]])
-
-
-def _extended(line: FloatArray, normal: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
-    """A line prolonged along its end tangents; a closed one stays as it is."""
-    if np.array_equal(line[0], line[-1]):
-        return line, normal
-    first, last = line[0] - line[1], line[-1] - line[-2]
-    start = line[0] + reach * first / np.linalg.norm(first)
-    end = line[-1] + reach * last / np.linalg.norm(last)
-    return np.vstack([start, line, end]), np.vstack([normal[0], normal, normal[-1]])

@@ -12,8 +12,6 @@ import numpy.typing as npt
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.results.contact_points import ContactPoints, facets_within
 
-_LONGEST_NAMES = 40
-
 
 @dataclass(frozen=True)
 class ContactMap:
@@ -34,36 +32,24 @@ class ContactMap:
     tools: tuple[FloatArray, ...]
     bodies: tuple[bool, ...]
 
-    @classmethod
-    def none(cls, dim: int) -> ContactMap:
-        """The map of a body without contact."""
-        vertices, facets = np.empty(0, dtype=np.int64), np.empty((0, dim), dtype=np.int64)
-        return cls(ContactPoints.none(dim), facets, vertices, np.empty(0), (), (), ())
-
     def parts(self) -> list[ContactMap]:
         """The map of each contact, which has a name if there are several."""
-        rows = self.points.rows()
-        names = self.names if len(rows) > 1 else ("",) * len(rows)
         return [
             ContactMap(
                 self.points[own],
                 facets_within(self.facets, own),
                 self.vertices[own],
                 self.smoothed[own],
-                *((name,), (tool,), (is_body,)),
+                (self.names[number] if len(self.names) > 1 else "",),
+                (self.tools[number],),
+                (self.bodies[number],),
             )
-            for own, name, tool, is_body in zip(rows, names, self.tools, self.bodies, strict=True)
+            for number, own in enumerate(self.points.rows())
         ]
 
     def on_foundations(self) -> list[ContactMap]:
+        """The maps of the contacts with foundations."""
         return [part for part in self.parts() if not any(part.bodies)]
-
-    def titled(self, title: str) -> str:
-        """A title that ends with the names of the contacts."""
-        names = ", ".join(name for name in self.names if name)
-        shown = names if len(names) <= _LONGEST_NAMES else f"{names[: _LONGEST_NAMES - 1]}\u2026"
-        # Matplotlib would begin a formula at a dollar sign.
-        return f"{title}: " + shown.replace("$", r"\$") if shown else title
 
 
 @dataclass(frozen=True)
@@ -98,45 +84,47 @@ class Snapshot:
         return float(np.ptp(self.x, axis=0).max())
 
 
-# Fields of a snapshot that are no arrays, and those of its map.
-_FACTS = ("title", "dofs", "locked_fraction", "converged")
-_LISTS = ("names", "bodies")
-
-
 def save(body: Snapshot, path: Path) -> None:
     """Write a snapshot for another process, as a file of NumPy."""
     contact = body.contact
-    arrays = {f"points.{name}": value for name, value in vars(contact.points).items()}
-    for owner, before in ((contact, "contact."), (body, "")):
-        arrays |= {
-            f"{before}{name}": np.asarray(value)
-            for name, value in vars(owner).items()
-            if name not in ("points", "tools", "contact")
-        }
-    arrays |= {f"tool.{number}": facets for number, facets in enumerate(contact.tools)}
+    owners = {"body": vars(body), "contact": vars(contact), "points": vars(contact.points)}
+    arrays: dict[str, Any] = {
+        f"{owner}.{name}": np.asarray(value)
+        for owner, values in owners.items()
+        for name, value in values.items()
+        if name != "tools" and not isinstance(value, ContactMap | ContactPoints)
+    }
+    arrays |= {f"tools.{number:06}": facets for number, facets in enumerate(contact.tools)}
     with path.open("wb") as stream:
         np.savez(stream, **arrays)
 
 
 def load(path: Path) -> Snapshot:
     """Read what :func:`save` has written."""
-    with np.load(path, allow_pickle=False) as file:
-        stored = dict(file)
+    owners: dict[str, dict[str, Any]] = {"body": {}, "contact": {}, "points": {}, "tools": {}}
+    with np.load(path) as file:
+        for key, value in file.items():
+            owner, _, name = key.partition(".")
+            owners[owner][name] = value if value.ndim else value.item()
+    of_contact = owners["contact"]
+    for name in ("names", "bodies"):
+        of_contact[name] = tuple(of_contact[name].tolist())
+    points, tools = ContactPoints(**owners["points"]), tuple(owners["tools"].values())
+    return Snapshot(**owners["body"], contact=ContactMap(points, tools=tools, **of_contact))
 
-    def named(before: str) -> dict[str, Any]:
-        return {
-            name.removeprefix(before): value
-            for name, value in stored.items()
-            if name.startswith(before) and "." not in name.removeprefix(before)
-        }
 
-    contact = named("contact.")
-    lists = {name: tuple(contact.pop(name).tolist()) for name in _LISTS}
-    tools = tuple(stored[f"tool.{number}"] for number in range(len(lists["names"])))
-    body = named("")
-    facts = {name: body.pop(name).item() for name in _FACTS}
-    points = ContactPoints(**named("points."))
-    return Snapshot(**body, **facts, contact=ContactMap(points, **contact, **lists, tools=tools))
+def nearest_parts(x: FloatArray, facets: IntArray) -> tuple[FloatArray, IntArray]:
+    """Divide facets (m, 3) of points x (k, e) into a part for each corner: shapes, and corners.
+
+    The shapes are quadrilaterals (3 m, 4, e).
+    """
+    corners = x[facets]
+    centre = corners.mean(axis=1)
+    shapes = []
+    for k in range(3):
+        before, after = (0.5 * (corners[:, k] + corners[:, (k + s) % 3]) for s in (1, 2))
+        shapes.append(np.stack([corners[:, k], before, centre, after], axis=1))
+    return np.concatenate(shapes), facets.T.ravel()
 
 
 # Reach of the drawn foundation beyond Gamma_C as a share of the body's size.

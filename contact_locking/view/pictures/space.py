@@ -1,39 +1,137 @@
-"""The picture of a body in three dimensions: a sheet with views that PyVista has drawn."""
+"""The picture of a body in three dimensions: a sheet of views that PyVista draws.
+
+PyVista has a process of its own: without a screen VTK raises no error but ends its process, which
+must not be the one of the solve.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+import importlib.util
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
 from matplotlib.figure import Figure
 
+from contact_locking.errors import NoRendering
 from contact_locking.view.pictures import style
-from contact_locking.view.pictures.offscreen import Image
-from contact_locking.view.pictures.snapshot import Snapshot
+from contact_locking.view.pictures.snapshot import Snapshot, save
 
+Image = npt.NDArray[np.uint8]
+
+INSTALL = "apt-get install python3-pyvista xvfb xauth libgl1-mesa-dri, or pip install pyvista"
+
+# In inches.
 _WIDTH, _TITLE, _PAD = 4.0, 0.35, 0.05
 
 
-def figure(body: Snapshot, images: Mapping[str, Image]) -> Figure:
-    """The views of a body with their titles, in two columns."""
-    rows = -(-len(images) // 2)
-    each = _TITLE + _height(*images.values())
-    sheet = Figure(figsize=(2.0 * _WIDTH, style.HEAD + rows * each))
+def figure(body: Snapshot) -> Figure:
+    """The views of a body with their titles, in two columns.  Raises NoRendering."""
+    images = views(body)
+    down, across, _ = next(iter(images.values())).shape
+    height = _WIDTH * down / across
+    sheet = Figure(figsize=(2.0 * _WIDTH, style.HEAD + -(-len(images) // 2) * (_TITLE + height)))
     style.head(sheet, body)
     for number, (title, image) in enumerate(images.items()):
         row, column = divmod(number, 2)
-        _view(sheet, column * _WIDTH, style.HEAD + row * each, image, title)
+        left, top = column * _WIDTH + _PAD, style.HEAD + row * (_TITLE + height) + _TITLE
+        axes = style.panel(sheet, left, top, _WIDTH - 2 * _PAD, height - _PAD)
+        axes.set_axis_off()
+        axes.imshow(image)
+        # A title ends with names of the user, in which a dollar sign begins no formula.
+        axes.set_title(title, loc="left", parse_math=False)
     sheet.axes[0].set_title(style.scale_words(style.magnification(body)), loc="right")
     return sheet
 
 
-def _view(sheet: Figure, left: float, top: float, image: Image, title: str) -> None:
-    """A view with its title; left and top are distances in inches."""
-    axes = style.panel(sheet, left + _PAD, top + _TITLE, _WIDTH - 2 * _PAD, _height(image) - _PAD)
-    axes.set_axis_off()
-    axes.imshow(image)
-    # A title ends with names of the user, in which a dollar sign begins no formula.
-    axes.set_title(title, loc="left", parse_math=False)
+# Python imports nothing from the current folder.
+_PROGRAM = (sys.executable, "-P", "-m", "contact_locking.view.pictures.render")
+_SECONDS, _GRACE_SECONDS = 120, 2
+#: A command that gives a program a hidden screen, which stays when a client has gone.
+XVFB = ("xvfb-run", "-a", "-s", "-screen 0 640x480x24 -noreset")
 
 
-def _height(image: Image, *others: Image) -> float:
-    return _WIDTH * image.shape[0] / image.shape[1]
+def views(body: Snapshot) -> dict[str, Image]:
+    """Pictures (h, w, 3) of all views of a body, by their titles.  Raises NoRendering."""
+    if importlib.util.find_spec("pyvista") is None:
+        raise NoRendering("PyVista is not installed")
+    hidden = shutil.which(XVFB[0]) is not None
+    try:
+        with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
+            source, target = Path(folder) / "snapshot.npz", Path(folder) / "views.npz"
+            save(body, source)
+            # The program has a time limit of its own, in case this process ends first.
+            words = [*_PROGRAM, str(source), str(target), str(2 * _SECONDS)]
+            _run([*XVFB, *words] if hidden else words, folder)
+            with np.load(target) as images:
+                return dict(images)
+    except OSError as error:
+        raise NoRendering(f"{type(error).__name__}: {error}") from error
+
+
+def environment() -> dict[str, str]:
+    """The environment in which the program finds this package as this process has found it."""
+    here = str(Path(__file__).resolve().parents[3])
+    known = os.environ.get("PYTHONPATH")
+    return os.environ | {"PYTHONPATH": f"{here}{os.pathsep}{known}" if known else here}
+
+
+def _run(words: list[str], folder: str) -> None:
+    """Run a program that has all its files in ``folder``.
+
+    Raises NoRendering if the program fails or does not end in time.
+    """
+    with (Path(folder) / "log").open("w+", errors="replace") as log:
+        process = subprocess.Popen(
+            words,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=log,
+            env=environment() | {"TMPDIR": folder},
+            start_new_session=True,
+        )
+        try:
+            code = process.wait(_SECONDS)
+        except subprocess.TimeoutExpired:
+            raise NoRendering(f"VTK has not finished in {_SECONDS} seconds") from None
+        finally:
+            if process.poll() is None:
+                _end(process)
+        log.seek(0)
+        if code:
+            raise NoRendering(_reason(code, log.read(), words))
+
+
+def _reason(code: int, told: str, words: list[str]) -> str:
+    """Why a program has ended, from its exit code and the text that it has written."""
+    lines = re.sub(r"\x1b\[[0-9;]*m", "", told).strip().splitlines()
+    said = f": {lines[-1].strip()}" if lines else ""
+    # The shell of xvfb-run adds 128 to the number of the signal.
+    number = -code if code < 0 else code - 128
+    if number not in set(signal.Signals):
+        return f"VTK ended with exit code {code}{said}"
+    # VTK from PyPI draws without a screen.
+    if sys.platform == "linux" and words[0] != XVFB[0] and not os.environ.get("DISPLAY"):
+        return "there is no screen, and no xvfb-run, which makes one for VTK"
+    return f"VTK was ended by {signal.Signals(number).name}{said}"
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End a program and all programs that it has started.
+
+    The first signal is a request, after which a hidden screen removes its lock.
+    """
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, signal.SIGTERM)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(_GRACE_SECONDS)
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import textwrap
 from dataclasses import dataclass
 from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, ListedColormap, Normalize
@@ -47,15 +47,9 @@ DPI = 160
 #: The height of the title and the numbers of a picture in inches.
 HEAD = 0.75
 
-#: A tool in three dimensions shows the part of the body behind it.
-TOOL_OPACITY = 0.45
-
-# The cells that the number of a summary counts.
-LOCKED_LABEL = r"cells at the limit, $|\varepsilon| \geq M$"
 # On the line around the locked zone this share of the cells around a vertex is locked: linear
 # elements leave many cells of a zone a little below the limit.
 RIM_SHARE = 0.25
-RIM_LABEL = "edge of the limit zone"
 
 # The size of a title in points; the numbers of characters above which a title is smaller, and
 # above which it is shortened.
@@ -80,42 +74,30 @@ class Shade:
 
 def shade(body: Snapshot) -> Shade:
     """|eps|/M, or |eps| for a body that never locks."""
-    import matplotlib
-
-    cmap = matplotlib.colormaps["viridis"].with_extremes(bad=PALE)
     limited = np.isfinite(body.locking_limit)
-    if not limited.any():
-        values = np.ma.masked_invalid(body.strain_norm)
-        return _scaled(values, r"$|\varepsilon(u)|$", cmap)
-    ratio = body.strain_norm / body.locking_limit
-    values = np.ma.masked_where(~limited | ~np.isfinite(ratio), ratio)
-    label = r"$|\varepsilon(u)|\,/\,M$"
-    if not limited.all():
-        label += r"   (grey: $M = \infty$)"
-    return _scaled(values, label, cmap, mark=1.0)
-
-
-def _scaled(values: Any, label: str, cmap: Colormap, mark: float | None = None) -> Shade:
-    """The scale of colours up to a value that few cells exceed, as a peak would use up the colours.
-
-    If ``mark`` is near that value, the scale ends at ``mark``.
-    """
+    locks = bool(limited.any())
+    if locks:
+        values = np.ma.masked_where(~limited, body.strain_norm / body.locking_limit)
+        label = r"$|\varepsilon(u)|\,/\,M$"
+        label += "" if limited.all() else r"   (grey: $M = \infty$)"
+    else:
+        values, label = np.ma.asarray(body.strain_norm), r"$|\varepsilon(u)|$"
     present = values.compressed()
-    top = float(np.quantile(present, _QUANTILE)) if len(present) else 0.0
-    if mark is not None and 0.5 * mark < top < 1.1 * mark:
-        top = mark
-    top = top or float(present.max(initial=0.0)) or 1.0
-    extend = "max" if len(present) and present.max() > 1.001 * top else "neither"
+    # Few cells exceed the largest colour, as a peak would use up the colours.
+    top = float(np.quantile(present, _QUANTILE))
+    if locks and 0.5 < top < 1.1:
+        top = 1.0
+    top = top or float(present.max()) or 1.0
+    extend = "max" if present.max() > 1.001 * top else "neither"
+    cmap = matplotlib.colormaps["viridis"].with_extremes(bad=PALE)
     return Shade(values, label, Normalize(0.0, top), cmap, extend)
 
 
 def locked_share(body: Snapshot) -> FloatArray:
     """The share (v,) of the cells around a vertex that are locked."""
-    number, locked = (
-        np.bincount(cells.ravel(), minlength=len(body.x))
-        for cells in (body.cells, body.cells[body.locked])
-    )
-    return locked / np.maximum(number, 1)
+    number = np.bincount(body.cells.ravel())
+    locked = np.bincount(body.cells[body.locked].ravel(), minlength=len(number))
+    return locked / number
 
 
 def magnification(body: Snapshot) -> float:
@@ -125,17 +107,12 @@ def magnification(body: Snapshot) -> float:
     """
     largest = float(np.linalg.norm(body.displacement, axis=1).max(initial=0.0))
     share = largest / body.size
-    gaps = [part.points.gap for part in body.contact.parts()]
-    curved = any(np.ptp(gap) > 1e-9 * body.size for gap in gaps)
+    curved = any(np.ptp(part.points.gap) > 1e-9 * body.size for part in body.contact.parts())
     if curved or not 0.0 < share < _VISIBLE:
         return 1.0
-    return round_below(_SHOWN / share)
-
-
-def round_below(number: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above a positive number."""
-    power = 10.0 ** math.floor(math.log10(number))
-    return power * max(step for step in (1, 2, 5) if step * power <= number)
+    wanted = _SHOWN / share
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return power * max(step for step in (1, 2, 5) if step * power <= wanted)
 
 
 def scale_words(factor: float) -> str:
@@ -186,3 +163,11 @@ def state_patches() -> list[Patch]:
 def deformed(body: Snapshot, factor: float) -> FloatArray:
     """Vertices (v, d) moved by ``factor`` times their displacement."""
     return body.x + factor * body.displacement
+
+
+def view_frame(towards: FloatArray) -> FloatArray:
+    """The unit vectors (3, 3) to the right, up and ``towards`` a viewer for whom z is upwards."""
+    towards = towards / np.linalg.norm(towards)
+    right = np.cross(np.eye(3)[2 if abs(towards[2]) < 0.999 else 1], towards)
+    right /= np.linalg.norm(right)
+    return np.array([right, np.cross(towards, right), towards])

@@ -13,7 +13,7 @@ from contact_locking.plain_text import defect
 from contact_locking.results.names import CHARTS, PAGE
 
 if TYPE_CHECKING:
-    from .charts import Chart
+    from .page import Chart
 
 __all__ = ["CHARTS", "PAGE", "write"]
 
@@ -31,14 +31,15 @@ def write(directory: str | Path) -> list[Path]:
     ContactLockingError where the disk is full.
     """
     from jinja2 import TemplateError
+    from PIL import UnidentifiedImageError
 
     from contact_locking.results.read import RunResults, read_all
 
-    from .run_page import run_page
-    from .study_page import study_page
+    from .pages import run_page, study_page
 
     # The errors of a page whose numbers are no numbers, or are not there.
-    damage = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, TemplateError)
+    missing = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+    damage = (*missing, TemplateError, UnidentifiedImageError)
     folder, pages = Path(directory), list[Path]()
     with explained(f"no report can be written in {folder}", folder):
         for results in read_all(folder):
@@ -59,7 +60,8 @@ def _replace(folder: Path, html: str, charts: Sequence[Chart], name: str) -> Pat
         made, page = unfinished / name, f"{name}.html"
         made.mkdir()
         for chart in charts:
-            chart.write(made)
+            (made / f"{chart.name}.svg").write_text(chart.svg, encoding="utf-8")
+            (made / f"{chart.name}.png").write_bytes(chart.png)
         (unfinished / page).write_text(html, encoding="utf-8", newline="")
         (folder / name).mkdir(exist_ok=True)
         for path in [*made.iterdir(), unfinished / page]:

@@ -1,8 +1,11 @@
-"""Charts of a run: of each contact, of adapted meshes, derivatives, branches and fits."""
+"""Charts of a run: contacts, history, adapted meshes, derivatives, branches and fits."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,17 +13,19 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.errors import InputError
+from contact_locking.arrays import AXES, FloatArray, IntArray
+from contact_locking.errors import with_key
 from contact_locking.results.adapted_meshes import AdaptedMesh, load
 from contact_locking.results.contact_points import ContactPoints, contact_name, facets_within
-from contact_locking.results.ordering import curves
+from contact_locking.results.history import History
+from contact_locking.results.history_values import values_of
+from contact_locking.results.ordering import curves as ordered
+from contact_locking.results.quantities import QUANTITIES, Quantity
 from contact_locking.results.read import RunResults
-from contact_locking.results.read import number as finite
-from contact_locking.view.pictures import contact_map, plane, style
-from contact_locking.view.pictures.views import camera
+from contact_locking.view.pictures import plane, style
+from contact_locking.view.pictures.snapshot import nearest_parts
 
-from .charts import WIDTH, Chart, chart
+from .page import WIDTH, Chart, Curve, chart, drawing, gridded, has_bar, name_curves, plain
 
 
 def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
@@ -45,19 +50,21 @@ def _drawings(contact: ContactPoints, largest: float) -> list[tuple[Any, ...]]:
 
     ``largest`` is the largest pressure of all contacts.
     """
-    along, seen = "along the contact boundary", "seen from the foundation"
     if contact.dim == 2:
+        along = "along the contact boundary"
         tractions = f"Contact pressure, friction traction and its bound {along}"
         slip = f"Tangential displacement and distance to the foundation {along}"
         return [("tractions", tractions, 3.6, _profile, largest), ("slip", slip, 2.6, _opening)]
-    pressure = f"Map of the contact pressure, {seen}", _map_height(contact), _map, contact.pressure
-    size = np.linalg.norm(contact.traction, axis=1)
-    friction = f"Map of the friction traction, {seen}", _map_height(contact), _map, size
-    states = f"Map of open, sticking and slipping points, {seen}", _map_height(contact), _state_map
+    i, j, _ = _frame(contact)
+    width, high = np.ptp(contact.x[:, [i, j]], axis=0)
+    height = float(np.clip(0.85 * WIDTH * high / (width or 1.0), 2.0, 6.0)) + 0.9
+    friction, seen = np.linalg.norm(contact.traction, axis=1), "seen from the foundation"
+    pressures = _map, contact.pressure, r"contact pressure $-\sigma_\nu$"
+    frictions = _map, friction, r"friction traction $|\sigma_\tau|$"
     return [
-        ("pressure", *pressure, r"contact pressure $-\sigma_\nu$"),
-        ("friction", *friction, r"friction traction $|\sigma_\tau|$"),
-        ("states", *states),
+        ("pressure", f"Map of the contact pressure, {seen}", height, *pressures),
+        ("friction", f"Map of the friction traction, {seen}", height, *frictions),
+        ("states", f"Map of open, sticking and slipping points, {seen}", height, _state_map),
     ]
 
 
@@ -69,7 +76,7 @@ def _profile(figure: Figure, contact: ContactPoints, facets: IntArray, largest: 
 
 def _opening(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
     axes = figure.add_subplot()
-    parts = curves(facets)
+    parts = ordered(facets)
     positions, label = plane.abscissa([contact.x[part] for part in parts])
     for number, (s, part) in enumerate(zip(positions, parts, strict=True)):
         slip = plane.along(contact.u_tangent[part], contact.x[part], s)
@@ -84,125 +91,281 @@ def _opening(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
     figure.legend(loc="outside upper left", ncols=2)
 
 
-def _map_height(contact: ContactPoints) -> float:
-    i, j, _ = contact_map.frame(contact)
-    width, height = np.ptp(contact.x[:, [i, j]], axis=0)
-    return float(np.clip(0.85 * WIDTH * height / (width or 1.0), 2.0, 6.0)) + 0.9
-
-
 def _map(
     figure: Figure, contact: ContactPoints, facets: IntArray, values: FloatArray, label: str
 ) -> None:
-    axes = figure.add_subplot(aspect="equal")
-    colours = contact_map.colour_values(
-        axes, contact, facets, values, cmap="cividis", vmin=0.0, rasterized=True
+    axes, flat = _map_axes(figure, contact)
+    colours = axes.tripcolor(
+        *flat.T, facets, values, shading="gouraud", cmap="cividis", vmin=0.0, rasterized=True
     )
+    axes.margins(0.0)
     figure.colorbar(colours, ax=axes, orientation="horizontal", label=label, aspect=40, pad=0.02)
 
 
 def _state_map(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
-    axes = figure.add_subplot(aspect="equal")
-    contact_map.colour_states(axes, contact, facets, rasterized=True)
+    """A point colours the parts of its facets that are nearest to the point."""
+    axes, flat = _map_axes(figure, contact)
+    shapes, point = nearest_parts(flat, facets)
+    look: dict[str, Any] = {"edgecolors": "face", "linewidths": 0.2, "rasterized": True}
+    parts = PolyCollection(list(shapes), cmap=style.STATES, **look)
+    parts.set_array(contact.state[point])
+    parts.set_clim(-0.5, 2.5)
+    axes.add_collection(parts)
+    axes.autoscale_view()
+    axes.margins(0.0)
     figure.legend(handles=style.state_patches(), loc="outside lower center", ncols=3)
 
 
-_COLUMNS, _MOST = 3, 12
+# Gamma_C is in a plane if it is thinner than this share of its extent.
+_PLANE = 1e-6
 
 
-def adapt_charts(run: RunResults) -> list[Chart]:
-    """The charts of a run with adapted meshes; none for other runs."""
-    rows, found = adapted(run.summary), []
-    if errors := _errors_of(rows):
-        about = "Relative error over the number of unknowns, for each of the adapted meshes"
-        tolerance = finite(run.summary["adapt"].get("tolerance"))
-        found.append(chart("adapt-error", about, 3.0, _errors, errors, tolerance))
-    if meshes := _meshes(run, rows):
-        about, height = "The adapted meshes; coloured cells were marked", _height(meshes)
-        found.append(chart("adapt-meshes", about, height, _multiples, meshes))
+def _frame(points: ContactPoints) -> tuple[int, int, bool]:
+    """The two axes of a map that shows Gamma_C from the foundation, and whether the second is down.
+
+    The viewer looks against the mean normal, along an axis of coordinates.
+    """
+    normal, extent = points.normal.mean(axis=0), np.ptp(points.x, axis=0)
+    across = int(np.argmax(np.abs(normal)))
+    # Beside a tool the normals may point along a plane Gamma_C, of which the map shows all.
+    if extent.min() < _PLANE * extent.max():
+        across = int(np.argmin(extent))
+    i, j = (axis for axis in range(3) if axis != across)
+    # The cross product of right and up points at the viewer, as the normal does.
+    return i, j, bool(np.cross(np.eye(3)[i], np.eye(3)[j]) @ normal < 0.0)
+
+
+def _map_axes(figure: Figure, contact: ContactPoints) -> tuple[Axes, FloatArray]:
+    """The axes of a map, and the points (k, 2) in them."""
+    i, j, downwards = _frame(contact)
+    axes = figure.add_subplot(aspect="equal", xlabel=f"${AXES[i]}$", ylabel=f"${AXES[j]}$")
+    axes.yaxis.set_inverted(downwards)
+    return axes, contact.x[:, [i, j]]
+
+
+_WORK = {
+    "work_total": "work of the loads",
+    "stored": "stored",
+    "dissipated_total": "dissipated by friction",
+    "numerical_total": "lost by the method",
+}
+# The words and units of other columns, by the beginnings of their names.
+_OTHERS = {
+    "reaction": ("reaction on", "force"),
+    "tool_force": ("force on the foundation on", "force"),
+    "tool_travel": ("travel of", "length"),
+    "motion": ("motion of", "length"),
+}
+_ENERGIES = ("stored", "work", "dissipated", "numerical")
+# The names of files for units that are no words.
+_FILES = {"1": "strain", "force · length": "moment"}
+_COLOURS = (style.BLUE, style.VERMILION, style.BLACK, style.ORANGE)
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a column of history.csv is about, in words, and its unit.
+
+    The column of a ``quantity`` of a contact is that of the contact's name, or "" for all.
+    """
+
+    title: str
+    unit: str = ""
+    quantity: Quantity | None = None
+    contact: str = ""
+
+    def label(self, units: Mapping[str, str]) -> str:
+        """The title with the unit, as far as there is a label for it."""
+        return f"{self.title} [{units[self.unit]}]" if self.unit in units else self.title
+
+
+def column_of(name: str, contacts: Sequence[str]) -> Column:
+    """The column of a name, in the history of a body whose contacts have these names."""
+    stem, _, axis = name.rpartition("_")
+    for own, ending in ((name, ""), (stem if axis in AXES else "", f", {axis}")):
+        if own in QUANTITIES:
+            return Column(f"{QUANTITIES[own].name}{ending}", QUANTITIES[own].unit, QUANTITIES[own])
+        for contact in contacts:
+            key = own.removesuffix(f"_{contact}")
+            if key != own and key in QUANTITIES:
+                title = f"{QUANTITIES[key].name} on {contact}{ending}"
+                return Column(title, QUANTITIES[key].unit, QUANTITIES[key], contact)
+    for key, (words, unit) in _OTHERS.items():
+        if name.startswith(f"{key}_") or name == key:
+            place, _, last = name[len(key) + 1 :].rpartition("_")
+            of = f"{place}, {last}" if place and last in AXES else f"{place}_{last}".strip("_")
+            return Column(f"{words} {of}", unit)
+    unit = "energy" if name.split("_")[0] in _ENERGIES else "time" if name == "t" else ""
+    return Column(name.replace("_", " "), unit)
+
+
+def history_charts(
+    history: History, contacts: Sequence[str], units: Mapping[str, str]
+) -> list[Chart]:
+    """The charts of a process over the time; none without two steps that converged.
+
+    Of several ``contacts`` each has its own curves.
+    """
+    history, several = history.converged(), len(contacts) > 1
+    if len(history) < 2:
+        return []
+    drawn: dict[tuple[str, str], dict[str, str]] = {}
+    for name in history.columns:
+        column = column_of(name, contacts)
+        quantity = column.quantity
+        if quantity is None or quantity.detail or not np.isfinite(history.column(name)).any():
+            continue
+        if quantity.of == "contact" and several and not column.contact:
+            continue
+        about = "place" if quantity.is_place else quantity.unit
+        about = "share" if quantity.share_of else about
+        about = quantity.name if several and quantity.is_resultant else about
+        drawn.setdefault((about, quantity.unit), {})[name] = column.title
+    drawn["energy", "energy"] = _WORK
+    return [
+        chart(
+            f"history-{_FILES.get(about) or re.sub('[^a-z]+', '-', about)}",
+            f"{', '.join(lines.values())} over the time",
+            2.4 + 0.1 * len(lines),
+            _over_time,
+            history,
+            Column("" if about == "1" else about, unit).label(units),
+            Column("t", "time").label(units),
+            lines,
+        )
+        for (about, unit), lines in drawn.items()
+    ]
+
+
+def _over_time(
+    figure: Figure, history: History, label: str, time_label: str, lines: Mapping[str, str]
+) -> None:
+    axes = figure.add_subplot()
+    time = history.column("t")
+    for number, (column, name) in enumerate(lines.items()):
+        dashes = "-" if number < len(_COLOURS) else "--"
+        colour = _COLOURS[number % len(_COLOURS)]
+        axes.plot(time, history.column(column), dashes, color=colour, label=name)
+    # From zero on, so that rounding in a constant is not seen.
+    axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
+    axes.set(xlabel=time_label, ylabel=label)
+    figure.legend(loc="outside upper center", ncols=2, fontsize="small")
+
+
+@dataclass(frozen=True)
+class Process:
+    """The steps of a case, whose ``label`` has the ``values`` that vary in a study."""
+
+    history: History
+    label: str = ""
+    values: str = ""
+
+
+def wanted_charts(
+    wanted: Sequence[Mapping[str, Any]],
+    processes: Sequence[Process],
+    varied: str,
+    contacts: Sequence[str],
+    units: Mapping[str, str],
+) -> list[Chart]:
+    """The charts of ``output.charts``, each with a curve for each process.
+
+    ``varied`` names what the values are of.  Raises InputError for a column that there is not.
+    """
+    found = []
+    for number, one in enumerate(wanted):
+        curves = []
+        for process in processes:
+            history = process.history.converged()
+            if len(history) > 1:
+                key = f"output.charts.{number}"
+                x, y = (
+                    with_key(f"{key}.{axis}", partial(values_of, one[axis], history))
+                    for axis in "xy"
+                )
+                curves.append(Curve(process.label, x, y, values=process.values))
+        x_label, y_label = (_label(one[axis], contacts, units) for axis in "xy")
+        if curves:
+            stem = re.sub(r"[^A-Za-z0-9._-]+", "_", f"chart-{number}-{one['y']}-over-{one['x']}")
+            rows = 0 if has_bar(curves) else sum(bool(curve.label) for curve in curves)
+            about = f"{one['y']} over {one['x']}"
+            labels = (x_label, y_label, varied)
+            found.append(chart(stem, about, 3.6 + 0.19 * rows, _over_column, curves, *labels))
     return found
 
 
-def adapted(summary: dict[str, Any]) -> list[dict[str, Any]]:
-    """The entries ``adapt.meshes`` of a summary; empty without."""
-    meshes: list[dict[str, Any]] = summary.get("adapt", {}).get("meshes", [])
-    return meshes
+def _label(text: str, contacts: Sequence[str], units: Mapping[str, str]) -> str:
+    """The label of an axis: of a column, of one with the other sign, or the expression itself."""
+    name = text.removeprefix("-").strip()
+    if not name.replace("_", "").isalnum():
+        return text
+    return ("\N{MINUS SIGN}" if name != text else "") + column_of(name, contacts).label(units)
 
 
-def _errors_of(rows: list[dict[str, Any]]) -> list[tuple[float, float]]:
-    """Unknowns and errors of the meshes that have both."""
-    pairs = [(finite(row.get("dofs")), finite(row.get("estimate"))) for row in rows]
-    return [(x, y) for x, y in pairs if x is not None and y is not None and x > 0.0 and y > 0.0]
+def _over_column(
+    figure: Figure, curves: Sequence[Curve], x_label: str, y_label: str, varied: str
+) -> None:
+    axes = gridded(figure, plain(x_label), plain(y_label))
+    for curve in curves:
+        axes.plot(curve.x, curve.y, **(drawing(curves, curve.label) | {"ms": 2.5}))
+    name_curves(figure, curves, varied)
 
 
-def _errors(figure: Figure, errors: list[tuple[float, float]], tolerance: float | None) -> None:
-    axes, label = figure.add_subplot(), "estimate, by recovery"
-    axes.loglog(*zip(*errors, strict=True), color=style.BLUE, marker="o", ms=4, label=label)
-    if tolerance is not None and tolerance > 0.0:
-        dashes = (0, (5, 3))
-        axes.axhline(tolerance, color=style.GREY, lw=1.0, ls=dashes, label="tolerance", zorder=0.5)
-    axes.grid(visible=True, which="major", color=style.PALE, lw=0.6)
-    axes.set_axisbelow(True)
-    axes.set_xlabel("unknowns")
-    axes.set_ylabel("relative error")
-    axes.legend()
-
-
-def _meshes(run: RunResults, rows: list[dict[str, Any]]) -> list[tuple[str, AdaptedMesh]]:
-    """At most so many meshes as fit, with their titles."""
-    try:
-        meshes = [] if run.meshes is None else load(run.meshes)
-    except InputError:
-        return []
-    pairs = list(zip(rows, meshes, strict=False))
-    places = np.linspace(0, len(pairs) - 1, min(len(pairs), _MOST)).round().astype(int)
-    return [(f"{pairs[at][0].get('dofs')} unknowns", pairs[at][1]) for at in places]
-
-
-def _height(meshes: list[tuple[str, AdaptedMesh]]) -> float:
-    extent = np.maximum(np.ptp(meshes[0][1].x, axis=0), 1e-300)
-    shape = float(extent[1] / extent[0]) if len(extent) == 2 else 1.0
-    lines = -(-len(meshes) // _COLUMNS)
-    return lines * (WIDTH / _COLUMNS * min(max(shape, 0.2), 2.0) + 0.25)
-
-
-def _multiples(figure: Figure, meshes: list[tuple[str, AdaptedMesh]]) -> None:
-    places = figure.subplots(-(-len(meshes) // _COLUMNS), _COLUMNS, squeeze=False).ravel()
-    for axes, (title, mesh) in zip(places, meshes, strict=False):
-        draw_mesh(axes, mesh)
-        axes.set_title(title, fontsize=8)
-    for axes in places[len(meshes) :]:
-        axes.set_axis_off()
-
-
+_COLUMNS, _MOST = 3, 12
 # Towards the eye, for the surface of a body in 3D: from the front and from below, where contact is.
 _TO_EYE = np.array([0.45, -0.8, -0.4])
 # Edges of the finest meshes would cover their cells.
 _WIDEST, _CELLS = 0.5, 600.0
 
 
-def draw_mesh(axes: Axes, mesh: AdaptedMesh) -> None:
-    """Draw the edges of a mesh; marked cells are coloured.
+def adapt_charts(run: RunResults) -> list[Chart]:
+    """The charts of a run with adapted meshes; none for other runs."""
+    if "adapt" not in run.summary or run.meshes is None:
+        return []
+    rows, found = run.summary["adapt"]["meshes"], []
+    if errors := [(row["dofs"], row["estimate"]) for row in rows if row["estimate"]]:
+        about = "Relative error over the number of unknowns, for each of the adapted meshes"
+        tolerance = run.summary["adapt"]["tolerance"]
+        found.append(chart("adapt-error", about, 3.0, _errors, errors, tolerance))
+    meshes = [
+        (f"{row['dofs']} unknowns", mesh) for row, mesh in zip(rows, load(run.meshes), strict=True)
+    ]
+    places = np.linspace(0, len(meshes) - 1, min(len(meshes), _MOST)).round().astype(int)
+    meshes, first = [meshes[at] for at in places], meshes[0][1]
+    extent = np.ptp(first.x, axis=0)
+    shape = float(extent[1] / extent[0]) if first.dim == 2 else 1.0
+    lines = -(-len(meshes) // _COLUMNS)
+    height = lines * (WIDTH / _COLUMNS * min(max(shape, 0.2), 2.0) + 0.25)
+    about = "The adapted meshes; coloured cells were marked"
+    return [*found, chart("adapt-meshes", about, height, _multiples, meshes, lines)]
 
-    The lines become an image, because a picture of all lines would be as large as the mesh.
-    """
-    x, triangles, marked = mesh.x, mesh.triangles, mesh.marked
-    if mesh.dim == 3:
-        eye = camera(x, _TO_EYE)
-        order = np.argsort((x @ eye.towards)[triangles].mean(axis=1))
-        x, triangles, marked = x @ np.array([eye.right, eye.up]).T, triangles[order], marked[order]
-    width = min(_WIDEST, _WIDEST * (_CELLS / max(len(triangles), 1)) ** 0.5)
-    axes.add_collection(
-        PolyCollection(
-            list(x[triangles]),
-            facecolors=np.where(marked, style.ORANGE, "white").tolist(),
-            edgecolors=style.BLACK,
-            linewidths=width,
-            rasterized=True,
-        )
-    )
-    axes.set_aspect("equal")
-    axes.autoscale_view()
-    axes.set_axis_off()
+
+def _errors(figure: Figure, errors: list[tuple[float, float]], tolerance: float) -> None:
+    axes, label = gridded(figure, "unknowns", "relative error"), "estimate, by recovery"
+    axes.loglog(*zip(*errors, strict=True), color=style.BLUE, marker="o", ms=4, label=label)
+    dashes = (0, (5, 3))
+    axes.axhline(tolerance, color=style.GREY, lw=1.0, ls=dashes, label="tolerance", zorder=0.5)
+    axes.legend()
+
+
+def _multiples(figure: Figure, meshes: list[tuple[str, AdaptedMesh]], lines: int) -> None:
+    places = figure.subplots(lines, _COLUMNS, squeeze=False).ravel()
+    for axes in places:
+        axes.set_axis_off()
+    for axes, (title, mesh) in zip(places, meshes, strict=False):
+        axes.set_title(title, fontsize=8)
+        x, triangles, marked = mesh.x, mesh.triangles, mesh.marked
+        if mesh.dim == 3:
+            right, up, towards = style.view_frame(_TO_EYE)
+            order = np.argsort((x @ towards)[triangles].mean(axis=1))
+            x, triangles, marked = x @ np.array([right, up]).T, triangles[order], marked[order]
+        # The lines become an image, because a picture of all lines would be as large as the mesh.
+        look: dict[str, Any] = {"edgecolors": style.BLACK, "rasterized": True}
+        look["linewidths"] = _WIDEST * min(1.0, (_CELLS / len(triangles)) ** 0.5)
+        colours = np.where(marked, style.ORANGE, "white").tolist()
+        axes.add_collection(PolyCollection(list(x[triangles]), facecolors=colours, **look))
+        axes.set_aspect("equal")
+        axes.autoscale_view()
 
 
 # More bars, charts or curves would be no picture.
@@ -212,14 +375,13 @@ _LONGEST = 34
 
 def rows_of_derivatives(summary: Mapping[str, Any]) -> list[tuple[str, str, Any, Any]]:
     """Each result with the number, the derivative and the elasticity, large ones first."""
-    rows: list[tuple[str, str, Any, Any]] = []
-    for result, entries in summary.get("sensitivities", {}).items():
-        own = [
-            (result, key, entry["derivative"], entry["elasticity"])
-            for key, entry in entries.items()
-        ]
-        rows += sorted(own, key=lambda row: -abs(row[3] or 0.0))
-    return rows
+    return [
+        (result, key, entry["derivative"], entry["elasticity"])
+        for result, entries in summary.get("sensitivities", {}).items()
+        for key, entry in sorted(
+            entries.items(), key=lambda item: -abs(item[1]["elasticity"] or 0.0)
+        )
+    ]
 
 
 def derivative_charts(rows: Sequence[tuple[str, str, Any, Any]]) -> list[Chart]:
@@ -246,18 +408,13 @@ def derivative_charts(rows: Sequence[tuple[str, str, Any, Any]]) -> list[Chart]:
 def _bars(figure: Figure, bars: Sequence[tuple[str, float]]) -> None:
     axes = figure.add_subplot()
     names = [key if len(key) <= _LONGEST else f"…{key[1 - _LONGEST :]}" for key, _ in bars]
-    values = [value for _, value in bars]
-    colours = [style.BLUE if value >= 0.0 else style.VERMILION for value in values]
-    places = range(len(bars))
-    axes.barh(places, values, color=colours, height=0.65)
-    axes.set_yticks(places, names)
+    colours = [style.BLUE if value >= 0.0 else style.VERMILION for _, value in bars]
+    axes.barh(range(len(bars)), [value for _, value in bars], color=colours, height=0.65)
+    axes.set_yticks(range(len(bars)), names)
     axes.invert_yaxis()
     axes.axvline(0.0, color=style.BLACK, lw=0.8)
     axes.set_xlabel("change in % for 1 % more", loc="left")
     axes.margins(x=0.08)
-
-
-_ROWS = (("pressure", r"$\int p$"), ("bound", r"$\int G$"))
 
 
 def branch_charts(found: Mapping[str, Any] | None) -> list[Chart]:
@@ -276,9 +433,10 @@ def _branch(figure: Figure, points: Mapping[str, Any], over: str) -> None:
     marks: list[tuple[Any, str, dict[str, Any]]] = [
         (points["index"] == 1, "index +1", {"marker": "o", "color": style.BLUE, "ms": 3.0}),
         (points["index"] == -1, "index -1", {"marker": "o", "color": style.VERMILION, "ms": 3.0}),
-        (points["fold"].astype(bool), "fold", fold),
+        (points["fold"] == 1, "fold", fold),
     ]
-    for axes, (name, label) in zip((above, below), _ROWS, strict=True):
+    rows = ((above, "pressure", r"$\int p$"), (below, "bound", r"$\int G$"))
+    for axes, name, label in rows:
         axes.plot(points["share"], points[name], color=style.GREY, lw=1.0)
         for own, words, look in marks:
             axes.plot(points["share"][own], points[name][own], label=words, ls="", **look)
@@ -298,21 +456,20 @@ def fit_chart(fit: Mapping[str, Any]) -> Chart:
 def _fit(figure: Figure, curves: Sequence[Mapping[str, Any]]) -> None:
     axes = figure.subplots(2 * len(curves), 1, height_ratios=[1.0, 0.35] * len(curves))
     several = len({curve["file"] for curve in curves}) > 1
-    for number, curve in enumerate(curves):
-        title = curve["file"] if several else ""
-        _curve(axes[2 * number], axes[2 * number + 1], curve, title)
+    for curve, (above, below) in zip(curves, axes.reshape(-1, 2), strict=True):
+        _curve(above, below, curve)
+        above.set_title(curve["file"] if several else "", loc="left")
     axes[0].legend(loc="best")
 
 
-def _curve(above: Axes, below: Axes, curve: Mapping[str, Any], title: str) -> None:
+def _curve(above: Axes, below: Axes, curve: Mapping[str, Any]) -> None:
     data, model = np.array(curve["data"]), np.array(curve["model"])
     over = np.array(curve["over"] or np.arange(len(data)))
     order = np.argsort(over, kind="stable")
-    sigma = curve["sigma"]
-    above.errorbar(over, data, sigma, fmt="o", color=style.BLACK, ms=3.0, lw=0.8, label="data")
+    look: dict[str, Any] = {"color": style.BLACK, "ms": 3.0, "lw": 0.8}
+    above.errorbar(over, data, curve["sigma"], fmt="o", label="data", **look)
     above.plot(over[order], model[order], color=style.BLUE, lw=1.8, label="model", zorder=3)
     above.set_ylabel(curve["column"])
-    above.set_title(title, loc="left")
     style.power_beside(above)
     above.tick_params(labelbottom=False)
     below.axhline(0.0, color=style.BLUE, lw=1.2)

@@ -5,24 +5,22 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from pydantic import ValidationError
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.errors import InputError
 from contact_locking.results.quantities import Quantity
 from contact_locking.results.read import Row, number
 from contact_locking.study_file.parameters.study import StudyParameters
 from contact_locking.study_file.parameters.wording import told_apart
 from contact_locking.view.pictures import style
 
-from .charts import Chart, chart
-from .curves import Curve, drawing, has_bar, name_curves, plain
+from .page import Chart, Curve, chart, drawing, gridded, has_bar, name_curves, plain
 from .words import shown
+
+_MOST_TEXTS = 12
 
 
 class VariedTexts:
@@ -35,16 +33,20 @@ class VariedTexts:
             values = [row.get(key) for row in rows]
             self._texts[key] = dict(zip(map(repr, values), told_apart(values, shown), strict=True))
 
-    def of(self, key: str, row: Row) -> str:
-        """The text of the value that a row has for a key that varies."""
-        return self._texts[key][repr(row.get(key))]
+    def of(self, row: Row, keys: Iterable[str]) -> list[str]:
+        """The texts of the values that a row has for keys that vary."""
+        return [self._texts[key][repr(row.get(key))] for key in keys]
+
+    def label(self, row: Row, keys: Sequence[str]) -> str:
+        """The keys of a row with the texts of their values."""
+        pairs = zip(keys, self.of(row, keys), strict=True)
+        return ", ".join(f"{self.titles[key]} = {text}" for key, text in pairs)
 
     def all_of(self, key: str) -> list[str]:
-        """The texts of a key, each once, in the order of the rows."""
-        return list(dict.fromkeys(self._texts[key].values()))
+        """The texts of a key, each once, in the order of the rows; of many the first and last."""
+        texts = list(dict.fromkeys(self._texts[key].values()))
+        return texts if len(texts) <= _MOST_TEXTS else [*texts[:6], "…", *texts[-2:]]
 
-
-Compared = Literal["zero", "the value at infinity", "the next value"]
 
 # Values whose quotient is this large are shown on a logarithmic scale.
 _WIDE = 50.0
@@ -63,7 +65,8 @@ _SCATTER = 0.3
 class Axis:
     """A key whose values are numbers; the ``others`` vary too, and distinguish the curves.
 
-    ``one_ratio`` says that all neighbouring values have the same quotient.
+    ``one_ratio`` says that all neighbouring values have the same quotient, ``varied`` names the
+    others.
     """
 
     key: str
@@ -71,7 +74,7 @@ class Axis:
     geometric: bool
     one_ratio: bool
     title: str
-    other_titles: tuple[str, ...]
+    varied: str
 
 
 @dataclass(frozen=True)
@@ -103,23 +106,13 @@ class Differences:
 
 @dataclass(frozen=True)
 class Trend:
-    """A quantity over an axis; ``differences`` are its distances from ``compared``."""
+    """A quantity over an axis; ``differences`` are its distances from ``compared``, in words."""
 
     quantity: Quantity
     axis: Axis
     curves: list[Curve]
     differences: list[Differences]
-    compared: Compared
-
-
-def varied(data: Any, name: str) -> StudyParameters:
-    """The study in saved parameters. Raises InputError if there is none."""
-    section = data.get("study") if isinstance(data, dict) else None
-    try:
-        return StudyParameters.model_validate(section)
-    except ValidationError as error:
-        first = error.errors()[0]["msg"]
-        raise InputError(f"{name}: is damaged: study: {first}") from None
+    compared: str
 
 
 def axes(study: StudyParameters, rows: Sequence[Row], titles: Mapping[str, str]) -> list[Axis]:
@@ -139,8 +132,8 @@ def axes(study: StudyParameters, rows: Sequence[Row], titles: Mapping[str, str])
         enough = len(finite) >= _FEWEST and finite[0] > 0.0
         one_ratio = enough and _has_one_ratio(finite)
         geometric = enough and (one_ratio or finite[-1] / _WIDE >= finite[0])
-        other_titles = tuple(titles[other] for other in others)
-        found.append(Axis(key, others, geometric, one_ratio, titles[key], other_titles))
+        named = ", ".join(titles[other] for other in others)
+        found.append(Axis(key, others, geometric, one_ratio, titles[key], named))
     return sorted(found, key=lambda axis: not axis.geometric)
 
 
@@ -148,22 +141,14 @@ def trends(
     axis: Axis, rows: Iterable[Row], texts: VariedTexts, quantities: Mapping[str, Quantity]
 ) -> list[Trend]:
     """Those of the quantities that change along an axis, from the converged cases."""
-    groups: dict[tuple[str, ...], list[Row]] = {}
+    groups: dict[str, list[Row]] = {}
     for row in rows:
         if row.get("converged") is True:
-            groups.setdefault(tuple(texts.of(key, row) for key in axis.others), []).append(row)
-    names = axis.other_titles
-    labels = {
-        group: ", ".join(f"{name} = {value}" for name, value in zip(names, group, strict=True))
-        for group in groups
-    }
+            groups.setdefault(texts.label(row, axis.others), []).append(row)
     found = []
     for quantity in (quantity for quantity in quantities.values() if quantity.trend):
-        curves = [
-            curve
-            for group, members in groups.items()
-            if len((curve := _curve(axis.key, quantity, members, labels[group], group)).x)
-        ]
+        curves = [_curve(axis, quantity, members, texts) for members in groups.values()]
+        curves = [curve for curve in curves if len(curve.x)]
         if any(differ(curve.y) for curve in curves):
             found.append(_trend(quantity, axis, curves))
     return found
@@ -177,7 +162,7 @@ def differ(values: Sequence[float] | FloatArray) -> bool:
     return bool(np.ptp(given) > _ROUNDING * np.abs(given).max())
 
 
-def value(quantity: Quantity, row: Row) -> float | None:
+def _value(quantity: Quantity, row: Row) -> float | None:
     """A quantity of a row; for a vector, which has a column for each component, its length."""
     if quantity.key in row:
         return number(row[quantity.key])
@@ -186,23 +171,21 @@ def value(quantity: Quantity, row: Row) -> float | None:
     return float(np.linalg.norm(present)) if present else None
 
 
-def _curve(
-    key: str, quantity: Quantity, rows: Sequence[Row], label: str, group: Sequence[str]
-) -> Curve:
+def _curve(axis: Axis, quantity: Quantity, rows: Sequence[Row], texts: VariedTexts) -> Curve:
     pairs = {}
     for row in rows:
-        x, y = number(row.get(key)), value(quantity, row)
+        x, y = number(row.get(axis.key)), _value(quantity, row)
         if x is not None and y is not None and np.isfinite(y):
             pairs[x] = y
-    limit = pairs.get(np.inf)
-    finite = sorted((x, y) for x, y in pairs.items() if np.isfinite(x))
-    array = np.array(finite).reshape(-1, 2)
-    return Curve(label, array[:, 0], array[:, 1], limit, ", ".join(group))
+    limit = pairs.pop(np.inf, None)
+    array = np.array(sorted(pairs.items())).reshape(-1, 2)
+    label, values = texts.label(rows[0], axis.others), ", ".join(texts.of(rows[0], axis.others))
+    return Curve(label, array[:, 0], array[:, 1], limit, values)
 
 
 def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
     limited = [(curve, curve.limit) for curve in curves if curve.limit is not None]
-    compared: Compared = "the value at infinity" if limited else "the next value"
+    compared: str = "the value at infinity" if limited else "the next value"
     differences: list[Differences] = []
     settles = quantity.trend in ("settles", "vanishes")
     if axis.geometric and quantity.trend == "vanishes" and any(map(_falls, curves)):
@@ -242,16 +225,14 @@ _PLOT, _ROW = 2.5, 0.19
 
 def trend_charts(trend: Trend) -> list[Chart]:
     """The chart of the values, and if there are differences, a chart of their rates."""
-    quantity, over, compared = trend.quantity, trend.axis.title, trend.compared
-    stem = re.sub(r"[^A-Za-z0-9._-]", "_", f"{quantity.key}-over-{trend.axis.key}")
-    about = f"{quantity.name} over the"
-    found = []
-    if not trend.differences or compared != "zero":
+    stem = re.sub(r"[^A-Za-z0-9._-]", "_", f"{trend.quantity.key}-over-{trend.axis.key}")
+    about, found = f"{trend.quantity.name} over the {trend.axis.title}", []
+    if not trend.differences or trend.compared != "zero":
         rows = 0 if has_bar(trend.curves) else 1 + sum(bool(curve.label) for curve in trend.curves)
-        found.append(chart(stem, f"{about} {over}", _PLOT + _ROW * rows, _values, trend))
+        found.append(chart(stem, about, _PLOT + _ROW * rows, _values, trend))
     if trend.differences:
         rows = 1 if has_bar(trend.curves) else 1 + len(trend.differences)
-        about = f"{about} {over}: distance from {compared}"
+        about = f"{about}: distance from {trend.compared}"
         found.append(chart(f"{stem}-rate", about, _PLOT + _ROW * rows, _rates, trend))
     return found
 
@@ -270,7 +251,7 @@ def _values(figure: Figure, trend: Trend) -> None:
     if any(curve.limit is not None for curve in trend.curves):
         at = f"at {trend.axis.title} = ∞"
         axes.plot([], [], color=style.GREY, lw=1.0, ls=(0, (5, 3)), label=plain(at))
-    name_curves(figure, trend.curves, ", ".join(trend.axis.other_titles))
+    name_curves(figure, trend.curves, trend.axis.varied)
 
 
 def _rates(figure: Figure, trend: Trend) -> None:
@@ -280,15 +261,14 @@ def _rates(figure: Figure, trend: Trend) -> None:
     rates = []
     for differences in trend.differences:
         look = drawing(trend.curves, differences.label)
-        law = differences.power_law()
-        label = plain(differences.label) or trend.quantity.name
+        label, law = plain(differences.label) or trend.quantity.name, differences.power_law()
+        x, y, reliable = differences.x, differences.y, differences.reliable
         if law is None:
-            axes.plot(differences.x, differences.y, label=label, **look)
+            axes.plot(x, y, label=label, **look)
             continue
         rate, factor = law
         rates.append(rate)
         label, look = f"{label}: rate {_signed(rate)}", look | {"ls": ""}
-        x, y, reliable = differences.x, differences.y, differences.reliable
         axes.plot(x[reliable], y[reliable], label=label, **look)
         axes.plot(x[~reliable], y[~reliable], markerfacecolor="none", **look)
         ends = x[reliable][[0, -1]]
@@ -296,11 +276,11 @@ def _rates(figure: Figure, trend: Trend) -> None:
     if rates and has_bar(trend.curves):
         spread = f"rates {_signed(min(rates))} to {_signed(max(rates))}"
         axes.set_title(f"{len(trend.differences)} curves, {spread}", loc="left", fontsize=8.5)
-    name_curves(figure, trend.curves, ", ".join(trend.axis.other_titles))
+    name_curves(figure, trend.curves, trend.axis.varied)
 
 
 def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
-    axes = figure.add_subplot()
+    axes = gridded(figure, plain(trend.axis.title), label)
     x = np.unique(np.concatenate([curve.x for curve in trend.curves]))
     if trend.axis.geometric:
         axes.set_xscale("log")
@@ -309,10 +289,6 @@ def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
             axes.minorticks_off()
     elif len(x) <= _MOST_TICKS:
         axes.set_xticks(x)
-    axes.set_xlabel(plain(trend.axis.title))
-    axes.set_ylabel(label)
-    axes.grid(color=style.PALE, lw=0.6)
-    axes.set_axisbelow(True)
     return axes
 
 

@@ -71,15 +71,6 @@ _TITLES: Mapping[str, str] = {
     "iterations.friction": "friction updates",
     "iterations.linear": "linear solves",
 }
-# The word for an entry of each list of loads.
-_LOADS: Mapping[str, str] = {
-    "tractions": "traction",
-    "pressures": "pressure",
-    "forces": "force",
-    "displacements": "displacement",
-    "supports": "support",
-    "springs": "spring",
-}
 # The names of values of a certificate and of stages that are not their keys with blanks.
 _WORDS: Mapping[str, str] = {
     "alpha": "α",
@@ -168,8 +159,8 @@ def _title_in(parts: list[str], data: Any) -> str:
         axis = AXES[int(last)] if int(last) < len(AXES) else last
         return f"{_title_in(above, data)}, {axis}"
     match parts:
-        case ["loads", kind, index, *rest] if kind in _LOADS:
-            what = " ".join([_LOADS[kind], *(part for part in rest if part != "value")])
+        case ["loads", kind, index, *rest] if index.isdecimal() and kind.endswith("s"):
+            what = " ".join([kind.removesuffix("s"), *(part for part in rest if part != "value")])
             return f"{what} on {_on(data, parts[:2], index)}".replace("_", " ")
         case ["contact", index, *rest] if index.isdecimal() and rest:
             what = _title_in(["contact", *rest], data)

@@ -1,0 +1,234 @@
+"""What pages are made of: charts with named curves, embedded pictures, templates of HTML.
+
+A page needs no other file: its style, script and pictures are inside.
+"""
+
+from __future__ import annotations
+
+import base64
+import functools
+import hashlib
+import io
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+from PIL import Image
+
+from contact_locking._version import __version__
+from contact_locking.arrays import FloatArray
+from contact_locking.view.pictures import style
+
+from .words import shown, title, words
+
+# About the width of a phone, on which the text has to stay readable.
+WIDTH = 4.4
+_RC: dict[str, Any] = {
+    **style.RC,
+    "figure.constrained_layout.use": True,
+    "svg.fonttype": "path",
+    "text.color": style.BLACK,
+    "axes.labelcolor": style.BLACK,
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+    "xtick.color": style.BLACK,
+    "ytick.color": style.BLACK,
+    "axes.formatter.use_mathtext": True,
+}
+# Colours of the charts for which the page has variables, in its light and its dark scheme.
+_TEXT_COLOURS = {style.BLACK: "--ink", style.RC["axes.edgecolor"]: "--axis"}
+_PAGE_COLOURS = _TEXT_COLOURS | {
+    style.PALE: "--pale",
+    style.BLUE.lower(): "--blue",
+    style.VERMILION.lower(): "--vermilion",
+}
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A chart with the name of its files and a description for readers who do not see it."""
+
+    name: str
+    description: str
+    svg: str
+    png: bytes
+
+    def inline(self) -> Markup:
+        """The SVG element without its size, in the colours of the page."""
+        opening, _, inside = self.svg[self.svg.index("<svg") :].partition(">")
+        (box,) = re.findall(r'viewBox="[^"]*"', opening)
+        inside = re.sub(r"<metadata>.*?</metadata>", "", inside, count=1, flags=re.DOTALL)
+        # The pixels of an image keep their colours, so their legend has to keep them too.
+        names = _TEXT_COLOURS if "<image" in inside else _PAGE_COLOURS
+        for colour, name in names.items():
+            inside = inside.replace(colour, f"var({name}, {colour})")
+        head = f'<svg {box} role="img" xmlns:xlink="http://www.w3.org/1999/xlink">'
+        label = Markup("<title>{}</title>").format(self.description)
+        return Markup(head) + label + Markup(inside)
+
+
+def chart(
+    name: str, description: str, height: float, draw: Callable[..., None], *arguments: Any
+) -> Chart:
+    """The rendered figure of the common width, which ``draw(figure, *arguments)`` fills."""
+    # The salt makes the identifiers of a chart differ from those of other charts on the page.
+    with matplotlib.rc_context(_RC | {"svg.hashsalt": name}):
+        drawing = Figure(figsize=(WIDTH, height))
+        draw(drawing, *arguments)
+        svg, png = _rendered(drawing)
+    return Chart(name, description, svg, png)
+
+
+def _rendered(drawing: Figure) -> tuple[str, bytes]:
+    svg, png = io.StringIO(), io.BytesIO()
+    FigureCanvasSVG(drawing).print_svg(svg, metadata={"Date": None, "Creator": None})
+    FigureCanvasAgg(drawing)
+    drawing.savefig(png, format="png", dpi=style.DPI, facecolor="white")
+    return svg.getvalue(), png.getvalue()
+
+
+_COLOURS = (style.BLUE, style.VERMILION, "#009E73", "#CC79A7", style.ORANGE, style.SKY)
+_MARKS = "osD^vP"
+_MOST_NAMED = len(_COLOURS)
+# The largest number of values at a bar of colours.
+_MOST_AT_BAR = 12
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Values y over finite x, ascending in trends; ``limit`` is the value at x = inf.
+
+    ``label`` names the other keys with their values, ``values`` are these values alone.
+    """
+
+    label: str
+    x: FloatArray
+    y: FloatArray
+    limit: float | None = None
+    values: str = ""
+
+
+def gridded(figure: Figure, x_label: str, y_label: str) -> Axes:
+    """New axes with a pale grid behind the curves."""
+    axes = figure.add_subplot(xlabel=x_label, ylabel=y_label)
+    axes.grid(color=style.PALE, lw=0.6)
+    axes.set_axisbelow(True)
+    return axes
+
+
+def has_bar(curves: Sequence[Curve]) -> bool:
+    """Whether a bar of colours names the curves, which are too many for a legend."""
+    return len(curves) > _MOST_NAMED
+
+
+def drawing(curves: Sequence[Curve], label: str) -> dict[str, Any]:
+    """The colour and the mark of a curve, the same in all charts of these curves."""
+    labels = [curve.label for curve in curves]
+    number, count = labels.index(label), len(labels)
+    colour: Any = _scale(count)(number) if has_bar(curves) else _COLOURS[number]
+    mark = _MARKS[number % len(_MARKS)]
+    return {"color": colour, "lw": 1.4, "marker": mark, "ms": 4.0}
+
+
+def _scale(count: int) -> ListedColormap:
+    return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.93, count)))
+
+
+def name_curves(figure: Figure, curves: Sequence[Curve], varied: str) -> None:
+    """Name every curve in a legend, or many curves by their values at a bar of colours.
+
+    ``varied`` names what has these values.
+    """
+    axes = figure.axes[0]
+    if not has_bar(curves):
+        handles, labels = axes.get_legend_handles_labels()
+        named = [(handle, label) for handle, label in zip(handles, labels, strict=True) if label]
+        if named:
+            figure.legend(*zip(*named, strict=True), loc="outside upper left")
+        return
+    count = len(curves)
+    norm = BoundaryNorm(np.arange(count + 1) - 0.5, count)
+    bar = figure.colorbar(ScalarMappable(norm, _scale(count)), ax=axes, pad=0.02)
+    marked = range(0, count, -(-count // _MOST_AT_BAR))
+    bar.set_ticks(list(marked), labels=[plain(curves[number].values) for number in marked])
+    bar.minorticks_off()
+    bar.set_label(plain(varied))
+
+
+def plain(text: str) -> str:
+    """A text without formulas for Matplotlib, short enough for a narrow chart."""
+    short = text if len(text) <= 60 else f"{text[:59]}…"
+    return short.replace("$", r"\$")
+
+
+def embedded(path: Path, width: int, colours: int | None = None) -> str:
+    """A picture of at most a width as a data URI, with fewer ``colours`` if they are given."""
+    with Image.open(path) as opened:
+        image: Image.Image = opened.convert("RGB")
+    if image.width > width:
+        size = (width, max(1, round(image.height * width / image.width)))
+        image = image.resize(size, Image.Resampling.LANCZOS)
+    if colours is not None:
+        image = image.quantize(colours)
+    stream = io.BytesIO()
+    image.save(stream, format="PNG", optimize=True)
+    return f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode('ascii')}"
+
+
+def render(template: str, **context: Any) -> str:
+    """A whole HTML document from a template of this package."""
+    script = _resource("page.js")
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return (
+        environment()
+        .get_template(template)
+        .render(
+            context,
+            version=__version__,
+            style=Markup(_resource("page.css")),
+            script=Markup(script),
+            script_digest=digest,
+        )
+    )
+
+
+@functools.cache
+def environment() -> Environment:
+    """The templates of this package, compiled once, with filters for values, keys and formulas."""
+    made = Environment(
+        loader=PackageLoader(str(__package__), "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters |= {"shown": shown, "key": key, "formula": formula, "title": title, "words": words}
+    return made
+
+
+def key(name: str) -> Markup:
+    """A dotted key as code; a line may break after a dot or an underscore."""
+    broken = re.sub(r"(?<=[._])(?=.)", "<wbr>", str(escape(name)))
+    return Markup(f"<code>{broken}</code>")
+
+
+def formula(text: str) -> Markup:
+    """A text whose indices of one letter are set as indices: the C in Gamma_C."""
+    return Markup(re.sub(r"_(\w)", r"<sub>\1</sub>", str(escape(text))))
+
+
+def _resource(name: str) -> str:
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")

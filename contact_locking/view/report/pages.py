@@ -1,0 +1,315 @@
+"""The pages of a run and of a study."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+import textwrap
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from contact_locking.results.contact_points import STATE_NAMES
+from contact_locking.results.in_words import weakest
+from contact_locking.results.names import PARAMETERS, PICTURE
+from contact_locking.results.quantities import Quantity, by_name, look_up, of_result
+from contact_locking.results.read import Row, RunResults, StudyResults, history_in, number
+from contact_locking.study_file import source
+from contact_locking.study_file.parameters.study import StudyParameters
+
+from .page import Chart, embedded, render
+from .run_charts import (
+    Process,
+    adapt_charts,
+    branch_charts,
+    contact_charts,
+    derivative_charts,
+    fit_chart,
+    history_charts,
+    rows_of_derivatives,
+    wanted_charts,
+)
+from .trends import Trend, VariedTexts, axes, differ, trend_charts, trends
+from .words import MEANINGS, shown, title, titles_in
+
+# The widths of pictures in pixels, and the number of colours of small ones.
+_WIDTH, _THUMBNAIL_WIDTH, _THUMBNAIL_COLOURS = 1400, 480, 256
+
+
+def run_page(run: RunResults) -> tuple[str, list[Chart]]:
+    """The HTML document of a run and its charts."""
+    summary = run.summary
+    contacts, units = [*by_name(summary.get("contacts", []))], summary.get("units", {})
+    wanted = look_up(source.read(run.folder / PARAMETERS).data, "output.charts") or []
+    parts = certificate(summary)
+    holds = [entry["holds"] for part in parts for entry in part.judged.values()]
+    derivatives, of_contacts = rows_of_derivatives(summary), contact_charts(run)
+    steps = wanted_charts(wanted, [Process(run.history)], "", contacts, units)
+    charts = {
+        "steps": steps + history_charts(run.history, contacts, units),
+        "fit": [] if run.fit is None else [fit_chart(run.fit)],
+        "branch": branch_charts(summary.get("branches")),
+        "derivatives": derivative_charts(derivatives),
+        "adapt": adapt_charts(run),
+    }
+    states = np.bincount(run.contact.state, minlength=len(STATE_NAMES))
+    html = render(
+        "run.html.j2",
+        title=shown(summary.get("title") or "Run"),
+        run=run,
+        summary=summary,
+        weakness=weakest(summary),
+        picture=None if run.picture is None else embedded(run.picture, _WIDTH),
+        numbers=_numbers(summary, units),
+        internals=dict(_flat({key: summary[key] for key in _OF_SOLVER if key in summary})),
+        contact_names=contacts,
+        contact_numbers=_numbers_of_contacts(summary, units),
+        states=[f"{n} {name}" for n, name in zip(states, STATE_NAMES, strict=True) if n],
+        contact_charts=of_contacts,
+        charts=charts,
+        derivatives=derivatives,
+        certificate=parts,
+        judged=(holds.count(True), holds.count(False)),
+        meanings=MEANINGS,
+        stage_columns=[*dict.fromkeys(itertools.chain(*summary.get("stages", [])))],
+    )
+    groups = [*charts.values(), *(group for _, group in of_contacts)]
+    return html, [*itertools.chain(*groups)]
+
+
+class Part(NamedTuple):
+    """``judged`` are entries with ``value`` and ``holds``, ``others`` all other values, by name."""
+
+    title: str
+    judged: dict[str, Any]
+    others: dict[str, Any]
+
+
+def certificate(summary: Mapping[str, Any]) -> list[Part]:
+    """The parts of a summary's certificate that hold anything, whatever their names."""
+    found = []
+    for name, part in summary.get("certificate", {}).items():
+        judged = {k: v for k, v in part.items() if isinstance(v, dict) and "holds" in v}
+        others = {key: entry for key, entry in part.items() if key not in judged}
+        found.append(Part(name.replace("_", " ").capitalize(), judged, dict(_flat(others))))
+    return [part for part in found if part.judged or part.others]
+
+
+def _flat(value: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """The values of nested mappings under their dotted names."""
+    for last, item in value.items():
+        name = f"{above}{last}"
+        if isinstance(item, dict):
+            yield from _flat(item, f"{name}.")
+        else:
+            yield name, item
+
+
+# The keys of a summary about the work of the solver.
+_OF_SOLVER = (
+    *("cells", "dofs", "discretisation", "penalty", "iterations", "friction_fixed_point"),
+    *("residual", "duality_gap", "admissible_load_factor", "wall_seconds"),
+)
+# A quantity, and its values with their places.
+_Numbers = list[tuple[Quantity, list[tuple[Any, Any]]]]
+
+
+def _numbers(summary: Mapping[str, Any], units: Mapping[str, str]) -> _Numbers:
+    several = len(summary.get("contacts", [])) > 1
+    found = [
+        (quantity, [(value, summary.get(f"{key}_at"))])
+        for key, quantity in of_result((), units).items()
+        if quantity.of != "solver" and (value := look_up(summary, key)) is not None
+        # The table of contacts has those of each.
+        if not (several and quantity.of == "contact")
+    ]
+    meaning, force = "resultant of the reactions on the body", units.get("force", "force")
+    return found + [
+        (Quantity(f"reactions.{name}", f"reaction on {name}", meaning, force), [(value, None)])
+        for name, value in summary.get("reactions", {}).items()
+    ]
+
+
+def _numbers_of_contacts(summary: Mapping[str, Any], units: Mapping[str, str]) -> _Numbers:
+    """Each quantity of contacts with its values for them; empty for one."""
+    contacts = summary.get("contacts", [])
+    return [
+        (quantity, [(contact.get(key), contact.get(f"{key}_at")) for contact in contacts])
+        for key, quantity in of_result((), units).items()
+        if len(contacts) > 1 and any(key in contact for contact in contacts)
+    ]
+
+
+_MOST_PICTURES = 200
+
+
+def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
+    """The HTML document of a study and its charts."""
+    data, rows = source.read(study.folder / PARAMETERS).data, study.rows
+    what = StudyParameters.model_validate(data["study"])
+    keys = [*what.zip, *what.vary]
+    texts = VariedTexts(rows, titles_in(keys, data))
+    # The names of the contacts if the cases have several, by the columns of their table.
+    named = (re.fullmatch(r"contacts\.([^.]+)\.name", name) for row in rows for name in row)
+    contacts = [*dict.fromkeys(one[1] for one in named if one)]
+    # The labels of units are those of all cases.
+    first: Row = next((row for row in rows if row.get("units.length")), {})
+    units = {k.removeprefix("units."): str(first[k]) for k in first if k.startswith("units.")}
+    quantities = of_result(contacts, units)
+    pictures, processes = dict[str, tuple[str, str]](), list[Process]()
+    for row, folder in ((row, study.case_folder(row)) for row in rows):
+        label = texts.label(row, keys)
+        if folder is not None and (history := history_in(folder)) is not None:
+            processes.append(Process(history, label, ", ".join(texts.of(row, keys))))
+        if folder is not None and (folder / PICTURE).is_file() and len(pictures) < _MOST_PICTURES:
+            image = embedded(folder / PICTURE, _THUMBNAIL_WIDTH, _THUMBNAIL_COLOURS)
+            state = "" if row["state"] == "converged" else f" ({row['state']})"
+            pictures.setdefault(row["case"], (image, f"{label}{state}"))
+    wanted, varied = look_up(data, "output.charts") or [], ", ".join(texts.titles.values())
+    over_steps = wanted_charts(wanted, processes, varied, contacts, units)
+    drawn = [
+        (trend, trend_charts(trend))
+        for axis in axes(what, rows, texts.titles)
+        for trend in trends(axis, rows, texts, quantities)
+    ]
+    over: dict[str, list[tuple[Trend, list[Chart]]]] = {}
+    for trend, charts in drawn:
+        if trend.quantity.of != "solver":
+            over.setdefault(trend.axis.title, []).append((trend, charts))
+    count = Counter(row["state"] for row in rows)
+    rough = [(weak := weakest(row)) and weak.is_rough for row in rows if row.get("converged")]
+    html = render(
+        "study.html.j2",
+        title=shown(data.get("title") or "Study"),
+        varied=[(texts.titles[key], key, texts.all_of(key)) for key in keys],
+        rough=rough.count(True),
+        side_by_side=len(what.zip) > 1,
+        table=cases(rows, keys, pictures, texts, quantities),
+        over_steps=over_steps,
+        trends=list(over.items()),
+        internals=[pair for pair in drawn if pair[0].quantity.of == "solver"],
+        rates=any(trend.differences for trend, _ in drawn),
+        pictures=pictures,
+        most_pictures=_MOST_PICTURES,
+        parameter_file=study.parameters,
+        total=len(rows),
+        converged=count["converged"],
+        unfinished=count["not run"] > 0,
+        other_states=[f"{n} {state}" for state, n in sorted(count.items()) if state != "converged"],
+    )
+    return html, [*over_steps, *(chart for _, charts in drawn for chart in charts)]
+
+
+_NOT_BETWEEN = ("converged", "case", "reason", "suggestion", "warnings")
+_ROW_KIND = {"converged": None, "not run": "waiting"}
+#: The column with the reason of a failure, the warnings and the weakness of a result.
+REMARKS = "remarks"
+# The number of characters of a remark that stay where it is folded.
+_FOLDED = 46
+
+
+class Cell(NamedTuple):
+    """A cell with its whole text, of which ``folded`` is what a folded cell shows, if it is less.
+
+    ``order`` is the number that sorts the cell, ``picture`` the case that the cell links to.
+    The text of a cell ``in_parts``, a list or a mapping, may take several lines.
+    """
+
+    text: str
+    kind: str | None = None
+    order: str | None = None
+    picture: str | None = None
+    folded: str | None = None
+    in_parts: bool = False
+
+
+class Column(NamedTuple):
+    """A column with its name for readers; columns of kind ``more`` are seen on demand only."""
+
+    key: str
+    title: str
+    kind: str | None
+
+
+class CaseTable(NamedTuple):
+    """The columns, and for each row the class of HTML, the state in one word, and the cells."""
+
+    columns: list[Column]
+    rows: list[tuple[str | None, str, list[Cell]]]
+
+
+def cases(
+    rows: Sequence[Row],
+    keys: Sequence[str],
+    linked: Collection[str],
+    texts: VariedTexts,
+    quantities: Mapping[str, Quantity],
+) -> CaseTable:
+    """All rows; ``keys`` vary, and ``linked`` cases have a picture on the page."""
+    # The state, which says whether a case converged, comes first: it is seen on a phone too.
+    front = ["state", *keys, REMARKS]
+    names = dict.fromkeys(name for row in rows for name in row)
+    order = [*front, *(name for name in names if name not in (*front, *_NOT_BETWEEN)), "case"]
+    columns = [
+        Column(name, texts.titles.get(name) or title(name), _kind(name, front, rows, quantities))
+        for name in order
+    ]
+    remarks = [_remark(row) for row in rows]
+    if not any(remarks):
+        columns = [column for column in columns if column.key != REMARKS]
+    found = []
+    for row, told in zip(rows, remarks, strict=True):
+        short = textwrap.shorten(told, _FOLDED, placeholder="…")
+        cells = [
+            Cell(told, "why", folded=short if short != told else None)
+            if column.key == REMARKS
+            else _cell(row, column, linked, texts if column.key in keys else None)
+            for column in columns
+        ]
+        state = str(row["state"])
+        found.append((_ROW_KIND.get(state, "failed"), state.replace(" ", "-"), cells))
+    return CaseTable(columns, found)
+
+
+def _remark(row: Row) -> str:
+    """Why a case failed, or the warnings and the weakness of one that converged; often empty."""
+    if not row.get("converged"):
+        return " ".join(shown(row[key]) for key in ("reason", "suggestion") if row.get(key))
+    weak, warnings = weakest(row), row.get("warnings")
+    told = [f"rough: {weak.words}"] if weak is not None and weak.is_rough else []
+    return "; ".join([*told, f"warning: {warnings}"] if warnings else told)
+
+
+def _kind(
+    name: str, front: Sequence[str], rows: Sequence[Row], quantities: Mapping[str, Quantity]
+) -> str | None:
+    """The kind of a column: ``more`` where no number differs by more than rounding."""
+    if name == REMARKS:
+        return "why"
+    if name in front or name == "case":
+        return None
+    vector = name.rpartition(".")[0] if name[-1:].isdecimal() else ""
+    found = quantities.get(name) or quantities.get(vector)
+    if found is None or found.trend is None or found.of == "solver":
+        return "more"
+    values = [number(row.get(name)) for row in rows if row.get("converged") is True]
+    known = [value for value in values if value is not None]
+    differs = len(known) > 1 and (len(known) < len(values) or differ(known))
+    return None if differs else "more"
+
+
+def _cell(row: Row, column: Column, linked: Collection[str], texts: VariedTexts | None) -> Cell:
+    """The cell of a column; ``texts`` are those of a key that varies."""
+    value = row.get(column.key)
+    in_parts, order = isinstance(value, dict | list), number(value)
+    # JavaScript reads numbers as Python writes them, but for infinity.
+    written = None if order is None else repr(order).replace("inf", "Infinity")
+    if texts is not None:
+        (text,) = texts.of(row, [column.key])
+        return Cell(text, order=written, in_parts=in_parts)
+    text = json.dumps(value, ensure_ascii=False) if in_parts else shown(value)
+    is_link = column.key == "case" and text in linked
+    return Cell(text, column.kind, written, text if is_link else None)
