@@ -1,9 +1,8 @@
-"""Rigid motions in words, and where the resultant of the loads meets a flat foundation."""
+"""Rigid motions in words."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from contact_locking.arrays import AXES, FloatArray
 
 # A part of a motion below this share of the rest is left out of the words.
 _SHARE = 0.2
-# Coordinates and directions below this share of the others are zero.
+# Coordinates below this share of the size of the body are zero.
 _ROUNDING = 1e-6
 
 
@@ -64,41 +63,3 @@ def axes_of(direction: FloatArray) -> str:
     """The axes along which a direction has a part: x and y."""
     share = np.abs(direction) / np.abs(direction).max()
     return " and ".join(axis for axis, part in zip(AXES, share, strict=False) if part > _SHARE)
-
-
-@dataclass(frozen=True)
-class Resultant:
-    """The resultant of loads on a flat foundation.
-
-    At ``place`` (d,) in the plane of the foundation the loads have no moment about axes in the
-    plane.  ``pressing`` > 0 is the force onto the foundation, and ``along`` (d,) the force in the
-    plane.
-    """
-
-    place: FloatArray
-    pressing: float
-    along: FloatArray
-
-
-def resultant_on_plane(
-    force: FloatArray, moment: FloatArray, points: FloatArray, normals: FloatArray
-) -> Resultant | None:
-    """The resultant of loads; None if the foundation is not flat, or the loads do not press.
-
-    ``force`` (3,) and ``moment`` (3,) about the origin are those of the loads, ``points`` (k, d)
-    and ``normals`` (k, d) the nodes of Gamma_C with the contact normals.
-    """
-    if not len(points):
-        return None
-    dim = points.shape[1]
-    normal, middle = np.zeros(3), np.zeros(3)
-    normal[:dim], middle[:dim] = normals[0], points.mean(axis=0)
-    heights = (points - middle[:dim]) @ normals[0]
-    is_plane = np.abs(heights).max() <= _ROUNDING * np.ptp(points, axis=0).max()
-    if not is_plane or np.abs(normals - normals[0]).max() > _ROUNDING:
-        return None
-    pressing = float(force @ normal)
-    if pressing <= _ROUNDING * np.linalg.norm(force):
-        return None
-    place = middle + np.cross(normal, moment - np.cross(middle, force)) / pressing
-    return Resultant(place[:dim], pressing, (force - pressing * normal)[:dim])
