@@ -18,7 +18,7 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
-from contact_locking.solver.interior_point.feasibility import contact_force, force_with_friction
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.task import Counts, Outcome, Target, Task
 from contact_locking.theory.equilibria.bound_map import BoundMap, BoundVectors
@@ -48,6 +48,8 @@ _GROWTH, _OVER, _JUMP = 0.7, 0.9, 1.3
 # The force of a penalty that is only as stiff as growth needs, over the force that is enough.
 _ENOUGH = 1.3
 
+# The share of the friction coefficient that stands for none.
+_LITTLE = 1e-3
 _GROWS = (
     "; with penalties of {soft:.2g} and {stiff:.2g} times the stiffness of the material there are "
     "solutions, and the stiffer one has {growth:.2g} times the contact force of the other: its "
@@ -165,7 +167,7 @@ class Stiffening:
             if not (can_grow and grows):
                 continue
             if math.isnan(without):
-                found = force_with_friction(self._task)
+                found = _force_with_little_friction(self._task)
                 without = math.inf if found is None else found
             is_far = stage.force > FARTHEST * without
             is_last = stage.power >= self._last and without < math.inf
@@ -306,3 +308,26 @@ def _softened(target: Target, power: float) -> Target:
 
 def _rounded(value: float) -> float:
     return float(f"{value:.3g}")
+
+
+def contact_force(system: PenalisedSystem, found: Outcome) -> float:
+    """The sum of all pressures; collective."""
+    assert found.multipliers is not None
+    pairs = zip(system.contacts, found.multipliers.contacts, strict=True)
+    return sum(float(item.surface.integral(forces.pressure)) for item, forces in pairs)
+
+
+def _force_with_little_friction(task: Task) -> float | None:
+    """The sum of all pressures with next to no friction, None if not solved; collective."""
+    system, tries = task.system, Counts()
+    with system.preserved():
+        system.u.x.array[:] = 0.0
+        system.constraints.apply(system.u)
+        solver = InteriorPoint(task.aside(tries), share=_LITTLE)
+        try:
+            return contact_force(system, solver.solve())
+        except NotConverged:
+            return None
+        finally:
+            solver.destroy()
+            task.counts.add(tries)
