@@ -16,14 +16,18 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, on_every_rank
 from contact_locking.problem import forms
 from contact_locking.problem.rigidity.at_contact import MotionsAtContact
-from contact_locking.problem.rigidity.motions import null_motions
+from contact_locking.problem.rigidity.motions import (
+    axes_of,
+    describe_motion,
+    null_motions,
+    spin,
+)
 from contact_locking.problem.rigidity.programmes import (
     driven_motion,
     loose_motion,
     sliding_motions,
     unheld_motion,
 )
-from contact_locking.problem.rigidity.words import axes_of, describe_motion, spin
 
 # A push that is less than this share of all work and all motion is rounding.
 _DIGITS = 1e-12

@@ -1,4 +1,4 @@
-"""The fields of a solved state, written and read by adios4dolfinx or io4dolfinx.
+"""Solved states in files, by adios4dolfinx or io4dolfinx, and restarts from them.
 
 The order of the stored values is the order of the mesh from Gmsh, which does not depend on the
 distribution.  The coordinates of the nodes are stored as well: the fields belong to a mesh with the
@@ -19,6 +19,9 @@ from mpi4py import MPI
 
 from contact_locking import _compat, study_file
 from contact_locking.arrays import FloatArray
+from contact_locking.certificate.energy import EnergyBalance
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.certificate.verdict import is_solved
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.fem.compiled import Kept
@@ -29,12 +32,13 @@ from contact_locking.parallel import maximum, on_every_rank, on_root
 from contact_locking.process.checkpoint import record as records
 from contact_locking.process.checkpoint.record import Record
 from contact_locking.process.checkpoint.saved_steps import saved_steps
+from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.history import History, read_history
 from contact_locking.results.names import HISTORY
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
-from contact_locking.solver.task import SavedState
+from contact_locking.solver.task import Counts, Outcome, SavedState, SolverReport
 from contact_locking.study.assembly import StudyProblem
 
 _DISPLACEMENT, _PLACES = "old_displacement", "places"
@@ -376,3 +380,66 @@ def _require_library() -> None:
     reason = unavailable()
     if reason is not None:
         raise ContactLockingError(reason)
+
+
+def solved_already(
+    saved: Checkpoint, problem: StudyProblem, solver: ProblemSolver
+) -> SolverReport | None:
+    """The report if the saved state is the solution of the problem, otherwise None; collective.
+
+    It has to meet the criteria of the certificate again.
+    """
+    if not saved.is_solution:
+        return None
+    state = _in_place(saved, problem, solver)
+    if is_solved(state):
+        return state.report
+    solver.system.clear()
+    return None
+
+
+def start_in_words(directory: str | Path, report: SolverReport) -> str:
+    """How a solve has used the state that was saved in a folder, in words."""
+    if not report.from_saved:
+        return f"from nothing, as the state in {directory} is too far away"
+    if report.tangents == 0:
+        return f"the state in {directory} meets every criterion, nothing was left to do"
+    return f"from the state in {directory}"
+
+
+def restored_step(
+    path: Path, problem: StudyProblem, solver: ProblemSolver
+) -> tuple[SolvedState, SavedStep, EnergyBalance]:
+    """The step that was saved in ``path``, to which the problem is put; collective.
+
+    Raises InputError for a checkpoint that is not of a converged step with these contacts, and the
+    errors of :func:`read`.
+    """
+    saved = read(path, problem)
+    if saved.step is None or not saved.converged:
+        raise InputError(
+            f"{path} is no checkpoint of a step that has converged, with the same contacts; a "
+            "process starts from the last step of a process"
+        )
+    problem.advance(saved.step.time)
+    solver.begin()
+    row = saved.step.history.rows[-1]
+    state = _in_place(saved, problem, solver, int(row["tangents"]), int(row["linear"]))
+    return state, saved.step, EnergyBalance.of_row(row)
+
+
+def _in_place(
+    saved: Checkpoint,
+    problem: StudyProblem,
+    solver: ProblemSolver,
+    tangents: int = 0,
+    linear: int = 0,
+) -> SolvedState:
+    """The saved state in place of what the solver would find, and what it took; collective."""
+    saved.state.enter(solver.system)
+    # The travel of a foundation, which is part of the state, changes what slips refer to.
+    if saved.step is not None:
+        saved.step.enter(problem.contacts)
+    solver.system.bounds.enter(problem.contacts, saved.bounds)
+    found, counts = Outcome(saved.multipliers), Counts(tangents, linear)
+    return solver.state(SolverReport.solved(found, counts, from_saved=True))
