@@ -272,19 +272,16 @@ def _attempt(solver: InteriorPoint, task: Task, last: LastIterate | None) -> Att
     system.u.x.array[:] = system.constraints.held_part(system.u.x.array)
     try:
         found = solver.solve(last)
-        return Attempt(_finished(task, solver, found), from_last=solver.from_last)
+        # Newton's last steps want a linear solver as sharp as they are.
+        direct = None if solver.is_elastic else solver.direct
+        polishes = direct is not None and is_in_reach(task)
+        polished = polish(task, _POLISH, found, direct) if polishes else None
+        return Attempt(polished or solver.finish(found), from_last=solver.from_last)
     except NotConverged as failure:
         reached = Outcome(solver.multipliers(), friction_change=solver.friction_change)
         return Attempt(reached, failure)
     finally:
         solver.destroy()
-
-
-def _finished(task: Task, solver: InteriorPoint, found: Outcome) -> Outcome:
-    # Newton's last steps want a linear solver as sharp as they are.
-    direct = None if solver.is_elastic else solver.direct
-    polishes = direct is not None and is_in_reach(task)
-    return (polish(task, _POLISH, found, direct) if polishes else None) or solver.finish(found)
 
 
 def _may_factorise(task: Task) -> bool:

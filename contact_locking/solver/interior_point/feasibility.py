@@ -9,10 +9,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from contact_locking.arrays import FloatArray
 from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.laws.penalty import Penalty
-from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.task import Counts, Target, Task
 
@@ -61,7 +59,10 @@ def judge(task: Task) -> Verdict | None:
     """
     system = task.system
     prescribed = system.constraints.held_part(system.u.x.array)
-    if system.held_by_friction or _rest_is_admissible(system, prescribed):
+    # Whether u = 0 is within the limit and the gaps and has the prescribed values.
+    overlaps = any(bool(np.any(contact.gaps < 0.0)) for contact in system.contacts)
+    rests = not system.comm.allreduce(bool(prescribed.any()) or overlaps)
+    if system.held_by_friction or rests:
         return None
     with task.system.preserved():
         tries = Counts()
@@ -123,10 +124,3 @@ def _largest(fails: Callable[[float], Infeasible | None], excluded: float) -> tu
             return trial, excluded
         excluded = trial * min(1.0, failure.factor)
     return 0.0, excluded
-
-
-def _rest_is_admissible(system: PenalisedSystem, prescribed: FloatArray) -> bool:
-    """Whether u = 0 is within the limit and the gaps and has the prescribed values; collective."""
-    moves = bool(np.any(prescribed != 0.0))
-    overlaps = any(bool(np.any(contact.gaps < 0.0)) for contact in system.contacts)
-    return not system.comm.allreduce(moves or overlaps)
