@@ -27,9 +27,9 @@ from contact_locking.mesh.given_mesh import NamedFacets
 from contact_locking.mesh.half_section import half_section
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_any_rank
-from contact_locking.problem import own_energy
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.elasticity import Elasticity, elasticity_of, split
+from contact_locking.problem.forms import require_energy
 from contact_locking.problem.limits import Limit
 from contact_locking.problem.springs import OwnSupport
 from contact_locking.process.judgement import solution_of
@@ -104,7 +104,7 @@ class ContactProblem:
         for item in placed:
             contact_checks.check(item, domain.dim)
         if energy is not None:
-            own_energy.check(energy, space)
+            require_energy(energy, space)
         given = [item for item in bcs if not isinstance(item, Support)]
         form, others = (None, None) if isinstance(a, Elasticity) else split(a)
         body = Body(

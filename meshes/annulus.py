@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 from .curved import Curved
-from .geometry import GROWTH, Geometry, Point, Zone, parameter
+from .geometry import GROWTH, Geometry, Point, Zone, below, parameter
 
 
 class Rings(Geometry):
@@ -94,11 +94,7 @@ class Annulus(Rings):
     contact_names = ("inner",)
 
     def validate(self) -> None:
-        if self.outer_radius <= self.inner_radius:
-            raise ValueError(
-                f"outer_radius: {self.outer_radius:g} is not more than the inner radius, "
-                f"{self.inner_radius:g}"
-            )
+        below("inner_radius", self.inner_radius, self.outer_radius, "the outer radius")
 
     @property
     def circles(self) -> dict[str, dict[str, float]]:

@@ -11,6 +11,8 @@ from .geometry import (
     Geometry,
     Point,
     Zone,
+    at_most,
+    below,
     dimension,
     length,
     parameter,
@@ -177,10 +179,7 @@ class Inclusion(Box):
     def validate(self) -> None:
         super().validate()
         self.complete("centre", tuple(edge / 2 for edge in self.size), real)
-        if self.h > self.radius:
-            raise ValueError(
-                f"h: {self.h:g} is more than the radius of the inclusion, {self.radius:g}"
-            )
+        at_most("h", self.h, self.radius, "the radius of the inclusion")
         gap = (
             min(min(x, edge - x) for x, edge in zip(self.centre, self.size, strict=True))
             - self.radius
@@ -277,16 +276,8 @@ class Punch(Box):
 
     def validate(self) -> None:
         super().validate()
-        if self.half_width >= min(self.size[:-1]):
-            raise ValueError(
-                f"half_width: {self.half_width:g} is not less than the width of the block kept, "
-                f"{min(self.size[:-1]):g}"
-            )
-        if self.finest > self.half_width:
-            raise ValueError(
-                f"half_width: {self.half_width:g} is less than one element of size "
-                f"{self.finest:g}; make h_contact smaller"
-            )
+        below("half_width", self.half_width, min(self.size[:-1]), "the width of the block kept")
+        at_most("h_contact", self.finest, self.half_width, "half_width")
 
     @property
     def facet_names(self) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .annulus import Rings
-from .geometry import GROWTH, Zone, parameter
+from .geometry import GROWTH, Zone, at_most, below, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,15 +31,10 @@ class DiscInRing(Rings):
     contact_names = ("rim", "inner")
 
     def validate(self) -> None:
-        if self.outer_radius <= max(self.inner_radius, self.radius):
-            raise ValueError(
-                f"outer_radius: {self.outer_radius:g} is not more than the radii inside, "
-                f"{self.inner_radius:g} and {self.radius:g}"
-            )
-        if self.hole is not None and self.hole >= min(self.inner_radius, self.radius):
-            raise ValueError(f"hole: {self.hole:g} is not less than the radius, {self.radius:g}")
-        if self.fine > self.h:
-            raise ValueError(f"h_ring: {self.fine:g} is more than h, {self.h:g}")
+        for name in ("inner_radius", "radius"):
+            below(name, getattr(self, name), self.outer_radius, "the outer radius")
+            below("hole", self.hole or 0.0, getattr(self, name), name)
+        at_most("h_ring", self.fine, self.h, "h")
 
     @property
     def fine(self) -> float:

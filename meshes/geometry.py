@@ -77,12 +77,8 @@ class Geometry(ABC):
                 "cells: box in 3D is for a block or a stack with structured: true; give another "
                 "body of hexahedra as a mesh file"
             )
-        if self.h > self.thickness * (1 + 1e-9):
-            raise ValueError(
-                f"h: {self.h:g} is more than the thickness of the body, {self.thickness:g}"
-            )
-        if self.finest > self.h:
-            raise ValueError(f"h_contact: {self.finest:g} is more than h, {self.h:g}")
+        at_most("h", self.h, self.thickness, "the thickness of the body")
+        at_most("h_contact", self.finest, self.h, "h")
         for name, value in self.lengths():
             if value < SMALLEST_SHARE * self.extent:
                 raise ValueError(
@@ -290,6 +286,18 @@ def length(name: str, value: Any) -> float:
             "choose another unit of length"
         )
     return number
+
+
+def at_most(name: str, value: float, most: float, what: str) -> None:
+    """Raise ValueError for a parameter above ``most``, which ``what`` names, but for rounding."""
+    if value > most * (1 + 1e-9):
+        raise ValueError(f"{name}: {value:g} is more than {what}, {most:g}")
+
+
+def below(name: str, value: float, end: float, what: str) -> None:
+    """Raise ValueError for a parameter that is not below ``end``, which ``what`` names."""
+    if value >= end:
+        raise ValueError(f"{name}: {value:g} is not less than {what}, {end:g}")
 
 
 def real(name: str, value: Any) -> float:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .curved import Curved
-from .geometry import Geometry, Point, Zone, parameter
+from .geometry import Geometry, Point, Zone, below, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,10 +27,7 @@ class Grip(Geometry):
     contact_names = ("rim", "left_pad", "right_pad")
 
     def validate(self) -> None:
-        if self.length <= self.radius:
-            raise ValueError(
-                f"length: {self.length:g} is not more than the radius, {self.radius:g}"
-            )
+        below("radius", self.radius, self.length, "the length of the fingers")
 
     @property
     def thickness(self) -> float:

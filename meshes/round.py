@@ -6,7 +6,7 @@ from itertools import pairwise
 from typing import Any
 
 from .curved import Curved
-from .geometry import Geometry, Point, Zone, parameter
+from .geometry import Geometry, Point, Zone, at_most, below, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,21 +26,14 @@ class Round(Geometry):
     contact_names = ("contact",)
 
     def validate(self) -> None:
-        if self.reach >= self.radius:
-            raise ValueError(
-                f"contact_width: {self.reach:g} is not less than the radius, {self.radius:g}"
-            )
+        below("contact_width", self.reach, self.radius, "the radius")
         if self.reach < 1e-3 * self.radius:
             # The height of the contact part would be below the tolerances of the geometry kernel.
             raise ValueError(
                 f"contact_width: {self.reach:g} is less than a thousandth of the radius, "
                 f"{self.radius:g}"
             )
-        if self.finest > self.reach:
-            raise ValueError(
-                f"contact_width: {self.reach:g} is less than one element of size "
-                f"{self.finest:g}; make h_contact smaller"
-            )
+        at_most("h_contact", self.finest, self.reach, "contact_width")
 
     @property
     def thickness(self) -> float:

@@ -104,11 +104,11 @@ def write(geometry: Geometry, path: str | os.PathLike[str], contact: Collection[
         unfinished.touch()
         with build(geometry, target.stem, contact):
             gmsh.write(str(unfinished))
-        _check_complete(unfinished)
+        check_complete(unfinished)
         os.replace(unfinished, target)
 
 
-def _check_complete(path: Path) -> None:
+def check_complete(path: Path) -> None:
     """Raise OSError for a file without its last line, because Gmsh does not report a full disk."""
     with path.open("rb") as stream:
         stream.seek(max(0, path.stat().st_size - len(_END)))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .block import Block
-from .geometry import Point, Zone, length, parameter, real
+from .geometry import Point, Zone, at_most, length, parameter, real
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,11 +41,8 @@ class Stack(Block):
         if self.structured and self.dim == 3 and self.cells == "simplex":
             # Gmsh splits the sides of these prisms in another way than their boxes.
             raise ValueError("structured: a stack in 3D is a grid of boxes alone; add cells: box")
-        if self.fine > self.h:
-            raise ValueError(f"h_upper: {self.fine:g} is more than h, {self.h:g}")
-        if 0.5 * abs(self.slope) * max(self.size[0], self.upper[0]) > 0.5 * min(
-            self.size[-1], self.upper[-1]
-        ):
+        at_most("h_upper", self.fine, self.h, "h")
+        if abs(self.slope) * max(self.size[0], self.upper[0]) > min(self.size[-1], self.upper[-1]):
             raise ValueError(f"slope: {self.slope:g} takes more than half of the height of a block")
 
     @property

@@ -313,7 +313,8 @@ class ContactSurface:
         piece.
         """
         places = self.scalar_space.tabulate_dof_coordinates()[:, : self.domain.dim]
-        gathered = self.domain.comm.gather(places[self._piece_nodes()])
+        pieces = self.facet_nodes[:, self._pieces].reshape(-1, self.domain.dim)
+        gathered = self.domain.comm.gather(places[pieces])
         return None if gathered is None else np.concatenate(gathered)
 
     def integral(self, values: FloatArray) -> FloatArray:
@@ -384,10 +385,6 @@ class ContactSurface:
         density = self.scalar_function(weights / self.weights)
         self.weights = weights
         return WeightedMeasure(lengths, density)
-
-    def _piece_nodes(self) -> IndexArray:
-        """The pieces (m, d) of the facets of Gamma_C, as local nodes of the scalar space."""
-        return np.asarray(self.facet_nodes[:, self._pieces].reshape(-1, self.domain.dim))
 
     def _numbered(self, nodes: IndexArray) -> IntArray:
         """Of all ranks the local nodes of the scalar space (m, n), as numbers of all nodes.

@@ -8,7 +8,7 @@ from contact_locking import wings
 
 if TYPE_CHECKING:
     from contact_locking.monitor import Monitor
-    from contact_locking.process.followers import Follower
+    from contact_locking.process.of_study import Follower
     from contact_locking.process.problem_solver import ProblemSolver
     from contact_locking.results.solution import Differentiable
     from contact_locking.solver.task import SolverReport

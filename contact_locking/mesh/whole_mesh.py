@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,45 +20,35 @@ from contact_locking.mesh.distribution import of_cells, on_first_rank
 from contact_locking.mesh.domain import Domain, sound
 from contact_locking.mesh.file.data import MeshData, MeshElements
 
+# What the mesh of a body knows beside its cells, as fields of `Domain`.
+_FACTS = ("part_names", "unusable", "warnings", "origin", "smoothing_radii")
+
 
 @dataclass(frozen=True)
 class WholeMesh:
     """Points, cells and named facets, with what the mesh of a body knows beside them.
 
-    ``parts`` (k,) gives for each cell the index of its connected part in ``part_names``.  For the
-    others see `Domain`.
+    ``parts`` (k,) gives for each cell the index of its connected part, and ``facts`` are other
+    fields of `Domain`.
     """
 
     data: MeshData
     parts: IntArray
-    part_names: tuple[str, ...]
-    unusable: dict[str, str]
-    warnings: tuple[str, ...]
-    origin: str
-    smoothing_radii: dict[str, float]
+    facts: Mapping[str, Any]
 
-    def save(self, folder: Path, stem: str) -> list[Path]:
-        """Write ``STEM.npz`` and ``STEM.json``; returns the two paths."""
-        arrays, facts = folder / f"{stem}.npz", folder / f"{stem}.json"
-        self.data.save(arrays)
-        words = {field.name: getattr(self, field.name) for field in fields(self)[1:]}
-        words["parts"] = self.parts.tolist()
-        facts.write_text(json.dumps(words) + "\n", encoding="utf-8")
-        return [arrays, facts]
+    def save(self, folder: Path, stem: str) -> None:
+        """Write ``STEM.npz`` and ``STEM.json``."""
+        self.data.save(folder / f"{stem}.npz")
+        text = json.dumps({"parts": self.parts.tolist(), "facts": self.facts})
+        (folder / f"{stem}.json").write_text(f"{text}\n", encoding="utf-8")
 
     @classmethod
     def load(cls, folder: Path, stem: str) -> WholeMesh:
-        """The mesh in the files of `save`.  Raises OSError, ValueError and KeyError."""
-        words: Mapping[str, Any] = json.loads((folder / f"{stem}.json").read_text(encoding="utf-8"))
-        return cls(
-            MeshData.load(folder / f"{stem}.npz"),
-            np.array(words["parts"], dtype=np.int64),
-            tuple(map(str, words["part_names"])),
-            dict(words["unusable"]),
-            tuple(words["warnings"]),
-            str(words["origin"]),
-            {str(key): float(value) for key, value in words["smoothing_radii"].items()},
-        )
+        """The mesh in the files of `save`."""
+        words = json.loads((folder / f"{stem}.json").read_text(encoding="utf-8"))
+        lists = {name: tuple(words["facts"][name]) for name in ("part_names", "warnings")}
+        parts = np.array(words["parts"], dtype=np.int64)
+        return cls(MeshData.load(folder / f"{stem}.npz"), parts, words["facts"] | lists)
 
 
 def gather_mesh(domain: Domain) -> WholeMesh | None:
@@ -91,15 +81,8 @@ def gather_mesh(domain: Domain) -> WholeMesh | None:
     data = MeshData(
         dim, points, np.arange(len(points)), elements(all_cells, groups, regions), named
     )
-    return WholeMesh(
-        data,
-        parts.astype(np.int64),
-        domain.part_names,
-        domain.unusable,
-        domain.warnings,
-        domain.origin,
-        domain.smoothing_radii,
-    )
+    facts = {name: getattr(domain, name) for name in _FACTS}
+    return WholeMesh(data, parts.astype(np.int64), facts)
 
 
 def gather_cells(domain: Domain, values: Any) -> FloatArray | None:
@@ -132,7 +115,6 @@ def spread(mesh: WholeMesh | None, comm: MPI.Intracomm) -> Domain:
     first = on_first_rank(comm, data)
     domain = sound(first, comm, "")
     parts: IntArray = np.empty(0, dtype=np.int64) if mesh is None else mesh.parts
-    names = ("part_names", "unusable", "warnings", "origin", "smoothing_radii")
-    facts = comm.bcast({name: getattr(mesh, name) for name in names} if mesh else {})
+    facts = comm.bcast(mesh.facts if mesh else {})
     local = of_cells(domain.mesh, first.cells.nodes, parts).astype(np.int32)
     return replace(domain, parts=local, is_refined=True, **facts)

@@ -1,4 +1,4 @@
-"""The distance of two displacements of one problem, also from mesh to mesh."""
+"""The distance of two displacements of one problem."""
 
 from __future__ import annotations
 
@@ -7,16 +7,12 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 
-from contact_locking import _compat
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
 from contact_locking.laws.convex import squared_norm
-from contact_locking.parallel import maximum, on_any_rank, on_every_rank
+from contact_locking.parallel import on_every_rank
 from contact_locking.problem import forms
 from contact_locking.problem.forms import ProblemData
-
-# A node may lie outside the other mesh by this share of the body because of rounding.
-_PADDING = 1e-8
 
 
 def distance(u: fem.Function, other: fem.Function, data: ProblemData) -> dict[str, float]:
@@ -47,26 +43,3 @@ def distance(u: fem.Function, other: fem.Function, data: ProblemData) -> dict[st
             squared_norm(data.strain(difference)) * data.element.elastic_dx(data.dx)
         ),
     }
-
-
-def on_mesh_of(u: fem.Function, other: fem.Function) -> fem.Function:
-    """``u`` interpolated into the space of ``other``, on the same or another mesh; collective.
-
-    Raises ValueError if a node of ``other`` lies in no cell of the mesh of u.
-    """
-    space, source = other.function_space, u.function_space
-    found = fem.Function(space)
-    if source.mesh is space.mesh:
-        found.interpolate(u)
-        return found
-    mesh = space.mesh
-    cells = mesh.topology.index_map(mesh.topology.dim)
-    everywhere = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
-    x = source.mesh.geometry.x
-    padding = _PADDING * maximum(source.mesh.comm, np.abs(x))
-    owners = fem.create_interpolation_data(space, source, everywhere, padding=padding)
-    if on_any_rank(mesh.comm, _compat.point_owners(owners) < 0):
-        raise ValueError("the mesh of the reference reaches beyond the mesh of the solution")
-    found.interpolate_nonmatching(u, everywhere, owners)
-    found.x.scatter_forward()
-    return found

@@ -16,6 +16,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.contact.nodal_contact import BoundsInForce, NodalContact
 from contact_locking.contact.travel import Travel
+from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
 from contact_locking.laws.friction import (
     contact_energy,
@@ -157,6 +158,20 @@ def friction(u: Expr, contact: NodalContact, data: ProblemData) -> Expr:
     """The negative friction traction ``-sigma_tau`` of (22), for limited values u."""
     bound = data.bounds.function(contact)
     return friction_traction(slip(u, contact), bound, data.bounds.lengths[contact])
+
+
+def require_energy(energy: Callable[[fem.Function], Expr], space: fem.FunctionSpace) -> None:
+    """Raise InputError for what is no energy of displacements in a space."""
+    if not callable(energy) or isinstance(energy, Expr | ufl.Form):
+        raise InputError(
+            "must be a function of u that returns J(u), such as a form * ufl.dx", "energy"
+        )
+    form = energy(fem.Function(space))
+    if not isinstance(form, ufl.Form) or form.arguments():
+        raise InputError(
+            "must return a form without arguments, the integral of a density: density * ufl.dx",
+            "energy",
+        )
 
 
 def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:

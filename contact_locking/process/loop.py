@@ -26,9 +26,8 @@ from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError, Misplaced, ProcessEnded, with_key
 from contact_locking.monitor import Monitor
-from contact_locking.process.checkpoint.restart import restored_step
-from contact_locking.process.followers import followers_of
-from contact_locking.process.of_study import certified, of_study, solver_of
+from contact_locking.process.checkpoint.stored import restored_step
+from contact_locking.process.of_study import certified, followers_of, of_study, solver_of
 from contact_locking.process.timeline import Timeline
 from contact_locking.results.history import History, Row
 from contact_locking.results.history_values import values_of

@@ -1,11 +1,12 @@
-"""The solver and the judgement that a study file asks for."""
+"""What a study file asks for: the solver, the judgement, and what wings make beside solutions."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Protocol
 
+from contact_locking import wings
 from contact_locking.certificate import Certificate, Extras, certify
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.monitor import Monitor
@@ -14,9 +15,13 @@ from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.probe_table import sample
 from contact_locking.results.solution import Differentiable, StudySolution
 from contact_locking.solver.linear.options import UserOptions
-from contact_locking.solver.task import Settings
+from contact_locking.solver.task import Settings, SolverReport
 from contact_locking.study.assembly import StudyProblem
 from contact_locking.study_file.parameters import Parameters
+
+# The wings of sections of the study file, and of parts of its certificate.
+_SECTIONS = {"sensitivities": "inverse", "branches": "theory", "equilibria": "theory"}
+_PARTS = ("constants", "error_bound", "critical_friction")
 
 
 def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None = None) -> Settings:
@@ -64,3 +69,31 @@ def of_study(
     labels = units and units.labels(is_plane and not found.domain.axisymmetric)
     given["summary"] = {"title": parameters.title, "units": labels or {}, **found.summary}
     return StudySolution(**given, parameters=parameters, probes=probes)
+
+
+class Follower(Protocol):
+    """What a study asks for beside each of its solutions; collective."""
+
+    def after(
+        self, solution: StudySolution, report: SolverReport, time: float | None
+    ) -> StudySolution:
+        """The solution with what is added to it; ``time`` is the end of a step."""
+
+    def close(self) -> None:
+        """Destroy the PETSc objects."""
+
+
+def followers_of(problem: StudyProblem, solver: ProblemSolver, monitor: Monitor) -> list[Follower]:
+    """Made before the first solve; collective.
+
+    Raises InputError for what cannot be followed, or takes a wing that is not installed.
+    """
+    parameters = problem.parameters
+    for name, wing in _SECTIONS.items():
+        if getattr(parameters, name) is not None:
+            wings.require(wing, name)
+    for name in _PARTS:
+        if getattr(parameters.certificate, name):
+            wings.require("theory", f"certificate.{name}")
+    made = (follow(problem, solver, monitor) for follow in wings.FOLLOWERS)
+    return [follower for follower in made if follower is not None]

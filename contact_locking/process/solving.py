@@ -20,11 +20,9 @@ from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.problem.distance import distance
 from contact_locking.process.checkpoint import stored as checkpoint
-from contact_locking.process.checkpoint.restart import solved_already, start_in_words
 from contact_locking.process.checkpoint.saved_steps import saved_steps
-from contact_locking.process.followers import followers_of
 from contact_locking.process.loop import Steps
-from contact_locking.process.of_study import certified, of_study, solver_of
+from contact_locking.process.of_study import certified, followers_of, of_study, solver_of
 from contact_locking.results.solution import StudySolution
 from contact_locking.study import assembly
 from contact_locking.study.assembly import StudyProblem, assemble
@@ -141,14 +139,14 @@ def _static(
     saved = None if restart is None else checkpoint.read(restart, problem)
     solver = solver_of(problem, monitor, petsc_options)
     followers = followers_of(problem, solver, monitor)
-    report = saved and solved_already(saved, problem, solver)
+    report = saved and checkpoint.solved_already(saved, problem, solver)
     report = report or solver.solve(None if saved is None else saved.state)
     monitor.message("computing fields and the certificate")
     state = solver.state(report)
     certificate = certified(problem.parameters, state)
     solution = of_study(problem, state, certificate, solver.derivatives(report))
     told = [*solution.summary["warnings"], *solver.unused_options()]
-    start = None if restart is None else start_in_words(restart, report)
+    start = None if restart is None else checkpoint.start_in_words(restart, report)
     solution = solution.telling(warnings=told, restart=start)
     for follower in followers:
         solution = follower.after(solution, report, None)

@@ -62,23 +62,18 @@ def fixed_point(
         if relative <= settings.friction_tolerance:
             return relative, contraction
         bounds.enter(rubbing, new)
-        left = settings.max_friction_updates - len(changes)
-        if _is_too_slow(changes, settings.friction_tolerance, left):
-            break
+        if len(changes) > _JUDGED:
+            # Changes that go on to shrink as the last ones do should arrive.
+            shrunk = (changes[-1] / changes[-1 - _JUDGED]) ** (1.0 / _JUDGED)
+            left = settings.max_friction_updates - len(changes)
+            if changes[-1] * shrunk**left > settings.friction_tolerance:
+                break
     factor = "" if contraction is None else f", contraction factor {contraction:.2f}"
     raise Unsettled(
         f"the friction bound still changes by {changes[-1]:.1e} of itself after "
         f"{len(changes)} updates{factor}",
         (changes[-1], contraction),
     )
-
-
-def _is_too_slow(changes: list[float], tolerance: float, left: int) -> bool:
-    """Whether changes that go on to shrink as the last ones do arrive after ``left`` more."""
-    if len(changes) <= _JUDGED:
-        return False
-    shrunk = (changes[-1] / changes[-1 - _JUDGED]) ** (1.0 / _JUDGED)
-    return changes[-1] * shrunk**left > tolerance
 
 
 def contraction_factor(changes: list[float], floor: float) -> float | None:

@@ -213,7 +213,8 @@ class NewtonSolver:
         except PETSc.Error as error:
             failure = self._failure(error)
         else:
-            failure = _describe(reason)
+            is_long = reason == ConvergedReason.DIVERGED_MAX_IT
+            failure = "too many Newton steps" if is_long else f"SNES stopped with reason {reason}"
         if reason is None or reason < 0:
             self._system.set_displacement(start)
             start.destroy()
@@ -320,12 +321,3 @@ class NewtonSolver:
         x.destroy()
         f.destroy()
         return 5.0 * noise
-
-
-def _describe(reason: int) -> str:
-    names = {
-        ConvergedReason.DIVERGED_MAX_IT: "too many Newton steps",
-        ConvergedReason.DIVERGED_LINEAR_SOLVE: LINEAR_FAILURE,
-        ConvergedReason.DIVERGED_LINE_SEARCH: "the line search failed",
-    }
-    return names.get(reason, f"SNES stopped with reason {reason}")

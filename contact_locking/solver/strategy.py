@@ -13,12 +13,7 @@ from contact_locking.errors import Infeasible, InputError, NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
 from contact_locking.solver.fixed_point import Unsettled
-from contact_locking.solver.interior_point.feasibility import (
-    FRICTION_WAY_OUT,
-    Verdict,
-    judge,
-    share_of_friction,
-)
+from contact_locking.solver.interior_point.feasibility import Verdict, judge
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE, is_direct
 from contact_locking.solver.newton import NewtonSolver
@@ -217,29 +212,21 @@ def _by_other_ways(
             report = other.report
             if other.is_explained:
                 return _ended(report, task)
-    return _ended(_explained(report, proofs.verdict, task), task)
-
-
-def _ended(report: SolverReport, task: Task) -> SolverReport:
-    """The report of a failure with what all ways together took."""
-    stages = [stage_of(task.target.penalty, task.counts.tangents)]
-    return replace(report, **vars(task.counts), stages=stages)
-
-
-def _explained(report: SolverReport, verdict: Verdict | None, task: Task) -> SolverReport:
-    """The report of a failure with its cause: the verdict, or too much friction; collective."""
-    if verdict is not None:
-        return replace(
+    if (verdict := proofs.verdict) is not None:
+        report = replace(
             report,
             is_infeasible=task.target.penalty.is_strict,
             reason=verdict.reason,
             suggestion=verdict.way_out,
             admissible_factor=verdict.factor,
         )
-    share = share_of_friction(task) if task.searches else None
-    if share is None:
-        return report
-    return replace(report, reason=f"{report.reason}; {share}", suggestion=FRICTION_WAY_OUT)
+    return _ended(report, task)
+
+
+def _ended(report: SolverReport, task: Task) -> SolverReport:
+    """The report of a failure with what all ways together took."""
+    stages = [stage_of(task.target.penalty, task.counts.tangents)]
+    return replace(report, **vars(task.counts), stages=stages)
 
 
 @dataclass(frozen=True)
@@ -285,19 +272,16 @@ def _attempt(solver: InteriorPoint, task: Task, last: LastIterate | None) -> Att
     system.u.x.array[:] = system.constraints.held_part(system.u.x.array)
     try:
         found = solver.solve(last)
-        return Attempt(_finished(task, solver, found), from_last=solver.from_last)
+        # Newton's last steps want a linear solver as sharp as they are.
+        direct = None if solver.is_elastic else solver.direct
+        polishes = direct is not None and is_in_reach(task)
+        polished = polish(task, _POLISH, found, direct) if polishes else None
+        return Attempt(polished or solver.finish(found), from_last=solver.from_last)
     except NotConverged as failure:
         reached = Outcome(solver.multipliers(), friction_change=solver.friction_change)
         return Attempt(reached, failure)
     finally:
         solver.destroy()
-
-
-def _finished(task: Task, solver: InteriorPoint, found: Outcome) -> Outcome:
-    # Newton's last steps want a linear solver as sharp as they are.
-    direct = None if solver.is_elastic else solver.direct
-    polishes = direct is not None and is_in_reach(task)
-    return (polish(task, _POLISH, found, direct) if polishes else None) or solver.finish(found)
 
 
 def _may_factorise(task: Task) -> bool:

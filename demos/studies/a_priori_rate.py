@@ -19,13 +19,13 @@ from typing import Any
 import ufl
 from convergence import fitted_rate, write_table
 from mpi4py import MPI
+from transfer import on_mesh_of
 
 from contact_locking import StudySolution, assemble, solve_assembled
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.fem.compiled import integral
 from contact_locking.laws.elasticity import isotropic_stress, lame_from_young, strain
-from contact_locking.problem.distance import on_mesh_of
 from contact_locking.study_file.parameters import Parameters
 
 RESULTS = Path("results/a_priori_rate")

@@ -67,13 +67,6 @@ def x(space: fem.FunctionSpace) -> Any:
     return ufl.SpatialCoordinate(space.mesh)
 
 
-def steep(u: Any) -> Any:
-    """A density whose degree UFL adds up from a fibre that turns, squares and an exponential."""
-    angle = ufl.SpatialCoordinate(u.ufl_function_space().mesh)[0]
-    fibre = ufl.as_vector([ufl.cos(angle), ufl.sin(angle)])
-    return ufl.exp(ufl.inner(fibre, ufl.sym(ufl.grad(u)) * fibre) ** 2)
-
-
 class Own:
     """The floor ``x[1] <= -0.002`` and faults of it."""
 
@@ -181,10 +174,6 @@ WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str]] = {
         lambda space: {"energy": lambda u: ufl.inner(u, u), "n": 1e4},
         "energy",
     ),
-    "energy of a degree that takes endless time": (
-        lambda space: {"energy": lambda u: steep(u) ** 3 * ufl.dx, "n": 1e4},
-        "energy",
-    ),
 }
 
 
@@ -262,11 +251,6 @@ def test_values_of_mu_for_other_points_are_refused(space: fem.FunctionSpace) -> 
     with pytest.raises(cl.InputError, match="maps points") as caught:
         pressed(space, friction=cl.Coulomb(lambda x, s: 0.1 + 0.2 * x[0]))
     assert caught.value.key == "contacts.0.friction"
-
-
-def test_an_energy_may_have_a_degree_of_its_own(space: fem.FunctionSpace) -> None:
-    problem = pressed(space, energy=lambda u: steep(u) ** 3 * ufl.dx(degree=2), n=1e4)
-    problem.close()
 
 
 def test_constants_of_dolfinx_move_foundations_and_change_gap_and_friction(

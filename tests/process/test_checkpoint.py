@@ -155,19 +155,19 @@ def refusal(directory: Path, given: Parameters | None = None) -> str:
 
 @pytest.mark.serial
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    "changes",
     [
-        ({"h": 0.1}, "mesh.h was 0.2, is 0.1"),
-        ({"mesh__structured": True}, "mesh.structured was False, is True"),
-        ({"mesh__size": [1.0, 1.001]}, "mesh.size was [1.0, 1.0], is [1.0, 1.001]"),
-        ({"dim": 3}, "it is 2D with"),
+        {"h": 0.1},
+        {"mesh__structured": True},
+        {"mesh__size": [1.0, 1.001]},
+        {"dim": 3},
+        {"discretisation": {"degree": 2}},
     ],
 )
-def test_a_state_of_another_mesh_is_refused_with_what_differs(
-    changes: dict[str, Any], message: str, saved: Path
+def test_a_state_of_another_mesh_or_element_is_refused(
+    changes: dict[str, Any], saved: Path
 ) -> None:
-    text = refusal(saved, parameters(**changes))
-    assert "is of another mesh" in text and message in text
+    assert "is of another mesh or element" in refusal(saved, parameters(**changes))
 
 
 def test_a_mesh_file_that_has_changed_is_refused(comm: MPI.Intracomm, folder: Path) -> None:
@@ -183,22 +183,13 @@ def test_a_mesh_file_that_has_changed_is_refused(comm: MPI.Intracomm, folder: Pa
     solution = solving.solve(given(0.3))
     save(solution, folder)
     assert solving.solve(given(0.3), restart=folder).summary["iterations"]["tangents"] == 0
-    assert "the mesh file is another one or has changed" in refusal(folder, given(0.2))
+    assert "is of another mesh" in refusal(folder, given(0.2))
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(
-    ("key", "value", "message"),
-    [
-        ("format", 99, "format 99, and contact_locking"),
-        ("degree", 2, "2, and the study has 1; restart with discretisation.degree: 2"),
-        ("cells", "many", "is damaged"),
-        ("files", 7, "is damaged"),
-        ("mesh", None, "is damaged"),
-    ],
-)
+@pytest.mark.parametrize(("key", "value"), [("format", 99), ("size", "many"), ("files", 7)])
 def test_a_record_that_does_not_fit_is_refused(
-    key: str, value: Any, message: str, saved: Path, comm: MPI.Intracomm
+    key: str, value: Any, saved: Path, comm: MPI.Intracomm
 ) -> None:
     path = locate(saved) / "record.json"
 
@@ -206,7 +197,7 @@ def test_a_record_that_does_not_fit_is_refused(
         path.write_text(json.dumps(json.loads(path.read_text()) | {key: value}))
 
     on_rank_0(comm, change)
-    assert message in refusal(saved)
+    assert "is damaged" in refusal(saved)
 
 
 def test_a_record_that_is_no_json_is_refused(saved: Path, comm: MPI.Intracomm) -> None:
@@ -221,11 +212,11 @@ def test_fields_that_are_not_complete_are_refused(saved: Path, comm: MPI.Intraco
     content = path.read_bytes()
     comm.Barrier()
     changed = bytes([content[0] ^ 1]) + content[1:]
-    for text, message in ((content[:-7], "bytes, not"), (changed, "its content has changed")):
+    for text in (content[:-7], changed):
         on_rank_0(comm, partial(path.write_bytes, text))
-        assert message in refusal(saved)
+        assert "damaged" in refusal(saved)
     on_rank_0(comm, path.unlink)
-    assert "there is no" in refusal(saved)
+    assert "is missing" in refusal(saved)
 
 
 def full(folder: Path, _: int) -> None:

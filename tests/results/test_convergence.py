@@ -16,12 +16,12 @@ from dolfinx import fem
 from mpi4py import MPI
 from problems import block
 from rates import rate_plot
+from transfer import on_mesh_of
 
 from contact_locking import load, study_file
 from contact_locking.mesh import domain as domains
 from contact_locking.mesh.domain import Domain
 from contact_locking.meshes.block import Block
-from contact_locking.problem.distance import on_mesh_of
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 from problems import with_changes
+from transfer import on_mesh_of
 
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.fem.compiled import integral
 from contact_locking.fem.spaces import P1, Element
 from contact_locking.problem import forms
-from contact_locking.problem.distance import on_mesh_of
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble

@@ -267,7 +267,8 @@ class _Deck:
                 members += self._members(kind, instance, entry)
         if kind == "NSET" and "ELSET" in card.options:
             cells = np.array(self._members("ELSET", instance, card.options["ELSET"]), dtype=int)
-            members += [int(node) for node in np.unique(self._corners_of(cells))]
+            for block, inside in self._by_block(cells):
+                members += np.unique(block.corners[inside]).tolist()
         self._extend(kind, name, members)
 
     def _numbers(self, kind: str, instance: _Instance) -> dict[int, int]:
@@ -292,10 +293,6 @@ class _Deck:
             if len(inside):
                 yield block, inside
             start += len(block.nodes)
-
-    def _corners_of(self, cells: IntArray) -> IntArray:
-        found = [block.corners[inside].ravel() for block, inside in self._by_block(cells)]
-        return np.concatenate([np.zeros(0, dtype=np.int64), *found])
 
     def _add_surface(self, instance: _Instance, card: Card) -> None:
         name = self._name(instance, card.options["NAME"])

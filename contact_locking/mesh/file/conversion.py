@@ -6,7 +6,7 @@ Sets of cells become regions; sets of nodes, surfaces and sets of facets parts o
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from contact_locking.files.atomic import staging
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.file import abaqus, foreign
 from contact_locking.mesh.file.foreign import ForeignMesh
+from contact_locking.meshes.session import check_complete, empty_model
 
 _DECK = ".inp"
 #: Of the files of other programs that can be read; meshio reads all but decks.
@@ -164,39 +165,29 @@ def _write(
     body: tuple[CellKind, IntArray, IntArray, list[str]],
     parts: Mapping[str, IntArray],
 ) -> None:
+    import gmsh
+
     kind, cells, regions, names = body
     used = np.unique(cells)
     place = np.zeros(len(mesh.points), dtype=np.int64)
     place[used] = np.arange(1, len(used) + 1)
     space = np.zeros((len(used), 3))
     space[:, : mesh.points.shape[1]] = mesh.points[used]
-    groups = [(kind.dim, number, name) for number, name in enumerate(names, start=1)]
-    rows = [(kind.gmsh, regions, cells)]
-    for number, (name, facets) in enumerate(parts.items(), start=len(names) + 1):
-        groups.append((kind.dim - 1, number, f"{name} (nodes)" if name in names else name))
-        rows.append((kind.facet.gmsh, np.full(len(facets), number), facets))
-    count = 0
+    groups = [(kind, name, cells[regions == number]) for number, name in enumerate(names, start=1)]
+    for name, facets in parts.items():
+        groups.append((kind.facet, f"{name} (nodes)" if name in names else name, facets))
     with explained(f"cannot write {target}", target), staging(target.parent) as folder:
-        with (folder / "mesh.msh").open("wb") as file:
-            file.write(_head(groups, len(space)))
-            numbered = np.column_stack([np.arange(1, len(space) + 1), space])
-            np.savetxt(file, numbered, fmt=["%d", *["%.17g"] * 3])
-            total = sum(len(found) for *_, found in rows)
-            file.write(f"$EndNodes\n$Elements\n{total}\n".encode())
-            for number, tags, found in rows:
-                ids = np.arange(count + 1, count + len(found) + 1)
-                kinds, two = np.full(len(found), number), np.full(len(found), 2)
-                np.savetxt(file, np.column_stack([ids, kinds, two, tags, tags, place[found]]), "%d")
-                count += len(found)
-            file.write(b"$EndElements\n")
-        (folder / "mesh.msh").replace(target)
-
-
-def _head(groups: Sequence[tuple[int, int, str]], nodes: int) -> bytes:
-    """A file of Gmsh's format 2.2 up to its nodes."""
-    names = [f'{dim} {number} "{name.replace(chr(34), chr(39))}"' for dim, number, name in groups]
-    lines = [
-        *("$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", str(len(groups)), *names),
-        *("$EndPhysicalNames", "$Nodes", str(nodes), ""),
-    ]
-    return "\n".join(lines).encode()
+        path = folder / "mesh.msh"
+        path.touch()
+        with empty_model() as model:
+            # Numbers in text form would lose a digit.
+            gmsh.option.setNumber("Mesh.Binary", 1)
+            for number, (of, name, rows) in enumerate(groups, start=1):
+                model.addDiscreteEntity(of.dim, number)
+                if number == 1:
+                    model.mesh.addNodes(of.dim, 1, place[used], space.reshape(-1))
+                model.mesh.addElementsByType(number, of.gmsh, [], place[rows].reshape(-1))
+                model.addPhysicalGroup(of.dim, [number], number, name.replace('"', "'"))
+            gmsh.write(str(path))
+        check_complete(path)
+        path.replace(target)

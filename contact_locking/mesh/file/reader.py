@@ -65,16 +65,6 @@ def _check_begin(stream: BinaryIO, path: Path) -> None:
     begin = stream.read(_BEGIN_LENGTH)
     stream.seek(0)
     found = _BEGIN.match(begin)
-    if found is None and path.suffix == ".geo":
-        script = (
-            "import gmsh; gmsh.initialize(); gmsh.open({source!r}); {mesh}; gmsh.write({made!r})"
-        )
-        mesh = "gmsh.model.mesh.generate(gmsh.model.getDimension())"
-        words = script.format(source=str(path), mesh=mesh, made=str(path.with_suffix(".msh")))
-        raise InputError(
-            f"{path} is a script of Gmsh, which can start programs and is not run here; if you "
-            f'trust it, this makes the mesh: python3 -c "{words}"'
-        )
     if found is None and path.suffix.lower() in ENDINGS:
         made = path.with_suffix(".msh")
         raise InputError(
@@ -84,7 +74,8 @@ def _check_begin(stream: BinaryIO, path: Path) -> None:
     if found is None:
         raise InputError(
             f"{path} is not a mesh in Gmsh's format, which begins with the line $MeshFormat; "
-            "in Gmsh, save the mesh as .msh (File > Export, or gmsh.write)"
+            "in Gmsh, save the mesh as .msh (File > Export, or gmsh.write); a .geo script is not "
+            "run here, as it can start programs"
         )
     version = found[1].decode()
     if version not in _VERSIONS:

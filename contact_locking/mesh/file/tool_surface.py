@@ -39,7 +39,11 @@ def read_heights(path: Path, spacing: Sequence[float] | None) -> tuple[FloatArra
         row = int(np.argmax(~np.isfinite(numbers).all(axis=1))) + 1
         count = np.count_nonzero(~np.isfinite(numbers))
         raise InputError(f"{path}: {count} of its numbers are not finite, the first in row {row}")
-    x, y, heights = _at_spacing(numbers, spacing) if spacing else _of_rows(numbers, path)
+    if spacing:
+        heights = numbers
+        x, y = (step * np.arange(n) for step, n in zip(spacing, numbers.T.shape, strict=True))
+    else:
+        x, y, heights = _of_rows(numbers, path)
     if min(heights.shape) < 2:
         shape = " by ".join(map(str, heights.shape))
         raise InputError(f"{path} is no surface: its grid has {shape} heights")
@@ -75,16 +79,6 @@ def _heading(path: Path) -> int:
     except ValueError:
         return 0 if first.startswith("#") else 1
     return 0
-
-
-def _at_spacing(
-    heights: FloatArray, spacing: Sequence[float]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    x, y = (
-        np.asarray(step * np.arange(count), dtype=float)
-        for step, count in zip(spacing, heights.T.shape, strict=True)
-    )
-    return x, y, heights
 
 
 def _of_rows(rows: FloatArray, path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:

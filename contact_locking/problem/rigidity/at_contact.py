@@ -21,7 +21,8 @@ _CLOSED = 0.5
 class MotionsAtContact:
     """Rigid motions at the owned nodes of one contact on some parts of the body.
 
-    They are relative to the contact's tool, or to the body that it touches.
+    They are relative to the contact's tool, or to the body that it touches.  ``own`` marks the
+    nodes among those of the contact.
     """
 
     def __init__(
@@ -31,31 +32,21 @@ class MotionsAtContact:
         part: BoolArray,
         tools: Sequence[Travel],
     ) -> None:
-        self.contact, self._own = contact, contact.surface.is_of(part)
+        self.contact, self.own = contact, contact.surface.is_of(part)
         limited, dim = contact.surface.limited, contact.surface.domain.dim
         at_nodes = np.array([limited.at_nodes(motion) for motion in motions])
-        of_body = at_nodes.reshape(len(motions), len(self._own), dim)[:, self._own]
+        of_body = at_nodes.reshape(len(motions), len(self.own), dim)[:, self.own]
         of_tools = np.zeros((len(tools), *of_body.shape[1:]))
         for number, tool in enumerate(tools):
             if tool.contact is contact:
                 of_tools[number] = -tool.direction
         self._motions = np.concatenate([of_body, of_tools])
         #: The normal components (k, f).
-        self.normals = np.einsum("fkd,kd->kf", self._motions, contact.normals[self._own])
+        self.normals = np.einsum("fkd,kd->kf", self._motions, contact.normals[self.own])
 
     def gram(self) -> FloatArray:
         """The products (f, f) of the motions, summed over the nodes of this rank."""
         return np.asarray(np.einsum("fkd,gkd->fg", self._motions, self._motions))
-
-    @property
-    def points(self) -> FloatArray:
-        """The positions (k, d) of the nodes, as limited values."""
-        return np.asarray(self.contact.surface.points[self._own])
-
-    @property
-    def contact_normals(self) -> FloatArray:
-        """The contact normals (k, d) at the nodes."""
-        return self.contact.normals[self._own]
 
     def tangents(self) -> FloatArray:
         """The tangential components (k d, f) at the nodes with friction."""
@@ -76,29 +67,29 @@ class MotionsAtContact:
 
     def largest_coefficient(self) -> float:
         """The largest mu at the nodes of this rank, without slip; collective."""
-        mu = self.contact.friction.coefficient(np.zeros(len(self._own)))
-        return float(np.max(mu[self._own], initial=0.0))
+        mu = self.contact.friction.coefficient(np.zeros(len(self.own)))
+        return float(np.max(mu[self.own], initial=0.0))
 
     def resistance(self, motion: FloatArray) -> FloatArray:
         """The derivative (k, f) of ``c_nu + R* (mu |c_tau|)`` at a motion (f,); collective."""
         contact = self.contact
         if contact.friction.frictionless:
             return self.normals
-        mu = contact.friction.coefficient(np.zeros(len(self._own))) * contact.free
-        rubbed = np.zeros((len(motion), len(self._own)))
-        rubbed[:, self._own] = self._towards(motion)
+        mu = contact.friction.coefficient(np.zeros(len(self.own))) * contact.free
+        rubbed = np.zeros((len(motion), len(self.own)))
+        rubbed[:, self.own] = self._towards(motion)
         taken = np.array([contact.friction.smoothing.adjoint(mu * row) for row in rubbed])
-        return np.asarray(self.normals + taken[:, self._own].T)
+        return np.asarray(self.normals + taken[:, self.own].T)
 
     def rub(self, motion: FloatArray, bounds: BoundsInForce) -> FloatArray:
         """The derivative (f,) of ``int G |c_tau|`` at a motion c (f,), local."""
         work = self.contact.surface.weights * bounds[self.contact]
-        return self._towards(motion) @ work[self._own]
+        return self._towards(motion) @ work[self.own]
 
     @cached_property
     def _along(self) -> FloatArray:
         """The tangential parts (f, k, d)."""
-        normals = self.contact.normals[self._own]
+        normals = self.contact.normals[self.own]
         return self._motions - np.einsum("kf,kd->fkd", self.normals, normals)
 
     def _towards(self, motion: FloatArray) -> FloatArray:

@@ -16,20 +16,17 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, on_every_rank
 from contact_locking.problem import forms
 from contact_locking.problem.rigidity.at_contact import MotionsAtContact
-from contact_locking.problem.rigidity.motions import null_motions
+from contact_locking.problem.rigidity.motions import (
+    axes_of,
+    describe_motion,
+    null_motions,
+    spin,
+)
 from contact_locking.problem.rigidity.programmes import (
     driven_motion,
     loose_motion,
     sliding_motions,
     unheld_motion,
-)
-from contact_locking.problem.rigidity.words import (
-    Resultant,
-    axes_of,
-    describe_motion,
-    point,
-    resultant_on_plane,
-    spin,
 )
 
 # A push that is less than this share of all work and all motion is rounding.
@@ -131,10 +128,10 @@ class GroupMotions:
             why = "nothing holds the body"
         elif np.abs(self.normals @ motion).max() < 1e-6 * np.abs(self.normals).max():
             why = "it slides along the foundation"
-            if resultant is not None and np.any(resultant.along):
-                words = f"translation along {axes_of(resultant.along)}"
+            if resultant is not None and np.any(resultant[0]):
+                words = f"translation along {axes_of(resultant[0])}"
         elif resultant is not None:
-            why = f"the loads tip the body over, as their resultant {self._where(resultant)}"
+            why = "the loads tip the body over"
         else:
             why = "the loads do not press the body onto the foundation"
         raise InputError(
@@ -166,10 +163,7 @@ class GroupMotions:
         what = "friction" if self.rubs.any() else "contact"
         told = self._coulomb(resultant)
         if told is None:
-            told = f"it is free to move (rigid motion: {self._words(motion)}"
-            if np.any(spin(self.free @ motion)[1]) and resultant is not None:
-                told += f"; the resultant of the loads {self._where(resultant)}"
-            told += ")"
+            told = f"it is free to move (rigid motion: {self._words(motion)})"
         mu = [maximum(comm, item.largest_coefficient()) for item in self.at_contacts]
         proof = "proved on this mesh"
         if any(0.0 < value < _LEAST_MU for value in mu):
@@ -177,16 +171,18 @@ class GroupMotions:
         return f"{what} cannot hold the body, whatever the pressure ({proof}): {told}"
 
     def _lifted_slide(
-        self, resultant: Resultant | None, resistance: Callable[[FloatArray], FloatArray]
+        self,
+        resultant: tuple[FloatArray, float] | None,
+        resistance: Callable[[FloatArray], FloatArray],
     ) -> FloatArray | None:
         """A slide along the resultant that lifts as much as friction asks, if the loads drive it.
 
         Collective.
         """
         away = self._away()
-        if away is None or resultant is None or not np.any(resultant.along):
+        if away is None or resultant is None or not np.any(resultant[0]):
             return None
-        slide = self._translation(resultant.along / np.linalg.norm(resultant.along))
+        slide = self._translation(resultant[0] / np.linalg.norm(resultant[0]))
         lift = float(np.max(resistance(slide) @ slide, initial=0.0))
         motion = slide + lift * away
         return motion if self.work @ motion > _ROUNDING * float(self.work @ slide) else None
@@ -237,34 +233,52 @@ class GroupMotions:
             f"{held / rate:.4g}"
         )
 
-    def _coulomb(self, resultant: Resultant | None) -> str | None:
+    def _coulomb(self, resultant: tuple[FloatArray, float] | None) -> str | None:
         """A resultant with ``T > mu N`` in words; collective."""
         if resultant is None:
             return None
+        along, pressing = resultant
         mu = np.array([item.largest_coefficient() for item in self.at_contacts])
-        held = maximum(self._domain.comm, mu) * resultant.pressing
-        push = float(np.linalg.norm(resultant.along))
+        held = maximum(self._domain.comm, mu) * pressing
+        push = float(np.linalg.norm(along))
         if push <= held * (1.0 + _ROUNDING):
             return None
-        return (
-            f"it slides along {axes_of(resultant.along)}, which needs {push:.4g}, and friction "
-            f"holds {held:.4g}"
-        )
+        words = f"it slides along {axes_of(along)}, which needs {push:.4g}"
+        return f"{words}, and friction holds {held:.4g}"
 
     def _knows_friction(self) -> bool:
         """Whether the friction of all contacts is known before a solve; collective."""
         return all([item.knows_friction() for item in self.at_contacts])
 
+    def _normal(self) -> FloatArray | None:
+        """The normal (d,) of the foundation of one part, None if there are several; collective."""
+        own, comm = [item.contact.normals[item.own] for item in self.at_contacts], self._domain.comm
+        every = np.concatenate([rows for part in own for rows in comm.allgather(part)] or [[]])
+        is_one = len(self.parts) == 1 and every.size and np.ptp(every, axis=0).max() <= _ROUNDING
+        return every[0] if is_one else None
+
     def _away(self) -> FloatArray | None:
         """The translation (f,) away from a foundation that has one normal; collective."""
-        if len(self.parts) > 1:
+        normal = self._normal()
+        if normal is None:
             return None
-        normals = self._contact_normals
-        if not len(normals) or np.ptp(normals, axis=0).max() > _ROUNDING:
-            return None
-        motion = self._translation(-normals[0])
+        motion = self._translation(-normal)
         reached = self.normals @ motion
         return motion if np.allclose(reached, -1.0, atol=_ROUNDING) else None
+
+    def _resultant(self, work: FloatArray) -> tuple[FloatArray, float] | None:
+        """The force (d,) of the loads along the foundation, and that onto it; collective.
+
+        ``work`` (f,) is the work of the loads.  None if conditions hold some motions, if a force
+        pushes a tool, if the foundation has several normals, or if the loads do not press onto it.
+        """
+        normal, is_free = self._normal(), self.free.shape[0] == self.free.shape[1]
+        if normal is None or self._domain.axisymmetric or not is_free:
+            return None
+        force = spin(np.asarray(np.linalg.solve(self.free.T, work)))[0][: len(normal)]
+        pressing = float(force @ normal)
+        is_pressed = pressing > _ROUNDING * np.linalg.norm(force)
+        return (force - pressing * normal, pressing) if is_pressed else None
 
     def _translation(self, direction: FloatArray) -> FloatArray:
         """The motion (f,) nearest to a translation along a direction (d,)."""
@@ -273,16 +287,6 @@ class GroupMotions:
         wanted = np.zeros(len(self.free))
         wanted[: len(given)] = given
         return np.asarray(np.linalg.lstsq(self.free, wanted)[0])
-
-    @property
-    def _contact_normals(self) -> FloatArray:
-        return self._gathered([item.contact_normals for item in self.at_contacts])
-
-    def _gathered(self, given: Sequence[FloatArray]) -> FloatArray:
-        """The rows of all contacts and all ranks; collective."""
-        comm = self._domain.comm
-        none = np.zeros((0, self._domain.dim))
-        return np.vstack([none, *(rows for own in given for rows in comm.allgather(own))])
 
     def _words(self, motion: FloatArray) -> str:
         """A motion (f,) of the part in words; collective."""
@@ -297,25 +301,6 @@ class GroupMotions:
         most = int(np.argmax([np.linalg.norm(share) for share in shares]))
         name, free = self.parts[most]
         return name, np.asarray(free @ shares[most])
-
-    def _resultant(self, work: FloatArray) -> Resultant | None:
-        """The resultant of the loads on a flat foundation; collective.
-
-        ``work`` (f,) is the work of the loads.  None if conditions hold some motions, or if a force
-        pushes a tool.
-        """
-        if len(self.parts) > 1 or self._domain.axisymmetric:
-            return None
-        if self.free.shape[0] != self.free.shape[1]:
-            return None
-        points = self._gathered([item.points for item in self.at_contacts])
-        force, moment = spin(np.asarray(np.linalg.solve(self.free.T, work)))
-        return resultant_on_plane(force, moment, points, self._contact_normals)
-
-    def _where(self, resultant: Resultant) -> str:
-        """Where a resultant meets the plane of the foundation, in words; collective."""
-        size = float(np.linalg.norm(np.ptp(self._domain.bounding_box, axis=0)))
-        return f"meets the plane of the foundation at {point(resultant.place, size)}"
 
     def require_tools_held(self) -> None:
         """Raise InputError if the part can move with its tools as one rigid body; collective."""

@@ -16,18 +16,26 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 
 from contact_locking.arrays import BoolArray
 from contact_locking.errors import InputError, NotRefined
 from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData
+from contact_locking.mesh.file.topology import longest_edges
 from contact_locking.mesh.whole_mesh import gather_cells, gather_mesh
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.process import solving
-from contact_locking.process.adaptivity.marking import cells_at, entered_places, marked_cells
-from contact_locking.process.adaptivity.mesh_sequence import MeshSequence, squared_contributions
-from contact_locking.process.adaptivity.refinement import finer_mesh, singular_place
+from contact_locking.process.adaptivity.marking import (
+    cells_at,
+    entered_places,
+    marked_cells,
+    squared_contributions,
+)
+from contact_locking.process.adaptivity.mesh_sequence import MeshSequence
+from contact_locking.process.adaptivity.refinement import finer_mesh
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import StudySolution
@@ -121,7 +129,13 @@ def _refined(solution: StudySolution, sequence: MeshSequence) -> Domain | None:
     def marks(data: MeshData) -> BoolArray:
         assert found is not None
         if sequence.stagnates and not entered:
-            raise NotRefined(singular_place(data))
+            sizes = longest_edges(data.points, data.cells.nodes)
+            least = int(np.argmin(sizes))
+            centre = places.at(data.points[data.cells.nodes[least]].mean(axis=0))
+            raise NotRefined(
+                "the error has hardly fallen over the last meshes; the smallest cells, of size "
+                f"{sizes[least]:.2g}, are at {centre}, where the solution may be singular"
+            )
         marked = marked_cells(found, given.share) | cells_at(entered, data)
         sequence.pictures[-1] = sequence.pictures[-1].with_marks(data.cells.nodes, marked)
         return marked

@@ -5,28 +5,11 @@ from __future__ import annotations
 import time
 from typing import Any
 
-import numpy as np
-
-from contact_locking.arrays import FloatArray
-from contact_locking.process.adaptivity.marking import entered_places, only_misses
+from contact_locking.certificate.laws import ENTRY
+from contact_locking.process.adaptivity.marking import entered_places
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters.numerics import AdaptParameters
-
-
-def squared_contributions(solution: StudySolution) -> FloatArray:
-    """The squared contributions (k,) of the owned cells to the error; only their ratios count.
-
-    With the locking stress, which alternates between cells on every mesh, they would lead to locked
-    zones: they are those of the elastic stress.  They are zero where there is no estimate, as on a
-    mesh that misses a foundation.
-    """
-    mesh, field = solution.domain.mesh, solution.elastic_error_indicator
-    owned = mesh.topology.index_map(mesh.topology.dim).size_local
-    if field is None:
-        return np.zeros(owned)
-    return np.asarray(field.x.array[field.function_space.dofmap.list[:owned, 0]] ** 2)
-
 
 # The error has to fall below this share of itself in so many meshes.
 _LEAST_FALL, _MESHES = 0.95, 4
@@ -62,11 +45,10 @@ class MeshSequence:
             }
         )
         self._began = now
-        is_entered = bool(entered_places(solution))
-        if is_entered and (solution.converged or only_misses(solution)):
-            # No error on this mesh tells of a foundation that enters between the nodes.
-            if len(self.meshes) >= self.given.max_meshes:
-                self.stop(f"adapt.max_meshes, {self.given.max_meshes}, is reached")
+        criteria = summary["certificate"]["criteria"]
+        broken = {name for name, item in criteria.items() if not item["holds"]}
+        if entered_places(solution) and (solution.converged or broken == {ENTRY}):
+            pass  # No error on this mesh tells of a foundation that enters between the nodes.
         elif not solution.converged:
             self.stop("the solve on this mesh did not converge")
         elif error is None:
@@ -77,11 +59,11 @@ class MeshSequence:
         elif error <= self.given.tolerance:
             self.is_reached = True
             self.stop("the estimate is below the tolerance")
-        elif len(self.meshes) >= self.given.max_meshes:
+        if len(self.meshes) >= self.given.max_meshes:
             self.stop(f"adapt.max_meshes, {self.given.max_meshes}, is reached")
 
     def stop(self, reason: str) -> None:
-        """End the loop."""
+        """End the loop, for the first of several reasons."""
         self.stopped = self.stopped or reason
 
     def summary(self) -> dict[str, Any]:

@@ -8,7 +8,6 @@ again, and the mesh does not depend on the number of ranks.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -21,11 +20,9 @@ from contact_locking import _compat
 from contact_locking.arrays import BoolArray, IntArray
 from contact_locking.contact.coulomb import default_radius
 from contact_locking.errors import NotRefined
-from contact_locking.mesh.cell_kind import unit_normals
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.file import places
-from contact_locking.mesh.file.data import MeshData, MeshElements
-from contact_locking.mesh.file.topology import keys, longest_edges, signed_measures
+from contact_locking.mesh.file.data import MeshData
+from contact_locking.mesh.file.topology import longest_edges, signed_measures
 from contact_locking.mesh.whole_mesh import WholeMesh, elements, gather_mesh, spread
 from contact_locking.meshes.curved import Curved, rounded
 from contact_locking.parallel import on_root
@@ -105,46 +102,6 @@ def _nodes_of(data: MeshData, name: str) -> BoolArray:
     return mask
 
 
-def singular_place(data: MeshData) -> str:
-    """Why an error that hardly falls ends the loop: where the smallest cells are, in words."""
-    sizes = longest_edges(data.points, data.cells.nodes)
-    least = int(np.argmin(sizes))
-    place = places.at(data.points[data.cells.nodes[least]].mean(axis=0))
-    return (
-        "the error has hardly fallen over the last meshes; the smallest cells, of size "
-        f"{sizes[least]:.2g}, are at {place}, where the solution may be singular"
-    )
-
-
-# Two facets of a boundary part belong to a curve if the angle between them is in this range: below
-# they are parallel up to rounding, above they form an edge of the body.
-_PARALLEL, _EDGE = 1e-4, math.radians(40.0)
-
-
-def warnings(data: MeshData) -> list[str]:
-    """A warning about the boundary parts with neighbouring facets at a small angle."""
-    facets = data.facets
-    parts = {name: facets.take(facets.named(name)) for name in sorted(facets.names)}
-    names = [name for name, part in parts.items() if _bends(data, part)]
-    if not names:
-        return []
-    return [
-        f"the boundary parts {', '.join(names)} look curved; a refinement keeps their facets "
-        "straight, as a mesh file does not say what the curves are: the solutions approach that of "
-        "the polygon"
-    ]
-
-
-def _bends(data: MeshData, part: MeshElements) -> bool:
-    ridges = keys(np.sort(data.kind.facet.facets_of(part.nodes), axis=1), len(data.points))
-    order = np.argsort(ridges, kind="stable")
-    shared = np.flatnonzero(ridges[order[1:]] == ridges[order[:-1]])
-    normals = unit_normals(data.points[part.nodes])[order % len(part)]
-    cosines = np.abs(np.einsum("kd,kd->k", normals[shared], normals[shared + 1]))
-    angles = np.arccos(np.minimum(cosines, 1.0))
-    return bool(np.any((angles > _PARALLEL) & (angles < _EDGE)))
-
-
 def finer_mesh(
     solution: StudySolution,
     marks: Callable[[MeshData], BoolArray],
@@ -165,12 +122,9 @@ def finer_mesh(
 
     def work() -> None:
         assert mesh is not None
-        told = mesh.warnings
         curved = () if geometry is None else geometry.curved
         finer = refined(mesh, marks(mesh.data), curved)
-        news = warnings(mesh.data) if geometry is None else []
-        news = [text for text in news if text not in told]
-        held.append(replace(finer, warnings=(*told, *news), smoothing_radii=radii))
+        held.append(replace(finer, facts={**finer.facts, "smoothing_radii": radii}))
 
     on_root(domain.comm, work)
     finer = spread(held[0] if held else None, domain.comm)

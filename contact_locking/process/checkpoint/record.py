@@ -16,47 +16,40 @@ from contact_locking.errors import InputError
 from contact_locking.results.names import CHECKPOINT, RECORD
 
 # A change of the written files raises this number.
-FORMAT = 6
+FORMAT = 7
 # The names in the folder of a checkpoint.
 FIELDS, MESH = "state.bp", "mesh"
 _AGAIN = "save it again with contact-locking run --checkpoint"
 
 
-class _Stamp(BaseModel):
-    """The entries of every format; JSON has no infinity, which is a text."""
+class Record(BaseModel):
+    """Identifies the problem and the mesh that a checkpoint belongs to.
 
+    ``size`` has the dimension, the cells and the nodes of the mesh, the degree of the displacement,
+    and 1 for a body of revolution; ``is_refined`` that of the mesh.  ``problem`` is the fingerprint
+    of everything that defines the solution.  ``contacts`` is the number of contacts,
+    ``strain_sets`` that of the sets of strains, and ``regularisations`` has one length for each
+    contact.  ``travels`` are those of the tools.  ``step`` is about the step of a process, None for
+    a problem without steps.  ``files`` has the digest of each file.
+    """
+
+    # JSON has no infinity, which is a text.
     model_config = {"frozen": True, "ser_json_inf_nan": "strings"}
 
     format: int = FORMAT
     version: str = __version__
-
-
-class Record(_Stamp):
-    """Identifies the problem and the mesh that a checkpoint belongs to.
-
-    ``mesh`` holds the parameters of the mesh, or the digest of the mesh file; ``problem`` is the
-    fingerprint of everything that defines the solution.  ``degree`` is the degree of the
-    displacement.  ``contacts`` is the number of contacts, ``strain_sets`` that of the sets of
-    strains, and ``regularisations`` has one length for each contact.  ``travels`` are those of the
-    tools.  ``step`` is about the step of a process, None for a problem without steps.  ``files``
-    has the size and the digest of each file.
-    """
-
     converged: bool
     n: float
     epsilon: float
     regularisations: tuple[float, ...]
-    dimension: int
-    degree: int
-    cells: int
-    nodes: int
+    size: tuple[int, ...]
+    is_refined: bool
     contacts: int
     strain_sets: int
-    mesh: dict[str, Any]
     problem: str
     step: dict[str, Any] | None = None
     travels: tuple[float, ...] = ()
-    files: dict[str, tuple[int, str]] = {}
+    files: dict[str, str] = {}
 
 
 def save(record: Record, folder: Path) -> None:
@@ -65,7 +58,7 @@ def save(record: Record, folder: Path) -> None:
         path.unlink()  # timings of ADIOS2, which differ from run to run
     # The files of the fields, and of a refined mesh.
     paths = [*sorted((folder / FIELDS).iterdir()), *sorted(folder.glob(f"{MESH}.*"))]
-    files = {path.name: (path.stat().st_size, study_file.file_digest(str(path))) for path in paths}
+    files = {path.name: study_file.file_digest(str(path)) for path in paths}
     whole = record.model_copy(update={"files": files})
     text = whole.model_dump_json(indent=2, exclude_none=True)
     (folder / RECORD).write_text(f"{text}\n", encoding="utf-8")
@@ -80,27 +73,21 @@ def locate(directory: str | Path) -> Path:
 def load(directory: str | Path) -> Record:
     """The record.
 
-    Raises InputError for a missing or damaged record, and OSError if the file cannot be read.
+    Raises InputError for a missing, damaged or other record, and OSError if it cannot be read.
     """
     path = locate(directory) / RECORD
-    if not Path(directory).is_dir():
-        raise InputError(f"there is no folder {directory} to restart from")
     if not path.is_file():
         raise InputError(f"there is no checkpoint in {directory}; {_AGAIN}")
-    text = path.read_bytes()
     try:
-        stamp = _Stamp.model_validate_json(text)
-        if stamp.format == FORMAT:
-            return Record.model_validate_json(text)
-    except ValidationError as error:
-        first = error.errors()[0]
-        told = ": ".join([*map(str, first["loc"]), first["msg"]])
-        raise InputError(f"{path} is damaged ({told}); {_AGAIN}") from error
-    raise InputError(
-        f"{path.parent} was saved by contact_locking {stamp.version} in format {stamp.format}, and "
-        f"contact_locking {__version__} reads format {FORMAT}: use the version that saved it, or "
-        f"{_AGAIN}"
-    )
+        record = Record.model_validate_json(path.read_bytes())
+    except ValidationError:
+        record = None
+    if record is None or record.format != FORMAT:
+        raise InputError(
+            f"{path} is damaged, or was saved by another version than contact_locking "
+            f"{__version__}; {_AGAIN}"
+        )
+    return record
 
 
 def load_fields(directory: str | Path) -> tuple[Record, Path]:
@@ -109,14 +96,8 @@ def load_fields(directory: str | Path) -> tuple[Record, Path]:
     Reads all files for their digests.  Raises as `load`.
     """
     record, folder = load(directory), locate(directory)
-    for name, (size, digest) in record.files.items():
-        inside = folder if Path(name).stem == MESH else folder / FIELDS
-        path = inside / Path(name).name
-        if not path.is_file():
-            raise InputError(f"the checkpoint is incomplete: there is no {path}; {_AGAIN}")
-        found = path.stat().st_size
-        if found != size:
-            raise InputError(f"{path} is damaged: it has {found} bytes, not {size}; {_AGAIN}")
-        if study_file.file_digest(str(path)) != digest:
-            raise InputError(f"{path} is damaged: its content has changed; {_AGAIN}")
+    for name, digest in record.files.items():
+        path = (folder if Path(name).stem == MESH else folder / FIELDS) / Path(name).name
+        if not path.is_file() or study_file.file_digest(str(path)) != digest:
+            raise InputError(f"{path} is missing or damaged; {_AGAIN}")
     return record, folder / FIELDS

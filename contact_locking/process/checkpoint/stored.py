@@ -1,4 +1,4 @@
-"""The fields of a solved state, written and read by adios4dolfinx or io4dolfinx.
+"""Solved states in files, by adios4dolfinx or io4dolfinx, and restarts from them.
 
 The order of the stored values is the order of the mesh from Gmsh, which does not depend on the
 distribution.  The coordinates of the nodes are stored as well: the fields belong to a mesh with the
@@ -19,6 +19,9 @@ from mpi4py import MPI
 
 from contact_locking import _compat, study_file
 from contact_locking.arrays import FloatArray
+from contact_locking.certificate.energy import EnergyBalance
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.certificate.verdict import is_solved
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.fem.compiled import Kept
@@ -26,16 +29,16 @@ from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.whole_mesh import WholeMesh, gather_mesh, spread
 from contact_locking.parallel import maximum, on_every_rank, on_root
-from contact_locking.plain_text import defect
 from contact_locking.process.checkpoint import record as records
 from contact_locking.process.checkpoint.record import Record
 from contact_locking.process.checkpoint.saved_steps import saved_steps
+from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.history import History, read_history
 from contact_locking.results.names import HISTORY
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
-from contact_locking.solver.task import SavedState
+from contact_locking.solver.task import Counts, Outcome, SavedState, SolverReport
 from contact_locking.study.assembly import StudyProblem
 
 _DISPLACEMENT, _PLACES = "old_displacement", "places"
@@ -88,11 +91,11 @@ class _Reader:
     """The stored fields in a folder, on the mesh of a problem; all methods are collective."""
 
     def __init__(self, folder: Path, problem: StudyProblem) -> None:
-        self._folder, self._contacts, self._dim = folder, problem.contacts, problem.domain.dim
+        self.folder, self._contacts, self._dim = folder, problem.contacts, problem.domain.dim
 
     def field(self, name: str, space: fem.FunctionSpace) -> fem.Function:
         function = fem.Function(space, name=name)
-        _compat.load_function(self._folder, function, name)
+        _compat.load_function(self.folder, function, name)
         return function
 
     def scalars(self, name: str, number: int) -> FloatArray:
@@ -120,62 +123,29 @@ def places(space: fem.FunctionSpace) -> fem.Function:
     return found
 
 
-def difference_in_size(record: Record, problem: StudyProblem) -> str:
-    """The difference in size between the two meshes, in words; empty if there is none.
+def _size_of(problem_or_solution: StudyProblem | StudySolution, nodes: int) -> tuple[int, ...]:
+    """The entry ``size`` of a record."""
+    domain, element = problem_or_solution.domain, problem_or_solution.element
+    return domain.dim, domain.num_cells, nodes, element.degree, int(domain.axisymmetric)
 
-    Raises InputError if the elements differ, or if only one of the bodies is axisymmetric.
-    """
-    element, domain = problem.element, problem.domain
-    revolution = bool(record.mesh.get("axisymmetric", False))
-    for key, there, here in (
-        ("discretisation.degree", record.degree, element.degree),
-        ("mesh.axisymmetric", revolution, domain.axisymmetric),
-    ):
-        if there != here:
-            was, now = str(there).lower(), str(here).lower()
-            raise InputError(
-                f"the checkpoint has {was}, and the study has {now}; restart with {key}: {was}", key
-            )
-    nodes = int(problem.u.function_space.dofmap.index_map.size_global)
-    found, saved = (
-        f"{dim}D with {cells} cells and {nodes} nodes"
-        for dim, cells, nodes in (
-            (domain.dim, domain.num_cells, nodes),
-            (record.dimension, record.cells, record.nodes),
+
+def _require_same_mesh(record: Record, problem: StudyProblem, fields: _Reader) -> None:
+    """Raise InputError for a state of another mesh or element; collective."""
+    space, domain = problem.u.function_space, problem.domain
+    is_same = record.size == _size_of(problem, int(space.dofmap.index_map.size_global))
+    if is_same:
+        # Another version of Gmsh makes another mesh of the same parameters.
+        expected = places(space).x.array
+        away = np.abs(fields.field(_PLACES, space).x.array - expected)
+        extent = maximum(domain.comm, np.abs(expected))
+        is_same = on_every_rank(domain.comm, away <= _SAME_PLACE * extent)
+    if not is_same:
+        is_adapted = record.is_refined and not domain.is_refined
+        hint = ", which was refined: add the section adapt" if is_adapted else ""
+        raise InputError(
+            f"the checkpoint in {fields.folder} is of another mesh or element; restart with mesh "
+            f"and discretisation.degree of the run that saved it{hint}"
         )
-    )
-    return "" if found == saved else f"it is {saved}, this one is {found}"
-
-
-def difference_in_places(saved: fem.Function) -> str:
-    """The difference between the coordinates of the nodes, in words; collective."""
-    comm = saved.function_space.mesh.comm
-    expected = places(saved.function_space).x.array
-    extent = maximum(comm, np.abs(expected))
-    same = np.abs(saved.x.array - expected) <= _SAME_PLACE * extent
-    return "" if on_every_rank(comm, same) else "its nodes lie elsewhere"
-
-
-def another_mesh(
-    directory: str | Path, difference: str, record: Record, identity: dict[str, Any]
-) -> str:
-    """The message about a checkpoint of another mesh, with the parameters that differ."""
-    names = [name for name in {**record.mesh, **identity} if name not in ("content", "refined")]
-    changes = [
-        f"mesh.{name} was {record.mesh.get(name)}, is {identity.get(name)}"
-        for name in names
-        if record.mesh.get(name) != identity.get(name)
-    ]
-    if record.mesh.get("content") != identity.get("content"):
-        changes = ["the mesh file is another one or has changed"]
-    if record.mesh.get("refined") != identity.get("refined"):
-        changes.append("it was refined; restart with a section adapt, which takes the refined mesh")
-    # Another version of Gmsh makes another mesh of the same parameters.
-    told = "; ".join(changes) or "perhaps another version of Gmsh; a mesh.file would not change"
-    return (
-        f"the checkpoint in {directory} is of another mesh: {difference} ({told}); "
-        "restart with the mesh of the checkpoint"
-    )
 
 
 def refined_mesh(directory: str | Path | None, comm: MPI.Intracomm) -> Domain | None:
@@ -193,11 +163,8 @@ def refined_mesh(directory: str | Path | None, comm: MPI.Intracomm) -> Domain | 
     def load() -> bool:
         record, _ = records.load_fields(place)
         folder = records.locate(place)
-        if record.mesh.get("refined"):
-            try:
-                held.append(WholeMesh.load(folder, records.MESH))
-            except (ValueError, KeyError, TypeError, IndexError, OSError) as error:
-                raise InputError(f"the mesh in {folder} is damaged ({defect(error)})") from error
+        if record.is_refined:
+            held.append(WholeMesh.load(folder, records.MESH))
         return bool(held)
 
     return spread(next(iter(held), None), comm) if on_root(comm, load) else None
@@ -267,13 +234,10 @@ def write(solution: StudySolution, folder: Path) -> None:
             n=penalties["n"],
             epsilon=penalties["epsilon"],
             regularisations=tuple(fields.regularisation for fields in solution.contacts),
-            dimension=domain.dim,
-            degree=solution.element.degree,
-            cells=domain.num_cells,
-            nodes=int(nodes),
+            size=_size_of(solution, int(nodes)),
+            is_refined=domain.is_refined,
             contacts=len(solution.contacts),
             strain_sets=len(solution.locking_parts),
-            mesh=study_file.mesh_identity(parameters) | ({"refined": True} if mesh else {}),
             problem=study_file.problem_fingerprint(parameters),
             step=_about_step(solution),
             travels=solution.state.saved.travels,
@@ -301,23 +265,16 @@ def read(directory: str | Path, problem: StudyProblem) -> Checkpoint:
     expect(directory, comm)
     _require_cells(problem.domain)
     record, path = on_root(comm, lambda: records.load_fields(directory))
-    identity = on_root(comm, lambda: study_file.mesh_identity(parameters))
-    difference = difference_in_size(record, problem)
     _compat.prepare_communicator(comm)
-
-    fields, space = _Reader(path, problem), problem.u.function_space
-    # A mesh of another size cannot be compared node by node.
-    difference = difference or difference_in_places(fields.field(_PLACES, space))
-    if difference:
-        here = identity | ({"refined": True} if problem.domain.is_refined else {})
-        raise InputError(another_mesh(directory, difference, record, here))
+    fields = _Reader(path, problem)
+    _require_same_mesh(record, problem, fields)
     multipliers: Multipliers | None = None
     bounds: tuple[FloatArray, ...] = ()
     same_contacts = record.contacts == len(problem.contacts) or not problem.contacts
     if same_contacts and record.strain_sets == len(problem.data.sets):
         multipliers, bounds = _load_multipliers(fields, problem)
     pressures = () if multipliers is None else tuple(c.pressure for c in multipliers.contacts)
-    displacement = fields.field("displacement", space).x.array
+    displacement = fields.field("displacement", problem.u.function_space).x.array
     penalty = Penalty(record.n, record.epsilon, record.regularisations)
     state = SavedState(displacement, pressures, penalty, travels=record.travels)
     same = on_root(comm, lambda: study_file.problem_fingerprint(parameters)) == record.problem
@@ -423,3 +380,66 @@ def _require_library() -> None:
     reason = unavailable()
     if reason is not None:
         raise ContactLockingError(reason)
+
+
+def solved_already(
+    saved: Checkpoint, problem: StudyProblem, solver: ProblemSolver
+) -> SolverReport | None:
+    """The report if the saved state is the solution of the problem, otherwise None; collective.
+
+    It has to meet the criteria of the certificate again.
+    """
+    if not saved.is_solution:
+        return None
+    state = _in_place(saved, problem, solver)
+    if is_solved(state):
+        return state.report
+    solver.system.clear()
+    return None
+
+
+def start_in_words(directory: str | Path, report: SolverReport) -> str:
+    """How a solve has used the state that was saved in a folder, in words."""
+    if not report.from_saved:
+        return f"from nothing, as the state in {directory} is too far away"
+    if report.tangents == 0:
+        return f"the state in {directory} meets every criterion, nothing was left to do"
+    return f"from the state in {directory}"
+
+
+def restored_step(
+    path: Path, problem: StudyProblem, solver: ProblemSolver
+) -> tuple[SolvedState, SavedStep, EnergyBalance]:
+    """The step that was saved in ``path``, to which the problem is put; collective.
+
+    Raises InputError for a checkpoint that is not of a converged step with these contacts, and the
+    errors of :func:`read`.
+    """
+    saved = read(path, problem)
+    if saved.step is None or not saved.converged:
+        raise InputError(
+            f"{path} is no checkpoint of a step that has converged, with the same contacts; a "
+            "process starts from the last step of a process"
+        )
+    problem.advance(saved.step.time)
+    solver.begin()
+    row = saved.step.history.rows[-1]
+    state = _in_place(saved, problem, solver, int(row["tangents"]), int(row["linear"]))
+    return state, saved.step, EnergyBalance.of_row(row)
+
+
+def _in_place(
+    saved: Checkpoint,
+    problem: StudyProblem,
+    solver: ProblemSolver,
+    tangents: int = 0,
+    linear: int = 0,
+) -> SolvedState:
+    """The saved state in place of what the solver would find, and what it took; collective."""
+    saved.state.enter(solver.system)
+    # The travel of a foundation, which is part of the state, changes what slips refer to.
+    if saved.step is not None:
+        saved.step.enter(problem.contacts)
+    solver.system.bounds.enter(problem.contacts, saved.bounds)
+    found, counts = Outcome(saved.multipliers), Counts(tangents, linear)
+    return solver.state(SolverReport.solved(found, counts, from_saved=True))

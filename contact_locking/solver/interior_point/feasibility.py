@@ -1,41 +1,29 @@
-"""Whether anything can follow the prescribed displacements, and with how much friction it does."""
+"""Whether anything can follow the prescribed displacements."""
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
 
-from contact_locking.arrays import FloatArray
 from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.laws.penalty import Penalty
-from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.method import InteriorPoint
-from contact_locking.solver.task import Counts, Outcome, Target, Task
+from contact_locking.solver.task import Counts, Target, Task
 
 # How close the factor that works and the one that does not have to be.
 _PRECISION = 0.01
 # The penalty that stands for an infinite one, over the stiffness.
 _STIFF = 1e6
 _ROUNDS = 8
-# The share of the friction coefficient that stands for none, and how often the share is halved in
-# on.
-_LITTLE = 1e-3
-_HALVINGS = 4
 
 _INFEASIBLE_WAY_OUT = (
     "Refine the mesh, lower the prescribed displacements, raise material.locking_limit (or the "
     "limits of material.locking), or move the foundation away; a soft penalty.n has a solution "
     "that exceeds the limit."
-)
-#: What to do where friction wedges the body in.
-FRICTION_WAY_OUT = (
-    "Lower friction.coefficient.  Where friction wedges the body in, the pressure may grow without "
-    "a bound, and there may be no equilibrium."
 )
 
 
@@ -71,9 +59,13 @@ def judge(task: Task) -> Verdict | None:
     """
     system = task.system
     prescribed = system.constraints.held_part(system.u.x.array)
-    if system.held_by_friction or _rest_is_admissible(system, prescribed):
+    # Whether u = 0 is within the limit and the gaps and has the prescribed values.
+    overlaps = any(bool(np.any(contact.gaps < 0.0)) for contact in system.contacts)
+    rests = not system.comm.allreduce(bool(prescribed.any()) or overlaps)
+    if system.held_by_friction or rests:
         return None
-    with _tries(task) as tries:
+    with task.system.preserved():
+        tries = Counts()
         limit = dataclasses.replace(task.target, penalty=task.target.penalty.inequality())
         exact, penalised = (
             InteriorPoint(task.aside(tries, target), bound_moves=False)
@@ -108,67 +100,9 @@ def judge(task: Task) -> Verdict | None:
         except NotConverged:
             return None
         finally:
+            task.counts.add(tries)
             exact.destroy()
             penalised.destroy()
-
-
-def share_of_friction(task: Task) -> str | None:
-    """Up to which share of the friction coefficient a solution was found, in words; collective.
-
-    None where friction is nothing, or where the problem is not solved without it either.  This
-    is a search, and proves nothing.
-    """
-    if not task.system.rubbing or task.system.held_by_friction:
-        return None
-    low, high, first = 0.0, 1.0, force_with_friction(task)
-    if first is None:
-        return None
-    last = first
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        found = force_with_friction(task, middle)
-        if found is None:
-            high = middle
-        else:
-            low, last = middle, found
-    growth = f" (and {last / first:.3g} times the contact force of none)" if first else ""
-    return (
-        f"a solution was found with {100.0 * low:.0f} % of friction.coefficient{growth}, but "
-        f"not with {100.0 * high:.0f} %"
-    )
-
-
-def force_with_friction(task: Task, share: float = _LITTLE) -> float | None:
-    """The sum of all pressures with a share of the coefficient, None if not solved; collective."""
-    system = task.system
-    with _tries(task) as tries:
-        system.u.x.array[:] = 0.0
-        system.constraints.apply(system.u)
-        solver = InteriorPoint(task.aside(tries), share=share)
-        try:
-            return contact_force(system, solver.solve())
-        except NotConverged:
-            return None
-        finally:
-            solver.destroy()
-
-
-def contact_force(system: PenalisedSystem, found: Outcome) -> float:
-    """The sum of all pressures; collective."""
-    assert found.multipliers is not None
-    pairs = zip(system.contacts, found.multipliers.contacts, strict=True)
-    return sum(float(item.surface.integral(forces.pressure)) for item, forces in pairs)
-
-
-@contextlib.contextmanager
-def _tries(task: Task) -> Iterator[Counts]:
-    """Solve other problems with the system and counts of their own; count what they take."""
-    tries = Counts()
-    with task.system.preserved():
-        try:
-            yield tries
-        finally:
-            task.counts.add(tries)
 
 
 def _stiff(target: Target) -> Target:
@@ -190,10 +124,3 @@ def _largest(fails: Callable[[float], Infeasible | None], excluded: float) -> tu
             return trial, excluded
         excluded = trial * min(1.0, failure.factor)
     return 0.0, excluded
-
-
-def _rest_is_admissible(system: PenalisedSystem, prescribed: FloatArray) -> bool:
-    """Whether u = 0 is within the limit and the gaps and has the prescribed values; collective."""
-    moves = bool(np.any(prescribed != 0.0))
-    overlaps = any(bool(np.any(contact.gaps < 0.0)) for contact in system.contacts)
-    return not system.comm.allreduce(moves or overlaps)

@@ -107,7 +107,8 @@ class InteriorPoint:
         if is_done or last is None:
             return found
         keeps_law = not self._has_law or judge.keeps_penalty_law(self._iterate)
-        if not judge.leaves_gap and keeps_law and not self._is_strict_limit():
+        is_strict = math.isinf(self._task.target.penalty.n) and bool(self._families.strains)
+        if not judge.leaves_gap and keeps_law and not is_strict:
             return found
         pieces = self._all_pieces()
         with np.errstate(all="ignore"):
@@ -262,9 +263,6 @@ class InteriorPoint:
         target = self._task.target
         has_digits = target.penalty.n <= self._tuning.stiffest_law * target.stiffness
         return has_digits and bool(self._families.strains)
-
-    def _is_strict_limit(self) -> bool:
-        return math.isinf(self._task.target.penalty.n) and bool(self._families.strains)
 
     # 1. The start.
 

@@ -18,11 +18,7 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
-from contact_locking.solver.interior_point.feasibility import (
-    FRICTION_WAY_OUT,
-    contact_force,
-    force_with_friction,
-)
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.strategy import Rescue
 from contact_locking.solver.task import Counts, Outcome, SolverReport, Target, Task
@@ -51,6 +47,13 @@ _FALL = 0.1
 _GROWTH, _OVER, _JUMP = 0.7, 0.9, 1.3
 # The force of a penalty that is only as stiff as growth needs, over the force that is enough.
 _ENOUGH = 1.3
+
+# The share of the friction coefficient that stands for none.
+_LITTLE = 1e-3
+_WEDGED_WAY_OUT = (
+    "Lower friction.coefficient.  Where friction wedges the body in, the pressure may grow without "
+    "a bound, and there may be no equilibrium."
+)
 
 
 @dataclass(frozen=True)
@@ -153,7 +156,7 @@ class Stiffening:
             if not (can_grow and grows):
                 continue
             if math.isnan(without):
-                found = force_with_friction(self._task)
+                found = _force_with_little_friction(self._task)
                 without = math.inf if found is None else found
             is_far = stage.force > FARTHEST * without
             is_last = stage.power >= self._last and without < math.inf
@@ -295,7 +298,7 @@ def rescue(task: Task, report: SolverReport, most_tangents: int) -> Rescue:
     stiffened = solve_by_penalties(task, most_tangents)
     if stiffened is not None and stiffened.growth:
         known, reason = vars(stiffened.found), report.reason + stiffened.growth
-        report = replace(report, **known, reason=reason, suggestion=FRICTION_WAY_OUT)
+        report = replace(report, **known, reason=reason, suggestion=_WEDGED_WAY_OUT)
         return Rescue(report, is_explained=True)
     try:
         if stiffened is not None:
@@ -313,3 +316,26 @@ def rescue(task: Task, report: SolverReport, most_tangents: int) -> Rescue:
     except NotConverged as end:
         reason = "; ".join(filter(None, (report.reason, str(end))))
         return Rescue(replace(report, reason=reason))
+
+
+def contact_force(system: PenalisedSystem, found: Outcome) -> float:
+    """The sum of all pressures; collective."""
+    assert found.multipliers is not None
+    pairs = zip(system.contacts, found.multipliers.contacts, strict=True)
+    return sum(float(item.surface.integral(forces.pressure)) for item, forces in pairs)
+
+
+def _force_with_little_friction(task: Task) -> float | None:
+    """The sum of all pressures with next to no friction, None if not solved; collective."""
+    system, tries = task.system, Counts()
+    with system.preserved():
+        system.u.x.array[:] = 0.0
+        system.constraints.apply(system.u)
+        solver = InteriorPoint(task.aside(tries), share=_LITTLE)
+        try:
+            return contact_force(system, solver.solve())
+        except NotConverged:
+            return None
+        finally:
+            solver.destroy()
+            task.counts.add(tries)
