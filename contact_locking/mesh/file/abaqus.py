@@ -268,7 +268,7 @@ class _Deck:
         if kind == "NSET" and "ELSET" in card.options:
             cells = np.array(self._members("ELSET", instance, card.options["ELSET"]), dtype=int)
             for block, inside in self._by_block(cells):
-                members += np.unique(block.corners[inside]).tolist()
+                members += [int(node) for node in np.unique(block.corners[inside])]
         self._extend(kind, name, members)
 
     def _numbers(self, kind: str, instance: _Instance) -> dict[int, int]:
