@@ -106,7 +106,11 @@ def test_study_file_converges(name: str) -> None:
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("name", "n"),
-    [*(slow(name, "1e8") for name in COARSE), *((name, ".inf") for name in PENALISED)],
+    [
+        *(slow(name, "1e8") for name in COARSE),
+        # The method of the paper, which shows its contraction factor, takes a finite n.
+        *((name, ".inf") for name in PENALISED if name != "slip_friction"),
+    ],
 )
 def test_the_penalty_alone_may_be_changed_up_to_infinity(name: str, n: str, tmp_path: Path) -> None:
     run_file(name, MPI.COMM_WORLD.bcast(tmp_path), f"penalty.n={n}")

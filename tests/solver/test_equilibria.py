@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -257,10 +256,6 @@ def test_a_study_finds_several_certified_solutions(tmp_path: Path) -> None:
     table = in_words.equilibria(found[0].summary)
     assert [row[0] for row in table] == ["equilibria", ".", "equilibrium_2"]
     assert (folder / "equilibrium_2" / "contact.csv").exists()
-    MPI.COMM_WORLD.barrier()
-    writing.write(replace(found[0], others=()), folder)
-    assert (folder / "summary.json").exists()
-    assert not (folder / "equilibrium_2").exists()
 
 
 def test_the_method_of_the_solver_falls_back_on_the_branch(monkeypatch: Any) -> None:
