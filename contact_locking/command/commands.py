@@ -315,7 +315,7 @@ def schema(arguments: argparse.Namespace) -> int:
         if arguments.json:
             print(json.dumps(study_file.schema(), indent=2, ensure_ascii=False))
         else:
-            print(study_file.schema_text(terminal.width()).rstrip())
+            print(study_file.schema_text().rstrip())
     return 0
 
 

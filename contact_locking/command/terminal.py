@@ -7,7 +7,6 @@ import contextlib
 import io
 import os
 import pwd
-import shutil
 import signal
 import sys
 import time
@@ -60,11 +59,6 @@ def console() -> Console:
     if not _is_launched() and sys.stdout.isatty():
         return Console(highlight=False)
     return Console(highlight=False, width=120, force_terminal=False)
-
-
-def width() -> int:
-    """The columns of the terminal that standard output is; 0 for a file."""
-    return shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
 
 
 def complain(text: str) -> None:
