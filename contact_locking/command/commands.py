@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from contact_locking import wings
 from contact_locking.command import terminal
 from contact_locking.command.terminal import petsc_complaints, world_with_dolfinx
 from contact_locking.errors import ContactLockingError, InputError, explained
@@ -102,7 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
     if speaks:
         outcome = [*in_words.rows(solution.summary), ("results in", str(directory))]
         print(terminal.columns(outcome))
-        for table in (in_words.equilibria, in_words.sensitivities):
+        for table in wings.TABLES:
             if rows := table(solution.summary):
                 print(terminal.columns(rows))
     if solution.converged:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from typing import Any
 
@@ -336,3 +336,21 @@ def value_of(name: str, solution: StudySolution) -> float:
     if kind == "reactions":
         return float(value[kind][part][int(axis)])
     return float(look_up(value, name))
+
+
+def in_rows(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """The table of derivatives, the numbers that matter most first; none without derivatives."""
+    found = summary.get("sensitivities")
+    if not found:
+        return []
+    rows: list[tuple[str, ...]] = []
+    for quantity, each in found.items():
+        by_size = sorted(each.items(), key=lambda item: -abs(item[1]["elasticity"] or 0.0))
+        for key, one in by_size:
+            elasticity = one["elasticity"]
+            none = str(one.get("reason", ""))
+            share = none if elasticity is None else f"{elasticity:+.3g} % for 1 %"
+            checked = one.get("checked")
+            told = "" if checked is None else f"by solves {checked:.4g}"
+            rows.append((f"d {quantity}/d {key}", f"{one['derivative']:.4g}", share, told))
+    return rows

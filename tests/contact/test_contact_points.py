@@ -7,11 +7,10 @@ import math
 import numpy as np
 import pytest
 from problems import block
-from solutions import DIVISIONS, of_kind
+from solutions import of_kind
 
 from contact_locking import solve
 from contact_locking.arrays import IntArray
-from contact_locking.errors import InputError
 from contact_locking.results import contact_table
 from contact_locking.results.contact_points import (
     ContactPoints,
@@ -54,13 +53,7 @@ def test_contact_csv_is_read_as_it_was_written(dim: int, kind: str) -> None:
     for column, values in vars(points).items():
         read = getattr(found, column)
         assert read.dtype == values.dtype and np.array_equal(read, values), column
-    assert np.array_equal(contact_table.read_facets(second, "contact_facets.csv", found), facets)
-
-
-def test_a_facet_of_points_of_two_contacts_is_refused() -> None:
-    points, _ = table(2)
-    with pytest.raises(InputError, match="joins points of different contacts"):
-        contact_table.read_facets(f"point_0,point_1\n{DIVISIONS},{DIVISIONS + 1}\n", "f", points)
+    assert np.array_equal(contact_table.read_facets(second, "contact_facets.csv", dim), facets)
 
 
 @pytest.mark.parametrize(

@@ -22,15 +22,8 @@ from contact_locking.files.atomic import remove_abandoned, write_text
 from contact_locking.files.csv_file import csv_text
 from contact_locking.plain_text import spreadsheet_cell
 from contact_locking.results.in_words import weakest
-from contact_locking.results.names import (
-    FIT,
-    PARAMETERS,
-    SUMMARY,
-    TABLE_CSV,
-    TABLE_LINES,
-)
+from contact_locking.results.names import FIT, PARAMETERS, SUMMARY, TABLE_CSV, TABLE_LINES
 from contact_locking.results.quantities import by_name
-from contact_locking.results.read import Row, read_mapping
 from contact_locking.study_file import StudyFile
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.wording import labels
@@ -137,6 +130,15 @@ class Outcome:
         return [str(text) for text in listed] if isinstance(listed, list) else []
 
 
+def read_mapping(path: Path) -> dict[str, Any] | None:
+    """The mapping in a JSON file; None if the file is missing or damaged."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    return content if isinstance(content, dict) else None
+
+
 def outcome(case: Case) -> Outcome:
     """The outcome of a case as its folder has it."""
     summary = read_mapping(case.record)
@@ -212,14 +214,14 @@ def write_table(directory: Path, cases: Sequence[Case], outcomes: Sequence[Outco
     write_text(directory / TABLE_LINES, "".join(f"{line}\n" for line in lines))
 
 
-def row_of(case: Case, outcome: Outcome) -> Row:
+def row_of(case: Case, outcome: Outcome) -> dict[str, Any]:
     """The values that vary, the name and state of the case, and its summary under dotted keys.
 
     Lists of mappings go by their names, and those without names, such as the stages, are left out.
     Contacts are listed if there are several, as the summary has the numbers of one itself.  The
     texts "inf" and "nan" stand for infinity and NaN, which JSON does not have.
     """
-    entry: Row = {key: _plain(value) for key, value in case.values.items()}
+    entry = {key: _plain(value) for key, value in case.values.items()}
     entry |= {"case": case.name, "state": outcome.state}
     summary = outcome.summary or {"converged": False, "reason": outcome.reason}
     named = {key: value for key, value in summary.items() if key not in _LEFT_OUT}

@@ -21,10 +21,10 @@ from contact_locking.results.history import History
 from contact_locking.results.history_values import values_of
 from contact_locking.results.ordering import curves as ordered
 from contact_locking.results.quantities import QUANTITIES, Quantity
-from contact_locking.results.read import RunResults
 from contact_locking.view.pictures import plane, style
 from contact_locking.view.pictures.snapshot import nearest_parts
 
+from .folders import RunResults
 from .page import WIDTH, Chart, Curve, chart, drawing, gridded, has_bar, name_curves, plain
 
 
