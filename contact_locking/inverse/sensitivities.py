@@ -25,6 +25,7 @@ from contact_locking.inverse.derivatives import (
 from contact_locking.inverse.equations import Equations, require_settled, share_at_change
 from contact_locking.inverse.fields import field
 from contact_locking.inverse.linearisation import Change, penalised_iterate
+from contact_locking.inverse.numbers import number_at, with_number
 from contact_locking.inverse.quantities import require_quantities
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
@@ -39,7 +40,6 @@ from contact_locking.script_names import script_names
 from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.task import Settings, SolverReport, Task
 from contact_locking.study.assembly import StudyProblem, assemble
-from contact_locking.study_file.named_numbers import number_at, with_number
 
 # A family of points with more than this share near a change is told of.
 _MANY = 0.02

@@ -10,11 +10,12 @@ import pytest
 from problems import block, column
 
 import contact_locking as cl
+from contact_locking.inverse.numbers import number_at, with_number
 from contact_locking.inverse.sensitivities import in_rows, value_of
 from contact_locking.monitor import Monitor
 from contact_locking.process.solving import solve
+from contact_locking.study.assembly import resolved
 from contact_locking.study_file.dump import plain
-from contact_locking.study_file.named_numbers import number_at, resolved, with_number
 
 SHARP = {"tolerance": 1e-10, "friction_tolerance": 1e-11}
 OF = ["compliance", "contact_force.1", "reactions.left.0"]
