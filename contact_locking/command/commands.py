@@ -368,12 +368,7 @@ def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
             number = saved_steps.last_number(directory, study_file.fingerprint(parameters))
         if number > 0:
             return f"{number} steps are saved in {directory}; the same command goes on from there"
-    if not arguments.checkpoint:
-        return ""
-    ended = "its solve has" if parameters.adapt is None else "the solves on all meshes have"
-    if parameters.steps is not None:
-        ended = "its first step has" if arguments.restart is None else "all its steps have"
-    return f"nothing is saved: a run saves its state when {ended} ended"
+    return "nothing is saved: a run saves its state at its end" if arguments.checkpoint else ""
 
 
 def _checkpoints_work() -> bool:

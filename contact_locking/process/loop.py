@@ -30,8 +30,7 @@ from contact_locking.process.checkpoint.restart import restored_step
 from contact_locking.process.followers import followers_of
 from contact_locking.process.of_study import certified, of_study, solver_of
 from contact_locking.process.timeline import Timeline
-from contact_locking.results.history import History, Row
-from contact_locking.results.history_values import values_of
+from contact_locking.results.history import History, Row, values_of
 from contact_locking.results.probe_table import ProbeSample
 from contact_locking.results.quantities import columns, components
 from contact_locking.results.solution import State, StudySolution

@@ -96,7 +96,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> StudySolution
             "locked_fraction": 0.5,
             "contact_force": [0.0, np.float64(0.125)],
             "contacts": [{"name": "bottom"}] if contact else [],
-            "bounds": {"one": {"value": 1.0, "bound": float("inf"), "holds": True}},
+            "certificate": {"bounds": {"one": {"value": 1.0, "bound": np.inf, "holds": True}}},
         },
     )
 

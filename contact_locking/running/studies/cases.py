@@ -152,14 +152,6 @@ def outcome(case: Case) -> Outcome:
     return Outcome("not run")
 
 
-def other_version(case: Case) -> str | None:
-    """The version of the results in the folder of a case if it is another version; else None."""
-    summary = read_mapping(case.record)
-    if summary is None or summary.get("version") == __version__:
-        return None
-    return str(summary.get("version", "unknown"))
-
-
 def begin(case: Case) -> None:
     """Prepare the folder for `run`, and remove the files of an earlier attempt.  Raises OSError."""
     case.folder.mkdir(parents=True, exist_ok=True)
@@ -182,15 +174,6 @@ def conclude(case: Case, why: Callable[[], str]) -> Outcome:
     text = json.dumps(record, indent=2, ensure_ascii=False) + "\n"
     write_text(case.folder / FAILURE, text)
     return Outcome("failed", reason)
-
-
-def strangers(directory: Path, cases: list[Case]) -> int:
-    """The number of case folders that belong to no case of the present study file."""
-    known = {case.name for case in cases}
-    folder = directory / "cases"
-    if not folder.is_dir():
-        return 0
-    return sum(entry.is_dir() for entry in folder.glob("[!.]*") if entry.name not in known)
 
 
 def _matches(record: dict[str, Any], case: Case) -> bool:

@@ -17,8 +17,7 @@ from contact_locking.arrays import AXES, FloatArray, IntArray
 from contact_locking.errors import with_key
 from contact_locking.results.adapted_meshes import AdaptedMesh, load
 from contact_locking.results.contact_points import ContactPoints
-from contact_locking.results.history import History
-from contact_locking.results.history_values import values_of
+from contact_locking.results.history import History, values_of
 from contact_locking.results.ordering import curves as ordered
 from contact_locking.results.quantities import QUANTITIES, Quantity
 from contact_locking.view.pictures import plane, style
