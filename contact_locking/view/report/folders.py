@@ -153,5 +153,5 @@ def _require_version(record: dict[str, Any], folder: Path) -> None:
 def _restore(summary: dict[str, Any], key: str, value: float) -> None:
     """Set the value of a dotted key to an infinity or NaN, which JSON cannot hold."""
     above, _, last = key.rpartition(".")
-    place = look_up(summary, above) if above else summary
+    place: Any = look_up(summary, above) if above else summary
     place[int(last) if isinstance(place, list) else last] = value
