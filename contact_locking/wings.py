@@ -45,6 +45,10 @@ DERIVATIVES = Seam()
 FOLLOWERS = Seam()
 #: ``(StudyProblem) -> None``: raises InputError for what a study cannot ask for; collective.
 CHECKS = Seam()
+#: ``(summary) -> list[(name, words)]``: what the terminal tells of a result; None tells nothing.
+WORDS = Seam()
+#: ``(summary) -> list[row]``: a table for the terminal, empty without one.
+TABLES = Seam()
 #: ``(StudySolution, folder) -> list[str]``: writes files of a run, and returns warnings;
 #: raises NoRoom; collective.
 FILES = Seam()

@@ -1,17 +1,12 @@
-"""Linear elliptic problems of the certificate: dual norms, lifts, and largest eigenvalues."""
+"""Linear elliptic problems of the certificate, and lifts of values on the boundary."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import closing
+from collections.abc import Iterable, Sequence
 from functools import cached_property
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
-import ufl
 from dolfinx import fem, la
-from dolfinx.fem import petsc
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
@@ -19,11 +14,9 @@ from contact_locking.arrays import FloatArray
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import raise_callback_error
-from contact_locking.fem import compiled
 from contact_locking.fem.joint_forms import JointForm, action
 from contact_locking.fem.trace import make_nodal
 from contact_locking.parallel import on_any_rank, on_every_rank
-from contact_locking.problem import forms
 from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
 from contact_locking.supports.conditions import Constraints
 
@@ -31,9 +24,6 @@ from contact_locking.supports.conditions import Constraints
 _PREFIX = "contact_locking_certificate_"
 # The tolerance of CG, enough for a bound that holds with a margin.
 _RTOL = 1e-8
-_PREFIX_OF_EIGENVALUES = "contact_locking_steklov_"
-# The relative accuracy of an eigenvalue; a bound needs no more.
-_ACCURACY = 1e-6
 
 
 class NotApplicable(Exception):
@@ -115,30 +105,6 @@ class EllipticProblem:
     def _action(self) -> tuple[fem.Function, JointForm]:
         held = fem.Function(self._space)
         return held, JointForm(action(self._bilinear, held))
-
-
-# Forms of one problem are the same objects in each solve, by which their compiled forms are kept.
-
-
-def inner_product(state: SolvedState) -> Expr:
-    """``(w, v)_V = int eps(w) : eps(v)`` (10)."""
-    data, (v, w) = state.problem.data, state.system.bilinear.arguments()
-
-    def make() -> Expr:
-        return ufl.inner(data.strain(w), data.strain(v)) * data.element.elastic_dx(data.dx)
-
-    return state.system.kept("inner product", make)
-
-
-def on_springs(state: SolvedState, stiffness: float) -> Expr:
-    """``a(w, v) + k int w_nu v_nu`` with the integral over Gamma_C."""
-    elastic, (v, w) = state.system.bilinear, state.system.bilinear.arguments()
-
-    def make() -> Expr:
-        k = fem.Constant(state.problem.domain.mesh, stiffness)
-        return elastic + forms.contact_stiffness(v, w, state.problem.contacts, k)
-
-    return state.system.kept(("on springs", stiffness), make)
 
 
 def on_contacts(
@@ -253,70 +219,3 @@ class Lifting:
     def _nowhere(self, values: FloatArray) -> bool:
         """Whether no value of any rank is positive; collective."""
         return not on_any_rank(self._state.comm, values > 0.0)
-
-
-def trace_norm(state: SolvedState, product: Expr, traces: ufl.Form) -> float:
-    """``max sqrt(t(v, v)/b(v, v))`` over the displacements that are zero on Gamma_D; collective.
-
-    ``product`` is b and ``traces`` is t, bilinear forms.  The result comes from below.  Raises
-    NotApplicable if the eigenvalue solver fails.
-    """
-    constraints = state.problem.constraints
-    surface = petsc.assemble_matrix(compiled.form(traces))
-    surface.assemble()
-    # The held part keeps the identity in the product and has no trace.
-    mask = surface.createVecLeft()
-    mask.array_w[:] = constraints.free_dofs()[: mask.getLocalSize()]
-    surface.diagonalScale(mask, mask)
-    constraints.supports.directions.eliminate(surface, holds=False)
-    try:
-        with closing(EllipticProblem(state, product, constraints)) as problem:
-            return float(_largest(surface, problem.matrix, problem.ksp) ** 0.5)
-    finally:
-        for item in (mask, surface):
-            item.destroy()
-
-
-def largest_eigenvalue(comm: Any, size: int, operator: Callable[[FloatArray], FloatArray]) -> float:
-    """The largest eigenvalue of a symmetric operator, from below; collective.
-
-    The operator maps the ``size`` values of each rank to as many.  Raises NotApplicable if the
-    eigenvalue solver fails.
-    """
-
-    def mult(matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        y.array_w[:] = operator(x.array_r)
-
-    sizes = ((size, None), (size, None))
-    matrix = PETSc.Mat().createPython(sizes, SimpleNamespace(mult=mult), comm)
-    matrix.setUp()
-    try:
-        return _largest(matrix)
-    finally:
-        matrix.destroy()
-
-
-def _largest(
-    matrix: PETSc.Mat, product: PETSc.Mat | None = None, inverse: PETSc.KSP | None = None
-) -> float:
-    from slepc4py import SLEPc
-
-    solver = SLEPc.EPS().create(matrix.getComm())
-    solver.setOptionsPrefix(_PREFIX_OF_EIGENVALUES)
-    kinds = SLEPc.EPS.ProblemType
-    solver.setOperators(matrix, product)
-    solver.setProblemType(kinds.HEP if product is None else kinds.GHEP)
-    solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_REAL)
-    solver.setTolerances(tol=_ACCURACY)
-    if inverse is not None:
-        solver.getST().setKSP(inverse)
-    try:
-        solver.solve()
-        if not solver.getConverged():
-            raise NotApplicable("the eigenvalue solver did not converge")
-        return float(solver.getEigenvalue(0).real)
-    except PETSc.Error as error:
-        raise_callback_error(error)
-        raise NotApplicable("the eigenvalue solver failed") from error
-    finally:
-        solver.destroy()

@@ -27,9 +27,8 @@ from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.balances import nodal_forces
-from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.laws import law_limit
-from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.fem.compiled import assembled, integral
 from contact_locking.problem import forms
 from contact_locking.results.derived import ContactFields

@@ -11,8 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.criteria import Criterion
-from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.contact.nodal_contact import joint_norm
 from contact_locking.contact.smoothing import Identity

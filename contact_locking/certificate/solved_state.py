@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import ufl
@@ -21,6 +22,26 @@ from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.derived import ContactFields, penalised
 from contact_locking.solver.task import Settings, SolverReport, Target
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """A measured value that must not exceed its limit; ``meaning`` completes "the ... is".
+
+    Forces are relative to the acting forces, work to the elastic energy, and the change of the
+    friction bound to the friction bound.  A criterion whose value is NaN does not hold.
+    """
+
+    value: float
+    limit: float
+    meaning: str
+
+    @property
+    def holds(self) -> bool:
+        return bool(self.value <= self.limit)
+
+    def summary(self) -> dict[str, Any]:
+        return {"value": self.value, "limit": self.limit, "holds": self.holds}
 
 
 class SolvedState:

@@ -9,12 +9,11 @@ from typing import Any
 
 from contact_locking import wings
 from contact_locking.certificate.balances import equilibrium
-from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.elliptic import Lifting, NotApplicable
 from contact_locking.certificate.indicator import ErrorIndicator, error_indicator
 from contact_locking.certificate.laws import entry_criterion, law_criteria
 from contact_locking.certificate.penalty_error import penalty_error
-from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.certificate.solved_state import Criterion, SolvedState
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from contact_locking import wings
 from contact_locking.command import terminal
 from contact_locking.command.terminal import petsc_complaints, world_with_dolfinx
 from contact_locking.errors import ContactLockingError, InputError, explained
@@ -102,7 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
     if speaks:
         outcome = [*in_words.rows(solution.summary), ("results in", str(directory))]
         print(terminal.columns(outcome))
-        for table in (in_words.equilibria, in_words.sensitivities):
+        for table in wings.TABLES:
             if rows := table(solution.summary):
                 print(terminal.columns(rows))
     if solution.converged:
@@ -315,7 +316,7 @@ def schema(arguments: argparse.Namespace) -> int:
         if arguments.json:
             print(json.dumps(study_file.schema(), indent=2, ensure_ascii=False))
         else:
-            print(study_file.schema_text(terminal.width()).rstrip())
+            print(study_file.schema_text().rstrip())
     return 0
 
 
@@ -367,12 +368,7 @@ def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
             number = saved_steps.last_number(directory, study_file.fingerprint(parameters))
         if number > 0:
             return f"{number} steps are saved in {directory}; the same command goes on from there"
-    if not arguments.checkpoint:
-        return ""
-    ended = "its solve has" if parameters.adapt is None else "the solves on all meshes have"
-    if parameters.steps is not None:
-        ended = "its first step has" if arguments.restart is None else "all its steps have"
-    return f"nothing is saved: a run saves its state when {ended} ended"
+    return "nothing is saved: a run saves its state at its end" if arguments.checkpoint else ""
 
 
 def _checkpoints_work() -> bool:

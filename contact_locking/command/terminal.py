@@ -7,7 +7,6 @@ import contextlib
 import io
 import os
 import pwd
-import shutil
 import signal
 import sys
 import time
@@ -62,35 +61,11 @@ def console() -> Console:
     return Console(highlight=False, width=120, force_terminal=False)
 
 
-def width() -> int:
-    """The columns of the terminal that standard output is; 0 for a file."""
-    return shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
-
-
 def complain(text: str) -> None:
     """Print to standard error, from rank 0; lines after the first are indented."""
     if is_root():
         head, *rest = printable(text).split("\n")
         print("\n".join([head, *(f"       {line}" for line in rest)]), file=sys.stderr, flush=True)
-
-
-def warn_of_separate_tasks() -> None:
-    """Warn if this process is alone for MPI, but one of several that srun has started.
-
-    This is what srun does where it is not told which MPI the program has: each process would solve
-    the whole problem, and write to the same folder.
-    """
-    tasks = os.environ.get("SLURM_STEP_NUM_TASKS", "")
-    # A task may have started this process by an mpirun of its own.
-    launched = "OMPI_COMM_WORLD_SIZE" in os.environ or os.environ.get("PMI_SIZE") == "1"
-    if tasks in ("", "1") or launched or os.environ.get("SLURM_PROCID", "0") != "0":
-        return
-    complain(
-        f"warning: srun has started {tasks} processes, but MPI does not connect them, so that each "
-        "works alone\n"
-        "srun --mpi=pmix connects those of Open MPI, and srun --mpi=pmi2 those of MPICH; "
-        "or start them by mpirun"
-    )
 
 
 class LastingOutput(io.FileIO):
@@ -208,7 +183,6 @@ def world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
     # silence, whether Python or a monitor of PETSc was printing.
     if arguments.program and MPI.COMM_WORLD.size == 1:
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)
-        warn_of_separate_tasks()
     for name in ignore_current_folder():
         complain(
             f"warning: {name} in this folder is ignored, as options of a compiler can run code; "

@@ -27,8 +27,6 @@ _MULTIPLE = 10.0
 _NOTABLE, _AIM = 0.1, 0.01
 # So much of the limit may be exceeded between the points where an element keeps it.
 _BETWEEN = 0.05
-# From this share of the friction bound on nothing is left to hold a body.
-_ALL_FRICTION = 1.0 - 1e-4
 # Pressure concentrates at edges, where the compliance of the body is this share of length over
 # Young's modulus.
 _CONCENTRATED = 0.2
@@ -248,19 +246,6 @@ def about_uncovered_boundary(
         f"{key}: the boundary outside of {key}.on enters the foundation by {depth:.3g} near "
         f"({at}), where no contact acts; add the boundary part there to {key}.on, unless the "
         "foundation ends before"
-    ]
-
-
-def about_the_friction_used(used: float) -> list[str]:
-    """A warning about a body that friction alone holds, and that uses all of its friction.
-
-    ``used`` is the share of what friction could hold against a rigid motion of the body.
-    """
-    if used < _ALL_FRICTION:
-        return []
-    return [
-        "friction alone holds the body, and all of it is used: with a little more load along the "
-        "foundation, or less onto it, the body slides away"
     ]
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import re
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -17,8 +16,6 @@ from pathlib import Path
 from contact_locking.files.lock import try_lock
 
 _PREFIX = ".partial-contact-locking-"
-# tempfile.mkdtemp ends its names with eight of these characters.
-_NAME = re.compile(re.escape(_PREFIX) + r"[a-z0-9_]{8}")
 # The errors of file systems that cannot reserve disk space.
 _CANNOT_RESERVE = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS, errno.ENODEV)
 
@@ -78,8 +75,6 @@ def remove_abandoned(directory: Path) -> None:
     A staging folder in use stays.  All stay if the file system has no locks.
     """
     for path in directory.glob(f"{_PREFIX}*"):
-        if not _NAME.fullmatch(path.name):
-            continue
         try:
             mark = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
         except OSError:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from contact_locking import wings
 
@@ -40,3 +41,10 @@ def _sensitivities(
     from contact_locking.inverse.sensitivities import Sensitivities
 
     return Sensitivities(problem, solver, monitor)
+
+
+@wings.TABLES.add
+def _table(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    from contact_locking.inverse.sensitivities import in_rows
+
+    return in_rows(summary)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from typing import Any
 
@@ -25,6 +25,7 @@ from contact_locking.inverse.derivatives import (
 from contact_locking.inverse.equations import Equations, require_settled, share_at_change
 from contact_locking.inverse.fields import field
 from contact_locking.inverse.linearisation import Change, penalised_iterate
+from contact_locking.inverse.numbers import number_at, with_number
 from contact_locking.inverse.quantities import require_quantities
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
@@ -39,7 +40,6 @@ from contact_locking.script_names import script_names
 from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.task import Settings, SolverReport, Task
 from contact_locking.study.assembly import StudyProblem, assemble
-from contact_locking.study_file.named_numbers import number_at, with_number
 
 # A family of points with more than this share near a change is told of.
 _MANY = 0.02
@@ -336,3 +336,21 @@ def value_of(name: str, solution: StudySolution) -> float:
     if kind == "reactions":
         return float(value[kind][part][int(axis)])
     return float(look_up(value, name))
+
+
+def in_rows(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """The table of derivatives, the numbers that matter most first; none without derivatives."""
+    found = summary.get("sensitivities")
+    if not found:
+        return []
+    rows: list[tuple[str, ...]] = []
+    for quantity, each in found.items():
+        by_size = sorted(each.items(), key=lambda item: -abs(item[1]["elasticity"] or 0.0))
+        for key, one in by_size:
+            elasticity = one["elasticity"]
+            none = str(one.get("reason", ""))
+            share = none if elasticity is None else f"{elasticity:+.3g} % for 1 %"
+            checked = one.get("checked")
+            told = "" if checked is None else f"by solves {checked:.4g}"
+            rows.append((f"d {quantity}/d {key}", f"{one['derivative']:.4g}", share, told))
+    return rows

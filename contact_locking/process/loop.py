@@ -29,8 +29,7 @@ from contact_locking.monitor import Monitor
 from contact_locking.process.checkpoint.stored import restored_step
 from contact_locking.process.of_study import certified, followers_of, of_study, solver_of
 from contact_locking.process.timeline import Timeline
-from contact_locking.results.history import History, Row
-from contact_locking.results.history_values import values_of
+from contact_locking.results.history import History, Row, values_of
 from contact_locking.results.probe_table import ProbeSample
 from contact_locking.results.quantities import columns, components
 from contact_locking.results.solution import State, StudySolution

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 import numpy as np
 
@@ -82,17 +81,3 @@ def joined(
     firsts = itertools.accumulate((len(table) for table, _ in contacts), initial=0)
     facets = [first + own for first, (_, own) in zip(firsts, contacts, strict=False)]
     return points, np.concatenate([np.empty((0, dim), dtype=np.int64), *facets])
-
-
-def facets_within(facets: IntArray, rows: slice) -> IntArray:
-    """The facets (m, d) of the contact with these rows, as numbers of the points of the contact."""
-    own = (facets[:, 0] >= rows.start) & (facets[:, 0] < rows.stop)
-    return facets[own] - rows.start
-
-
-def contact_name(summary: Mapping[str, Any], number: int) -> str:
-    """The name of a contact from the summary, or its number from 0 if it has none."""
-    listed = summary.get("contacts")
-    entry = listed[number] if isinstance(listed, list) and number < len(listed) else None
-    name = entry.get("name") if isinstance(entry, Mapping) else None
-    return f"contact {number}" if name is None else str(name)

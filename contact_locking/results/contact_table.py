@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from contact_locking.arrays import AXES, IntArray
-from contact_locking.errors import InputError
 from contact_locking.files.csv_file import csv_text, read_own
 from contact_locking.results.contact_points import STATE_NAMES, ContactPoints
 
@@ -50,26 +49,14 @@ def facets_text(facets: IntArray) -> str:
 
 
 def read_points(text: str, name: str) -> ContactPoints:
-    """The points in the text of the file ``name``.
+    """The points in the text of `points_text`, the file ``name``.
 
-    Without a column ``contact`` all points belong to contact 0.  Raises InputError with the line
-    for a table that `points_text` has not written.
+    Raises InputError with the line for a row that is none, and KeyError for a column that is not
+    there.
     """
     header, rows = read_own(text, name, _number)
-    axes = tuple(axis for axis in AXES if axis in header)
-    columns = _columns(axes)
-    missing = [
-        column
-        for group in columns.values()
-        for column in group
-        if column not in (*header, "contact")
-    ]
-    if missing or not 2 <= len(axes) <= 3:
-        raise InputError(f"{name}:1: is damaged: there is no column {', '.join(missing or 'xy')}")
+    columns = _columns([axis for axis in AXES if axis in header])
     found = dict(zip(header, np.array(rows).reshape(-1, len(header)).T, strict=True))
-    contact = found.setdefault("contact", np.zeros(len(rows)))
-    if len(rows) and (contact[0] < 0 or contact[-1] >= len(rows) or (np.diff(contact) < 0).any()):
-        raise InputError(f"{name}: is damaged: the points are not sorted by contact")
     arrays: dict[str, Any] = {
         field: np.column_stack([found[name] for name in names])
         if len(names) > 1
@@ -80,22 +67,10 @@ def read_points(text: str, name: str) -> ContactPoints:
     return ContactPoints(**arrays | whole)
 
 
-def read_facets(text: str, name: str, points: ContactPoints) -> IntArray:
-    """The facets (m, d) in the text of the file ``name``, as numbers of ``points``.
-
-    Raises InputError with the line for a table that `facets_text` has not written for these
-    points.
-    """
-    columns, rows = read_own(text, name, lambda _, cell: int(cell))
-    facets = np.array(rows, dtype=float).reshape(-1, len(columns))
-    if facets.size and not 0 <= facets.min() <= facets.max() < len(points):
-        raise InputError(f"{name}: is damaged: it names points that are not in contact.csv")
-    if len(columns) != points.dim:
-        raise InputError(f"{name}:1: is damaged: it has not {points.dim} columns")
-    found: IntArray = facets.astype(np.int64)
-    if np.ptp(points.contact[found], axis=1).any():
-        raise InputError(f"{name}: is damaged: a facet joins points of different contacts")
-    return found
+def read_facets(text: str, name: str, dim: int) -> IntArray:
+    """The facets (m, d) in the text of `facets_text`, as `read_points`; ``dim`` is d."""
+    _, rows = read_own(text, name, lambda _, cell: int(cell))
+    return np.array(rows, dtype=np.int64).reshape(-1, dim)
 
 
 def _number(column: str, cell: str) -> float:

@@ -62,3 +62,16 @@ def read_history(text: str, name: str) -> History:
 
 def _number(column: str, cell: str) -> float:
     return int(cell) if cell.lstrip("-").isdecimal() else float(cell)
+
+
+def values_of(text: str, history: History) -> FloatArray:
+    """The values (k,) of a column, or of an expression of columns.  Raises InputError."""
+    # Scripts have no expressions.
+    from contact_locking.expressions import parse
+
+    if text in history.columns:
+        return history.column(text)
+    names = [name for name in history.columns if name.isidentifier()]
+    expression = parse(text, names)
+    values = expression.numpy(**{name: history.column(name) for name in names})
+    return np.broadcast_to(np.asarray(values, dtype=float), len(history))

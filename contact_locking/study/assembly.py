@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -32,11 +33,12 @@ from contact_locking.study.loads import build_loads, open_pressures, springs_of
 from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.probe_points import locate
 from contact_locking.study_file import require_parameters
-from contact_locking.study_file.named_numbers import resolved
-from contact_locking.study_file.parameters import HOLD_ALONG, Parameters
+from contact_locking.study_file.dump import plain
+from contact_locking.study_file.parameters import HOLD_ALONG, Parameters, expressions
 from contact_locking.study_file.parameters.base import BodyKind, dimension_faults, dotted
 from contact_locking.study_file.parameters.boundary import LoadParameters
 from contact_locking.study_file.parameters.mesh import BoundaryPart, MeshParameters
+from contact_locking.study_file.source import assign
 from contact_locking.supports.conditions import ComponentCondition, constrain
 from contact_locking.supports.supports import Support
 
@@ -126,6 +128,20 @@ class StudyProblem(DiscreteProblem):
             count = sum(len(contact.surface.nodes) for contact in self.contacts)
             facts["contact points"] = int(self.domain.comm.allreduce(count))
         return facts
+
+
+def resolved(parameters: Parameters) -> Parameters:
+    """The same problem with the numbers of ``parameters`` in the place of their names."""
+    named = parameters.parameters
+    if not named:
+        return parameters
+    pattern = re.compile(rf"\b(?:{'|'.join(map(re.escape, named))})\b(?!\s*\()")
+    data = plain(parameters)
+    del data["parameters"]
+    for place, text, _ in expressions(parameters):
+        written = pattern.sub(lambda found: f"({named[found[0]]!r})", text)
+        assign(data, dotted(*place), written)
+    return Parameters.model_validate(data)
 
 
 def check(

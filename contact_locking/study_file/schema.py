@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import copy
 import math
-import re
-import textwrap
 from collections.abc import Iterator
 from dataclasses import MISSING, fields
 from itertools import groupby
@@ -16,12 +14,10 @@ from pydantic import BaseModel, TypeAdapter
 from contact_locking.meshes import BUILDERS
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.base import unit_of
-from contact_locking.study_file.parameters.keys import key_patterns, section_in, visible_fields
+from contact_locking.study_file.parameters.keys import section_in, visible_fields
 from contact_locking.study_file.parameters.mesh import MeshParameters, builder_types
 from contact_locking.study_file.parameters.study import MAX_CASES
 from contact_locking.study_file.parameters.wording import show
-
-_NARROWEST_DESCRIPTION = 27
 
 
 class Row(NamedTuple):
@@ -52,12 +48,10 @@ def rows() -> list[Row]:
     return list(_rows(Parameters, "", {}))
 
 
-def schema_text(width: int = 0) -> str:
-    """The table of all keys for a terminal with ``width`` columns; 0 folds no line."""
+def schema_text() -> str:
+    """The table of all keys for a terminal, a line for each."""
     table = rows()
     columns = [max(len(row[column]) for row in table) for column in range(3)]
-    indent = 2 + sum(columns) + 2 * len(columns)
-    room = max(width - indent, _NARROWEST_DESCRIPTION) if width else 0
     parts = []
     for name, members in groupby(table, key=lambda row: row.key.partition(".")[0]):
         first, *others = members
@@ -69,9 +63,7 @@ def schema_text(width: int = 0) -> str:
                 heading = row.of
                 lines.append(f"  of {heading}:")
             cells = [f"{cell:{size}}" for cell, size in zip(row, columns, strict=False)]
-            told = textwrap.wrap(row.description, room) if room else [row.description]
-            lines.append("  " + "  ".join([*cells, told[0]]).rstrip())
-            lines += [" " * indent + more for more in told[1:]]
+            lines.append("  " + "  ".join([*cells, row.description]).rstrip())
         parts.append("\n".join(lines))
     head = "Keys with their defaults, units and meanings. INDEX counts from 0; NAME is a name.\n"
     return head + "\n" + "\n\n".join(parts) + "\n"
@@ -134,7 +126,6 @@ def _shown(value: Any) -> str:
 
 # The language servers of editors know this version best; nothing in the schema takes a later one.
 _VERSION = "http://json-schema.org/draft-07/schema#"
-_PLACES = {"INDEX": r"\d+", "NAME": r"[^.]+"}
 
 
 def schema() -> dict[str, Any]:
@@ -150,7 +141,8 @@ def schema() -> dict[str, Any]:
         # YAML reads a key with nothing behind it as null.
         if section.get("type") == "object" and not section.get("required"):
             section["type"] = ["object", "null"]
-    sections["VariedKeys"] = _varied_keys()
+    values = {"$ref": "#/$defs/VariedValues"}
+    sections["VariedKeys"] = {"type": "object", "additionalProperties": values}
     sections["VariedValues"] = _varied_values()
     head = {"$schema": _VERSION, "title": "A study file of contact-locking"}
     return head | found
@@ -186,28 +178,6 @@ def _mesh_schema() -> dict[str, Any]:
                 properties[entry.name]["default"] = entry.default
         kinds.append(_object(properties, required=[] if name == "block" else ["builder"]))
     return {"description": MeshParameters.__doc__, "anyOf": [*kinds, {"type": "null"}]}
-
-
-def _varied_keys() -> dict[str, Any]:
-    values = {"$ref": "#/$defs/VariedValues"}
-    properties: dict[str, Any] = {}
-    patterns: dict[str, Any] = {}
-    about = {row.key: row.description for row in rows()}
-    for parts in key_patterns(Parameters):
-        key = ".".join(parts)
-        if parts[0] == "study" or key == "output.directory":
-            continue
-        if _PLACES.keys().isdisjoint(parts):
-            properties[key] = {**values, "description": about[key]}
-        else:
-            pattern = r"\.".join(_PLACES.get(part, re.escape(part)) for part in parts)
-            patterns[f"^{pattern}$"] = values
-    return {
-        "type": "object",
-        "additionalProperties": False,
-        "properties": properties,
-        "patternProperties": patterns,
-    }
 
 
 def _varied_values() -> dict[str, Any]:

@@ -43,8 +43,6 @@ class Source:
     data: Any = field(default_factory=dict)
     #: By dotted key: the line in the file, or the key of the override that set the value.
     origins: dict[str, int | str] = field(default_factory=dict)
-    #: Size of the file in bytes.
-    size: int = 0
 
     def explain(self, message: str, key: str) -> str:
         """The message in one line, with the line of the key or of the nearest section above it."""
@@ -122,7 +120,7 @@ def read(path: str | Path) -> Source:
         )
     if not isinstance(data, dict):
         raise InputError(f"{name}:1: must be a mapping of keys such as mesh, material and loads")
-    return Source(name, data, reader.origins, len(raw))
+    return Source(name, data, reader.origins)
 
 
 def similar(path: Path) -> str:

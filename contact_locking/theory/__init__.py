@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from contact_locking import wings
 
@@ -40,3 +41,17 @@ def _solutions(problem: StudyProblem, solver: ProblemSolver, monitor: Monitor) -
     from contact_locking.theory.solutions import SectionsOfStudy
 
     return SectionsOfStudy(problem, solver, monitor)
+
+
+@wings.WORDS.add
+def _words(summary: Mapping[str, Any]) -> list[tuple[str, str | None]]:
+    from contact_locking.theory.words import rows
+
+    return rows(summary)
+
+
+@wings.TABLES.add
+def _table(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    from contact_locking.theory.words import equilibria
+
+    return equilibria(summary)

@@ -8,24 +8,24 @@ from typing import Any
 
 import numpy as np
 from dolfinx import fem
+from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import (
     EllipticProblem,
     Lifting,
     NotApplicable,
-    inner_product,
-    on_springs,
     require_still_foundations,
 )
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.certificate.verdict import Extras, Proofs
 from contact_locking.fem import compiled
-from contact_locking.fields import plausibility
 from contact_locking.parallel import maximum, on_any_rank
+from contact_locking.problem import forms
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.theory.constants import constant_supports, constants
 from contact_locking.theory.critical_friction import critical_friction
+from contact_locking.theory.eigenvalues import inner_product
 from contact_locking.theory.other_solutions import share_against_sliding
 
 
@@ -64,9 +64,16 @@ def _about_friction(state: SolvedState) -> list[str]:
     slides = any(contact.friction.depends_on_slip for contact in contacts)
     if not state.report.converged or not state.problem.sliding or slides:
         return []
-    return plausibility.about_the_friction_used(share_against_sliding(state))
+    if share_against_sliding(state) < _ALL_FRICTION:
+        return []
+    return [
+        "friction alone holds the body, and all of it is used: with a little more load along the "
+        "foundation, or less onto it, the body slides away"
+    ]
 
 
+# From this share of the friction bound on nothing is left to hold a body.
+_ALL_FRICTION = 1.0 - 1e-4
 # Rounding and the solver's tolerance may put a measured value this share above its bound.
 _SLACK = 1e-6
 
@@ -206,7 +213,7 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     domain, alpha = state.problem.domain, state.problem.material.ellipticity
     stiffness = alpha / state.target.length
     constraints = state.problem.constraints
-    with closing(EllipticProblem(state, on_springs(state, stiffness), constraints)) as problem:
+    with closing(EllipticProblem(state, _on_springs(state, stiffness), constraints)) as problem:
         z = problem.solve(_load(state, w))
     carried, soft = _remembered(state), 0.0
     for fields in state.contacts:
@@ -244,3 +251,14 @@ def _load(state: SolvedState, w: fem.Function | None) -> FloatArray:
     """``(f, v) - a(w, v)``."""
     forms = state.system.forms
     return forms.loads() if w is None else forms.loads() - forms.elastic_forces(w)
+
+
+def _on_springs(state: SolvedState, stiffness: float) -> Expr:
+    """``a(w, v) + k int w_nu v_nu`` with the integral over Gamma_C."""
+    elastic, (v, w) = state.system.bilinear, state.system.bilinear.arguments()
+
+    def make() -> Expr:
+        k = fem.Constant(state.problem.domain.mesh, stiffness)
+        return elastic + forms.contact_stiffness(v, w, state.problem.contacts, k)
+
+    return state.system.kept(("on springs", stiffness), make)

@@ -24,10 +24,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import (
     EllipticProblem,
     NotApplicable,
-    inner_product,
-    largest_eigenvalue,
     on_contacts,
-    trace_norm,
     with_contacts_fixed,
 )
 from contact_locking.certificate.solved_state import SolvedState
@@ -37,6 +34,7 @@ from contact_locking.fem.trace import make_nodal
 from contact_locking.mesh.rank_sums import marked
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.supports.conditions import Constraints
+from contact_locking.theory.eigenvalues import inner_product, largest_eigenvalue, trace_norm
 from contact_locking.theory.other_solutions import without_friction
 
 # A condition that holds more of a unit normal than this holds more than rounding.

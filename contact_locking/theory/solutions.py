@@ -17,8 +17,10 @@ from contact_locking.results import names
 from contact_locking.results.solution import Solution, StudySolution
 from contact_locking.script_names import in_script, script_names
 from contact_locking.solver.task import SolverReport
-from contact_locking.study.assembly import StudyProblem
-from contact_locking.study_file.named_numbers import with_load_share
+from contact_locking.study.assembly import StudyProblem, resolved
+from contact_locking.study_file.dump import plain
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.source import assign
 from contact_locking.theory.constants import is_unique
 from contact_locking.theory.equilibria.search import NO_START, Diagram, DiagramPoint, diagram
 from contact_locking.theory.equilibria.search import equilibria as search
@@ -185,7 +187,7 @@ def _branch_of_study(
     elif not converged:
         found = NO_START
     else:
-        parameters = with_load_share(problem.parameters)
+        parameters = _with_load_share(problem.parameters)
         shared = StudyProblem(parameters, problem.domain, problem.element)
         shared.advance(1.0)
         shared.enter(shared.at_rest())
@@ -207,3 +209,16 @@ def _branch_of_study(
         "leaves_at": found.folds[0] if found.folds else None,
         "points": {name: [getattr(point, name) for point in found.points] for name in columns},
     }
+
+
+def _with_load_share(parameters: Parameters) -> Parameters:
+    """The study whose time t is the share of the loads that ``branches`` multiplies."""
+    given = resolved(parameters)
+    assert given.branches is not None
+    data = plain(given)
+    for section in ("branches", "sensitivities", "fit", "study", "equilibria"):
+        data.pop(section, None)
+    data["steps"] = {"times": sorted({1.0, given.branches.to})}
+    for key, value in given.shared_loads():
+        assign(data, key, f"({value})*t")
+    return Parameters.model_validate(data)

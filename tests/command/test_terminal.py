@@ -9,7 +9,6 @@ from rich.console import Console
 from solutions import made_up
 
 import contact_locking
-from contact_locking.command import terminal
 from contact_locking.command.monitors import TerminalMonitor
 from contact_locking.results import in_words
 
@@ -115,32 +114,3 @@ def test_a_result_with_a_large_error_is_not_plainly_converged() -> None:
     assert measured["converged"].startswith("yes (")
     assert "measured: the penalty changes the solution on this mesh by 1 %" in measured["estimated"]
     assert told(summary(converged=False, certificate=errors(mesh=0.3)))["converged"][:3] == "no "
-
-
-@pytest.mark.parametrize(
-    ("variables", "warned"),
-    [
-        ({}, False),
-        ({"SLURM_STEP_NUM_TASKS": "1"}, False),
-        ({"SLURM_STEP_NUM_TASKS": "4", "SLURM_PROCID": "0"}, True),
-        # The first process speaks for all.
-        ({"SLURM_STEP_NUM_TASKS": "4", "SLURM_PROCID": "1"}, False),
-        # srun --mpi=pmi2 says how many processes it has started, and Open MPI does not listen.
-        ({"SLURM_STEP_NUM_TASKS": "4", "SLURM_PROCID": "0", "PMI_SIZE": "4"}, True),
-        # A task has started one process by mpirun.
-        ({"SLURM_STEP_NUM_TASKS": "4", "SLURM_PROCID": "0", "PMI_SIZE": "1"}, False),
-        ({"SLURM_STEP_NUM_TASKS": "4", "OMPI_COMM_WORLD_SIZE": "1"}, False),
-    ],
-)
-def test_processes_of_srun_that_mpi_does_not_connect_are_told_of(
-    variables: dict[str, str],
-    warned: bool,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    for name in ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID", "PMI_SIZE", "OMPI_COMM_WORLD_SIZE"):
-        monkeypatch.delenv(name, raising=False)
-    for name, value in variables.items():
-        monkeypatch.setenv(name, value)
-    terminal.warn_of_separate_tasks()
-    assert ("srun has started 4 processes" in capsys.readouterr().err) == warned

@@ -74,5 +74,5 @@ def test_values_are_shown_as_a_study_file_has_them() -> None:
     assert show(["left", "top"]) == "[left, top]"
     assert show(["a b", "1", "", "null", "x: y"]) == "[a b, '1', '', 'null', 'x: y']"
     assert show([1.0, None, True, math.inf]) == "[1, null, true, .inf]"
-    assert show([7e10, -2.1e11, 1e5, 12000.0, 1e22]) == "[7e10, -2.1e11, 1e5, 12000, 1e+22]"
+    assert show([7e10, -2.1e11, 1e5, 12000.0, 1e22]) == "[7e+10, -2.1e+11, 100000, 12000, 1e+22]"
     assert show(100000) == "100000" and show(0.0) == "0"

@@ -7,18 +7,13 @@ import math
 import numpy as np
 import pytest
 from problems import block
-from solutions import DIVISIONS, of_kind
+from solutions import of_kind
 
 from contact_locking import solve
 from contact_locking.arrays import IntArray
-from contact_locking.errors import InputError
 from contact_locking.results import contact_table
-from contact_locking.results.contact_points import (
-    ContactPoints,
-    contact_name,
-    facets_within,
-    joined,
-)
+from contact_locking.results.contact_points import ContactPoints, joined
+from contact_locking.view.pictures.snapshot import facets_within
 
 pytestmark = pytest.mark.serial
 
@@ -54,29 +49,7 @@ def test_contact_csv_is_read_as_it_was_written(dim: int, kind: str) -> None:
     for column, values in vars(points).items():
         read = getattr(found, column)
         assert read.dtype == values.dtype and np.array_equal(read, values), column
-    assert np.array_equal(contact_table.read_facets(second, "contact_facets.csv", found), facets)
-
-
-def test_a_facet_of_points_of_two_contacts_is_refused() -> None:
-    points, _ = table(2)
-    with pytest.raises(InputError, match="joins points of different contacts"):
-        contact_table.read_facets(f"point_0,point_1\n{DIVISIONS},{DIVISIONS + 1}\n", "f", points)
-
-
-@pytest.mark.parametrize(
-    ("summary", "name"),
-    [
-        ({"contacts": [{"name": "a"}, {"name": "left", "on": ["b"]}]}, "left"),
-        ({"contacts": [{"name": "a"}, {}]}, "contact 1"),
-        ({"contacts": [{"name": "a"}]}, "contact 1"),
-        ({"contacts": 3}, "contact 1"),
-        ({}, "contact 1"),
-    ],
-)
-def test_a_contact_is_named_by_the_summary_or_by_its_number(
-    summary: dict[str, object], name: str
-) -> None:
-    assert contact_name(summary, 1) == name
+    assert np.array_equal(contact_table.read_facets(second, "contact_facets.csv", dim), facets)
 
 
 def test_a_solve_of_two_contacts_has_the_points_of_both_in_the_order_of_the_study_file() -> None:
@@ -89,7 +62,7 @@ def test_a_solve_of_two_contacts_has_the_points_of_both_in_the_order_of_the_stud
     assert points is not None
     left, bottom = points.parts()
     assert np.abs(left.x[:, 0]).max() < 1e-12 and np.abs(bottom.x[:, 1]).max() < 1e-12
-    assert [contact_name(summary, number) for number in (0, 1)] == ["left", "bottom"]
+    assert [one["name"] for one in summary["contacts"]] == ["left", "bottom"]
     assert [np.argmax(np.abs(one["contact_force"])) for one in summary["contacts"]] == [0, 1]
     # The radius of R is the distance of the nodes, which leaves the pressure as it is.
     assert left.bound == pytest.approx(0.3 * left.pressure, rel=1e-6)

@@ -10,12 +10,12 @@ import pytest
 from problems import block, column
 
 import contact_locking as cl
-from contact_locking.inverse.sensitivities import value_of
+from contact_locking.inverse.numbers import number_at, with_number
+from contact_locking.inverse.sensitivities import in_rows, value_of
 from contact_locking.monitor import Monitor
 from contact_locking.process.solving import solve
-from contact_locking.results import in_words
+from contact_locking.study.assembly import resolved
 from contact_locking.study_file.dump import plain
-from contact_locking.study_file.named_numbers import number_at, resolved, with_number
 
 SHARP = {"tolerance": 1e-10, "friction_tolerance": 1e-11}
 OF = ["compliance", "contact_force.1", "reactions.left.0"]
@@ -239,7 +239,7 @@ def test_a_result_that_is_zero_has_no_elasticity_but_a_reason() -> None:
         assert math.isfinite(found[name]["derivative"])
     assert found["contact_force.1"]["elasticity"] == pytest.approx(1.0, abs=1e-6)
     assert "reason" not in found["contact_force.1"]
-    rows = in_words.sensitivities(summary)
+    rows = in_rows(summary)
     assert any("which has no per cent" in row[2] for row in rows)
 
 

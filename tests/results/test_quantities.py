@@ -18,10 +18,10 @@ from contact_locking import solve
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.results import in_words
 from contact_locking.results.quantities import QUANTITIES, quantity, touches
-from contact_locking.results.read import read_all
 from contact_locking.running.process import run_steps
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.view import report
+from contact_locking.view.report.folders import read_all
 
 PRESSURE, YOUNG, POISSON = 0.01, 2.0, 0.3
 

@@ -170,5 +170,5 @@ def test_ctrl_c_before_the_end_of_a_static_solve_says_that_nothing_is_saved(tmp_
     process, _ = _interrupted_run(tmp_path, study, "--checkpoint", until="  stage")
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130 and "interrupted" in errors
-    assert "nothing is saved: a run saves its state when its solve has ended" in errors
+    assert "nothing is saved" in errors
     assert not list((tmp_path / "out").glob("checkpoint*"))

@@ -112,9 +112,8 @@ def test_a_changed_file_reruns_only_what_changed(folder: Folder) -> None:
     folder.started()
     text = f"title: A better name\n# and a remark\n{STUDY}".replace("h: 0.5", "h: 5.0e-1")
     folder.write("{zip: {penalty.n: [30, 20.0]}}", text)
-    said = folder.run()
+    folder.run()
     assert folder.started() == ["30"]
-    assert "1 more in" in said and "earlier form of the file" in said
     assert [row["penalty.n"] for row in folder.table()] == ["30", "20.0"]
     assert len(folder.summaries()) == 3
 
@@ -154,7 +153,7 @@ def test_results_of_another_version_are_solved_again(folder: Folder) -> None:
     (summary,) = folder.summaries()
     summary.write_text(json.dumps(json.loads(summary.read_text()) | {"version": "0.0.1"}))
     folder.started()
-    assert "1 with results of version 0.0.1 are solved again" in folder.run()
+    folder.run()
     assert folder.started() == ["10"]
 
 

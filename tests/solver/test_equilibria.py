@@ -25,6 +25,7 @@ from contact_locking.solver.strategy import solve
 from contact_locking.solver.task import Outcome, Task
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
+from contact_locking.theory import words
 from contact_locking.theory.constants import BY_KAPPA
 from contact_locking.theory.equilibria.bound_map import BoundMap
 from contact_locking.theory.equilibria.branch import Branch, OverShare
@@ -253,7 +254,7 @@ def test_a_study_finds_several_certified_solutions(tmp_path: Path) -> None:
     assert "there are 1 others at least" in entry["missing"]
     folder = MPI.COMM_WORLD.bcast(tmp_path)
     writing.write(found[0], folder)
-    table = in_words.equilibria(found[0].summary)
+    table = words.equilibria(found[0].summary)
     assert [row[0] for row in table] == ["equilibria", ".", "equilibrium_2"]
     assert (folder / "equilibrium_2" / "contact.csv").exists()
 

@@ -95,6 +95,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> StudySolution
             "dofs": 1234,
             "locked_fraction": 0.5,
             "contact_force": [0.0, np.float64(0.125)],
+            "contacts": [{"name": "bottom"}] if contact else [],
             "certificate": {"bounds": {"one": {"value": 1.0, "bound": np.inf, "holds": True}}},
         },
     )

@@ -9,8 +9,7 @@ import pytest
 from seal import seal
 
 from contact_locking import InputError, solve
-from contact_locking.results.history import History
-from contact_locking.results.history_values import values_of
+from contact_locking.results.history import History, values_of
 from contact_locking.running.process import run_steps
 from contact_locking.running.studies.cases import Case, Outcome, row_of
 from contact_locking.study_file import from_mapping

@@ -17,10 +17,10 @@ import numpy as np
 from contact_locking import study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError, NotConverged
+from contact_locking.inverse.numbers import number_at, with_values
 from contact_locking.running.studies.cases import Case, case_folder
 from contact_locking.running.studies.executor import Plan
 from contact_locking.running.studies.runner import Study, finish
-from contact_locking.study_file.named_numbers import number_at, with_values
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.wording import labels
 

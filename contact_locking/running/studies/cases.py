@@ -22,15 +22,8 @@ from contact_locking.files.atomic import remove_abandoned, write_text
 from contact_locking.files.csv_file import csv_text
 from contact_locking.plain_text import spreadsheet_cell
 from contact_locking.results.in_words import weakest
-from contact_locking.results.names import (
-    FIT,
-    PARAMETERS,
-    SUMMARY,
-    TABLE_CSV,
-    TABLE_LINES,
-)
+from contact_locking.results.names import FIT, PARAMETERS, SUMMARY, TABLE_CSV, TABLE_LINES
 from contact_locking.results.quantities import by_name
-from contact_locking.results.read import Row, read_mapping
 from contact_locking.study_file import StudyFile
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.wording import labels
@@ -137,6 +130,15 @@ class Outcome:
         return [str(text) for text in listed] if isinstance(listed, list) else []
 
 
+def read_mapping(path: Path) -> dict[str, Any] | None:
+    """The mapping in a JSON file; None if the file is missing or damaged."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    return content if isinstance(content, dict) else None
+
+
 def outcome(case: Case) -> Outcome:
     """The outcome of a case as its folder has it."""
     summary = read_mapping(case.record)
@@ -148,14 +150,6 @@ def outcome(case: Case) -> Outcome:
     if failure is not None and _matches(failure, case):
         return Outcome("failed", str(failure.get("reason", "")))
     return Outcome("not run")
-
-
-def other_version(case: Case) -> str | None:
-    """The version of the results in the folder of a case if it is another version; else None."""
-    summary = read_mapping(case.record)
-    if summary is None or summary.get("version") == __version__:
-        return None
-    return str(summary.get("version", "unknown"))
 
 
 def begin(case: Case) -> None:
@@ -182,15 +176,6 @@ def conclude(case: Case, why: Callable[[], str]) -> Outcome:
     return Outcome("failed", reason)
 
 
-def strangers(directory: Path, cases: list[Case]) -> int:
-    """The number of case folders that belong to no case of the present study file."""
-    known = {case.name for case in cases}
-    folder = directory / "cases"
-    if not folder.is_dir():
-        return 0
-    return sum(entry.is_dir() for entry in folder.glob("[!.]*") if entry.name not in known)
-
-
 def _matches(record: dict[str, Any], case: Case) -> bool:
     return record.get("version") == __version__ and record.get("fingerprint") == case.name
 
@@ -212,14 +197,14 @@ def write_table(directory: Path, cases: Sequence[Case], outcomes: Sequence[Outco
     write_text(directory / TABLE_LINES, "".join(f"{line}\n" for line in lines))
 
 
-def row_of(case: Case, outcome: Outcome) -> Row:
+def row_of(case: Case, outcome: Outcome) -> dict[str, Any]:
     """The values that vary, the name and state of the case, and its summary under dotted keys.
 
     Lists of mappings go by their names, and those without names, such as the stages, are left out.
     Contacts are listed if there are several, as the summary has the numbers of one itself.  The
     texts "inf" and "nan" stand for infinity and NaN, which JSON does not have.
     """
-    entry: Row = {key: _plain(value) for key, value in case.values.items()}
+    entry = {key: _plain(value) for key, value in case.values.items()}
     entry |= {"case": case.name, "state": outcome.state}
     summary = outcome.summary or {"converged": False, "reason": outcome.reason}
     named = {key: value for key, value in summary.items() if key not in _LEFT_OUT}

@@ -33,9 +33,7 @@ from .cases import (
     cases_of,
     conclude,
     each_once,
-    other_version,
     outcome,
-    strangers,
     write_table,
 )
 from .executor import Executor, Plan, launcher
@@ -103,7 +101,7 @@ def finish(study: Study, parameters: Parameters, plan: Plan, console: Console) -
                 if not held:
                     view.line(f"warning: the file system of {directory} has no locks", "yellow")
                 require_own(directory, (PARAMETERS, TABLE_CSV, TABLE_LINES))
-                _announce(study, todo, plan, view)
+                _announce(study, plan, view)
                 _prepare(study, parameters)
                 try:
                     _solve(study, todo, plan, view)
@@ -113,7 +111,7 @@ def finish(study: Study, parameters: Parameters, plan: Plan, console: Console) -
                     raise
 
 
-def _announce(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
+def _announce(study: Study, plan: Plan, view: View) -> None:
     before = f", {study.finished} finished before" if study.finished else ""
     view.line(f"{len(study.cases)} cases in {study.directory}{before}")
     asked, cores = plan.jobs * plan.ranks, os.cpu_count() or 1
@@ -122,14 +120,6 @@ def _announce(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> Non
         view.line(text, "yellow")
     if repeated := len(study.cases) - len(study.outcomes):
         view.line(f"warning: {repeated} repeat the values of others, and are solved once", "yellow")
-    versions = Counter(version for case in todo if (version := other_version(case)) is not None)
-    for version, number in versions.items():
-        view.line(f"{number} with results of version {version} are solved again")
-    if others := strangers(study.directory, study.cases):
-        view.line(
-            f"{others} more in {study.directory / 'cases'} are of an earlier form of the file; "
-            "they stay, but are not in the table"
-        )
 
 
 def _prepare(study: Study, parameters: Parameters) -> None:

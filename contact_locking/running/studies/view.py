@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Self
 
 from contact_locking.plain_text import duration, printable
-from contact_locking.results.read import read_mapping
 
-from .cases import PROGRESS, Case, Outcome, State
+from .cases import PROGRESS, Case, Outcome, State, read_mapping
 from .executor import Slot
 
 if TYPE_CHECKING:

@@ -57,15 +57,6 @@ def _expand(values: Any) -> list[Any]:
 Values = Annotated[Any, BeforeValidator(_values)]
 
 
-def _numbered(model: type[BaseModel], parts: list[str], depth: int) -> str:
-    entry = [*parts[:depth], "0", *parts[depth:]]
-    try:
-        known_keys(model, entry)
-    except KeyError:
-        return ""
-    return f" (did you mean '{'.'.join(entry)}'?)"
-
-
 class StudyParameters(Section):
     """Every combination of the values in ``vary``, with those in ``zip`` taken side by side."""
 
@@ -115,7 +106,7 @@ class StudyParameters(Section):
                     there = known_keys(model, above)
                     where = f" in {'.'.join(above)}" if above else ""
                     known = f"; known: {', '.join(there)}" if there else ""
-                    guess = meant(parts[depth], there) or _numbered(model, parts, depth)
+                    guess = meant(parts[depth], there)
                     yield Fault((kind, key), f"no key '{parts[depth]}'{where}{guess}{known}")
 
     def cases(self) -> list[dict[str, Any]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from contact_locking.plain_text import nearest
@@ -92,7 +92,7 @@ def show(value: Any) -> str:
         case int():
             text = "a huge integer" if abs(value) >= 10**20 else str(value)
         case float():
-            text = _without_zeros(str(value).removesuffix(".0"))
+            text = f"{value:g}" if float(f"{value:g}") == value else str(value)
         case list() | tuple():
             text = f"[{', '.join(map(entry, value[:10]))}{', ...' * (len(value) > 10)}]"
         case dict() if value:
@@ -104,16 +104,6 @@ def show(value: Any) -> str:
         case _:
             text = f"'{value}'"
     return text if len(text) <= 80 else f"{text[:77]}..."
-
-
-def _without_zeros(digits: str) -> str:
-    """The digits of a number with a power of ten for five zeros or more: 2.1e11."""
-    stem = digits.rstrip("0")
-    if len(digits) - len(stem) < 5 or not digits.lstrip("-").isdecimal():
-        return digits
-    sign, lead = ("-", stem[1:]) if stem.startswith("-") else ("", stem)
-    mantissa = f"{lead[0]}.{lead[1:]}".removesuffix(".")
-    return f"{sign}{mantissa}e{len(digits) - len(sign) - 1}"
 
 
 def entry(value: Any) -> str:
@@ -158,12 +148,6 @@ def unknown_key(key: str, known: Sequence[str], elsewhere: str = "") -> str:
     return f"unknown key{hint}; known here: {', '.join(known)}"
 
 
-#: Stands for the parts that are the same in all values.
-SAME = "\N{HORIZONTAL ELLIPSIS}"
-# These keys say what an entry of a list is about, such as the part of the boundary with a load.
-_NAMING = ("on", "norm")
-# A list of at most so many numbers, such as a vector, is one value.
-_VECTOR = 3
 _MOST_CHARACTERS = 72
 
 Text = Callable[[Any], str]
@@ -172,16 +156,15 @@ Text = Callable[[Any], str]
 def told_apart(values: Sequence[Any], text: Text = entry) -> list[str]:
     """A short text for each value; different values have different texts.
 
-    Lists and mappings are written in brackets as in YAML, with … for the parts that all of them
-    have in common. ``text`` writes a number or a word. Where it writes different values in the
-    same way, as numbers that are rounded, `entry` writes them; texts that are the same even so,
-    as they are cut, are numbered.
+    Lists and mappings are written in brackets as in YAML, and ``text`` writes a number or a word.
+    Where it writes different values in the same way, as numbers that are rounded, `entry` writes
+    them; texts that are the same even so, as they are cut, are numbered.
     """
-    names = [_identity(value) for value in values]
+    names = list(map(repr, values))
     distinct = dict(zip(names, values, strict=True))
     found: list[str] = []
     for writer in (text, entry):
-        found = [_cut(whole) for whole in _texts(list(distinct.values()), writer)]
+        found = [_cut(_written(value, writer)) for value in distinct.values()]
         if len(set(found)) == len(found):
             break
     else:
@@ -199,62 +182,15 @@ def labels(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
-def _texts(values: Sequence[Any], text: Text) -> list[str]:
-    """The texts of values, which are compared with those of the same kind."""
-    found = [""] * len(values)
-    for kind in (dict, list, None):
-        places = [place for place, value in enumerate(values) if _kind(value) is kind]
-        alike = [values[place] for place in places]
-        texts = [text(value) for value in alike] if kind is None else _inside(alike, text)
-        for place, written in zip(places, texts, strict=True):
-            found[place] = written
-    return found
-
-
-def _inside(values: Sequence[Any], text: Text) -> list[str]:
-    """The texts of mappings, or of lists."""
-    by_name = any(isinstance(value, dict) for value in values)
-    entries = [value if by_name else dict(enumerate(value)) for value in values]
-    parts: list[list[str]] = [[] for _ in values]
-    whole = _agree(values) or (not by_name and all(map(_is_vector, values)))
-    for key in dict.fromkeys(key for value in entries for key in value):
-        having = [place for place, value in enumerate(entries) if key in value]
-        column = [entries[place][key] for place in having]
-        same = not whole and len(having) == len(values) and _agree(column) and key not in _NAMING
-        for place, written in zip(having, _texts(column, text), strict=True):
-            if not same:
-                parts[place].append(f"{key}: {written}" if by_name else written)
-            elif parts[place][-1:] != [SAME]:
-                parts[place].append(SAME)
-    return [f"{{{', '.join(one)}}}" if by_name else f"[{', '.join(one)}]" for one in parts]
-
-
-def _is_vector(value: Sequence[Any]) -> bool:
-    return len(value) <= _VECTOR and all(_kind(component) is None for component in value)
-
-
-def _agree(values: Sequence[Any]) -> bool:
-    return len(set(map(_identity, values))) < 2
-
-
-def _kind(value: Any) -> type[dict[Any, Any]] | type[list[Any]] | None:
-    if isinstance(value, list | tuple):
-        return list
-    return dict if isinstance(value, dict) else None
-
-
-def _identity(value: Any) -> Hashable:
-    """Equal for equal values: 1 is 1.0 but not true, and mappings have no order."""
+def _written(value: Any, text: Text) -> str:
     match value:
-        case bool():
-            return (bool, value)
         case dict():
-            pairs = ((str(key), _identity(inside)) for key, inside in value.items())
-            return (dict, frozenset(pairs))
+            pairs = (f"{key}: {_written(item, text)}" for key, item in value.items())
+            return f"{{{', '.join(pairs)}}}"
         case list() | tuple():
-            return (list, tuple(map(_identity, value)))
-    return (None, value)
+            return f"[{', '.join(_written(item, text) for item in value)}]"
+    return text(value)
 
 
 def _cut(text: str) -> str:
-    return text if len(text) <= _MOST_CHARACTERS else f"{text[: _MOST_CHARACTERS - 1]}{SAME}"
+    return text if len(text) <= _MOST_CHARACTERS else f"{text[: _MOST_CHARACTERS - 1]}…"

@@ -18,7 +18,6 @@ from contact_locking.laws.elasticity import strain
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.lagrange import lagrange
-from contact_locking.results.contact_points import contact_name
 from contact_locking.results.solution import StudySolution
 from contact_locking.view.pictures.snapshot import ContactMap, Snapshot, drawn_tool
 
@@ -127,8 +126,9 @@ def gather(solution: StudySolution) -> Snapshot | None:
     # At a node of two contacts each has a smoothed stress of its own.
     pairs = zip(points.parts(), nodal, strict=True)
     smoothed = [values[_nearest(part.x, places)] for part, (places, values) in pairs]
+    listed = solution.summary["contacts"]
     numbers = np.unique(points.contact)
-    names = tuple(contact_name(solution.summary, int(number)) for number in numbers)
+    names = tuple(listed[number]["name"] for number in numbers)
     return Snapshot(
         **fields,
         contact=ContactMap(

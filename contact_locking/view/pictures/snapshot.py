@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.results.contact_points import ContactPoints, facets_within
+from contact_locking.results.contact_points import ContactPoints
 
 
 @dataclass(frozen=True)
@@ -177,3 +177,9 @@ def foundation(contact: ContactMap, factor: float, size: float) -> FloatArray:
     low, high = flat.min(axis=0) - _REACH * size, flat.max(axis=0) + _REACH * size
     corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
     return (centre + corners @ frame)[None]
+
+
+def facets_within(facets: IntArray, rows: slice) -> IntArray:
+    """The facets (m, d) of the contact with these rows, as numbers of the points of the contact."""
+    own = (facets[:, 0] >= rows.start) & (facets[:, 0] < rows.stop)
+    return facets[own] - rows.start

@@ -33,8 +33,7 @@ def write(directory: str | Path) -> list[Path]:
     from jinja2 import TemplateError
     from PIL import UnidentifiedImageError
 
-    from contact_locking.results.read import RunResults, read_all
-
+    from .folders import RunResults, read_all
     from .pages import run_page, study_page
 
     # The errors of a page whose numbers are no numbers, or are not there.

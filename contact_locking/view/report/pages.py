@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from contact_locking.results.contact_points import STATE_NAMES
-from contact_locking.results.in_words import weakest
+from contact_locking.results.in_words import number, weakest
 from contact_locking.results.names import PARAMETERS, PICTURE
 from contact_locking.results.quantities import Quantity, by_name, look_up, of_result
-from contact_locking.results.read import Row, RunResults, StudyResults, history_in, number
 from contact_locking.study_file import source
 from contact_locking.study_file.parameters.study import StudyParameters
 
+from .folders import Row, RunResults, StudyResults, history_in
 from .page import Chart, embedded, render
 from .run_charts import (
     Process,

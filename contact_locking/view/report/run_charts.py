@@ -16,15 +16,14 @@ from matplotlib.figure import Figure
 from contact_locking.arrays import AXES, FloatArray, IntArray
 from contact_locking.errors import with_key
 from contact_locking.results.adapted_meshes import AdaptedMesh, load
-from contact_locking.results.contact_points import ContactPoints, contact_name, facets_within
-from contact_locking.results.history import History
-from contact_locking.results.history_values import values_of
+from contact_locking.results.contact_points import ContactPoints
+from contact_locking.results.history import History, values_of
 from contact_locking.results.ordering import curves as ordered
 from contact_locking.results.quantities import QUANTITIES, Quantity
-from contact_locking.results.read import RunResults
 from contact_locking.view.pictures import plane, style
-from contact_locking.view.pictures.snapshot import nearest_parts
+from contact_locking.view.pictures.snapshot import facets_within, nearest_parts
 
+from .folders import RunResults
 from .page import WIDTH, Chart, Curve, chart, drawing, gridded, has_bar, name_curves, plain
 
 
@@ -35,7 +34,7 @@ def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
     largest = float(run.contact.pressure.max(initial=0.0))
     for number, own in enumerate(rows, start=1):
         points, facets = run.contact[own], facets_within(run.facets, own)
-        name = contact_name(run.summary, int(points.contact[0])) if len(rows) > 1 else ""
+        name = run.summary["contacts"][points.contact[0]]["name"] if len(rows) > 1 else ""
         ending, told = (f"-{number}", f": {name}") if len(rows) > 1 else ("", "")
         charts = [
             chart(f"{stem}{ending}", f"{about}{told}", height, draw, points, facets, *more)

@@ -11,12 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.results.in_words import number
 from contact_locking.results.quantities import Quantity
-from contact_locking.results.read import Row, number
 from contact_locking.study_file.parameters.study import StudyParameters
 from contact_locking.study_file.parameters.wording import told_apart
 from contact_locking.view.pictures import style
 
+from .folders import Row
 from .page import Chart, Curve, chart, drawing, gridded, has_bar, name_curves, plain
 from .words import shown
 

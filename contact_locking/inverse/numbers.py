@@ -1,18 +1,15 @@
-"""Numbers of a study file by their keys, and those with names of their own in expressions."""
+"""Numbers of a study file by their keys, and studies with other numbers."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from typing import Any
 
 from contact_locking.errors import InputError
-from contact_locking.study_file.parameters import Parameters, expressions
-
-from .dump import plain
-from .parameters.base import dotted
-from .source import assign
+from contact_locking.study_file.dump import plain
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.source import assign
 
 # These sections have no number that the equations depend on smoothly.
 _NOT_SMOOTH = {
@@ -28,20 +25,6 @@ _NOT_SMOOTH = {
     "fit": "is what asks for a fit",
     "title": "is no number",
 }
-
-
-def resolved(parameters: Parameters) -> Parameters:
-    """The same problem with the numbers of ``parameters`` in the place of their names."""
-    named = parameters.parameters
-    if not named:
-        return parameters
-    pattern = re.compile(rf"\b(?:{'|'.join(map(re.escape, named))})\b(?!\s*\()")
-    data = plain(parameters)
-    del data["parameters"]
-    for place, text, _ in expressions(parameters):
-        written = pattern.sub(lambda found: f"({named[found[0]]!r})", text)
-        assign(data, dotted(*place), written)
-    return Parameters.model_validate(data)
 
 
 def number_at(parameters: Parameters, key: str, asked: str = "sensitivities.to") -> float:
@@ -87,19 +70,6 @@ def with_number(parameters: Parameters, key: str, value: float) -> Parameters:
             f"{key} has a bound at its value, beyond which a derivative needs to look",
             "sensitivities.to",
         ) from error
-
-
-def with_load_share(parameters: Parameters) -> Parameters:
-    """The study whose time t is the share of the loads that ``branches`` multiplies."""
-    given = resolved(parameters)
-    assert given.branches is not None
-    data = plain(given)
-    for section in ("branches", "sensitivities", "fit", "study", "equilibria"):
-        data.pop(section, None)
-    data["steps"] = {"times": sorted({1.0, given.branches.to})}
-    for key, value in given.shared_loads():
-        assign(data, key, f"({value})*t")
-    return Parameters.model_validate(data)
 
 
 def with_values(parameters: Parameters, values: Mapping[str, Any]) -> Parameters:
