@@ -75,13 +75,13 @@ BUDGETS = {
     "running": 1200,
     "solver": 7460,
     "study": 1520,
-    "study_file": 3760,
+    "study_file": 3790,
     "supports": 780,
     "theory": 4440,
     "view": 3170,
 }
 # The core has its mesh builders beside it, in meshes/.
-MOST_IN_THE_CORE, MOST_IN_WINGS, MOST_IN_TESTS = 38_350, 11_050, 40_000
+MOST_IN_THE_CORE, MOST_IN_WINGS, MOST_IN_TESTS = 38_400, 11_050, 40_000
 
 
 def module(path: Path) -> str:

@@ -97,7 +97,7 @@ def test_bad_restarts_return_2_with_one_message_and_leave_no_trace(
     errors = capsys.readouterr().err
     assert not (run.folder / "b").exists()
     if comm.rank == 0:
-        assert errors.startswith("error: there is no folder") and errors.count("error") == 1
+        assert errors.startswith("error: there is no checkpoint in") and errors.count("error") == 1
 
 
 def test_a_restart_without_the_library_returns_1_and_says_what_is_missing(

@@ -137,8 +137,8 @@ def test_the_summary_is_json_that_says_what_is_not_finite(
     summary = json.loads((folder / "summary.json").read_text(), parse_constant=refuse)
     assert summary["converged"] is True
     assert summary["contact_force"] == [0.0, 0.125]
-    assert summary["bounds"]["one"]["bound"] is None
-    assert summary["not_finite"] == {"bounds.one.bound": "inf"}
+    assert summary["certificate"]["bounds"]["one"]["bound"] is None
+    assert summary["not_finite"] == {"certificate.bounds.one.bound": "inf"}
 
 
 def test_the_parameters_load_back_equal(folder: Path, comm: MPI.Intracomm) -> None:

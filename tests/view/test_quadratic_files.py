@@ -25,9 +25,8 @@ from contact_locking.study_file import from_mapping
 def test_a_checkpoint_of_another_element_is_refused(comm: MPI.Intracomm, tmp_path: Path) -> None:
     folder = comm.bcast(tmp_path)
     writing.save(square(), folder)
-    with pytest.raises(InputError, match=r"restart with discretisation\.degree: ") as raised:
+    with pytest.raises(InputError, match=r"is of another mesh or element"):
         solving.solve(benchmark(4), comm, restart=folder)
-    assert raised.value.key == "discretisation.degree"
 
 
 def test_fields_for_paraview_are_quadratic_in_each_cell() -> None:

@@ -78,10 +78,10 @@ def read_all(folder: Path) -> list[RunResults | StudyResults]:
 
 
 def read_rows(path: Path) -> list[Row]:
-    """The rows of a table in JSON lines.  Raises InputError if it is damaged or has no rows."""
+    """The rows of a table in JSON lines.  Raises InputError if it is damaged."""
     with _intact(path):
         rows = [json.loads(line) for line in path.read_text("utf-8").split("\n") if line]
-        return [{"state": row["state"], **row} for row in rows or [{}]]
+        return [dict(row) for row in rows]
 
 
 def history_in(folder: Path) -> History | None:
@@ -121,7 +121,9 @@ def _study(folder: Path) -> StudyResults:
     for row in rows:
         if row.get("version") is not None:
             _require_version(row, folder)
-    if all(row["state"] == "not run" for row in rows):
+    with _intact(folder / names.TABLE_LINES):
+        states = {row["state"] for row in rows}
+    if states <= {"not run"}:
         raise InputError(f"{folder}: no case of the study is finished; go on with the study first")
     return StudyResults(folder, _text(folder / names.PARAMETERS), rows)
 
