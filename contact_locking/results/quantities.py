@@ -200,13 +200,13 @@ def penetration_between_nodes(contacts: Contacts) -> Any:
 
 @quantity("body", "largest strain", "1")
 def strain_norm_max(body: BodyFields) -> Any:
-    """Largest |ε(u)|, or |ε(u) − ε₀| with limits of it, at the points where these are kept."""
+    """Largest |ε(u)| at the points where its limit is kept."""
     return body.largest(body.strain_norm)
 
 
 @quantity("body", "largest strain anywhere", "1", trend=None, detail=True)
 def strain_norm_max_in_cells(body: BodyFields) -> Any:
-    """Largest |ε(u)| anywhere, or |ε(u) − ε₀| with limits of it."""
+    """Largest |ε(u)| anywhere."""
     return body.peaks[0]
 
 
