@@ -11,7 +11,7 @@ from mpi4py import MPI
 from problems import block
 from sheared_block import all_of, sheared
 
-from contact_locking import Coulomb, assemble, solve, solve_steps
+from contact_locking import Coulomb, Parameters, assemble, solve, solve_steps
 from contact_locking.certificate import energy
 from contact_locking.monitor import Monitor
 from contact_locking.process.loop import Steps
@@ -178,3 +178,33 @@ def test_a_script_may_change_the_problem_between_steps() -> None:
     assert second.converged
     # The bounds keep an inside of the cones, a share of 1e-12 of the largest.
     assert second.history.rows[-1]["dissipated"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_steps_with_nothing_to_do_leave_bodies_at_rest() -> None:
+    """A body at rest has no inside of its cones for the next step to go on from."""
+    box = [[4.2, 20.0], [4.2, 0.0], [0.0, 0.0], [0.0, 20.0]]
+    lid = {"half_space": {"point": [0.0, 15.0], "normal": [0.0, -1.0]}, "motion": [0.0, "-0.1*t"]}
+    data = {
+        "mesh": {
+            "builder": "grains",
+            "count": 2,
+            "spread": 0.005,
+            "width": 4.2,
+            "seed": 19,
+            "h": 0.4,
+        },
+        "material": {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.04},
+        "loads": {"springs": [{"on": "grains", "stiffness": 1e-6}]},
+        "contact": [
+            {"on": "grains", "against": "grains"},
+            {"on": "grains", "name": "box", "foundation": {"polyline": box}},
+            {"on": "grains", "name": "lid", "foundation": lid},
+        ],
+        "friction": {"coefficient": 0.3, "smoothing": {"kernel": "none"}},
+        "steps": {"to": 4.0, "count": 4},
+        "output": {"picture": False},
+    }
+    solutions = list(solve_steps(Parameters.model_validate(data), MPI.COMM_WORLD))
+    assert len(solutions) == 4
+    for solution in solutions:
+        assert solution.converged and not solution.displacement.x.array.any()

@@ -197,10 +197,12 @@ class ActiveSet:
         target, system = self._task.target, self._task.system
         strain = self._judge.mean_strain(self._task.settings.tolerance)
         product = _PRODUCT * target.ellipticity * strain**2
+        # A body at rest has no inside of its cones.
+        moves = product > 0.0
         cones: dict[Family, Pair | None] = {
-            family: law.inside(product) for family, law in self._laws.items()
+            family: law.inside(product) if moves else None for family, law in self._laws.items()
         }
-        for item in self._moving:
+        for item in self._moving if moves else ():
             # The bound follows the pressure inside of its cones.  Without one there is no friction.
             pressing, rubbing = cones[item.pressing], self._laws[item.friction]
             assert pressing is not None and isinstance(rubbing, FrictionProjection)
@@ -290,7 +292,11 @@ class ActiveSet:
 
     def _displacement(self) -> FloatArray:
         aims = [law.aim for law in self._laws.values()]
-        return self._tangent.solve_step(aims, self._task.settings.tolerance)
+        step = self._tangent.solve_step(aims, self._task.settings.tolerance)
+        if on_any_rank(self._tangent.comm, ~np.isfinite(step)):
+            # Measures of what is no number would be those of a body at rest.
+            raise NotConverged("the step is not finite")
+        return step
 
     def _direction_of(self, du: FloatArray) -> Direction:
         return Direction(
