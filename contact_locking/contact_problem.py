@@ -121,7 +121,8 @@ class ContactProblem:
             supports=[name for support in held for name in support.on],
         )
         self._discrete = DiscreteProblem(body, placed, n, compliance)
-        self._check_friction()
+        for contact in self._discrete.contacts:
+            contact_checks.check_friction(contact)
         #: What solves the problem, for what is built on top of it.
         self.solver = ProblemSolver(self._discrete, settings or Settings(), monitor)
         self._is_closed = False
@@ -152,14 +153,17 @@ class ContactProblem:
         that does not converge returns its last state, with ``converged`` False and the reason in
         the summary.  Raises InputError for present data that cannot be used.
         """
-        require_kind(start, Solution | None, "a solution of this problem", "start")
-        self.begin(after)
-        first, solver = after or start, self.solver
-        report = solver.solve(None if first is None else first.state.saved)
+        solver, report = self.solver, self.report(after, start)
         # Derivatives of a step need those of the memory that it began with.
         derivatives = solver.derivatives(report) if after is None else None
         solution = self.solution(report, extras, certificate, derivatives)
         return solution.telling(warnings=[*solution.summary["warnings"], *solver.unused_options()])
+
+    def report(self, after: Solution | None = None, start: Solution | None = None) -> SolverReport:
+        """How ``solver`` has solved for the present data; as in :meth:`solve`."""
+        require_kind(start, Solution | None, "a solution of this problem", "start")
+        self.begin(after)
+        return self.solver.solve(first.state.saved if (first := after or start) else None)
 
     def solution(
         self,
@@ -189,12 +193,9 @@ class ContactProblem:
         if on_any_rank(self.domain.comm, not np.all(np.isfinite(system.load))):
             raise InputError("is not finite somewhere", "L")
         problem.rigidity.require_held()
-        self._check_friction()
-        system.clear()
-
-    def _check_friction(self) -> None:
-        for contact in self._discrete.contacts:
+        for contact in problem.contacts:
             contact_checks.check_friction(contact)
+        system.clear()
 
     def close(self) -> None:
         """Destroy the PETSc objects, after the last solve."""

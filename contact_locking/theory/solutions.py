@@ -54,13 +54,11 @@ def equilibria(
     Raises InputError for present data that cannot be used, or where there is no map of the
     friction bounds.
     """
-    problem.begin(after)
-    solver = problem.solver
-    report = solver.solve(None if after is None else after.state.saved)
+    report = problem.report(after)
     if not report.converged:
         return [problem.solution(report, extras)]
     solutions: list[Solution] = []
-    for other, index in search(solver.task, report, find):
+    for other, index in search(problem.solver.task, report, find):
         solution = problem.solution(other, extras)
         solutions.append(solution.telling(index=index))
         if is_unique(solution.summary):
@@ -93,10 +91,11 @@ def branch(
 
     Raises InputError as :func:`equilibria`.
     """
-    problem.begin(after)
     solver, load = problem.solver, None
-    if over is not None:
-        if not solver.solve(None if after is None else after.state.saved).converged:
+    if over is None:
+        problem.begin(after)
+    else:
+        if not problem.report(after).converged:
             return NO_START
         whole = over.value.copy()
 
