@@ -11,10 +11,9 @@ tables     ``name(argument)`` with the name of a `Table`
 
 from .operations import CONSTANTS, FUNCTIONS, MAX_DEPTH, MAX_LENGTH, POSITION, TIME
 from .parsing import parse
-from .tree import ANY_TABLE, NO_TABLES, Expression, Lookup, Table
+from .tree import NO_TABLES, Expression, Lookup, Table
 
 __all__ = [
-    "ANY_TABLE",
     "CONSTANTS",
     "FUNCTIONS",
     "MAX_DEPTH",

@@ -31,7 +31,7 @@ from .operations import (
     POSITION,
     shortened,
 )
-from .tree import NO_TABLES, Apply, Expression, Lookup, Name, Node, Number, Table
+from .tree import NO_NUMBERS, NO_TABLES, Apply, Expression, Lookup, Name, Node, Number, Table
 
 # Such as 210 GPa.
 _WITH_UNIT = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)? *[^\W\d_]+(/\w+)?\d?", re.IGNORECASE)
@@ -47,17 +47,20 @@ def parse(
     *,
     allow_infinite: bool = False,
     tables: Mapping[str, Table] = NO_TABLES,
+    numbers: Mapping[str, float] = NO_NUMBERS,
     condition: bool = False,
 ) -> Expression:
     """The expression of a number or a text in the given variables and tables.
 
+    ``numbers`` are further constants by their names.
     With ``condition`` the text is a condition such as x < 0, and the expression 1 where it holds
     and 0 elsewhere.
     With ``allow_infinite`` the value may be plus infinity, and ``inf`` is a known constant. Raises
     InputError that names the fault, its place in the text and the nearest known name.
     """
     if isinstance(value, str):
-        return _Parser(value, tuple(variables), allow_infinite, tables).expression(condition)
+        parser = _Parser(value, tuple(variables), allow_infinite, tables, numbers)
+        return parser.expression(condition)
     try:
         number = float(value)
     except OverflowError:
@@ -79,11 +82,13 @@ class _Parser:
         variables: tuple[str, ...],
         allow_infinite: bool,
         tables: Mapping[str, Table],
+        numbers: Mapping[str, float],
     ) -> None:
         self.text = " ".join(text.split())
         self.variables = variables
         self.allow_infinite = allow_infinite
-        self.constants = CONSTANTS | ({"inf": math.inf} if allow_infinite else {})
+        infinity = {"inf": math.inf} if allow_infinite else {}
+        self.constants = CONSTANTS | infinity | dict(numbers)
         self.tables = tables
 
     def expression(self, condition: bool) -> Expression:

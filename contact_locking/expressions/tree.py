@@ -52,18 +52,8 @@ class Table:
         return f"table '{self.name}' has values from {self.points[0]:.6g} to {self.points[-1]:.6g}"
 
 
-class AnyTable(dict[str, Table]):
-    """A table without values for every name, where the tables are not known yet."""
-
-    def __missing__(self, name: str) -> Table:
-        return Table(name, np.empty(0), np.empty(0))
-
-    def __contains__(self, name: object) -> bool:
-        return True
-
-
 NO_TABLES: Mapping[str, Table] = {}
-ANY_TABLE = AnyTable()
+NO_NUMBERS: Mapping[str, float] = {}
 
 
 @dataclass(frozen=True)

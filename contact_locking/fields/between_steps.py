@@ -7,8 +7,9 @@ import itertools
 import numpy as np
 
 from contact_locking.arrays import AXES, FloatArray
-from contact_locking.expressions import TIME, Expression
+from contact_locking.expressions import TIME
 from contact_locking.fields.clock import Clock
+from contact_locking.values.value import Value
 
 # Each step is divided into so many parts, and each side of the body, too.
 _PARTS, _PLACES = 16, 5
@@ -18,13 +19,14 @@ _PEAK = 0.2
 _ROUNDING = 1e-12
 
 
-def unseen_peaks(expression: Expression, key: str, clock: Clock, box: FloatArray) -> list[str]:
+def unseen_peaks(value: Value, key: str, clock: Clock, box: FloatArray) -> list[str]:
     """A warning about data with a peak that no step sees.
 
     The mean over points in the ``box`` (2, d) around the body is looked at, so that a load that
     travels has no peak.  Tables over t are looked at in all of their rows.
     """
-    if TIME not in expression.names or not clock.planned:
+    expression = value.expression
+    if expression is None or not value.is_timed or not clock.planned:
         return []
     lattice = np.meshgrid(*(np.linspace(low, high, _PLACES) for low, high in box.T))
     places = dict(zip(AXES, (axis.reshape(-1, 1) for axis in lattice), strict=False))
@@ -45,10 +47,10 @@ def unseen_peaks(expression: Expression, key: str, clock: Clock, box: FloatArray
         beyond = np.maximum(values - high, low - values)
         largest, most = max(largest, float(np.abs(values).max())), int(np.argmax(beyond))
         worst = max(worst, (beyond[most], times[most], values[most], before, after))
-    beyond_most, time, value, before, after = worst
+    beyond_most, time, mean, before, after = worst
     if beyond_most <= max(_PEAK * largest, rounding):
         return []
     return [
-        f"{key}: its mean is {value:.3g} at t = {time:.6g}, which no step sees: the steps go from "
+        f"{key}: its mean is {mean:.3g} at t = {time:.6g}, which no step sees: the steps go from "
         f"{before:.6g} to {after:.6g}; add the time to steps.times"
     ]

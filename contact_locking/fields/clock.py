@@ -1,14 +1,12 @@
-"""The present time of a problem whose loads and gaps depend on the time t, and its tables."""
+"""The present time of a problem whose loads and gaps depend on the time t."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import dolfinx
 import numpy as np
 from dolfinx import fem
-
-from contact_locking.expressions import NO_TABLES, TIME, Expression, Table
 
 _ROUNDING = 1e-12
 # Data are sampled at so many times of a process, the first and the last among them.
@@ -18,19 +16,18 @@ _TIMES = 8
 class Clock:
     """The time t: ``now`` for values at points, ``constant`` for the forms.
 
-    ``tables`` are the tables that expressions of loads, gaps and friction may use.  ``planned`` are
-    the times of a process, which begins at 0 or at the first of them.  ``some_times`` are some of
-    these, or the present time of a static problem, at which data are sampled.
+    ``planned`` are the times of a process, which begins at 0 or at the first of them.
+    ``some_times`` are some of these, or the present time of a static problem, at which data are
+    sampled.
     """
 
     def __init__(
         self,
         mesh: dolfinx.mesh.Mesh,
         start: float = 0.0,
-        tables: Mapping[str, Table] = NO_TABLES,
         planned: Sequence[float] = (),
     ) -> None:
-        self.tables, self.planned = tables, tuple(planned)
+        self.planned = tuple(planned)
         #: The time before the first step.
         self.start = min(0.0, start)
         places = np.linspace(0, len(planned) - 1, min(len(planned), _TIMES))
@@ -58,8 +55,3 @@ class LargestSoFar:
         """Whether the present ``size`` >= 0, which counts from now on, is zero with rounding."""
         self._most = max(self._most, size)
         return size <= _ROUNDING * self._most
-
-
-def is_timed(expression: Expression) -> bool:
-    """Whether the value of an expression depends on the time."""
-    return TIME in expression.names

@@ -17,12 +17,12 @@ import basix
 import numpy as np
 
 from contact_locking import _compat
-from contact_locking.arrays import AXES, FloatArray, IndexArray
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
-from contact_locking.expressions import TIME, Expression
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum
+from contact_locking.values.value import Value
 
 #: The values (k,) of data at points (k, d), NaN or infinite where there are none.
 Values = Callable[[FloatArray], FloatArray]
@@ -132,7 +132,7 @@ class Entities:
 
 def features(
     entities: Entities,
-    expression: Expression,
+    value: Value,
     key: str,
     advice: str,
     relative_to: str = "all",
@@ -147,13 +147,12 @@ def features(
     ``times`` are those of the sampling, and ``more`` are values of further variables.  Raises
     InputError for a pole.
     """
-    if expression.is_constant:
+    if value.expression is None or value.is_constant:
         return []
-    for time in times if TIME in expression.names else times[:1]:
+    for time in times if value.is_timed else times[:1]:
 
         def values(x: FloatArray, time: float = time) -> FloatArray:
-            places = dict(zip(AXES, x.T, strict=False))
-            return expression.unchecked(**places, **{TIME: time}, **more) + np.zeros(len(x))
+            return value.unchecked(x.T, time, **more)
 
         if found := _features(entities, values, key, advice, relative_to):
             return found

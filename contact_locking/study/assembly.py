@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -13,12 +12,11 @@ from mpi4py import MPI
 
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
-from contact_locking.expressions import TIME, parse
+from contact_locking.expressions import parse
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.fields.between_steps import unseen_peaks
 from contact_locking.fields.clock import Clock
 from contact_locking.fields.sampling import Entities, features
-from contact_locking.fields.table_files import read_tables
 from contact_locking.fields.values import PresentValue
 from contact_locking.mesh import domain as domains
 from contact_locking.mesh.domain import Domain
@@ -33,14 +31,13 @@ from contact_locking.study.loads import build_loads, open_pressures, springs_of
 from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.probe_points import locate
 from contact_locking.study_file import require_parameters
-from contact_locking.study_file.dump import plain
-from contact_locking.study_file.parameters import HOLD_ALONG, Parameters, expressions
-from contact_locking.study_file.parameters.base import BodyKind, dimension_faults, dotted
+from contact_locking.study_file.parameters import HOLD_ALONG, Parameters
 from contact_locking.study_file.parameters.boundary import LoadParameters
 from contact_locking.study_file.parameters.mesh import BoundaryPart, MeshParameters
-from contact_locking.study_file.source import assign
 from contact_locking.supports.conditions import ComponentCondition, constrain
 from contact_locking.supports.supports import Support
+from contact_locking.values.concept import BodyKind, dimension_faults, dotted
+from contact_locking.values.value import Value
 
 
 class StudyProblem(DiscreteProblem):
@@ -52,7 +49,7 @@ class StudyProblem(DiscreteProblem):
     """
 
     def __init__(self, parameters: Parameters, domain: Domain, element: Element) -> None:
-        self.parameters, parameters = parameters, resolved(parameters)
+        self.parameters = parameters
         told = [f"{domain.origin}: {warning}" for warning in domain.warnings]
         parameters.check_dimension(domain.dim)
         space = element.displacement_space(domain.mesh)
@@ -60,8 +57,7 @@ class StudyProblem(DiscreteProblem):
         self.probes = locate(domain, parameters.output.probes)
         steps = parameters.steps
         times = (0.0,) if steps is None else steps.planned
-        tables = read_tables(domain.comm, parameters.tables or {})
-        self.clock = clock = Clock(domain.mesh, times[0], tables, times)
+        self.clock = clock = Clock(domain.mesh, times[0], times)
         given = MaterialOfStudy(domain, parameters.material, clock)
         conditions, supports, of_values = _held(domain, parameters.loads, clock)
         told += of_values
@@ -92,9 +88,8 @@ class StudyProblem(DiscreteProblem):
         told += self.loads.warnings(self.material.stiffness)
         told += open_pressures(domain, parameters.loads.pressures)
         told += parameters.idle_friction()
-        for key, text in parameters.timed():
-            expression = parse(text, (*AXES, TIME), tables=tables)
-            told += unseen_peaks(expression, key, clock, domain.bounding_box)
+        for key, value in parameters.timed():
+            told += unseen_peaks(value, key, clock, domain.bounding_box)
         # Two contacts may have one section of friction.
         self.warnings = list(dict.fromkeys([*told, *self.warnings]))
 
@@ -128,20 +123,6 @@ class StudyProblem(DiscreteProblem):
             count = sum(len(contact.surface.nodes) for contact in self.contacts)
             facts["contact points"] = int(self.domain.comm.allreduce(count))
         return facts
-
-
-def resolved(parameters: Parameters) -> Parameters:
-    """The same problem with the numbers of ``parameters`` in the place of their names."""
-    named = parameters.parameters
-    if not named:
-        return parameters
-    pattern = re.compile(rf"\b(?:{'|'.join(map(re.escape, named))})\b(?!\s*\()")
-    data = plain(parameters)
-    del data["parameters"]
-    for place, text, _ in expressions(parameters):
-        written = pattern.sub(lambda found: f"({named[found[0]]!r})", text)
-        assign(data, dotted(*place), written)
-    return Parameters.model_validate(data)
 
 
 def check(
@@ -261,11 +242,11 @@ def _held(
     """
     warnings: list[str] = []
 
-    def prescribed(on: tuple[str, ...], value: float | str, key: str) -> PresentValue:
+    def prescribed(on: tuple[str, ...], value: Value, key: str) -> PresentValue:
         field = PresentValue(domain.comm, value, key, clock)
         facets = Entities.of(domain, domain.dim - 1, domain.facets(on, key))
         advice, times = "refine the mesh there", clock.some_times
-        warnings.extend(features(facets, field.expression, key, advice, times=times))
+        warnings.extend(features(facets, value, key, advice, times=times))
         return field
 
     conditions, supports = [], []
@@ -274,12 +255,12 @@ def _held(
             if value is not None:
                 key = f"loads.displacements.{i}.value.{j}"
                 field = prescribed(condition.on, value, key)
-                conditions.append(ComponentCondition(condition.on, j, field, key, field.timed))
+                conditions.append(ComponentCondition(condition.on, j, field, key, value.is_timed))
     for i, support in enumerate(loads.supports):
         key = f"loads.supports.{i}"
         field = prescribed(support.on, support.value, f"{key}.value")
         along = None if support.along == "normal" else support.along
-        supports.append(Support(support.on, along, field, key, field.timed))
+        supports.append(Support(support.on, along, field, key, support.value.is_timed))
     return conditions, supports, warnings
 
 

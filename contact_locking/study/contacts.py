@@ -17,9 +17,7 @@ from contact_locking.contact.coulomb import Convolution, Coulomb, Helmholtz, Ker
 from contact_locking.contact.foundation import GivenGap, RigidFoundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, NotConverged, with_key
-from contact_locking.expressions import TIME, Expression, parse
-from contact_locking.expressions.gradient import value_and_gradient
-from contact_locking.fields.clock import Clock, is_timed
+from contact_locking.fields.clock import Clock
 from contact_locking.fields.sampling import Entities, features
 from contact_locking.fields.values import PresentValue
 from contact_locking.laws.faceted import Polyline, TriangulatedSurface
@@ -31,6 +29,7 @@ from contact_locking.mesh.file.tool_surface import read_corners, read_surface
 from contact_locking.parallel import agree, maximum, on_root
 from contact_locking.study_file.parameters import rigid_body
 from contact_locking.study_file.parameters.contact_sections import ContactParameters
+from contact_locking.values.value import Value, vector_at
 
 
 @dataclass(frozen=True)
@@ -61,15 +60,8 @@ def _cylinder(given: rigid_body.Cylinder, placement: Placement) -> Built:
     return Cylinder(given.centre, given.radius, given.axis or (0.0, 1.0, 0.0)), ()
 
 
-def _level_set(given: float | str, placement: Placement) -> Built:
-    axes = AXES[: placement.dim]
-    expression = parse(given, (*axes, TIME), tables=placement.clock.tables)
-
-    def function(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        variables = {**dict(zip(axes, x, strict=True)), TIME: placement.clock.now}
-        return value_and_gradient(expression, axes, variables)
-
-    return LevelSet(function), ()
+def _level_set(given: Value, placement: Placement) -> Built:
+    return LevelSet(lambda x: given.with_gradient(x, placement.clock.now)), ()
 
 
 def _polyline(given: tuple[tuple[float, ...], ...] | str, placement: Placement) -> Built:
@@ -162,12 +154,12 @@ def contact_of(
 def friction_warnings(domain: Domain, given: ContactParameters, clock: Clock) -> list[str]:
     """Features of the friction coefficient between the nodes; collective.  Raises for a pole."""
     key = given.friction_key("coefficient")
-    expression = parse(given.friction.coefficient, (*AXES, "s"), tables=clock.tables)
+    mu = given.friction.coefficient
     facets = Entities.of(domain, domain.dim - 1, domain.facets(given.on))
     # Friction may begin with the slip; from the size of the body on the slip is as good as endless.
     slips = [0.0, _SOME_SLIP * domain.extent, domain.extent]
-    for slip in slips if "s" in expression.names else slips[:1]:
-        if found := features(facets, expression, key, "refine the mesh there", s=slip):
+    for slip in slips if _depends_on_slip(mu) else slips[:1]:
+        if found := features(facets, mu, key, "refine the mesh there", s=slip):
             return found
     return []
 
@@ -178,14 +170,14 @@ class GapOfStudy(GivenGap):
     def __init__(self, domain: Domain, given: ContactParameters, clock: Clock) -> None:
         key = f"{given.key}.gap"
         self._field, self._clock = PresentValue(domain.comm, given.gap, key, clock), clock
-        self.is_timed = self._field.timed
+        self.is_timed = given.gap.is_timed
         super().__init__(domain.comm, domain.dim, self._field, key)
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
         domain = surface.domain
         facets = Entities.of(domain, domain.dim - 1, surface.facets)
         advice, times = "refine the mesh there", self._clock.some_times
-        return features(facets, self._field.expression, self._key, advice, "range", times)
+        return features(facets, self._field.value, self._key, advice, "range", times)
 
 
 def _foundation(
@@ -196,8 +188,7 @@ def _foundation(
     placement = Placement(dim, domain.comm, clock, key)
     shape, value = given.shape
     body, warnings = build(shape, value, placement)
-    text = given.expression
-    timed_shape = text is not None and is_timed(parse(text, (*AXES, TIME), tables=clock.tables))
+    timed_shape = given.expression is not None and given.expression.is_timed
     motion = partial(_motion, given, f"{key}.motion", dim, clock)
     is_moved = given.moved is not None or timed_shape
     return RigidFoundation(domain.comm, dim, body, motion, key, is_moved, shape, warnings)
@@ -207,17 +198,12 @@ def _motion(given: rigid_body.Foundation, key: str, dim: int, clock: Clock) -> R
     moved = given.moved
     if moved is None:
         return RigidMotion.rest(dim)
-    zero = (0.0,) * dim
-    angles = moved.angles or (0.0,) * (1 if dim == 2 else 3)
-
-    def at_present(components: Sequence[float | str], place: str) -> FloatArray:
-        laws = [_of_time(component, clock) for component in components]
-        return with_key(place, lambda: np.array([float(law.numpy(t=clock.now)) for law in laws]))
-
+    now, zero = clock.now, (Value.of(0.0),) * dim
+    angles = moved.angles or zero[:1] * (1 if dim == 2 else 3)
     return RigidMotion(
-        at_present(moved.translation or zero, f"{key}.translation"),
-        rotation(at_present(angles, f"{key}.rotation")),
-        np.array(moved.about or zero, dtype=float),
+        with_key(f"{key}.translation", lambda: vector_at(moved.translation or zero, now)),
+        rotation(with_key(f"{key}.rotation", lambda: vector_at(angles, now))),
+        np.array(moved.about or (0.0,) * dim, dtype=float),
     )
 
 
@@ -231,8 +217,7 @@ class TimedForce:
         moved = None if given.spring is not None else given.moved
         translation = () if moved is None else moved.translation or ()
         self.key, self._clock = key, clock
-        self._force = [_of_time(value, clock) for value in given.force or ()]
-        self._translation = [_of_time(value, clock) for value in translation]
+        self._force, self._translation = given.force or (), translation
         forces = np.array([self._vector(self._force, time) for time in times])
         sizes = np.linalg.norm(forces, axis=1)
         self.largest = float(sizes.max())
@@ -251,16 +236,13 @@ class TimedForce:
         """F at present.  Raises InputError for a force that leaves its direction."""
         return self._size(self._clock.now)
 
-    def _vector(self, components: Sequence[Expression], time: float) -> FloatArray:
-        values = with_key(self.key, lambda: [float(law.numpy(t=time)) for law in components])
-        if not np.all(np.isfinite(values)):
-            raise InputError(f"is not finite at t = {time:g}", self.key)
-        return np.array(values)
+    def _vector(self, components: Sequence[Value], time: float) -> FloatArray:
+        return with_key(self.key, lambda: vector_at(components, time))
 
     def _size(self, time: float) -> float:
         force = self._vector(self._force, time)
         size = float(force @ self.direction)
-        at = f" at t = {time:g}" if any(law.names for law in self._force) else ""
+        at = f" at t = {time:g}" if any(value.is_timed for value in self._force) else ""
         if np.linalg.norm(force - size * self.direction) > _STRAIGHT * self.largest:
             raise InputError(
                 f"has another direction{at} than at first, and a foundation moves along one line; "
@@ -284,8 +266,8 @@ class TimedForce:
         return size if size > _ROUNDING * self.largest else 0.0
 
 
-def _of_time(value: float | str, clock: Clock) -> Expression:
-    return parse(value, (TIME,), tables=clock.tables)
+def _depends_on_slip(mu: Value) -> bool:
+    return mu.expression is not None and "s" in mu.expression.names
 
 
 def _kernel(domain: Domain, part: ContactParameters) -> Kernel:
@@ -301,12 +283,11 @@ def _kernel(domain: Domain, part: ContactParameters) -> Kernel:
 def _friction_law(domain: Domain, part: ContactParameters, clock: Clock) -> FrictionLaw:
     """``mu(x, s)`` from a number or an expression; every evaluation is collective."""
     comm, key = domain.comm, part.friction_key("coefficient")
-    expression = parse(part.friction.coefficient, (*AXES, "s"), tables=clock.tables)
+    value = part.friction.coefficient
 
     def local(points: FloatArray, slip: FloatArray) -> FloatArray:
-        places = dict(zip(AXES, points.T, strict=False))
         try:
-            return np.broadcast_to(expression.numpy(**places, s=slip), slip.shape)
+            return value.at(points.T, s=slip)
         except InputError as error:
             # An iterate may slip farther than the solution, beyond the end of a table.
             if slip.any():
@@ -322,8 +303,8 @@ def _friction_law(domain: Domain, part: ContactParameters, clock: Clock) -> Fric
 
     return FrictionLaw(
         whole,
-        largest=float(expression.numpy()) if expression.is_constant else None,
-        lipschitz=None if "s" in expression.names else 0.0,
+        largest=value.number,
+        lipschitz=None if _depends_on_slip(value) else 0.0,
     )
 
 

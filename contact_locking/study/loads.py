@@ -18,10 +18,10 @@ from dolfinx import fem
 
 from contact_locking.arrays import AXES, LARGEST, FloatArray
 from contact_locking.errors import InputError, with_key
-from contact_locking.expressions import TIME, Expression, Lookup, parse
+from contact_locking.expressions import TIME, Lookup
 from contact_locking.fem.compiled import integral
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.clock import Clock, LargestSoFar, is_timed
+from contact_locking.fields.clock import Clock, LargestSoFar
 from contact_locking.fields.lookups import Lookups
 from contact_locking.fields.plausibility import about_a_load, about_an_open_part
 from contact_locking.fields.sampling import Entities, features, refuse_poles, rule
@@ -31,6 +31,7 @@ from contact_locking.mesh.skins import Skins, open_part
 from contact_locking.parallel import agree, minimum
 from contact_locking.problem.springs import Springs
 from contact_locking.study_file.parameters.boundary import LoadParameters, Pressure, Spring
+from contact_locking.values.value import Value
 
 # The quadrature degree of an expression in each part of a cell or facet; test functions of degree 1
 # or 2 need no more.  The rule for comparison has a higher degree and parts half as long.
@@ -138,24 +139,21 @@ class _Load:
     def __init__(
         self,
         on: Entities,
-        given: float | str | tuple[float | str, ...],
+        given: Value | tuple[Value, ...],
         key: str,
         element: Element,
         clock: Clock,
     ) -> None:
         domain = self._domain = on.domain
         self._on, self.key, self._element, self._clock = on, key, element, clock
-        names = (*AXES[: domain.dim], TIME)
         values = given if isinstance(given, tuple) else (given,)
         self._keys = [key]
         if values is given:
             self._keys = [f"{key}.{i}" for i in range(len(values))]
-        self._components: list[Expression] = [
-            parse(value, names, tables=clock.tables) for value in values
-        ]
+        self._components = [value.expression for value in values if value.expression is not None]
         self._lookups = Lookups(domain.mesh, self._components, element.degree, clock)
         self._constant = all(component.is_constant for component in self._components)
-        self.timed = any(is_timed(component) for component in self._components)
+        self.timed = any(value.is_timed for value in values)
         # 1, or 0 at the times at which the load is zero with rounding.
         self._acts, self._so_far = fem.Constant(domain.mesh, 1.0), LargestSoFar()
         self._warned = False
@@ -345,30 +343,30 @@ def springs_of(domain: Domain, given: Sequence[Spring]) -> tuple[list[Springs], 
     places = {axis: x[i] for i, axis in enumerate(AXES[: domain.dim])}
     for number, item in enumerate(given):
         key = f"loads.springs.{number}"
-        expression = parse(item.stiffness, AXES)
-        stiffness = expression.ufl({}, **places)
-        if expression.is_constant:
+        assert item.stiffness.expression is not None
+        stiffness = item.stiffness.expression.ufl({}, **places)
+        if item.stiffness.is_constant:
             stiffness = fem.Constant(domain.mesh, stiffness)
         along = _spring_along(domain, item)
         for name in item.on:
             facets = Entities.of(domain, domain.dim - 1, domain.facets((name,), f"{key}.on"))
-            told += _spring_warnings(facets, expression, f"{key}.stiffness")
+            told += _spring_warnings(facets, item.stiffness, f"{key}.stiffness")
             measure = domain.ds((name,), f"{key}.on", quadrature_degree=_OF_SPRINGS)
             found.append(Springs(name, stiffness, along, measure))
     return found, told
 
 
-def _spring_warnings(facets: Entities, expression: Expression, key: str) -> list[str]:
-    if expression.is_constant:
+def _spring_warnings(facets: Entities, value: Value, key: str) -> list[str]:
+    if value.is_constant:
         return []
     points, _ = rule(facets.dim, 0, _OF_SPRINGS)
     domain = facets.domain
     places: FloatArray = np.einsum("qc,kcd->kqd", points, facets.corners).reshape(-1, domain.dim)
-    values = evaluate(domain.comm, expression.text, places.T, key)
+    values = evaluate(domain.comm, value, places.T, key)
     least = minimum(domain.comm, values)
     if not least > 0.0:
         raise InputError(f"must be positive everywhere, and is {least:g} somewhere", key)
-    return features(facets, expression, key, "refine the mesh there")
+    return features(facets, value, key, "refine the mesh there")
 
 
 def _spring_along(domain: Domain, item: Spring) -> ufl.core.expr.Expr | None:

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from contact_locking.arrays import AXES, FloatArray, IndexArray
-from contact_locking.expressions import parse
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.fields.clock import Clock
 from contact_locking.fields.sampling import Entities, features
 from contact_locking.fields.values import PresentValue, evaluate
@@ -28,7 +27,6 @@ from contact_locking.problem.limits import (
     require_positive,
 )
 from contact_locking.problem.points import Points
-from contact_locking.study_file.parameters.base import Place, dotted, leaves
 from contact_locking.study_file.parameters.material import (
     Eigenstrain,
     MaterialParameters,
@@ -36,6 +34,8 @@ from contact_locking.study_file.parameters.material import (
     StrainLimit,
 )
 from contact_locking.study_file.parameters.material import Elasticity as ElasticityParameters
+from contact_locking.values.concept import Place, dotted, leaves
+from contact_locking.values.value import Value
 
 _ADVICE_ON_CELLS = "refine the mesh there, or let a boundary of the region in its on go there"
 
@@ -87,7 +87,7 @@ class EigenstrainOfStudy:
             self._parts.append(self._part(cells, item, key))
 
     def _part(self, cells: IndexArray, item: Eigenstrain, key: str) -> _EigenstrainPart:
-        def value(given: Scalar, *place: str | int) -> PresentValue:
+        def value(given: Value, *place: str | int) -> PresentValue:
             return PresentValue(self._domain.comm, given, dotted(key, *place), self._clock)
 
         name, tensor = item.tensor
@@ -117,35 +117,32 @@ class EigenstrainOfStudy:
             inside = Entities.of(self._domain, self._domain.dim, part.cells)
             for value in part.values:
                 times = self._clock.some_times
-                told += features(inside, value.expression, value.key, _ADVICE_ON_CELLS, times=times)
+                told += features(inside, value.value, value.key, _ADVICE_ON_CELLS, times=times)
         return told
 
 
 _ADVICE = "refine the mesh there, or let a boundary of material.regions go there"
-Scalar = float | str
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A number or an expression of x, y[, z] in some local cells, which may be ``infinite``."""
+    """A value in some local cells."""
 
     cells: IndexArray
-    value: Scalar
+    value: Value
     key: str
-    infinite: bool = False
 
     def at(self, points: Points) -> FloatArray:
         """The values at the points in the cells; collective.  Raises InputError for another."""
         places = points.places[:, points.of(self.cells)]
-        return evaluate(points.domain.comm, self.value, places, self.key, self.infinite)
+        return evaluate(points.domain.comm, self.value, places, self.key)
 
     def warnings(self, domain: Domain) -> list[str]:
         """Features of an expression between the points; collective.  Raises for a pole."""
-        expression = parse(self.value, AXES, allow_infinite=self.infinite)
-        if expression.is_constant:
+        if self.value.is_constant:
             return []
         inside = Entities.of(domain, domain.dim, self.cells)
-        return features(inside, expression, self.key, _ADVICE, relative_to="each")
+        return features(inside, self.value, self.key, _ADVICE, relative_to="each")
 
 
 @dataclass(frozen=True)
@@ -214,8 +211,8 @@ class MaterialOfStudy:
         found = [text for piece in self._pieces for text in piece.warnings(self._domain)]
         return found + ([] if self._eigenstrain is None else self._eigenstrain.warnings())
 
-    def _piece(self, cells: IndexArray, value: Scalar, key: str, infinite: bool = False) -> Piece:
-        piece = Piece(cells, value, key, infinite)
+    def _piece(self, cells: IndexArray, value: Value, key: str) -> Piece:
+        piece = Piece(cells, value, key)
         self._pieces.append(piece)
         return piece
 
@@ -264,7 +261,7 @@ class MaterialOfStudy:
         size = self._domain.kinematics.tensor_size(self._domain.dim)
         for limit, cells, key, most_key in self._limits_in_cells():
             name = key.partition(".")[2]
-            most = self._piece(cells, limit.upper, most_key, infinite=True)
+            most = self._piece(cells, limit.upper, most_key)
             few = []
             if limit.lower != -math.inf:
                 few.append(self._piece(cells, limit.lower, f"{key}.at_least"))

@@ -14,8 +14,8 @@ from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
-from contact_locking.study_file.parameters.base import dotted
 from contact_locking.study_file.parameters.numerics import Probe
+from contact_locking.values.concept import dotted
 
 # A point is in a cell if it is off the reference cell by this share at most.  Rounding alone
 # must not take a point of the boundary out of the body.

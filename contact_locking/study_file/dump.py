@@ -9,8 +9,9 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
 
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.base import Section
 from contact_locking.study_file.parameters.mesh import MeshParameters
+from contact_locking.values.concept import Concept
+from contact_locking.values.value import Value
 
 #: The first line of every file with the parameters of a run or of a study.
 HEADER = "# All parameters, written by contact_locking\n"
@@ -34,9 +35,11 @@ def dump(parameters: Parameters) -> str:
 def plain(value: Any) -> Any:
     """Parameters as nested mappings and lists, with every default."""
     match value:
+        case Value():
+            return value.data
         case MeshParameters():
             return {key: plain(item) for key, item in value.model_dump().items()}
-        case Section():
+        case Concept():
             given = {value.key_of(name): item for name, item in value}
             return {key: plain(item) for key, item in given.items() if item is not None}
         case dict():

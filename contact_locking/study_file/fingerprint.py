@@ -10,8 +10,8 @@ from typing import Any
 
 from contact_locking.mesh.file.xdmf_grids import data_file, is_xdmf
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.base import Section
 from contact_locking.study_file.parameters.rigid_body import Foundation
+from contact_locking.values.concept import Concept
 
 # 64 bits: 10 000 cases share one with a probability of 3e-12.
 _DIGITS = 16
@@ -65,7 +65,7 @@ def _normalised(
     contacts = [
         {
             "on": part.on,
-            "gap": part.gap,
+            "gap": part.gap.data,
             "foundation": part.foundation and _foundation(part.foundation, digest),
             "friction": part.friction.model_dump(),
         }
@@ -78,7 +78,7 @@ def _foundation(given: Foundation, digest: Callable[[str], str]) -> dict[str, An
     data = given.model_dump()
     shape, value = given.shape
     if given.file is not None:
-        more = value.model_dump(exclude={"file"}) if isinstance(value, Section) else {}
+        more = value.model_dump(exclude={"file"}) if isinstance(value, Concept) else {}
         data[shape] = {"content": digest(given.file), **more}
     if given.moved is not None:
         data["motion"] = given.moved.model_dump()

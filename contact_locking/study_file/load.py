@@ -14,10 +14,11 @@ from pydantic import ValidationError
 from contact_locking.errors import InputError, require_kind
 from contact_locking.plain_text import nearest
 from contact_locking.study_file.parameters import Parameters, removed
-from contact_locking.study_file.parameters.base import MOST_FAULTS, Fault, FaultsError, dotted
 from contact_locking.study_file.parameters.keys import known_keys
-from contact_locking.study_file.parameters.values import CHOICES
-from contact_locking.study_file.parameters.wording import labels, show, unknown_key, value_message
+from contact_locking.study_file.parameters.wording import labels, unknown_key
+from contact_locking.values.concept import MOST_FAULTS, Fault, FaultsError, dotted
+from contact_locking.values.kinds import CHOICES
+from contact_locking.values.wording import show, value_message
 
 from .dump import dump
 from .schema import rows

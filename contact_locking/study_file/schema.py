@@ -13,11 +13,11 @@ from pydantic import BaseModel, TypeAdapter
 
 from contact_locking.meshes import BUILDERS
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.base import unit_of
 from contact_locking.study_file.parameters.keys import section_in, visible_fields
 from contact_locking.study_file.parameters.mesh import MeshParameters, builder_types
 from contact_locking.study_file.parameters.study import MAX_CASES
-from contact_locking.study_file.parameters.wording import show
+from contact_locking.values.concept import unit_of
+from contact_locking.values.wording import show
 
 
 class Row(NamedTuple):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import itertools
 import math
 import os
 import stat
@@ -21,13 +20,12 @@ from ruamel.yaml.error import MarkedYAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from contact_locking.errors import InputError, require_kind
-from contact_locking.plain_text import nearest, printable
+from contact_locking.files.readable import similar
+from contact_locking.plain_text import printable
 
 # A sweep of 10 000 cases over several keys is smaller. Text that is made to take long takes 4 s.
 MAX_BYTES = 300_000
 MAX_DEPTH = 50
-# To compare more names takes longer than a message should.
-_MOST_NAMES = 1000
 # Lengths of a message and of the key before it.
 _MAX_MESSAGE, _MAX_KEY = 1000, 200
 _TAG = "tag:yaml.org,2002:"
@@ -121,16 +119,6 @@ def read(path: str | Path) -> Source:
     if not isinstance(data, dict):
         raise InputError(f"{name}:1: must be a mapping of keys such as mesh, material and loads")
     return Source(name, data, reader.origins)
-
-
-def similar(path: Path) -> str:
-    """The hint at the file in the same folder whose name is most like that of ``path``."""
-    try:
-        with os.scandir(path.parent) as entries:
-            names = [entry.name for entry in itertools.islice(entries, _MOST_NAMES)]
-    except (OSError, ValueError):  # no folder, or a name that no folder can have
-        return ""
-    return printable(nearest(path.name, sorted(names)))
 
 
 def assign(data: Any, key: str, value: Any) -> list[str]:

@@ -17,7 +17,7 @@ from contact_locking.results import names
 from contact_locking.results.solution import Solution, StudySolution
 from contact_locking.script_names import in_script, script_names
 from contact_locking.solver.task import SolverReport
-from contact_locking.study.assembly import StudyProblem, resolved
+from contact_locking.study.assembly import StudyProblem
 from contact_locking.study_file.dump import plain
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.source import assign
@@ -212,12 +212,11 @@ def _branch_of_study(
 
 def _with_load_share(parameters: Parameters) -> Parameters:
     """The study whose time t is the share of the loads that ``branches`` multiplies."""
-    given = resolved(parameters)
-    assert given.branches is not None
-    data = plain(given)
+    assert parameters.branches is not None
+    data = plain(parameters)
     for section in ("branches", "sensitivities", "fit", "study", "equilibria"):
         data.pop(section, None)
-    data["steps"] = {"times": sorted({1.0, given.branches.to})}
-    for key, value in given.shared_loads():
+    data["steps"] = {"times": sorted({1.0, parameters.branches.to})}
+    for key, value in parameters.shared_loads():
         assign(data, key, f"({value})*t")
     return Parameters.model_validate(data)

@@ -14,8 +14,8 @@ from test_contact_sections import WRONG as WRONG_SECTIONS
 from wrong_values import STUDIES_WRONG, WRONG, nested
 
 from contact_locking import InputError, from_mapping
-from contact_locking.study_file.parameters.wording import show
 from contact_locking.study_file.schema import rows
+from contact_locking.values.wording import show
 
 pytestmark = pytest.mark.serial
 

@@ -13,7 +13,6 @@ import os
 import re
 import shutil
 import signal
-import stat
 import subprocess
 import sys
 import tempfile
@@ -26,6 +25,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
+from contact_locking.files.readable import require_file
 from contact_locking.mesh.file.conversion import ENDINGS
 from contact_locking.mesh.file.data import MeshData
 
@@ -33,17 +33,6 @@ from contact_locking.mesh.file.data import MeshData
 _BEGIN = re.compile(rb"\$MeshFormat[ \t]*\r?\n[ \t]*(\d+(?:\.\d+)?)[ \t]+[01][ \t]+\d+[ \t]*\r?\n")
 _BEGIN_LENGTH = 200
 _VERSIONS = ("2", "2.1", "2.2", "4", "4.0", "4.1")
-
-
-def require_file(path: Path, kind: str = "mesh file") -> None:
-    """Raise InputError unless the path is a regular file.
-
-    This comes before a file is opened: to open a pipe would wait for a writer.
-    """
-    if not path.exists():
-        raise InputError(f"there is no {kind} {path}")
-    if not stat.S_ISREG(path.stat().st_mode):
-        raise InputError(f"{path} is no file")
 
 
 @contextmanager

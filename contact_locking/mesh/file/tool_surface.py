@@ -15,8 +15,9 @@ import numpy as np
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.files.csv_file import number_at, rows_of
+from contact_locking.files.readable import require_size
 from contact_locking.mesh.file import places
-from contact_locking.mesh.file.reader import read_triangles, require_file
+from contact_locking.mesh.file.reader import read_triangles
 
 ENDINGS = (".csv", ".npy")
 # As many heights are two million triangles.
@@ -110,24 +111,9 @@ def _lines(values: FloatArray) -> tuple[FloatArray, IntArray]:
     return ascending[starts], number
 
 
-#: Larger files are not read: 250 MB hold 5 million triangles in binary form.
-LARGEST_FILE = 250_000_000
 # A binary file has a head of 80 bytes and the number of triangles, and then 50 bytes for each:
 # normal, three corners, and two bytes that nobody uses.
 _HEAD, _RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
-
-
-def check_size(path: Path) -> None:
-    """Raise InputError unless the path is a file of at least 1 and at most `LARGEST_FILE` bytes."""
-    require_file(path, "file")
-    size = path.stat().st_size
-    if size > LARGEST_FILE:
-        raise InputError(
-            f"{path} has {size / 1e6:.0f} MB, and at most {LARGEST_FILE / 1e6:.0f} MB are "
-            "read; make the tool coarser, which need not be finer than the mesh of the body"
-        )
-    if size == 0:
-        raise InputError(f"{path} is empty")
 
 
 def read_stl(path: Path) -> FloatArray:
@@ -135,7 +121,7 @@ def read_stl(path: Path) -> FloatArray:
 
     Raises InputError for a file that is no STL file, is cut off, or holds no triangles.
     """
-    check_size(path)
+    require_size(path)
     content = path.read_bytes()
     count = int.from_bytes(content[80:_HEAD], "little") if len(content) >= _HEAD else -1
     # A binary file may begin like one in text form, so that its length decides.
@@ -211,7 +197,7 @@ def read_surface(
     and for triangles that are not the surface of a foundation: at an edge of three triangles no
     side is outside.
     """
-    check_size(path)
+    require_size(path)
     if path.suffix.lower() in ENDINGS:
         points, triangles = read_heights(path, spacing)
         points = _placed(points, scale, shift, path)

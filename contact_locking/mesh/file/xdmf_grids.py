@@ -11,9 +11,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from contact_locking.errors import InputError
+from contact_locking.files.readable import require_file
 from contact_locking.mesh.cell_kind import INTERVAL, NAMED, CellKind
 from contact_locking.mesh.file import places
-from contact_locking.mesh.file.reader import require_file
 
 ENDING = ".xdmf"
 _KINDS = {"polyline": INTERVAL, **NAMED}

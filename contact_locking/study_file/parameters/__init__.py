@@ -5,32 +5,45 @@ The checks need no mesh, MPI or DOLFINx, so that a file is checked before anythi
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
-from pydantic import ModelWrapValidatorHandler, model_validator
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    ModelWrapValidatorHandler,
+    TypeAdapter,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
 
 from contact_locking.errors import InputError
-from contact_locking.expressions import ANY_TABLE, NO_TABLES, POSITION, TIME, parse
+from contact_locking.expressions import POSITION, Table
 from contact_locking.plain_text import nearest
-
-from .base import (
+from contact_locking.values.concept import (
     BodyKind,
+    Concept,
     Fault,
     FaultsError,
     Place,
-    Section,
     below,
     dimension_faults,
     dotted,
     entry,
     leaves,
     marked,
+    refuse_if,
     sections,
 )
-from .boundary import LoadParameters, TableParameters, name_faults
+from contact_locking.values.kinds import SCOPE, Number, ScalarRule, Scope, Text
+from contact_locking.values.table_file import TableFile
+from contact_locking.values.value import Value
+
+from .boundary import LoadParameters, name_faults
 from .contact_sections import ContactParameters, ContactSection, FrictionParameters, OneOrSeveral
 from .fit import FitParameters
 from .material import MaterialParameters
@@ -48,7 +61,6 @@ from .numerics import (
     StepParameters,
 )
 from .study import StudyParameters
-from .values import NAMED, Number, ScalarRule, Text
 
 #: What holds a part with contact along its surface.
 HOLD_ALONG = "stiff loads.springs with along: a tangent, such as [1, 0], hold it along its surface"
@@ -63,11 +75,21 @@ def _no_characters(value: Any, place: Place = ()) -> Iterator[Place]:
         yield from _no_characters(item, (*place, key))
 
 
-class Parameters(Section):
+def _named(what: str) -> AfterValidator:
+    """Refuses the names of tables or numbers, in words ``what``, that expressions cannot use."""
+
+    def check(named: dict[str, Any]) -> dict[str, Any]:
+        refuse_if(name_faults(named, what))
+        return named
+
+    return AfterValidator(check)
+
+
+class Parameters(Concept):
     """A study file: the problem, the solver, the results, and the study of many cases if any."""
 
     title: Text = entry("", "what the study is about, for headings")
-    parameters: dict[str, Number] | None = entry(
+    parameters: Annotated[dict[str, Number], _named("names")] | None = entry(
         None,
         "numbers by names that the expressions of the file may use, as mu0 in 'mu0*exp(-s/s0)'",
     )
@@ -86,7 +108,7 @@ class Parameters(Section):
     steps: StepParameters | None = entry(
         None, "the times of a process, whose loads and gaps depend on t; null: one static problem"
     )
-    tables: dict[str, TableParameters] | None = entry(
+    tables: Annotated[dict[str, TableFile], _named("tables")] | None = entry(
         None,
         "tables of numbers, used by name as functions of one argument, as ramp(t), in loads, gaps, "
         "motions and friction",
@@ -118,11 +140,12 @@ class Parameters(Section):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _name_numbers(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Let the expressions below use the names of ``parameters``."""
-        given = data.get("parameters") if isinstance(data, dict) else None
-        names = given if isinstance(given, dict) else {}
-        token = NAMED.set(tuple(name for name in names if isinstance(name, str)))
+    def _with_names(
+        cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo
+    ) -> Self:
+        """Let the expressions below use the names of ``parameters`` and ``tables``."""
+        given = data if isinstance(data, dict) else {}
+        token = SCOPE.set(Scope(_numbers(given.get("parameters")), _tables(given, info.context)))
         try:
             return handler(data)
         except UnicodeEncodeError:
@@ -131,7 +154,7 @@ class Parameters(Section):
             message = "contains an escape that is no character"
             raise FaultsError([Fault(place, message)]) from None
         finally:
-            NAMED.reset(token)
+            SCOPE.reset(token)
 
     @property
     def contacts(self) -> tuple[ContactParameters, ...]:
@@ -169,19 +192,19 @@ class Parameters(Section):
         found = [part for name in names for part in (parts[name].on if name in parts else (name,))]
         return tuple(dict.fromkeys(found))
 
-    def shared_loads(self) -> Iterator[tuple[str, float | str]]:
-        """The key and the number or expression of each load that ``branches`` multiplies."""
+    def shared_loads(self) -> Iterator[tuple[str, Value]]:
+        """The key and the value of each load that ``branches`` multiplies."""
         over = "" if self.branches is None else self.branches.over
         for place, value in self.loads.numbers():
             key = dotted("loads", *place)
             if key == over or key.startswith(f"{over}."):
                 yield key, value
 
-    def timed(self) -> Iterator[tuple[str, str]]:
-        """The key and the text of every expression that may depend on the time t."""
-        for place, text, rule in expressions(self):
-            if TIME in rule.variables:
-                yield dotted(*place), text
+    def timed(self) -> Iterator[tuple[str, Value]]:
+        """The key and the value of every expression that depends on the time t."""
+        for place, value, _ in expressions(self):
+            if value.is_timed:
+                yield dotted(*place), value
 
     def idle_friction(self) -> Iterator[str]:
         """A warning about each friction coefficient that has no contact to act on."""
@@ -319,10 +342,8 @@ class Parameters(Section):
                     yield from _unknown_name((*place, key), name, *parts[str(place[0])])
 
     def _expression_faults(self) -> Iterator[Fault]:
-        """Names of tables that no expression can use or that are no tables, and t without steps."""
+        """Names that no expression can use, and t without steps."""
         names, numbers = tuple(self.tables or ()), tuple(self.parameters or ())
-        yield from below(("tables",), name_faults(names, "tables"))
-        yield from below(("parameters",), name_faults(numbers, "names"))
         for name in set(names) & set(numbers):
             yield Fault(("parameters", name), "is the name of a table as well")
         yield from self._faults_of_expressions(self.mesh.dim)
@@ -332,24 +353,43 @@ class Parameters(Section):
         yield from dimension_faults(self, BodyKind(dim, self.mesh.axisymmetric, is_sheet))
 
     def _faults_of_expressions(self, dim: int | None) -> Iterator[Fault]:
-        """Names and tables that there are not in ``dim`` dimensions, and t without steps."""
-        outside, where = ((), "") if dim is None else (POSITION[dim:], f" in {dim}D")
-        tables = {name: ANY_TABLE[name] for name in self.tables or ()}
-        for place, text, rule in expressions(self):
-            known = [name for name in rule.variables if name not in outside]
-            names = (*known, *(self.parameters or ()))
-            known_tables = tables if rule.has_tables else NO_TABLES
-            try:
-                found = parse(text, names, allow_infinite=rule.infinite, tables=known_tables)
-            except InputError as error:
-                yield Fault(place, f"{error}{where}")
-                continue
-            if self.steps is None and TIME in found.names:
+        """Coordinates that there are not in ``dim`` dimensions, and t without steps."""
+        outside = () if dim is None else POSITION[dim:]
+        for place, value, rule in expressions(self):
+            assert value.expression is not None
+            for name in sorted(value.expression.names.intersection(outside)):
+                known = [known for known in rule.variables if known not in outside]
+                told = f"unknown name '{name}'{nearest(name, known)}; known: {', '.join(known)}"
+                yield Fault(place, f"in the expression '{value}': {told} in {dim}D")
+            if self.steps is None and value.is_timed:
                 yield Fault(
                     place,
                     "depends on the time t, and the file has no steps; add a section such as "
                     "steps: {to: 1, count: 20}",
                 )
+
+
+def _numbers(given: Any) -> dict[str, float]:
+    """The numbers of ``parameters`` that are some; the others are faults of their own."""
+    found = {}
+    for name, value in given.items() if isinstance(given, dict) else ():
+        with contextlib.suppress(ValidationError):
+            found[str(name)] = _NUMBER.validate_python(value)
+    return found
+
+
+def _tables(data: Any, folder: Any) -> dict[str, Table]:
+    """The tables that can be read; the others have no values, and are faults of their own."""
+    given = data.get("tables")
+    found = {}
+    for name, section in given.items() if isinstance(given, dict) else ():
+        found[str(name)] = Table(str(name), np.empty(0), np.empty(0))
+        with contextlib.suppress(ValidationError):
+            found[str(name)] = TableFile.model_validate(section, context=folder).table(name)
+    return found
+
+
+_NUMBER = TypeAdapter(Number)
 
 
 def _unknown_name(place: Place, name: str, known: Sequence[str], what: str) -> Iterator[Fault]:
@@ -358,10 +398,10 @@ def _unknown_name(place: Place, name: str, known: Sequence[str], what: str) -> I
         yield Fault(place, f"{message}; there are {', '.join(known)}")
 
 
-def expressions(whole: Section) -> Iterator[tuple[Place, str, ScalarRule]]:
-    """Place, text and rule of every expression below a section."""
-    for here, section in sections(whole):
-        for name, (_, rule) in marked(type(section), ScalarRule).items():
-            for inner, value in leaves(getattr(section, name), (*here, section.key_of(name))):
-                if isinstance(value, str):
+def expressions(whole: Concept) -> Iterator[tuple[Place, Value, ScalarRule]]:
+    """Place, value and rule of every expression below a concept that is no number."""
+    for here, concept in sections(whole):
+        for name, (_, rule) in marked(type(concept), ScalarRule).items():
+            for inner, value in leaves(getattr(concept, name), (*here, concept.key_of(name))):
+                if isinstance(value, Value) and not value.is_constant:
                     yield inner, value, rule

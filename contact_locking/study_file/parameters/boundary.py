@@ -9,23 +9,30 @@ from typing import Annotated
 from pydantic import Field
 
 from contact_locking.expressions import CONSTANTS, FUNCTIONS, POSITION, TIME
-
-from .base import PER_AXIS, Fault, Place, Section, entry
-from .values import Along, File, Names, PositiveScalar, Text, TimedScalar, TimedVector, TimeVector
+from contact_locking.values.concept import PER_AXIS, Concept, Fault, Place, entry
+from contact_locking.values.kinds import (
+    Along,
+    Names,
+    PositiveScalar,
+    TimedScalar,
+    TimedVector,
+    TimeVector,
+)
+from contact_locking.values.value import Value
 
 # All tractions and pressures are compiled into one form, which takes seconds for 200 of them and
 # fails for some 2000.
 _MOST_TRACTIONS = 200
 
 
-class Traction(Section):
+class Traction(Concept):
     """sigma nu = g on a part of the boundary."""
 
     on: Names = entry(..., "name(s) of parts of the boundary")
     value: TimedVector = entry(..., "components of g", "stress")
 
 
-class Pressure(Section):
+class Pressure(Concept):
     """sigma nu = -p nu on a part of the boundary, with the outward normal nu of the mesh."""
 
     on: Names = entry(..., "name(s) of parts of the boundary")
@@ -36,14 +43,14 @@ class Pressure(Section):
     )
 
 
-class TotalForce(Section):
+class TotalForce(Concept):
     """int sigma nu = F on a part of the boundary, spread evenly: sigma nu = F / |part|."""
 
     on: Names = entry(..., "name(s) of parts of the boundary, which share the force by their sizes")
     value: TimeVector = entry(..., "components of F; in 2D for a unit of thickness", "force")
 
 
-class Displacement(Section):
+class Displacement(Concept):
     """u = value on a part of the boundary; a null component stays free."""
 
     on: Names = entry(..., "name(s) of parts of the boundary")
@@ -56,17 +63,17 @@ class Displacement(Section):
             yield Fault(("value",), "fixes no component; give a number for at least one")
 
 
-class Support(Section):
+class Support(Concept):
     """u . m = value on a part of the boundary, which slides freely across m: an oblique roller."""
 
     on: Names = entry(..., "name(s) of parts of the boundary")
     along: Along = entry(
         ..., "the direction m: normal (the outward normal of the mesh), or a vector of any length"
     )
-    value: TimedScalar = entry(0.0, "the displacement along m", "length")
+    value: TimedScalar = entry(Value.of(0.0), "the displacement along m", "length")
 
 
-class Spring(Section):
+class Spring(Concept):
     """sigma nu = -k (u . m) m on a part of the boundary: an elastic foundation, or a spring bed."""
 
     on: Names = entry(..., "name(s) of parts of the boundary")
@@ -76,7 +83,7 @@ class Spring(Section):
     )
 
 
-class LoadParameters(Section):
+class LoadParameters(Concept):
     """Body force f0, tractions g, pressures, prescribed displacements and supports, (2)-(4)."""
 
     body_force: TimedVector | None = entry(None, "components of f0; null: none", "force/volume")
@@ -113,7 +120,7 @@ class LoadParameters(Section):
         for index, support in enumerate(self.supports):
             yield ("supports", index), support
 
-    def numbers(self) -> Iterator[tuple[Place, float | str]]:
+    def numbers(self) -> Iterator[tuple[Place, Value]]:
         """The number or expression of each component that loads the body, with its place."""
         for axis, force in enumerate(self.body_force or ()):
             yield ("body_force", axis), force
@@ -150,14 +157,6 @@ class LoadParameters(Section):
 #: Names that a table may not have.
 _TAKEN = {*POSITION, TIME, "s", "inf", *CONSTANTS, *FUNCTIONS}
 _MOST_TABLES = 50
-
-
-class TableParameters(Section):
-    """Two columns of a CSV file, interpolated linearly between the rows."""
-
-    file: File = entry(..., "a CSV file with a row of column names, relative to the study file")
-    over: Text = entry(..., "the name of the column with the ascending arguments")
-    column: Text = entry(..., "the name of the column with the values")
 
 
 def name_faults(names: Iterable[str], what: str) -> Iterator[Fault]:

@@ -8,9 +8,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, Tag
 
-from .base import Fault, Section, entry
-from .rigid_body import Foundation
-from .values import (
+from contact_locking.values.concept import Concept, Fault, entry
+from contact_locking.values.kinds import (
     LIST,
     SECTION,
     Names,
@@ -21,12 +20,15 @@ from .values import (
     TimedScalar,
     list_or,
 )
+from contact_locking.values.value import Value
+
+from .rigid_body import Foundation
 
 Kernel = Literal["convolution", "helmholtz", "none"]
 Pair = Literal["once", "each_step"]
 
 
-class Smoothing(Section):
+class Smoothing(Concept):
     """R, the mollifier of the normal stress along Gamma_C."""
 
     kernel: Kernel = entry(
@@ -40,11 +42,11 @@ class Smoothing(Section):
     )
 
 
-class FrictionParameters(Section):
+class FrictionParameters(Concept):
     """Coulomb's law (6): |sigma_tau| <= mu(|u_tau|) |R sigma_nu|."""
 
     coefficient: NonNegativeSlipScalar = entry(
-        0.0,
+        Value.of(0.0),
         "mu >= 0, a number or an expression of x, y, z and s = |u_tau|",
         "1",
     )
@@ -57,14 +59,14 @@ class FrictionParameters(Section):
     )
 
 
-class OwnSmoothing(Section):
+class OwnSmoothing(Concept):
     """The mollifier R of one part of Gamma_C, as far as it differs from ``friction.smoothing``."""
 
     kernel: Kernel | None = entry(None, "null: friction.smoothing.kernel")
     radius: Positive | None = entry(None, "null: friction.smoothing.radius", "length")
 
 
-class OwnFriction(Section):
+class OwnFriction(Concept):
     """The friction of one part of Gamma_C, as far as it differs from ``friction``."""
 
     coefficient: NonNegativeSlipScalar | None = entry(None, "null: friction.coefficient", "1")
@@ -73,8 +75,9 @@ class OwnFriction(Section):
 
     def over(self, common: FrictionParameters) -> FrictionParameters:
         """``common``, with the keys that this part gives itself in place of the common ones."""
-        own = self.model_dump(exclude_none=True)
-        smoothing = common.smoothing.model_copy(update=own.pop("smoothing", {}))
+        own = {name: value for name, value in self if value is not None}
+        changed = {name: value for name, value in self.smoothing or () if value is not None}
+        smoothing = common.smoothing.model_copy(update=changed)
         return common.model_copy(update={**own, "smoothing": smoothing})
 
 
@@ -82,7 +85,7 @@ class OwnFriction(Section):
 _MOST_ENTRIES = 100
 
 
-class ContactSection(Section):
+class ContactSection(Concept):
     """Signorini's conditions (5) on Gamma_C: u_nu <= gap, or a rigid foundation."""
 
     on: Names = entry(("bottom",), "name(s) of the parts of Gamma_C; []: no contact")
@@ -97,7 +100,7 @@ class ContactSection(Section):
         "each_step, or once, on the undeformed mesh; null: each_step",
     )
     gap: TimedScalar = entry(
-        0.0,
+        Value.of(0.0),
         "distance to the foundation along nu; with against: beyond the distance in the mesh",
         "length",
     )
@@ -156,7 +159,7 @@ class ContactParameters:
 
     key: str
     on: tuple[str, ...]
-    gap: float | str
+    gap: Value
     foundation: Foundation | None
     friction: FrictionParameters
     own: OwnFriction

@@ -8,13 +8,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from .base import Fault, Section, entry
-from .values import File, Integer, Number, NumberOrInfinite, Text
+from contact_locking.values.concept import Concept, Fault, entry
+from contact_locking.values.kinds import File, Integer, Number, NumberOrInfinite, Text
 
 _MOST = 100
 
 
-class Curve(Section):
+class Curve(Concept):
     """The rows of a CSV file, and the keys that differ in its experiment."""
 
     file: File = entry(..., "a CSV file with a row of column names, relative to the study file")
@@ -29,7 +29,7 @@ def _curves(value: Any) -> Any:
     return [{"file": one} if isinstance(one, str) else one for one in entries]
 
 
-class FittedNumber(Section):
+class FittedNumber(Concept):
     """Where the search for a number begins, and what it is searched between."""
 
     start: Number | None = entry(None, "the first value; null: that of the file")
@@ -59,7 +59,7 @@ class FittedNumber(Section):
             yield Fault(("start",), f"must be positive with scale: log, not {self.start:g}")
 
 
-class FitParameters(Section):
+class FitParameters(Concept):
     """Numbers of the file that are fitted to measured curves, by `contact-locking fit`."""
 
     data: Annotated[

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, TypeAlias
 import numpy as np
 from pydantic import AfterValidator, Field, Tag, model_validator
 
-from .base import BodyKind, Fault, Place, Section, entry, refuse_if
-from .values import (
+from contact_locking.values.concept import BodyKind, Concept, Fault, Place, entry, refuse_if
+from contact_locking.values.kinds import (
     LIST,
     SECTION,
     Names,
@@ -25,7 +25,8 @@ from .values import (
     TimedScalar,
     list_or,
 )
-from .wording import show
+from contact_locking.values.value import Value
+from contact_locking.values.wording import show
 
 _MOST_ENTRIES = 50
 
@@ -50,7 +51,7 @@ def _square(rows: tuple[tuple[Any, ...], ...]) -> tuple[tuple[Any, ...], ...]:
 MandelMatrix: TypeAlias = Annotated[tuple[tuple[Scalar, ...], ...], AfterValidator(_square)]
 
 
-class Eigenstrain(Section):
+class Eigenstrain(Concept):
     """eps_0 of sigma = A (eps(u) - eps_0): a strain that costs no stress.
 
     A number is the same strain in all directions, also across the plane of a body in two
@@ -136,7 +137,7 @@ _WITH_LOWER_LIMIT = ("volume", "direction")
 _ACROSS_THE_PLANE = ("deviator", "volume")
 
 
-class StrainLimit(Section):
+class StrainLimit(Concept):
     """|eps| <= M, |dev eps| <= M, m <= tr eps <= M, m <= a.eps a <= M, or |C eps| <= M.
 
     In plane strain tr eps = eps_xx + eps_yy, and dev eps is the deviator of the three-dimensional
@@ -159,14 +160,14 @@ class StrainLimit(Section):
     )
 
     @property
-    def upper(self) -> float | str:
+    def upper(self) -> Value:
         """The upper limit, inf where there is none."""
-        return math.inf if self.at_most is None else self.at_most
+        return Value(math.inf) if self.at_most is None else self.at_most
 
     @property
-    def lower(self) -> float | str:
+    def lower(self) -> Value:
         """The lower limit, -inf where there is none."""
-        return -math.inf if self.at_least is None else self.at_least
+        return Value(-math.inf) if self.at_least is None else self.at_least
 
     def _faults(self) -> Iterator[Fault]:
         for norm, key in _NEEDED.items():
@@ -215,9 +216,9 @@ def _size_faults(key: str, rows: MandelMatrix | None, body: BodyKind) -> Iterato
         yield Fault((key,), f"must be {size}x{size} {body} (Mandel), not {given}")
 
 
-def limit_faults(limits: tuple[StrainLimit, ...], ball: float | str | None) -> Iterator[Fault]:
+def limit_faults(limits: tuple[StrainLimit, ...], ball: Value | None) -> Iterator[Fault]:
     """The faults of the keys ``locking`` and ``locking_limit`` of one section together."""
-    if limits and ball not in (None, math.inf):
+    if limits and ball is not None and ball != math.inf:
         yield Fault(
             ("locking",),
             f"give either locking_limit: {show(ball)} or locking, in which the entry "
@@ -240,15 +241,15 @@ _STIFFNESS = (
 _ELASTICITY_CHOICES = (("young", "poisson"), ("lambda", "mu"), ("stiffness",))
 
 
-class Elasticity(Section):
+class Elasticity(Concept):
     """sigma = A eps(u): A isotropic by (E, nu) or by Lame's (lambda, mu), or any Mandel matrix.
 
     In 2D the body is in plane strain unless material.plane says otherwise. A tensor of numbers must
     be elliptic; expressions are checked when they are evaluated on the mesh.
     """
 
-    young: PositiveScalar | None = entry(1.0, _YOUNG, "stress")
-    poisson: PoissonScalar | None = entry(0.3, "Poisson's ratio", "1")
+    young: PositiveScalar | None = entry(Value.of(1.0), _YOUNG, "stress")
+    poisson: PoissonScalar | None = entry(Value.of(0.3), "Poisson's ratio", "1")
     lame_lambda: Scalar | None = entry(
         None, "Lame's first parameter, in place of E and nu", "stress", alias="lambda"
     )
@@ -277,10 +278,11 @@ class Elasticity(Section):
         return iter(()) if self.stiffness is None else _stiffness_faults(self.stiffness)
 
     def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
-        if isinstance(self.lame_lambda, float) and isinstance(self.lame_mu, float):
+        first, second = self.lame_lambda, self.lame_mu
+        if first and second and first.number is not None and second.number is not None:
             # With sigma_zz = 0 the inverse of A is positive if it is so in three dimensions.
             number = 3 if body.plane_stress else body.strains
-            bulk = number * self.lame_lambda + 2 * self.lame_mu
+            bulk = number * first.number + 2 * second.number
             if bulk <= 0:
                 yield Fault(
                     ("lambda",),
@@ -297,7 +299,7 @@ class Elasticity(Section):
 
 def _stiffness_faults(rows: MandelMatrix) -> Iterator[Fault]:
     place = ("stiffness",)
-    values = np.array([[v if isinstance(v, float) else np.nan for v in row] for row in rows])
+    values = np.array([[np.nan if v.number is None else v.number for v in row] for row in rows])
     scale = np.nanmax(np.abs(values), initial=0.0)
     # A difference is not a number if an expression is in it, and is not compared.
     for i, j in np.argwhere(np.triu(np.abs(values - values.T) > 1e-9 * scale)):
@@ -315,7 +317,7 @@ def _stiffness_faults(rows: MandelMatrix) -> Iterator[Fault]:
             )
 
 
-class Region(Section):
+class Region(Concept):
     """The material of a physical group of cells, as far as it differs from ``material``."""
 
     elasticity: Elasticity | None = entry(None, "elasticity tensor A; null: material.elasticity")
@@ -337,7 +339,7 @@ class Region(Section):
         return _limits(self.locking or (), self.locking_limit)
 
 
-class MaterialParameters(Section):
+class MaterialParameters(Concept):
     """Material (1): sigma in A eps(u) + dI_K(eps(u)), where K is the ball |xi| <= M of the paper.
 
     With a list of limits K is the intersection of all their sets.
@@ -345,7 +347,7 @@ class MaterialParameters(Section):
 
     elasticity: Elasticity = entry(Elasticity(), "elasticity tensor A")
     locking_limit: PositiveScalarOrInfinite = entry(
-        np.inf, "M, largest |eps(u)|; .inf: plain elasticity", "1"
+        Value(math.inf), "M, largest |eps(u)|; .inf: plain elasticity", "1"
     )
     locking: StrainLimits = entry(
         (), "limits of the strain, in place of locking_limit; all of them hold"
@@ -381,7 +383,7 @@ class MaterialParameters(Section):
             yield Fault(("plane",), f"stress is for bodies in 2D, not for {where}")
 
 
-def _limits(limits: tuple[StrainLimit, ...], ball: float | str | None) -> tuple[StrainLimit, ...]:
-    if limits or ball is None or ball == np.inf:
+def _limits(limits: tuple[StrainLimit, ...], ball: Value | None) -> tuple[StrainLimit, ...]:
+    if limits or ball is None or ball == math.inf:
         return limits
     return (StrainLimit(norm="strain", at_most=ball),)

@@ -13,9 +13,16 @@ from pydantic import TypeAdapter, ValidationError, model_serializer, model_valid
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, parse
 from contact_locking.meshes import BUILDERS
-
-from .base import PER_AXIS, BodyKind, Fault, FaultsError, Section, entry, refuse_if
-from .values import (
+from contact_locking.values.concept import (
+    PER_AXIS,
+    BodyKind,
+    Concept,
+    Fault,
+    FaultsError,
+    entry,
+    refuse_if,
+)
+from contact_locking.values.kinds import (
     Condition,
     Direction,
     File,
@@ -27,13 +34,15 @@ from .values import (
     Switch,
     Text,
 )
-from .wording import meant, show, unknown_key, value_message
+from contact_locking.values.wording import show, value_message
+
+from .wording import meant, unknown_key
 
 #: The keys that are no parameters of builders.
 _SHARED = ("builder", "file", "axisymmetric", "parts")
 
 
-class Plane(Section):
+class Plane(Concept):
     """(x - point) . normal = 0."""
 
     point: Point = entry(..., "a point of the plane", "length")
@@ -43,7 +52,7 @@ class Plane(Section):
 _Corner = Annotated[tuple[NumberOrInfinite, ...], PER_AXIS]
 
 
-class BoundaryPart(Section):
+class BoundaryPart(Concept):
     """The facets of the boundary that lie in all the places that are given."""
 
     on: Names = entry((), "boundary parts that contain the part; empty: the whole boundary")
@@ -83,7 +92,7 @@ class BoundaryPart(Section):
                 yield Fault(("expression",), f"{error} in {body.dim}D")
 
 
-class MeshParameters(Section):
+class MeshParameters(Concept):
     """A builder with its own parameters, or a file with named physical groups."""
 
     builder: Text | None = entry("block", "a geometry by name")

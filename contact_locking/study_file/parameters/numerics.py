@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, field_validator
 
-from .base import Fault, Place, Section, entry
-from .values import (
+from contact_locking.values.concept import Concept, Fault, Place, entry
+from contact_locking.values.kinds import (
     Count,
     Degree,
     Names,
@@ -24,7 +24,7 @@ from .values import (
     Text,
     Tolerance,
 )
-from .wording import show
+from contact_locking.values.wording import show
 
 #: The table has a row for each point, and for each step of a process.
 MOST_POINTS = 10_000
@@ -32,7 +32,7 @@ MOST_POINTS = 10_000
 _PointCount = Annotated[int, Field(strict=True, ge=2, le=MOST_POINTS)]
 
 
-class Line(Section):
+class Line(Concept):
     """Equally spaced points on the segment between two points, both ends included."""
 
     start: Point = entry(..., "the first point", "length", alias="from")
@@ -47,7 +47,7 @@ class Line(Section):
         return tuple(tuple((1.0 - s) * a + s * b for a, b in ends) for s in shares)
 
 
-class Probe(Section):
+class Probe(Concept):
     """Points of the body at rest; exactly one of the keys."""
 
     points: Annotated[tuple[Point, ...], Field(max_length=MOST_POINTS)] | None = entry(
@@ -80,7 +80,7 @@ class Probe(Section):
 _LONGEST_PATH = 3900
 
 
-class DiscretisationParameters(Section):
+class DiscretisationParameters(Concept):
     """The element: the degree of the displacements."""
 
     degree: Degree = entry(
@@ -88,7 +88,7 @@ class DiscretisationParameters(Section):
     )
 
 
-class PenaltyParameters(Section):
+class PenaltyParameters(Concept):
     """n of the locking penalty R_n (23), epsilon of contact and friction (22), (25)."""
 
     n: PositiveOrInfinite = entry(
@@ -115,7 +115,7 @@ def _option(value: Any) -> str | int | float | bool | None:
 Option = Annotated[bool | int | float | str | None, BeforeValidator(_option)]
 
 
-class SolverParameters(Section):
+class SolverParameters(Concept):
     """The nonlinear method, its stopping criteria and the linear solver."""
 
     method: Literal["auto", "newton", "interior_point"] = entry(
@@ -136,7 +136,7 @@ class SolverParameters(Section):
         return {key.removeprefix("-"): value for key, value in options.items()}
 
 
-class CertificateParameters(Section):
+class CertificateParameters(Concept):
     """Checks of the results that cost extra solves, in addition to those of every run."""
 
     constants: Switch = entry(
@@ -157,7 +157,7 @@ class CertificateParameters(Section):
     )
 
 
-class EquilibriaParameters(Section):
+class EquilibriaParameters(Concept):
     """Several solutions of one problem with friction."""
 
     find: Count = entry(
@@ -167,7 +167,7 @@ class EquilibriaParameters(Section):
     )
 
 
-class BranchesParameters(Section):
+class BranchesParameters(Concept):
     """A branch of solutions over a share of the friction coefficient or of loads.
 
     Over the friction coefficient it begins with none of it, over loads with those of the file.
@@ -188,7 +188,7 @@ class BranchesParameters(Section):
 _MOST_CHARTS = 20
 
 
-class UnitLabels(Section):
+class UnitLabels(Concept):
     """What the units of the file are called in terminal, report and charts; nothing is converted.
 
     Those of stress, area, moment and energy follow from length and force.
@@ -213,14 +213,14 @@ class UnitLabels(Section):
         return found if self.time is None else {**found, "time": self.time}
 
 
-class ChartParameters(Section):
+class ChartParameters(Concept):
     """A chart of the report: a column of history.csv over another, a curve for each case."""
 
     x: Text = entry(..., "a column of history.csv, or an expression of columns, as 1.2*t")
     y: Text = entry(..., "a column of history.csv, or an expression, as -contact_force_top_y")
 
 
-class OutputParameters(Section):
+class OutputParameters(Concept):
     """The files with the results."""
 
     directory: Text = entry(
@@ -256,7 +256,7 @@ class OutputParameters(Section):
         return directory
 
 
-class AdaptParameters(Section):
+class AdaptParameters(Concept):
     """The loop that solves, estimates the error, marks cells and refines them."""
 
     tolerance: Tolerance = entry(
@@ -275,7 +275,7 @@ _MOST_STEPS = 100_000
 _HALVINGS, _HALVINGS_AT_LIMIT = 6, 3
 
 
-class StepParameters(Section):
+class StepParameters(Concept):
     """Times t_1 < t_2 < ..., with steps of equal length or listed."""
 
     to: Positive | None = entry(None, "the last time, for steps of equal length from t = 0", "time")
@@ -329,7 +329,7 @@ class StepParameters(Section):
                     return
 
 
-class SensitivityParameters(Section):
+class SensitivityParameters(Concept):
     """How quantities of the solution change with numbers of the file, by its last tangent."""
 
     of: Names = entry(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
 
-from .base import BodyKind, Components, Fault, Place, Section, entry
-from .values import (
+from contact_locking.values.concept import BodyKind, Components, Concept, Fault, Place, entry
+from contact_locking.values.kinds import (
     LIST,
     SECTION,
     TEXT,
@@ -23,7 +23,8 @@ from .values import (
     ToolFile,
     list_or,
 )
-from .wording import show
+from contact_locking.values.value import Value
+from contact_locking.values.wording import show
 
 Rotation = Annotated[
     Annotated[tuple[TimeScalar, ...], Components(3), Tag(LIST)]
@@ -32,7 +33,7 @@ Rotation = Annotated[
 ]
 
 
-class Motion(Section):
+class Motion(Concept):
     """x = about + R (X - about) + translation, from rest: without motion x = X."""
 
     translation: TimeVector | None = entry(
@@ -55,12 +56,12 @@ class Motion(Section):
     def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
         if body.dim == 2 and isinstance(self.rotation, tuple):
             yield Fault(("rotation",), "is one angle in 2D, and no list")
-        if body.dim == 3 and isinstance(self.rotation, float | str):
+        if body.dim == 3 and isinstance(self.rotation, Value):
             message = "is a vector with 3 components in 3D: the axis times the angle"
             yield Fault(("rotation",), message)
 
     @property
-    def angles(self) -> tuple[float | str, ...] | None:
+    def angles(self) -> tuple[Value, ...] | None:
         """The components of the rotation, one in 2D and three in 3D."""
         if self.rotation is None or isinstance(self.rotation, tuple):
             return self.rotation
@@ -76,21 +77,21 @@ MotionOrTranslation = Annotated[
 MOST_CORNERS = 10_000
 
 
-class HalfSpace(Section):
+class HalfSpace(Concept):
     """(x - point) . normal <= 0."""
 
     point: Point = entry(..., "a point of its surface", "length")
     normal: Direction = entry(..., "normal of its surface, towards the body; of any length", "1")
 
 
-class Sphere(Section):
+class Sphere(Concept):
     """|x - centre| <= radius; a disc in 2D."""
 
     centre: Point = entry(..., "its centre", "length")
     radius: Positive = entry(..., "its radius", "length")
 
 
-class Cylinder(Section):
+class Cylinder(Concept):
     """Distance of x from the line through ``centre`` along ``axis`` <= radius; a disc in 2D."""
 
     centre: Point = entry(..., "a point of its axis", "length")
@@ -104,7 +105,7 @@ class Cylinder(Section):
             yield Fault(("axis",), "must be left out in 2D")
 
 
-class Surface(Section):
+class Surface(Concept):
     """A surface of triangles from a file; outside is where they run counterclockwise."""
 
     file: ToolFile = entry(
@@ -137,7 +138,7 @@ SurfaceOrFile = Annotated[
 ]
 
 
-class FoundationSpring(Section):
+class FoundationSpring(Concept):
     """A spring that holds the rigid body: the force -k q along a line for its travel q."""
 
     stiffness: Positive = entry(
@@ -146,7 +147,7 @@ class FoundationSpring(Section):
     along: Direction | None = entry(None, "its line, of any length; null: the line of force", "1")
 
 
-class Foundation(Section):
+class Foundation(Concept):
     """A rigid body that the deformed body does not enter: shape, motion, and forces on it."""
 
     half_space: HalfSpace | None = entry(None, "a half space")
@@ -185,7 +186,7 @@ class Foundation(Section):
             listed = ", ".join(SHAPES)
             message = f"give exactly one of {listed}, not {' and '.join(given) or 'none'}"
             yield Fault((), message)
-        if self.force is not None and not any(self.force):
+        if self.force is not None and all(component == 0 for component in self.force):
             message = "is zero, so that nothing pushes the foundation; leave it out for a fixed one"
             yield Fault(("force",), message)
         if self.spring is not None and (self.spring.along is None) == (self.force is None):
@@ -216,8 +217,7 @@ class Foundation(Section):
     def moved(self) -> Motion | None:
         """The motion as a section; None for a body at rest."""
         if isinstance(self.motion, tuple):
-            # It has been read: names of numbers are known while a file is read only.
-            return Motion.model_construct(translation=self.motion)
+            return Motion(translation=self.motion)
         return self.motion
 
     def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
@@ -244,7 +244,7 @@ class Foundation(Section):
                 yield Fault(("motion", "rotation"), message)
 
 
-def _radial_faults(place: Place, vector: tuple[float | str, ...] | None) -> Iterator[Fault]:
+def _radial_faults(place: Place, vector: Sequence[object] | None) -> Iterator[Fault]:
     if vector is not None and vector[0] != 0:
         message = f"must be 0 across the axis of an axisymmetric body, not {show(vector[0])}"
         yield Fault((*place, 0), message)

@@ -10,9 +10,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, BeforeValidator
 
-from .base import Fault, Section, entry
+from contact_locking.values.concept import Concept, Fault, entry
+from contact_locking.values.wording import show
+
 from .keys import known_keys
-from .wording import meant, show
+from .wording import meant
 
 MAX_CASES, MAX_KEYS = 10_000, 100
 _RANGES: dict[str, Any] = {"geometric": np.geomspace, "linear": np.linspace}
@@ -57,7 +59,7 @@ def _expand(values: Any) -> list[Any]:
 Values = Annotated[Any, BeforeValidator(_values)]
 
 
-class StudyParameters(Section):
+class StudyParameters(Concept):
     """Every combination of the values in ``vary``, with those in ``zip`` taken side by side."""
 
     vary: dict[str, Values] = entry({}, "dotted keys with their values: every combination")

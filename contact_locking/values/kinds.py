@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import unicodedata
 from collections import Counter
+from collections.abc import Mapping
 from contextvars import ContextVar
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -20,21 +22,23 @@ from pydantic import (
     Discriminator,
     Field,
     PlainValidator,
-    Tag,
     ValidationInfo,
 )
+from pydantic_core import core_schema
 
 from contact_locking.arrays import SMALLEST
 from contact_locking.errors import InputError
-from contact_locking.expressions import ANY_TABLE, NO_TABLES, POSITION, TIME, parse
-from contact_locking.mesh.file.tool_surface import check_size
-from contact_locking.study_file.source import similar
+from contact_locking.expressions import POSITION, TIME, Table, parse
+from contact_locking.files.readable import require_size, similar
 
-from .base import PER_AXIS
+from .concept import PER_AXIS
+from .value import Value
 from .wording import show
 
 #: Tags of the choices that a value has. Pydantic adds them to the place of an error.
 CHOICES = SECTION, LIST, NUMBER, TEXT = "<section>", "<list>", "<number>", "<text>"
+
+T = TypeVar("T")
 
 _Name = Annotated[str, Field(min_length=1)]
 _Components = Annotated[tuple[float, ...], Field(min_length=2)]
@@ -105,7 +109,7 @@ def _readable(name: str, info: ValidationInfo) -> str:
     file = _there(name, info)
     if info.context is not None:
         try:
-            check_size(Path(file))
+            require_size(Path(file))
         except InputError as error:
             raise ValueError(str(error)) from None
     return file
@@ -129,36 +133,79 @@ def _condition(value: Any) -> str:
         raise ValueError(str(error)) from None
 
 
-#: The names of the section ``parameters`` of the file that is being read.
-NAMED: ContextVar[tuple[str, ...]] = ContextVar("NAMED", default=())
+class Scope(NamedTuple):
+    """What expressions may use in the file that is being read: numbers and tables by name."""
+
+    numbers: Mapping[str, float] = {}
+    tables: Mapping[str, Table] = {}
+
+
+SCOPE: ContextVar[Scope] = ContextVar("SCOPE", default=Scope())  # noqa: B039
+_NAME = re.compile(r"[A-Za-z_]\w*")
 
 
 class ScalarRule(NamedTuple):
-    """Reads a number or an expression; ``bound`` is the one infinite number that it accepts."""
+    """Reads a number or an expression; ``bound`` is the one infinite number that it accepts.
+
+    A number is ``above`` a bound, ``least`` or more, and ``below`` another bound.
+    """
 
     variables: tuple[str, ...]
     infinite: bool = False
     bound: float | None = None
-    # The names of tables are checked where the tables are known.
     has_tables: bool = False
+    above: float = -math.inf
+    least: float = -math.inf
+    below: float = math.inf
 
-    def __call__(self, value: Any) -> float | str:
-        """The number, also if it is written as an expression, or the expression's text."""
-        if isinstance(value, float) and value == self.bound:
+    def __call__(self, value: Any) -> Value:
+        if isinstance(value, Value):
             return value
+        if isinstance(value, float) and value == self.bound:
+            return Value(value)
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError(f"must be a number or an expression, not {show(value)}")
+        numbers, tables = SCOPE.get()
         try:
-            names = (*self.variables, *NAMED.get())
-            tables = ANY_TABLE if self.has_tables else NO_TABLES
-            expression = parse(value, names, allow_infinite=self.infinite, tables=tables)
-            return float(expression.numpy()) if expression.is_constant else expression.text
+            expression = parse(
+                value,
+                self.variables,
+                allow_infinite=self.infinite,
+                tables=tables if self.has_tables else {},
+                numbers=numbers,
+            )
+            number = float(expression.numpy()) if expression.is_constant else None
         except InputError as error:
             if isinstance(value, str):
                 raise ValueError(str(error)) from None
             raise ValueError(
                 f"must be a finite number, not {show(value)}{_reason(value, error)}"
             ) from None
+        if number is None:
+            return Value(expression.text, expression)
+        self._check(number)
+        # The name of a number stays in the text, also where the text is a number.
+        names = set(_NAME.findall(value)) if isinstance(value, str) else set()
+        return Value(expression.text if names & numbers.keys() else number, expression)
+
+    def _check(self, number: float) -> None:
+        bounds = (
+            (number > self.above or self.above == -math.inf, ">", self.above),
+            (number >= self.least, ">=", self.least),
+            (number < self.below or self.below == math.inf, "<", self.below),
+        )
+        for holds, sign, bound in bounds:
+            if not holds:
+                raise ValueError(f"must be {sign} {show(bound)}, not {show(number)}")
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(self.__call__, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        bounds = {"exclusiveMinimum": self.above, "minimum": self.least}
+        bounds["exclusiveMaximum"] = self.below
+        kept = {key: bound for key, bound in bounds.items() if math.isfinite(bound)}
+        return {"anyOf": [{**kept, "type": "number"}, {"type": "string"}]}
 
 
 def _along(value: Any) -> Literal["normal"] | tuple[float, ...]:
@@ -172,39 +219,16 @@ def _along(value: Any) -> Literal["normal"] | tuple[float, ...]:
     return direction
 
 
-def _not_zero(value: tuple[float | str, ...]) -> tuple[float | str, ...]:
-    if not any(value):
+def _not_zero(value: tuple[T, ...]) -> tuple[T, ...]:
+    if all(component == 0 for component in value):
         raise ValueError(f"must not be the zero vector, as in {show(value)}")
     return value
-
-
-def _number_or_text(value: Any) -> str:
-    return TEXT if isinstance(value, str) else NUMBER
 
 
 def list_or(tag: str) -> Discriminator:
     """The choice between a list and what has another tag."""
     return Discriminator(lambda value: LIST if isinstance(value, list | tuple) else tag)
 
-
-_IN_SPACE_AND_TIME = ScalarRule((*POSITION, TIME), has_tables=True)
-_IN_SPACE, _OR_INFINITE = ScalarRule(POSITION), ScalarRule(POSITION, infinite=True)
-_OR_MINUS_INFINITE = ScalarRule(POSITION, bound=-math.inf)
-_OF_SLIP = ScalarRule((*POSITION, "s"), has_tables=True)
-_OF_TIME = ScalarRule((TIME,), has_tables=True)
-_Text = Annotated[str, Tag(TEXT)]
-_PositiveOrText = Annotated[
-    Annotated[float, Field(gt=0), Tag(NUMBER)] | _Text, Discriminator(_number_or_text)
-]
-_NonNegativeOrText = Annotated[
-    Annotated[float, Field(ge=0), Tag(NUMBER)] | _Text, Discriminator(_number_or_text)
-]
-_NegativeOrText = Annotated[
-    Annotated[float, Field(lt=0), Tag(NUMBER)] | _Text, Discriminator(_number_or_text)
-]
-_PoissonOrText = Annotated[
-    Annotated[float, Field(gt=-1, lt=0.5), Tag(NUMBER)] | _Text, Discriminator(_number_or_text)
-]
 
 # A bound stands before the BeforeValidator, so that it applies to the number that was read.
 Number = Annotated[float, BeforeValidator(_finite)]
@@ -236,14 +260,20 @@ Along = Annotated[
     PlainValidator(_along, json_schema_input_type=Literal["normal"] | _Components),
 ]
 Condition = Annotated[str, BeforeValidator(_condition)]
-Scalar = Annotated[float | str, BeforeValidator(_IN_SPACE)]
+
+
+def _rule(*variables: str, **more: Any) -> ScalarRule:
+    return ScalarRule((*POSITION, *variables), **more)
+
+
+Scalar = Annotated[Value, _rule()]
+TimedScalar = Annotated[Value, _rule(TIME, has_tables=True)]
+TimeScalar = Annotated[Value, ScalarRule((TIME,), has_tables=True)]
+PositiveScalar = Annotated[Value, _rule(above=0.0)]
+PositiveScalarOrInfinite = Annotated[Value, _rule(above=0.0, infinite=True)]
+NegativeScalarOrInfinite = Annotated[Value, _rule(below=0.0, bound=-math.inf)]
+PoissonScalar = Annotated[Value, _rule(above=-1.0, below=0.5)]
+NonNegativeSlipScalar = Annotated[Value, _rule("s", has_tables=True, least=0.0)]
 ScalarDirection = Annotated[tuple[Scalar, ...], AfterValidator(_not_zero)]
-TimedScalar = Annotated[float | str, BeforeValidator(_IN_SPACE_AND_TIME)]
-TimeScalar = Annotated[float | str, BeforeValidator(_OF_TIME)]
 TimedVector = Annotated[tuple[TimedScalar, ...], PER_AXIS]
 TimeVector = Annotated[tuple[TimeScalar, ...], PER_AXIS]
-PositiveScalar = Annotated[_PositiveOrText, BeforeValidator(_IN_SPACE)]
-PositiveScalarOrInfinite = Annotated[_PositiveOrText, BeforeValidator(_OR_INFINITE)]
-NegativeScalarOrInfinite = Annotated[_NegativeOrText, BeforeValidator(_OR_MINUS_INFINITE)]
-PoissonScalar = Annotated[_PoissonOrText, BeforeValidator(_IN_SPACE)]
-NonNegativeSlipScalar = Annotated[_NonNegativeOrText, BeforeValidator(_OF_SLIP)]

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 from pydantic.fields import FieldInfo
 
+from .value import Value
 from .wording import show
 
 Place = tuple[str | int, ...]
@@ -73,7 +74,7 @@ def dotted(*place: str | int) -> str:
     return ".".join(map(str, place))
 
 
-class Section(BaseModel):
+class Concept(BaseModel):
     """A mapping of the study file. Unknown keys are refused; an empty section has its defaults."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -108,6 +109,8 @@ def entry(default: Any, description: str, unit: str = "", **more: Any) -> Any:
     ``more`` goes to pydantic.
     """
     extra: JsonDict = {"unit": unit}
+    if isinstance(default, Value):
+        extra["default"] = default.data
     return Field(default, description=description, json_schema_extra=extra, **more)
 
 
@@ -156,16 +159,16 @@ def leaves(value: Any, place: Place) -> Iterator[tuple[Place, Any]]:
         yield place, value
 
 
-def sections(section: Section, place: Place = ()) -> Iterator[tuple[Place, Section]]:
+def sections(section: Concept, place: Place = ()) -> Iterator[tuple[Place, Concept]]:
     """A section and all sections below it, with their places."""
     yield place, section
     for name in type(section).model_fields:
         for inner, value in leaves(getattr(section, name), (*place, section.key_of(name))):
-            if isinstance(value, Section):
+            if isinstance(value, Concept):
                 yield from sections(value, inner)
 
 
-def dimension_faults(whole: Section, body: BodyKind) -> Iterator[Fault]:
+def dimension_faults(whole: Concept, body: BodyKind) -> Iterator[Fault]:
     """The values below a section that do not fit a body."""
     for place, section in sections(whole):
         for name, (depth, components) in marked(type(section), Components).items():

@@ -1,0 +1,111 @@
+"""A number at each place and time, from a study file or a script."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from pydantic_core import core_schema
+
+from contact_locking.arrays import AXES, FloatArray
+from contact_locking.expressions import TIME, Expression, parse
+from contact_locking.expressions.gradient import value_and_gradient
+
+
+@dataclass(frozen=True, eq=False)
+class Value:
+    """``f(x, t)``, or ``f(x, s)`` of a slip s.
+
+    ``data`` is what was written: a number, a text with an expression of x, y, z, t and tables, a
+    constant of DOLFINx, or a function of points (d, k) with values (k,).  ``expression`` is what a
+    number or a text means, None for the data of a script.
+    """
+
+    data: Any
+    expression: Expression | None = None
+
+    @classmethod
+    def of(cls, data: Any) -> Value:
+        """The value of a number, a text, or data of a script."""
+        if isinstance(data, Value):
+            return data
+        if isinstance(data, int | float | str):
+            return cls(data, parse(data, (*AXES, TIME)))
+        return cls(data)
+
+    @cached_property
+    def number(self) -> float | None:
+        """The number that it is at all places and times, None if it may change."""
+        if isinstance(self.data, int | float):
+            return float(self.data)
+        if self.expression is None or not self.expression.is_constant:
+            return None
+        return float(self.expression.numpy())
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it is one number at all places and times."""
+        return self.number is not None
+
+    @property
+    def is_timed(self) -> bool:
+        """Whether it may change from solve to solve."""
+        return self.expression is None or TIME in self.expression.names
+
+    def at(self, points: FloatArray, time: float = 0.0, **more: FloatArray) -> FloatArray:
+        """The values (k,) at points (d, k) and a time.
+
+        ``more`` are the values (k,) of further variables.  Raises InputError for a value that is
+        not finite.
+        """
+        values: Any = self.number
+        if values is not None:
+            pass
+        elif self.expression is not None:
+            places = dict(zip(AXES, points, strict=False))
+            values = self.expression.numpy(**places, **more, **{TIME: time})
+        elif hasattr(self.data, "value"):  # a constant of DOLFINx, which can be called as well
+            values = self.data.value
+        else:
+            values = self.data(points)
+        return np.broadcast_to(np.asarray(values, dtype=float), points.shape[1:]).copy()
+
+    def unchecked(self, points: FloatArray, time: float = 0.0, **more: Any) -> FloatArray:
+        """The values (k,) of an expression at points (d, k), infinite or NaN where it has none."""
+        assert self.expression is not None
+        places = dict(zip(AXES, points, strict=False))
+        found = self.expression.unchecked(**places, **more, **{TIME: time})
+        return np.broadcast_to(found, points.shape[1:])
+
+    def with_gradient(self, points: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
+        """The values (k,) of an expression and its gradient (d, k) at points (d, k)."""
+        assert self.expression is not None
+        axes = AXES[: len(points)]
+        places: dict[str, Any] = {**dict(zip(axes, points, strict=True)), TIME: time}
+        return value_and_gradient(self.expression, axes, places)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> core_schema.CoreSchema:
+        # What reads a value stands before its type (`kinds.ScalarRule`); it is written as its data.
+        written = core_schema.plain_serializer_function_ser_schema(lambda value: value.data)
+        return core_schema.is_instance_schema(cls, serialization=written)
+
+    def __eq__(self, other: object) -> bool:
+        return bool(self.data == (other.data if isinstance(other, Value) else other))
+
+    def __hash__(self) -> int:
+        return hash(self.data)
+
+    def __str__(self) -> str:
+        return str(self.data)
+
+    def __repr__(self) -> str:
+        return repr(self.data)
+
+
+def vector_at(components: Sequence[Value], time: float) -> FloatArray:
+    """The components (d,) at a time of a vector that is the same everywhere."""
+    return np.array([float(component.at(np.empty((0, 1)), time)[0]) for component in components])
