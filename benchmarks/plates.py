@@ -45,7 +45,7 @@ def problem(cells: list[int], degree: int, linear: str, load: float) -> cl.Conta
         ufl.inner(weight, ufl.TestFunction(space)) * ufl.dx,
         [held],
         [],
-        [cl.Contact(bottom, cl.Gap(GAP))],
+        [cl.Contact(bottom, gap=GAP)],
         space=space,
         settings=cl.Settings(linear=linear),
     )

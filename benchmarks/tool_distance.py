@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from contact_locking.laws.faceted import TriangulatedSurface
-from contact_locking.mesh.file.tool_surface import read_surface
 from contact_locking.monitor import Monitor
 from contact_locking.process.of_study import solver_of
+from contact_locking.shapes.faceted import TriangulatedSurface
+from contact_locking.shapes.tool_files import read_surface
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 

@@ -23,28 +23,21 @@ from contact_locking._version import __version__ as __version__
 if TYPE_CHECKING:
     from contact_locking.certificate.verdict import Extras as Extras
     from contact_locking.contact.contact import Contact as Contact
-    from contact_locking.contact.contact import Force as Force
-    from contact_locking.contact.contact import FoundationSpring as FoundationSpring
-    from contact_locking.contact.contact import Gap as Gap
-    from contact_locking.contact.contact import Motion as Motion
-    from contact_locking.contact.coulomb import Convolution as Convolution
-    from contact_locking.contact.coulomb import Coulomb as Coulomb
     from contact_locking.contact.coulomb import FrictionBound as FrictionBound
-    from contact_locking.contact.coulomb import Helmholtz as Helmholtz
-    from contact_locking.contact.coulomb import Kernel as Kernel
-    from contact_locking.contact.coulomb import Local as Local
+    from contact_locking.contact.friction import Convolution as Convolution
+    from contact_locking.contact.friction import Coulomb as Coulomb
+    from contact_locking.contact.friction import Helmholtz as Helmholtz
+    from contact_locking.contact.friction import Kernel as Kernel
+    from contact_locking.contact.friction import Local as Local
+    from contact_locking.contact.rigid_body import Foundation as Foundation
+    from contact_locking.contact.rigid_body import FoundationSpring as FoundationSpring
+    from contact_locking.contact.rigid_body import Motion as Motion
     from contact_locking.contact.smoothing import Smoothing as Smoothing
     from contact_locking.contact_problem import ContactProblem as ContactProblem
     from contact_locking.errors import ContactLockingError as ContactLockingError
     from contact_locking.errors import InputError as InputError
     from contact_locking.errors import NotConverged as NotConverged
     from contact_locking.inverse.derivatives import Number as Number
-    from contact_locking.laws.faceted import Polyline as Polyline
-    from contact_locking.laws.faceted import TriangulatedSurface as TriangulatedSurface
-    from contact_locking.laws.foundation import Cylinder as Cylinder
-    from contact_locking.laws.foundation import HalfSpace as HalfSpace
-    from contact_locking.laws.foundation import LevelSet as LevelSet
-    from contact_locking.laws.foundation import Sphere as Sphere
     from contact_locking.laws.friction import FrictionLaw as FrictionLaw
     from contact_locking.problem.elasticity import Elasticity as Elasticity
     from contact_locking.problem.limits import Deviator as Deviator
@@ -62,6 +55,12 @@ if TYPE_CHECKING:
     from contact_locking.results.solution import StudySolution as StudySolution
     from contact_locking.running.writing import save as save
     from contact_locking.running.writing import write as write
+    from contact_locking.shapes.analytic import Cylinder as Cylinder
+    from contact_locking.shapes.analytic import HalfSpace as HalfSpace
+    from contact_locking.shapes.analytic import LevelSet as LevelSet
+    from contact_locking.shapes.analytic import Sphere as Sphere
+    from contact_locking.shapes.faceted import Polyline as Polyline
+    from contact_locking.shapes.faceted import TriangulatedSurface as TriangulatedSurface
     from contact_locking.solver.task import Settings as Settings
     from contact_locking.study.assembly import assemble as assemble
     from contact_locking.study_file import from_mapping as from_mapping
@@ -74,13 +73,13 @@ if TYPE_CHECKING:
 # The public names of each module.
 _NAMES = {
     "certificate.verdict": "Extras",
-    "contact.contact": "Contact Force FoundationSpring Gap Motion",
-    "contact.coulomb": "Convolution Coulomb FrictionBound Helmholtz Kernel Local",
+    "contact.contact": "Contact",
+    "contact.coulomb": "FrictionBound",
+    "contact.friction": "Convolution Coulomb Helmholtz Kernel Local",
+    "contact.rigid_body": "Foundation FoundationSpring Motion",
     "contact.smoothing": "Smoothing",
     "contact_problem": "ContactProblem",
     "errors": "ContactLockingError InputError NotConverged",
-    "laws.faceted": "Polyline TriangulatedSurface",
-    "laws.foundation": "Cylinder HalfSpace LevelSet Sphere",
     "laws.friction": "FrictionLaw",
     "problem.elasticity": "Elasticity",
     "problem.limits": "Deviator Direction StrainBall Volume Weighted",
@@ -89,6 +88,8 @@ _NAMES = {
     "results.solution": "Solution State StudySolution",
     "running.writing": "save write",
     "inverse.derivatives": "Number",
+    "shapes.analytic": "Cylinder HalfSpace LevelSet Sphere",
+    "shapes.faceted": "Polyline TriangulatedSurface",
     "solver.task": "Settings",
     "study.assembly": "assemble",
     "study_file": "from_mapping load",

@@ -21,6 +21,7 @@ from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError, require_kind
 from contact_locking.fem.spaces import Element, element_of
+from contact_locking.fields.clock import Clock
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.given_mesh import NamedFacets
@@ -39,6 +40,7 @@ from contact_locking.script_names import in_script, script_names
 from contact_locking.solver.task import Settings, SolverReport
 from contact_locking.supports.conditions import constrain
 from contact_locking.supports.supports import Support
+from contact_locking.values.concept import BodyKind, dimension_faults, dotted
 
 Condition: TypeAlias = fem.DirichletBC | Support
 
@@ -91,9 +93,7 @@ class ContactProblem:
             raise InputError("must be an Elasticity for an axisymmetric body", "a")
         element = _element_of(space, axisymmetric)
         places = NamedFacets(space.mesh, tags, names)
-        placed = [
-            _contact(item, places, f"contacts.{number}") for number, item in enumerate(contacts)
-        ]
+        placed = [_contact(item, places, number) for number, item in enumerate(contacts)]
         supports = [item for item in bcs if isinstance(item, Support)]
         held = [
             _support(item, places, f"supports.{number}", space.mesh.topology.dim)
@@ -102,7 +102,8 @@ class ContactProblem:
         domain = places.domain()
         domain = half_section(domain, "axisymmetric") if axisymmetric else domain
         for item in placed:
-            contact_checks.check(item, domain.dim)
+            for fault in dimension_faults(item, BodyKind(domain.dim, axisymmetric)):
+                raise InputError(fault.message, dotted(item.key, *fault.place))
         if energy is not None:
             require_energy(energy, space)
         given = [item for item in bcs if not isinstance(item, Support)]
@@ -120,7 +121,7 @@ class ContactProblem:
             own_energy=energy,
             supports=[name for support in held for name in support.on],
         )
-        self._discrete = DiscreteProblem(body, placed, n, compliance)
+        self._discrete = DiscreteProblem(body, placed, n, compliance, Clock(space.mesh))
         for contact in self._discrete.contacts:
             contact_checks.check_friction(contact)
         #: What solves the problem, for what is built on top of it.
@@ -257,11 +258,13 @@ def _element_of(space: fem.FunctionSpace, axisymmetric: bool) -> Element:
     return element_of(degree, axisymmetric, boxes=not kind.is_simplex)
 
 
-def _contact(given: Contact, places: NamedFacets, key: str) -> Contact:
+def _contact(given: Contact, places: NamedFacets, number: int) -> Contact:
     """A contact on boundary parts; collective."""
+    key = f"contacts.{number}"
+    require_kind(given, Contact, "a Contact", key)
     on = places.add(given.on, key)
     against = None if given.against is None else places.add(given.against, f"{key}.against")
-    return dataclasses.replace(given, on=on, against=against, key=key)
+    return given.model_copy(update={"on": on, "against": against, "at": key})
 
 
 def _support(given: Support, places: NamedFacets, key: str, dim: int) -> Support:

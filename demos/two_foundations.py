@@ -32,8 +32,7 @@ comm = MPI.COMM_WORLD
 parameters = load(FILE, CHANGES).parameters
 if comm.rank == 0:
     for contact in parameters.contacts:
-        key, mu = contact.friction_key("coefficient"), contact.friction.coefficient
-        print(f"{contact.key} on {', '.join(contact.on)}: {key} = {mu}")
+        print(f"{contact.key} on {', '.join(contact.on)}: mu = {contact.friction.coefficient}")
 solution = solve(parameters, comm)
 write(solution, parameters.output.directory)
 assert solution.converged, solution.summary["reason"]

@@ -3,29 +3,35 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.contact.outline import outline
+from contact_locking.contact.rigid_body import Foundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, Misplaced, with_key
+from contact_locking.fields.clock import Clock
 from contact_locking.fields.plausibility import about_the_distance, about_the_size
-from contact_locking.laws.faceted import FacetedFoundation, Polyline, TriangulatedSurface
-from contact_locking.laws.foundation import Cylinder, Foundation, HalfSpace, LevelSet, Sphere
-from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion
+from contact_locking.fields.sampling import Entities, features
+from contact_locking.fields.values import PresentValue
+from contact_locking.laws.rigid_motion import RigidMotion
+from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
+from contact_locking.shapes.analytic import LevelSet, LevelSetAt
+from contact_locking.shapes.distance import Distance, MovedDistance
+from contact_locking.shapes.faceted import FacetedFoundation
+from contact_locking.shapes.outline import zero_line
+from contact_locking.shapes.shape import Shape
+from contact_locking.values.value import Value
 
 _TOO_FAR = "its distance is not a finite number: the foundation is too far away or too large"
-_NOT_FINITE = {
-    "expression": (
-        "its distance is not a finite number somewhere on Gamma_C: there its gradient vanishes or "
-        "is infinite, and no direction leads to the foundation"
-    )
-}
+_NO_GRADIENT = (
+    "its distance is not a finite number somewhere on Gamma_C: there its gradient vanishes or is "
+    "infinite, and no direction leads to the foundation"
+)
 _BEHIND = (
     "the foundation lies behind {on}, where the outward normals of the body point away from the "
     "foundation; name a boundary part that faces the foundation"
@@ -34,21 +40,10 @@ _TOO_DEEP = (
     "the foundation lies behind a part of Gamma_C, which is inside of it while the outward normal "
     "of the body points away from it; let the foundation reach less deep into the body"
 )
-#: How to turn a foundation that lies behind the body, by its kind.
-_TURN_NORMAL = {
-    "half_space": ", or turn the normal of the half space towards the body",
-    "": ", or turn its contact_normal, which points into the foundation",
-}
 _INSIDE = (
     "a part of Gamma_C lies inside the foundation, and the shortest way out leads through the "
     "body; either the foundation is inside out, or it reaches too deep into the body"
 )
-#: How to turn a foundation that is inside out.
-_TURN = {
-    "expression": "change the sign of expression, which is positive outside of the foundation",
-    "polyline": "reverse the corners: the foundation is on the left of the way from one to another",
-    "surface": "turn the triangles with surface: {file: ..., turned: true}",
-}
 _TOO_FAR_IN = (
     "a part of Gamma_C lies inside the foundation, and no way out of it leads along the normal of "
     "the body within the width of the body; let the foundation reach less deep into the body"
@@ -137,24 +132,17 @@ class PlacedFoundation(ABC):
 class GivenGap(PlacedFoundation):
     """A gap along the outward normal of the body, beyond the distance to another body.
 
-    ``values`` maps points (d, k) to the present gaps (k,).  A gap is a distance along the normal of
-    Gamma_C, and says nothing of other points.
+    A gap is a distance along the normal of Gamma_C, and says nothing of other points.
     """
 
-    is_timed = True
-
-    def __init__(
-        self,
-        comm: MPI.Intracomm,
-        dim: int,
-        values: Callable[[FloatArray], FloatArray],
-        key: str,
-    ) -> None:
-        super().__init__(comm, dim, key)
-        self._values = values
+    def __init__(self, domain: Domain, value: Value, key: str, clock: Clock) -> None:
+        super().__init__(domain.comm, domain.dim, key)
+        self._value, self._clock = value, clock
+        self._present = PresentValue(domain.comm, value, key, clock)
+        self.is_timed = value.is_timed
 
     def gap(self, x: FloatArray) -> FloatArray:
-        found = agree(self._comm, lambda: with_key(self._key, lambda: self._values(x)))
+        found = self._present(x)
         if not on_every_rank(self._comm, np.isfinite(found)):
             raise InputError("is not a finite number somewhere on Gamma_C", self._key)
         return found
@@ -165,26 +153,14 @@ class GivenGap(PlacedFoundation):
     def opening(self, x: FloatArray, u_normal: FloatArray, moved: FloatArray) -> FloatArray:
         return self.gap(x) - u_normal
 
-
-def _name_of(body: Foundation) -> str:
-    """The name of a shape in messages, empty for a user's own."""
-    match body:
-        case HalfSpace():
-            return "half_space"
-        case Cylinder():
-            return "cylinder"
-        case Sphere():
-            return "sphere"
-        case LevelSet():
-            return "expression"
-        case Polyline():
-            return "polyline"
-        case TriangulatedSurface():
-            return "surface"
-    return ""
+    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
+        domain = surface.domain
+        facets = Entities.of(domain, domain.dim - 1, surface.facets)
+        advice, times = "refine the mesh there", self._clock.some_times
+        return features(facets, self._value, self._key, advice, "range", times)
 
 
-def _check_own(body: Foundation, x: FloatArray) -> None:
+def _check_own(body: Distance, x: FloatArray) -> None:
     """Raise InputError for a user's own foundation without gaps and normals at points (d, k)."""
     gap: Any = body.gap(x)
     normal: Any = body.contact_normal(x)
@@ -207,7 +183,7 @@ def _check_own(body: Foundation, x: FloatArray) -> None:
             raise InputError(f"its {name} must be {wanted}, and is {values[first]:.3g} at ({at})")
 
 
-def _slope_of_own(body: Foundation, x: FloatArray, step: float) -> FloatArray:
+def _slope_of_own(body: Distance, x: FloatArray, step: float) -> FloatArray:
     """``-d phi/d nu`` (k,) by the difference to that side where it is nearer to 1.
 
     On the other side the point that is nearest may lie on another face of the foundation.
@@ -222,36 +198,39 @@ def _slope_of_own(body: Foundation, x: FloatArray, step: float) -> FloatArray:
 class RigidFoundation(PlacedFoundation):
     """A foundation with a shape, at rest or with a prescribed motion from rest.
 
-    ``motion`` is its present motion, and ``is_timed`` says that it may move, or change its shape.
-    ``key`` is that of the foundation in messages, and ``shape`` that of its shape below it, by
-    default the name of the class.  ``shape_warnings`` are about the shape itself.  The methods
-    raise InputError for a body whose distance is not finite, and Misplaced for one that lies behind
-    Gamma_C, or reaches into the body so that the way out of it leads through the body.
+    ``is_timed`` says that it may move, or change its shape.  ``key`` is that of the foundation in
+    messages.  The constructor is collective, as it may read a file.  The methods raise InputError
+    for a shape whose distance is not finite, and Misplaced for one that lies behind Gamma_C, or
+    reaches into the body so that the way out of it leads through the body.
     """
 
-    def __init__(
-        self,
-        comm: MPI.Intracomm,
-        dim: int,
-        body: Foundation,
-        motion: Callable[[], RigidMotion],
-        key: str,
-        is_timed: bool,
-        shape: str = "",
-        shape_warnings: Sequence[str] = (),
-    ) -> None:
-        super().__init__(comm, dim, key)
-        self._body, self._motion = body, motion
-        self._kind = _name_of(body)
-        self._is_own = not self._kind
-        self._place = f"{key}.{shape or self._kind}".removesuffix(".")
-        self.is_plane = isinstance(body, HalfSpace)
-        self.is_distance = not (self._is_own or isinstance(body, LevelSet))
-        self.is_timed = self.moves = is_timed
+    def __init__(self, domain: Domain, given: Foundation, key: str, clock: Clock) -> None:
+        super().__init__(domain.comm, domain.dim, key)
+        self._place = f"{key}.{given.shape_key}".removesuffix(".")
+        self._given, self._clock, self._moved = given, clock, given.moved
+        shape = given.shape
+        self._shape = shape if isinstance(shape, Shape) else None
+        if self._shape is not None:
+            try:
+                shape = self._shape = self._shape.read(domain.comm)
+            except InputError as error:
+                # A file may be read as that of a mesh, so that its key is replaced.
+                raise InputError(str(error), self._place) from error
+        self._at_rest: Distance = shape
+        self.is_plane = self._shape is not None and self._shape.is_plane
+        self.is_distance = self._shape is not None and self._shape.is_distance
+        is_timed = self._shape is not None and self._shape.is_timed
+        self.is_timed = self.moves = is_timed or self._moved is not None
         # A body is judged once, at its first place, whether its orientation fits that of the
         # deformable body.
         self._is_oriented = False
-        self._shape_warnings = [*shape_warnings]
+        told = [] if self._shape is None else self._shape.warnings
+        self._shape_warnings = [f"{self._place}: {text}" for text in told]
+
+    @property
+    def _body(self) -> Distance:
+        """The body at rest, as it is at present."""
+        return self._at_rest if self._shape is None else self._shape.at(self._clock.now)
 
     def gap(self, x: FloatArray) -> FloatArray:
         return self._evaluated(self.now.gap, x)
@@ -266,19 +245,25 @@ class RigidFoundation(PlacedFoundation):
         return agree(self._comm, values)
 
     def motion(self) -> RigidMotion:
-        return self._motion()
+        moved = self._moved
+        if moved is None:
+            return RigidMotion.rest(self._dim)
+        try:
+            return moved.at(self._clock.now, self._dim)
+        except InputError as error:
+            raise InputError(str(error), f"{self._key}.motion.{error.key}") from error
 
     @property
-    def now(self) -> Foundation:
+    def now(self) -> Distance:
         """The body at its present place."""
-        return MovedFoundation(self._body, self.motion()) if self.moves else self._body
+        return MovedDistance(self._body, self.motion()) if self.moves else self._body
 
     def drag(self, surface: ContactSurface, before: RigidMotion) -> FloatArray:
         return self.motion().step_from(before, surface.points.T).T
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         body, points, comm = self.now, surface.places.T, self._comm
-        if self._is_own:
+        if self._shape is None:
             at_rest = self.motion().origin(points)
             agree(comm, lambda: with_key(self._place, lambda: _check_own(self._body, at_rest)))
         gap = self._evaluated(body.gap, points)
@@ -286,11 +271,11 @@ class RigidFoundation(PlacedFoundation):
         gap = np.where(np.abs(gap) <= _TOUCH * maximum(comm, np.abs(points)), 0.0, gap)
         normals = self._evaluated(body.contact_normal, points).T
         if not on_every_rank(comm, np.isfinite(gap) & np.isfinite(normals).all(axis=1)):
-            raise InputError(_NOT_FINITE.get(self._kind, _TOO_FAR), self._key)
-        if isinstance(self._body, LevelSet):
+            raise InputError(_NO_GRADIENT if self._is_level_set else _TOO_FAR, self._key)
+        if isinstance(self._body, LevelSetAt):
             low, high = self._slopes(self._body, surface)
             if low <= _ROUNDING * high:
-                raise InputError(_NOT_FINITE[self._kind], self._key)
+                raise InputError(_NO_GRADIENT, self._key)
         outward = surface.body_normals()
         facing = np.sum(normals * outward, axis=1)
         if not self._is_oriented:
@@ -298,7 +283,7 @@ class RigidFoundation(PlacedFoundation):
             if self._is_reversed(surface, gap, facing):
                 self._reverse()
                 return self.at_nodes(surface)
-        turn, inside = _TURN.get(self._kind), gap < 0.0
+        turn, inside = "" if self._shape is None else self._shape.turn, gap < 0.0
         # Only a part of Gamma_C need face the foundation; the rest, as the top of a ball, is
         # outside of the foundation and never gets there, but keeps the distance as well.
         if turn and _most(surface, facing < -_SIDEWAYS, inside):
@@ -315,12 +300,22 @@ class RigidFoundation(PlacedFoundation):
                 self._body, surface, points[:, sideways], outward[sideways]
             )
         elif on_any_rank(comm, inside & (facing <= 0.0)):
-            raise Misplaced(_TOO_DEEP + _TURN_NORMAL.get(self._kind, ""), self._key)
+            raise Misplaced(_TOO_DEEP + self._turn_normal, self._key)
         # A foundation with several sides may come from where nothing faces it yet.
         if not turn and on_every_rank(comm, facing <= _ALONG):
             behind = _BEHIND.format(on=self._key.removesuffix("foundation") + "on")
-            raise Misplaced(behind + _TURN_NORMAL.get(self._kind, ""), self._key)
+            raise Misplaced(behind + self._turn_normal, self._key)
         return gap, normals
+
+    @property
+    def _is_level_set(self) -> bool:
+        return isinstance(self._shape, LevelSet)
+
+    @property
+    def _turn_normal(self) -> str:
+        if self._shape is None:
+            return ", or turn its contact_normal, which points into the foundation"
+        return self._shape.turn_normal
 
     def _is_reversed(self, surface: ContactSurface, gap: FloatArray, facing: FloatArray) -> bool:
         """Whether a closed shape is a die by its orientation, but not around the body; collective.
@@ -340,11 +335,12 @@ class RigidFoundation(PlacedFoundation):
         )
 
     def _reverse(self) -> None:
-        assert isinstance(self._body, FacetedFoundation)
-        self._body = self._body.reversed()
+        assert isinstance(self._shape, FacetedFoundation)
+        turn = self._shape.turn
+        self._shape = self._shape.reversed()
         self._shape_warnings.append(
             f"{self._place}: it is that of a die, whose hole is inside of the outline, "
-            f"but the body is not in the hole; the other side was taken: {_TURN[self._kind]}"
+            f"but the body is not in the hole; the other side was taken: {turn}"
         )
 
     def _way_out(
@@ -400,7 +396,7 @@ class RigidFoundation(PlacedFoundation):
                     "everywhere, so that it cannot press; turn it, or name a boundary part that "
                     "faces the foundation"
                 )
-        if isinstance(body, LevelSet):
+        if isinstance(body, LevelSetAt):
             low, high = self._slopes(body, surface)
             if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:
                 found.append(
@@ -408,7 +404,7 @@ class RigidFoundation(PlacedFoundation):
                     f"{high:.3g} on Gamma_C, and that of a distance is 1; the expression was "
                     "divided by the length, which is the distance near its zeros only"
                 )
-        if self._is_own:
+        if self._shape is None:
             # Where the foundation is far away the body does not get to it.
             near = surface.points[np.abs(gap) <= surface.domain.extent].T
             at_rest, step = self.motion().origin(near), _STEP * surface.domain.extent
@@ -431,13 +427,13 @@ class RigidFoundation(PlacedFoundation):
 
     def outline(self, box: FloatArray) -> FloatArray:
         motion = self.motion()
-        if not isinstance(self._body, FacetedFoundation):
-            return outline(self._body, motion, box)
-        facets = self._body.facets
-        places = motion.place(facets.reshape(-1, self._dim).T)
-        return places.T.reshape(facets.shape)
+        if self._shape is not None:
+            return self._shape.outline(motion, box)
+        if self._dim == 2:
+            return zero_line(MovedDistance(self._at_rest, motion), box)
+        return super().outline(box)
 
-    def _slopes(self, body: LevelSet, surface: ContactSurface) -> tuple[float, float]:
+    def _slopes(self, body: LevelSetAt, surface: ContactSurface) -> tuple[float, float]:
         """The least and the largest ``|grad f|`` at the nodes at present; collective."""
         slope = body.slope(self.motion().origin(surface.points.T))
         return -maximum(self._comm, -slope, -np.inf), maximum(self._comm, slope)

@@ -10,12 +10,13 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
-from contact_locking.contact.contact import Contact, Gap
+from contact_locking.contact.contact import Contact
 from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
+from contact_locking.contact.friction import Coulomb
 from contact_locking.contact.smoothing import Identity
 from contact_locking.contact.surface import ContactSurface
-from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
+from contact_locking.fields.clock import Clock
 from contact_locking.fields.plausibility import about_the_gap
 from contact_locking.laws.convex import normal_part, tangential_part
 from contact_locking.laws.rigid_motion import RigidMotion
@@ -85,19 +86,26 @@ class NodalContact:
         surface: ContactSurface,
         constraints: Constraints,
         slip: float,
+        clock: Clock,
     ) -> None:
         self.given, self.key, self.on = given, given.key, given.on
         self.surface, self._constraints, domain = surface, constraints, surface.domain
-        self.foundation = _placed(domain, given)
+        self.clock = clock
+        self.foundation: PlacedFoundation = (
+            GivenGap(domain, given.gap, f"{self.key}.gap", clock)
+            if given.foundation is None
+            else RigidFoundation(domain, given.foundation, f"{self.key}.foundation", clock)
+        )
         gap, normals = self.foundation.at_nodes(surface)
         self._first_gap = gap
         self.free = surface.free_nodes(normals, constraints)
         self.slides = surface.sliding_nodes(constraints)
         self.against = tuple(given.against or ())
         self._sides: IntArray = surface.sides(normals)
-        smoothing = given.friction.smoothing.on(surface, self.free, self._sides)
-        self.friction = given.friction.on(surface, smoothing)
-        regularisation = given.friction.regularisation
+        friction = given.friction or Coulomb()
+        self._kernel = friction.kernel
+        self.friction = friction.on(surface, self._kernel.on(surface, self.free, self._sides))
+        regularisation = friction.regularisation
         self.regularisation = slip if regularisation is None else regularisation
         count, dim = len(surface.nodes), domain.dim
         self.normal = surface.vector_function(normals, "contact_normal")
@@ -119,7 +127,10 @@ class NodalContact:
             *self.surface.warnings(),
             *about_the_gap(self.surface.domain, self._first_gap, f"{self.key}.{kind}"),
             *self.foundation.warnings(self.surface, self._first_gap),
-            *self.given.friction.smoothing.warnings(self.surface),
+            *(
+                f"{self.key}.friction.smoothing.{text}"
+                for text in self._kernel.warnings(self.surface)
+            ),
         ]
 
     def constant_support(self) -> str | None:
@@ -169,7 +180,7 @@ class NodalContact:
             # R leaves out the nodes that are not free, and each side is averaged alone.
             if not self.friction.frictionless:
                 self.friction.smoothing.destroy()
-                self.friction.smoothing = self.given.friction.smoothing.on(surface, free, sides)
+                self.friction.smoothing = self._kernel.on(surface, free, sides)
             self.free, self._sides = free, sides
             self.slides = surface.sliding_nodes(self._constraints)
 
@@ -261,7 +272,7 @@ class NodalContact:
     @property
     def pairs_anew(self) -> bool:
         """Whether bodies are paired where they are at the solution of each step."""
-        return self.surface.frame is not None and self.given.pair == "each_step"
+        return self.surface.frame is not None and self.given.pair != "once"
 
     def slid(self, u: fem.Function) -> FloatArray:
         """How far (k,) the nodes have slid off the points that they were paired with."""
@@ -418,27 +429,7 @@ def place_of(
     """The place of a contact; ``limited`` is the space of limited values; collective."""
     if given.against is None:
         return ContactSurface(domain, space, given.on, f"{given.key}.on", element, limited)
-    is_gap = isinstance(given.foundation, Gap | GivenGap)
-    if not is_gap or given.motion is not None or given.is_free:
-        raise InputError(
-            "a contact is with a foundation, which may move, or with another body; leave out one "
-            "of both",
-            f"{given.key}.against",
-        )
     # `check` of one body does without SciPy, whose import takes a tenth of its time.
     from contact_locking.contact.paired_surface import PairedSurface
 
     return PairedSurface(domain, space, given, element)
-
-
-def _placed(domain: Domain, given: Contact) -> PlacedFoundation:
-    """The foundation of a contact at its place."""
-    foundation = given.foundation
-    if isinstance(foundation, PlacedFoundation):
-        return foundation
-    if isinstance(foundation, Gap):
-        return GivenGap(domain.comm, domain.dim, foundation.at, f"{given.key}.gap")
-    rest = RigidMotion.rest(domain.dim)
-    key, is_timed = f"{given.key}.foundation", given.motion is not None
-    motion = given.motion or (lambda: rest)
-    return RigidFoundation(domain.comm, domain.dim, foundation, motion, key, is_timed)

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 
-from contact_locking.arrays import BoolArray, FloatArray, present
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.contact.rigid_body import FoundationSpring, Push
 from contact_locking.errors import InputError
 from contact_locking.parallel import maximum, minimum, on_any_rank
+from contact_locking.values.value import vector_at
 
 # A way below this share of the displacements is rounding.
 _ROUNDING = 1e-12
@@ -37,13 +39,16 @@ class Travel:
 
     def __init__(self, contact: NodalContact) -> None:
         self.contact, self.force, self.stiffness = contact, 0.0, 0.0
-        self._given, self._spring = contact.given.force, contact.given.spring
-        if self._given is not None:
-            self.key, self.largest = self._given.key, self._given.largest
-            self.direction = self._given.direction
+        foundation, key = contact.given.foundation, f"{contact.key}.foundation"
+        assert foundation is not None
+        self._spring: FoundationSpring | None = foundation.spring
+        self._push: Push | None = None
+        if foundation.force is not None:
+            self._push = push = Push(foundation, f"{key}.force", contact.clock)
+            self.key, self.largest, self.direction = push.key, push.largest, push.direction
         else:
             assert self._spring is not None
-            self.key, self.largest = f"{contact.key}.foundation.spring", 0.0
+            self.key, self.largest = f"{key}.spring", 0.0
             along = np.asarray(self._spring.along, dtype=float)
             self.direction = along / np.linalg.norm(along)
             if contact.surface.integral(contact.free * self.facing) > 0.0:
@@ -53,11 +58,13 @@ class Travel:
 
     def advance(self) -> None:
         """Take the present force and spring.  Raises InputError for unfit ones."""
-        if self._given is not None:
-            self.force = self._given.size()
+        if self._push is not None:
+            self.force = self._push.size()
         if self._spring is not None:
-            key = f"{self.contact.key}.foundation.spring"
-            self.stiffness = _stiffness(self._spring.stiffness, key)
+            key = f"{self.contact.key}.foundation.spring.stiffness"
+            self.stiffness = float(vector_at([self._spring.stiffness], self.contact.clock.now)[0])
+            if not (np.isfinite(self.stiffness) and self.stiffness >= 0.0):
+                raise InputError(f"must be a number from 0 up, not {self.stiffness:g}", key)
 
     @property
     def acts(self) -> bool:
@@ -114,7 +121,7 @@ class Travel:
     def _require_facing(self) -> None:
         if on_any_rank(self.contact.surface.domain.comm, self._towards):
             return
-        if self._given is None:
+        if self._push is None:
             raise InputError(
                 "is along the surface of the body, so that contact does not load it; give the "
                 "direction in which the foundation gives way",
@@ -125,11 +132,3 @@ class Travel:
             "the force acts on the foundation and points from it to the body",
             self.key,
         )
-
-
-def _stiffness(given: float | fem.Constant, key: str) -> float:
-    """The stiffness k at present.  Raises InputError unless it is a number from 0 up."""
-    found = float(present(given))
-    if not (np.isfinite(found) and found >= 0.0):
-        raise InputError(f"must be a number from 0 up, not {found:g}", f"{key}.stiffness")
-    return found

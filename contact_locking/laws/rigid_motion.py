@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.laws.foundation import Foundation
 
 
 @dataclass(frozen=True)
@@ -64,17 +63,3 @@ def rotation(angles: FloatArray) -> FloatArray:
     first = np.sinc(angle / np.pi)
     second = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
     return np.asarray(np.eye(3) + first * cross + second * cross @ cross)
-
-
-@dataclass(frozen=True)
-class MovedFoundation:
-    """``phi(x) = phi_0(X)`` with the point X of the body at rest that is now at x."""
-
-    body: Foundation
-    motion: RigidMotion
-
-    def gap(self, x: FloatArray) -> FloatArray:
-        return self.body.gap(self.motion.origin(x))
-
-    def contact_normal(self, x: FloatArray) -> FloatArray:
-        return self.motion.turn @ self.body.contact_normal(self.motion.origin(x))

@@ -21,6 +21,7 @@ from contact_locking.contact.nodal_contact import (
 )
 from contact_locking.contact.travel import Travel
 from contact_locking.fem.spaces import Element
+from contact_locking.fields.clock import Clock
 from contact_locking.fields.plausibility import about_an_overlap_at_rest
 from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh.domain import Domain
@@ -65,6 +66,7 @@ class DiscreteProblem:
 
     ``data`` holds the forms' data, ``u`` the displacement, ``penalty`` the penalty parameters to
     solve for, ``rigidity`` knows the rigid motions, and ``held`` tells how each part is held.
+    ``clock`` has the time of data that depend on it.
     ``follows_n`` says that the compliance of the contact was not chosen, but is 1/n.  ``warnings``
     tell what is probably not intended.
 
@@ -73,9 +75,15 @@ class DiscreteProblem:
     """
 
     def __init__(
-        self, body: Body, contacts: Sequence[Contact], n: float, compliance: float | None
+        self,
+        body: Body,
+        contacts: Sequence[Contact],
+        n: float,
+        compliance: float | None,
+        clock: Clock,
     ) -> None:
         domain, element, space = body.domain, body.element, body.space
+        self.clock = clock
         self.body, self.domain, self.element = body, domain, element
         self.constraints, self.regions = body.constraints, tuple(body.regions)
         points = Points(domain, element)
@@ -90,7 +98,7 @@ class DiscreteProblem:
         contacts = named(contacts)
         places = [place_of(item, domain, space, element, limited) for item in contacts]
         nodal = tuple(
-            NodalContact(item, place, body.constraints, slip)
+            NodalContact(item, place, body.constraints, slip, clock)
             for item, place in zip(contacts, places, strict=True)
         )
         self.warnings = [

@@ -14,7 +14,6 @@ from dolfinx import fem
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.contact.nodal_contact import BoundsInForce, NodalContact
-from contact_locking.contact.outline import box_around
 from contact_locking.contact.surface import NodalAverage
 from contact_locking.fem import compiled
 from contact_locking.fem.trace import make_nodal
@@ -25,6 +24,7 @@ from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.between_nodes import Entry, entry_between_nodes
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.ordering import along_curves, facets_of, lexicographic
+from contact_locking.shapes.outline import box_around
 from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
 
 # The regularised friction traction never reaches the bound: a point slips from 99 % of the bound

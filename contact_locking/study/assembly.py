@@ -11,6 +11,8 @@ import ufl
 from mpi4py import MPI
 
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
+from contact_locking.contact.contact import Contact
+from contact_locking.contact.friction import Mollifier
 from contact_locking.errors import InputError
 from contact_locking.expressions import parse
 from contact_locking.fem.spaces import Element, element_of
@@ -26,7 +28,6 @@ from contact_locking.mesh.half_section import half_section, require_surface
 from contact_locking.mesh.named_parts import Place, Test, with_parts
 from contact_locking.mesh.skins import area_normals
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
-from contact_locking.study.contacts import contact_of, friction_warnings
 from contact_locking.study.loads import build_loads, open_pressures, springs_of
 from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.probe_points import locate
@@ -62,7 +63,7 @@ class StudyProblem(DiscreteProblem):
         conditions, supports, of_values = _held(domain, parameters.loads, clock)
         told += of_values
         constraints = constrain(domain, space, conditions, supports)
-        contacts = [contact_of(domain, item, clock, times) for item in parameters.contacts]
+        contacts = [_with_radius(domain, item) for item in parameters.contacts]
         self.loads = build_loads(domain, parameters.loads, element, clock)
         springs, of_springs = springs_of(domain, parameters.loads.springs)
         v = ufl.TestFunction(space)
@@ -80,11 +81,11 @@ class StudyProblem(DiscreteProblem):
             supports=[name for item in parameters.loads.supports for name in item.on],
         )
         penalty = parameters.penalty
-        super().__init__(body, contacts, penalty.n, penalty.epsilon)
+        super().__init__(body, contacts, penalty.n, penalty.epsilon, clock)
         self.rigidity.require_held()
         told += given.warnings() + of_springs
         for item in parameters.contacts:
-            told += friction_warnings(domain, item, clock)
+            told += friction_warnings(domain, item)
         told += self.loads.warnings(self.material.stiffness)
         told += open_pressures(domain, parameters.loads.pressures)
         told += parameters.idle_friction()
@@ -123,6 +124,37 @@ class StudyProblem(DiscreteProblem):
             count = sum(len(contact.surface.nodes) for contact in self.contacts)
             facts["contact points"] = int(self.domain.comm.allreduce(count))
         return facts
+
+
+def _with_radius(domain: Domain, contact: Contact) -> Contact:
+    """A contact on a refined mesh, which keeps the default radius of R on the first mesh."""
+    friction, radius = contact.friction, domain.smoothing_radii.get(contact.key)
+    if friction is None or radius is None:
+        return contact
+    smoothing = Mollifier(radius=radius)
+    if isinstance(friction.smoothing, Mollifier):
+        smoothing = friction.smoothing.over(smoothing)
+    friction = friction.model_copy(update={"smoothing": smoothing})
+    return contact.model_copy(update={"friction": friction})
+
+
+# A slip, as a share of the size of the body.
+_SOME_SLIP = 1e-3
+
+
+def friction_warnings(domain: Domain, contact: Contact) -> list[str]:
+    """Features of the friction coefficient between the nodes; collective.  Raises for a pole."""
+    mu = None if contact.friction is None else contact.friction.coefficient
+    if mu is None or mu.expression is None:
+        return []
+    key = f"{contact.key}.friction.coefficient"
+    facets = Entities.of(domain, domain.dim - 1, domain.facets(contact.on))
+    # Friction may begin with the slip; from the size of the body on the slip is as good as endless.
+    slips = [0.0, _SOME_SLIP * domain.extent, domain.extent]
+    for slip in slips if "s" in mu.expression.names else slips[:1]:
+        if found := features(facets, mu, key, "refine the mesh there", s=slip):
+            return found
+    return []
 
 
 def check(

@@ -10,7 +10,7 @@ from ruamel.yaml.comments import CommentedSeq
 
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.mesh import MeshParameters
-from contact_locking.values.concept import Concept
+from contact_locking.values.concept import ONLY, Concept
 from contact_locking.values.value import Value
 
 #: The first line of every file with the parameters of a run or of a study.
@@ -40,7 +40,14 @@ def plain(value: Any) -> Any:
         case MeshParameters():
             return {key: plain(item) for key, item in value.model_dump().items()}
         case Concept():
-            given = {value.key_of(name): item for name, item in value}
+            fields = type(value).model_fields.items()
+            given = {
+                value.key_of(name): getattr(value, name)
+                for name, field in fields
+                if not field.exclude
+            }
+            if ONLY in given:
+                return plain(given[ONLY])
             return {key: plain(item) for key, item in given.items() if item is not None}
         case dict():
             return {key: plain(item) for key, item in value.items()}

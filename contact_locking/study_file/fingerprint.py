@@ -8,10 +8,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from contact_locking.contact.rigid_body import Foundation
 from contact_locking.mesh.file.xdmf_grids import data_file, is_xdmf
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.rigid_body import Foundation
-from contact_locking.values.concept import Concept
 
 # 64 bits: 10 000 cases share one with a probability of 3e-12.
 _DIGITS = 16
@@ -67,7 +66,7 @@ def _normalised(
             "on": part.on,
             "gap": part.gap.data,
             "foundation": part.foundation and _foundation(part.foundation, digest),
-            "friction": part.friction.model_dump(),
+            "friction": part.friction and part.friction.model_dump(),
         }
         for part in parameters.contacts
     ]
@@ -76,10 +75,9 @@ def _normalised(
 
 def _foundation(given: Foundation, digest: Callable[[str], str]) -> dict[str, Any]:
     data = given.model_dump()
-    shape, value = given.shape
     if given.file is not None:
-        more = value.model_dump(exclude={"file"}) if isinstance(value, Concept) else {}
-        data[shape] = {"content": digest(given.file), **more}
+        more = data[given.shape_key] if given.shape_key == "surface" else {}
+        data[given.shape_key] = {**more, "file": digest(given.file)}
     if given.moved is not None:
         data["motion"] = given.moved.model_dump()
     return data

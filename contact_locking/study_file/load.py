@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,31 +11,15 @@ from typing import Any
 from pydantic import ValidationError
 
 from contact_locking.errors import InputError, require_kind
-from contact_locking.plain_text import nearest
 from contact_locking.study_file.parameters import Parameters, removed
 from contact_locking.study_file.parameters.keys import known_keys
 from contact_locking.study_file.parameters.wording import labels, unknown_key
-from contact_locking.values.concept import MOST_FAULTS, Fault, FaultsError, dotted
-from contact_locking.values.kinds import CHOICES
-from contact_locking.values.wording import show, value_message
+from contact_locking.values.concept import MOST_FAULTS, Fault, dotted, faults_of
+from contact_locking.values.wording import show
 
 from .dump import dump
 from .schema import rows
 from .source import MAX_BYTES, Source, assign, read, tell
-
-
-def faults_of(error: ValidationError) -> list[Fault]:
-    """The faults with their places in the file; at most some 20 of them."""
-    found: list[Fault] = []
-    for details in itertools.islice(error.errors(include_url=False), MOST_FAULTS):
-        place = tuple(part for part in details["loc"] if part not in CHOICES)
-        cause = details.get("ctx", {}).get("error")
-        if isinstance(cause, FaultsError):
-            found += [Fault((*place, *fault.place), fault.message) for fault in cause.faults]
-        else:
-            told = str(cause) if cause else _message(details, place)
-            found.append(Fault(place, _instead_of_removed(details) or told))
-    return found
 
 
 def _instead_of_removed(details: Any) -> str | None:
@@ -46,7 +29,9 @@ def _instead_of_removed(details: Any) -> str | None:
     return next(filter(None, messages), None)
 
 
-def _message(details: Any, place: tuple[str | int, ...]) -> str:
+def _message(details: Any, place: tuple[str | int, ...]) -> str | None:
+    if (told := _instead_of_removed(details)) is not None:
+        return told
     given = show(details["input"])
     match details["type"]:
         # A key without a value comes of a decimal comma: {gap: 0,1}.
@@ -66,11 +51,7 @@ def _message(details: Any, place: tuple[str | int, ...]) -> str:
             several = ", or a list of such mappings" if place == ("contact",) else ""
             with_keys = f" with keys among {keys}" if keys else ""
             return f"must be a mapping{with_keys}{several}, not {given}"
-        case "literal_error":
-            allowed = details["ctx"]["expected"].replace("'", "")
-            guess = nearest(str(details["input"]), allowed.replace(" or ", ", ").split(", "))
-            return f"must be {allowed}, not {given}{guess}"
-    return value_message(details)
+    return None
 
 
 def _elsewhere(name: str) -> str:
@@ -231,7 +212,7 @@ def _validate(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, li
     try:
         return Parameters.model_validate(data, context=folder), []
     except ValidationError as error:
-        return None, faults_of(error)
+        return None, faults_of(error, _message)
     except UnicodeEncodeError as error:
         lone = ascii(error.object[error.start : error.end])
         return None, [Fault((), f"there is text with {lone}, which is no character")]

@@ -1,19 +1,31 @@
-"""The base class of the sections of a study file, and the faults that sections find."""
+"""The base class of all concepts, and the faults that concepts find."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple, Self, TypeVar, get_args, get_origin, get_type_hints
+from typing import (
+    Any,
+    NamedTuple,
+    Self,
+    TypeVar,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic._internal._model_construction import ModelMetaclass
 from pydantic.config import JsonDict
 from pydantic.fields import FieldInfo
 
+from contact_locking.errors import InputError
+
 from .value import Value
-from .wording import show
+from .wording import show, value_message
 
 Place = tuple[str | int, ...]
 
@@ -40,6 +52,29 @@ def refuse_if(faults: Iterable[Fault]) -> None:
     """Raise FaultsError if there are faults, with the first `MOST_FAULTS` of them."""
     if found := tuple(itertools.islice(faults, MOST_FAULTS)):
         raise FaultsError(found)
+
+
+#: Tags of the choices that a value has. Pydantic adds them to the place of an error.
+CHOICES = SECTION, LIST, TEXT, ONLY = "<section>", "<list>", "<text>", "<only>"
+
+
+def faults_of(
+    error: ValidationError, tell: Callable[[Any, Place], str | None] = lambda *_: None
+) -> list[Fault]:
+    """The faults with their places; at most some 20 of them.
+
+    ``tell`` makes a message of the details of an error and its place, None for the usual one.
+    """
+    found: list[Fault] = []
+    for details in itertools.islice(error.errors(include_url=False), MOST_FAULTS):
+        place = tuple(part for part in details["loc"] if part not in CHOICES)
+        cause = details.get("ctx", {}).get("error")
+        if isinstance(cause, FaultsError):
+            found += [Fault((*place, *fault.place), fault.message) for fault in cause.faults]
+            continue
+        usual = str(cause) if cause else value_message(details)
+        found.append(Fault(place, tell(details, place) or usual))
+    return found
 
 
 def below(place: Place, faults: Iterable[Fault]) -> Iterator[Fault]:
@@ -74,10 +109,41 @@ def dotted(*place: str | int) -> str:
     return ".".join(map(str, place))
 
 
-class Concept(BaseModel):
-    """A mapping of the study file. Unknown keys are refused; an empty section has its defaults."""
+@dataclass_transform(kw_only_default=False, frozen_default=True)
+class _Kind(ModelMetaclass):
+    """Lets type checkers know that constructors take their fields in order."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+
+class Concept(BaseModel, metaclass=_Kind):
+    """One concept of a contact problem, for scripts and study files alike.
+
+    A script makes it by its fields, in order or by name.  In a study file it is a mapping: unknown
+    keys are refused, and an empty mapping has the defaults.  The constructor raises InputError for
+    values that cannot be used.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, defer_build=True, arbitrary_types_allowed=True
+    )
+
+    def __init__(self, *values: Any, **named: Any) -> None:
+        fields = type(self).model_fields
+        named |= dict(zip(fields, values, strict=False))
+        try:
+            # Pydantic knows a field by its key in a study file.
+            super().__init__(
+                **{
+                    self.key_of(name) if name in fields else name: value
+                    for name, value in named.items()
+                }
+            )
+        except ValidationError as error:
+            fault = faults_of(error)[0]
+            key = dotted(type(self).__name__, *fault.place)
+            raise InputError(fault.message, key) from None
+
+    # Pydantic reads mappings of a study file without this constructor.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     @classmethod
     def key_of(cls, name: str) -> str:
@@ -112,6 +178,11 @@ def entry(default: Any, description: str, unit: str = "", **more: Any) -> Any:
     if isinstance(default, Value):
         extra["default"] = default.data
     return Field(default, description=description, json_schema_extra=extra, **more)
+
+
+def hidden(name: str) -> Any:
+    """A field of scripts, None by default, that no study file can name."""
+    return Field(None, alias=f"<{name}>", exclude=True)
 
 
 def unit_of(field: FieldInfo) -> str:
@@ -159,11 +230,17 @@ def leaves(value: Any, place: Place) -> Iterator[tuple[Place, Any]]:
         yield place, value
 
 
+def _key(place: Place, section: Concept, name: str) -> Place:
+    """The place of a field; what a concept is made of alone has the place of the concept."""
+    key = section.key_of(name)
+    return place if key in CHOICES else (*place, key)
+
+
 def sections(section: Concept, place: Place = ()) -> Iterator[tuple[Place, Concept]]:
     """A section and all sections below it, with their places."""
     yield place, section
     for name in type(section).model_fields:
-        for inner, value in leaves(getattr(section, name), (*place, section.key_of(name))):
+        for inner, value in leaves(getattr(section, name), _key(place, section, name)):
             if isinstance(value, Concept):
                 yield from sections(value, inner)
 
@@ -172,7 +249,7 @@ def dimension_faults(whole: Concept, body: BodyKind) -> Iterator[Fault]:
     """The values below a section that do not fit a body."""
     for place, section in sections(whole):
         for name, (depth, components) in marked(type(section), Components).items():
-            value, here = getattr(section, name), (*place, section.key_of(name))
+            value, here = getattr(section, name), _key(place, section, name)
             if not isinstance(value, tuple):
                 continue
             size = components.number or body.dim

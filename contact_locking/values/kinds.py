@@ -13,16 +13,20 @@ from collections import Counter
 from collections.abc import Mapping
 from contextvars import ContextVar
 from functools import partial
+from numbers import Real
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
+import numpy as np
 from pydantic import (
     AfterValidator,
     BeforeValidator,
     Discriminator,
     Field,
     PlainValidator,
+    TypeAdapter,
     ValidationInfo,
+    WithJsonSchema,
 )
 from pydantic_core import core_schema
 
@@ -31,12 +35,12 @@ from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, TIME, Table, parse
 from contact_locking.files.readable import require_size, similar
 
+from .concept import LIST as LIST
 from .concept import PER_AXIS
+from .concept import SECTION as SECTION
+from .concept import TEXT as TEXT
 from .value import Value
 from .wording import show
-
-#: Tags of the choices that a value has. Pydantic adds them to the place of an error.
-CHOICES = SECTION, LIST, NUMBER, TEXT = "<section>", "<list>", "<number>", "<text>"
 
 T = TypeVar("T")
 
@@ -44,13 +48,18 @@ _Name = Annotated[str, Field(min_length=1)]
 _Components = Annotated[tuple[float, ...], Field(min_length=2)]
 
 
+def plain(value: Any) -> Any:
+    """A number of NumPy as one of Python, and an array as lists."""
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
+
+
 def _number(value: Any, infinite: bool) -> float:
     """The number, also if it is written as a constant expression such as "1/3"."""
     wanted = "must be a number" if infinite else "must be a finite number"
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
+    if isinstance(value, bool) or not isinstance(value, Real | str):
         raise ValueError(f"{wanted}, not {show(value)}")
     try:
-        return float(parse(value, (), allow_infinite=infinite).numpy())
+        return float(parse(plain(value), (), allow_infinite=infinite).numpy())
     except InputError as error:
         raise ValueError(f"{wanted}, not {show(value)}{_reason(value, error)}") from None
 
@@ -124,6 +133,16 @@ def _names(value: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
+def _places(value: Any) -> Any:
+    """Names of boundary parts; or facets, or mesh tags with a value, which the mesh judges."""
+    if isinstance(value, list | tuple):
+        is_of_facets = value and not any(isinstance(name, str) for name in value)
+        is_of_facets = is_of_facets and not any(isinstance(x, dict | None) for x in value)
+        return value if is_of_facets else _names(value)
+    is_of_file = value is None or isinstance(value, str | dict | bool | float | int)
+    return _names(value) if is_of_file else value
+
+
 def _condition(value: Any) -> str:
     if not isinstance(value, str):
         raise ValueError(f"must be a condition such as 'x < 0.5 and y > 0', not {show(value)}")
@@ -163,6 +182,9 @@ class ScalarRule(NamedTuple):
             return value
         if isinstance(value, float) and value == self.bound:
             return Value(value)
+        if hasattr(value, "value") or (callable(value) and not hasattr(value, "ufl_shape")):
+            return Value(value)  # a constant of DOLFINx, or a function
+        value = plain(value)
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError(f"must be a number or an expression, not {show(value)}")
         numbers, tables = SCOPE.get()
@@ -225,6 +247,24 @@ def _not_zero(value: tuple[T, ...]) -> tuple[T, ...]:
     return value
 
 
+class Component:
+    """The present value of one component of a constant of DOLFINx."""
+
+    def __init__(self, constant: Any, number: int) -> None:
+        self._constant, self._number = constant, number
+
+    @property
+    def value(self) -> float:
+        return float(self._constant.value[self._number])
+
+
+def components(value: Any) -> Any:
+    """A vector that is a constant of DOLFINx by its components, and an array as a list."""
+    if np.ndim(getattr(value, "value", 0.0)) == 1:
+        return tuple(Component(value, number) for number in range(len(value.value)))
+    return plain(value)
+
+
 def list_or(tag: str) -> Discriminator:
     """The choice between a list and what has another tag."""
     return Discriminator(lambda value: LIST if isinstance(value, list | tuple) else tag)
@@ -240,7 +280,7 @@ PositiveOrInfinite = Annotated[
 ]
 Tolerance = Annotated[float, Field(gt=0, lt=1), BeforeValidator(_finite), AfterValidator(_not_tiny)]
 Share = Annotated[float, Field(gt=0, le=1), BeforeValidator(_finite), AfterValidator(_not_tiny)]
-Point = Annotated[tuple[Number, ...], PER_AXIS]
+Point = Annotated[tuple[Number, ...], BeforeValidator(plain), PER_AXIS]
 Direction = Annotated[Point, AfterValidator(_not_zero)]
 Integer = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
 Count = Annotated[int, Field(strict=True, ge=1, le=10**9), BeforeValidator(_whole)]
@@ -254,6 +294,7 @@ Names = Annotated[
     tuple[str, ...],
     BeforeValidator(_names, json_schema_input_type=_Name | tuple[_Name, ...]),
 ]
+Places = Annotated[Any, BeforeValidator(_places), WithJsonSchema(TypeAdapter(Names).json_schema())]
 Along = Annotated[
     Literal["normal"] | tuple[float, ...],
     PER_AXIS,
@@ -276,4 +317,5 @@ PoissonScalar = Annotated[Value, _rule(above=-1.0, below=0.5)]
 NonNegativeSlipScalar = Annotated[Value, _rule("s", has_tables=True, least=0.0)]
 ScalarDirection = Annotated[tuple[Scalar, ...], AfterValidator(_not_zero)]
 TimedVector = Annotated[tuple[TimedScalar, ...], PER_AXIS]
-TimeVector = Annotated[tuple[TimeScalar, ...], PER_AXIS]
+TimeVector = Annotated[tuple[TimeScalar, ...], BeforeValidator(components), PER_AXIS]
+PositiveNumber = Annotated[Value, ScalarRule((), above=0.0)]

@@ -6,6 +6,8 @@ import math
 import re
 from typing import Any
 
+from contact_locking.plain_text import nearest
+
 from .value import Value
 
 # Texts that YAML takes as they stand, and words that YAML takes for something else.
@@ -68,6 +70,10 @@ def entry(value: Any) -> str:
 def value_message(details: Any) -> str:
     """The message for an error of pydantic about one value."""
     given = details["input"]
+    if details["type"] == "literal_error":
+        allowed = details["ctx"]["expected"].replace("'", "")
+        guess = nearest(str(given), allowed.replace(" or ", ", ").split(", "))
+        return f"must be {allowed}, not {show(given)}{guess}"
     in_a_mapping = ", or of entries that begin with '- '" if isinstance(given, dict) else ""
     template = _MESSAGES.get(details["type"])
     if template is None:

@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 from seal import seal, two_bodies
 
-from contact_locking import Contact, Gap, InputError, solve
+from contact_locking import Contact, InputError, solve
 from contact_locking.contact.contact import named
 from contact_locking.results.in_words import rows
 from contact_locking.results.quantities import look_up
@@ -18,21 +18,19 @@ pytestmark = pytest.mark.serial
 
 def test_a_contact_without_a_name_has_that_of_its_first_part_and_no_two_have_the_same() -> None:
     given = [
-        ("grains", ""),
+        ("grains", None),
         ("grains", "wall"),
-        ("grains", ""),
-        ("a.b", ""),
+        ("grains", None),
+        ("a.b", None),
         ("grains", "grains_2"),
     ]
-    found = named([Contact([part], Gap(), name=name) for part, name in given])
+    found = named([Contact([part], name=name) for part, name in given])
     assert [one.name for one in found] == ["grains", "wall", "grains_3", "a_b", "grains_2"]
 
 
 def test_the_name_of_another_contact_is_refused() -> None:
     with pytest.raises(InputError) as caught:
-        named(
-            [Contact(["a"], name="x", key="contacts.0"), Contact(["b"], name="x", key="contacts.1")]
-        )
+        named([Contact(part, name="x", at=f"contacts.{n}") for n, part in enumerate("ab")])
     assert caught.value.key == "contacts.1"
     with pytest.raises(InputError) as caught:
         from_mapping({"contact": [{"on": "bottom", "name": "x"}, {"on": "left", "name": "x"}]})

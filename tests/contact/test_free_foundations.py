@@ -163,10 +163,12 @@ def test_a_script_has_springs_as_a_study_has() -> None:
         contacts=[
             cl.Contact(
                 top,
-                cl.HalfSpace((0.0, 1.0), (0.0, -1.0)),
+                cl.Foundation(
+                    cl.HalfSpace((0.0, 1.0), (0.0, -1.0)),
+                    force=(0.0, -0.01),
+                    spring=cl.FoundationSpring(k),
+                ),
                 cl.Coulomb(0.3, cl.Local()),
-                force=cl.Force((0.0, -0.01)),
-                spring=cl.FoundationSpring(k),
             )
         ],
         space=space,

@@ -12,7 +12,7 @@ from problems import block
 
 from contact_locking import InputError, StudySolution, solve
 from contact_locking.arrays import FloatArray
-from contact_locking.mesh.file.tool_surface import read_heights
+from contact_locking.shapes.tool_files import read_heights
 
 X, Y = np.linspace(-0.25, 1.25, 16), np.linspace(-0.25, 1.25, 11)
 

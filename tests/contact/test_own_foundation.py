@@ -13,11 +13,10 @@ from mpi4py import MPI
 from problems import block
 from slow import slow
 
-from contact_locking import StudySolution, solve
+from contact_locking import Foundation, StudySolution, solve
 from contact_locking.arrays import FloatArray
-from contact_locking.laws.foundation import Foundation
 from contact_locking.results.contact_points import OPEN
-from contact_locking.study.contacts import FOUNDATIONS
+from contact_locking.shapes.distance import Distance
 
 pytestmark = pytest.mark.serial
 
@@ -69,26 +68,26 @@ def on(foundation: dict[str, Any], dim: int, comm: MPI.Intracomm) -> StudySoluti
     return solve(block(dim, h, contact={"on": "bottom", "foundation": foundation}), comm)
 
 
-def flat(dim: int) -> tuple[Foundation, dict[str, Any]]:
+def flat(dim: int) -> tuple[Distance, dict[str, Any]]:
     """A capsule along x, longer than the body, has a flat side in 2D."""
     depth = 1.0 + GAP
     plane = {"half_space": {"point": [0.0, -GAP], "normal": [0.0, 1.0]}}
     return Capsule((-1.0, -depth), (2.0, -depth), 1.0), plane
 
 
-def round_end(dim: int) -> tuple[Foundation, dict[str, Any]]:
+def round_end(dim: int) -> tuple[Distance, dict[str, Any]]:
     """A capsule without a length is a sphere."""
     centre = (*[0.4] * (dim - 1), -3.0)
     return Capsule(centre, centre, 2.995), {"sphere": {"centre": list(centre), "radius": 2.995}}
 
 
-def long(dim: int) -> tuple[Foundation, dict[str, Any]]:
+def long(dim: int) -> tuple[Distance, dict[str, Any]]:
     """A capsule that is longer than the body is a cylinder."""
     cylinder = {"cylinder": {"centre": [0.4, 0.0, -3.0], "radius": 2.995, "axis": [0.0, 1.0, 0.0]}}
     return Capsule((0.4, -1.0, -3.0), (0.4, 2.0, -3.0), 2.995), cylinder
 
 
-def one_sided(dim: int) -> tuple[Foundation, dict[str, Any]]:
+def one_sided(dim: int) -> tuple[Distance, dict[str, Any]]:
     """A wedge whose edge is beside the body touches with one inclined plane."""
     size = math.hypot(0.02, 1.0)
     incline = (-0.02 / size, *[0.0] * (dim - 2), 1.0 / size)
@@ -110,16 +109,14 @@ def one_sided(dim: int) -> tuple[Foundation, dict[str, Any]]:
     ],
 )
 def test_an_own_foundation_gives_what_the_same_shape_of_the_package_gives(
-    make: Callable[[int], tuple[Foundation, dict[str, Any]]],
+    make: Callable[[int], tuple[Distance, dict[str, Any]]],
     dim: int,
     monkeypatch: pytest.MonkeyPatch,
     comm: MPI.Intracomm,
 ) -> None:
     own, given = make(dim)
     expected = on(given, dim, comm)
-    # The table is the one place that chooses the class of a foundation.
-    (shape,) = given
-    monkeypatch.setitem(FOUNDATIONS, shape, lambda section, placement: (own, ()))
+    monkeypatch.setattr(Foundation, "shape", property(lambda given: own))
     found = on(given, dim, comm)
     assert expected.converged and found.converged, found.summary["reason"]
     assert expected.summary["contact_area"] > 0.0
@@ -136,7 +133,7 @@ def test_an_edge_of_an_own_foundation_carries_the_load(
 ) -> None:
     slope = np.array([0.1, 1.0]) / np.hypot(0.1, 1.0)
     wedge = Wedge((0.5, 0.002), ((slope[0], slope[1]), (-slope[0], slope[1])))
-    monkeypatch.setitem(FOUNDATIONS, "half_space", lambda section, placement: (wedge, ()))
+    monkeypatch.setattr(Foundation, "shape", property(lambda given: wedge))
     solution = on({"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}, 2, comm)
     assert solution.converged, solution.summary["reason"]
     points = solution.contact_points

@@ -16,8 +16,8 @@ from contact_locking import InputError, Parameters, StudySolution, solve
 from contact_locking.arrays import FloatArray
 from contact_locking.expressions import parse
 from contact_locking.expressions.gradient import value_and_gradient
-from contact_locking.laws.faceted import Polyline, TriangulatedSurface
-from contact_locking.laws.foundation import Foundation
+from contact_locking.shapes.distance import Distance
+from contact_locking.shapes.faceted import Polyline, TriangulatedSurface
 
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0))
 
@@ -135,7 +135,7 @@ def test_the_distance_from_triangles_has_the_right_sign_at_sharp_edges_and_corne
     assert np.sum(on_it * facing, axis=1) == pytest.approx(-np.linalg.norm(facing, axis=1))
 
 
-def gradient_of(body: Foundation, x: FloatArray, step: float = 1e-7) -> FloatArray:
+def gradient_of(body: Distance, x: FloatArray, step: float = 1e-7) -> FloatArray:
     rows = [
         (body.gap(x + step * unit[:, None]) - body.gap(x - step * unit[:, None])) / (2 * step)
         for unit in np.eye(len(x))

@@ -28,7 +28,7 @@ def square(degree: int = 1) -> tuple[fem.FunctionSpace, fem.Function, fem.Dirich
     held = fem.Function(space)
     clamp = fem.dirichletbc(held, fem.locate_dofs_topological(space, 1, left))
     friction = cl.Coulomb(0.3, cl.Convolution(0.4))
-    return space, held, clamp, cl.Contact(bottom, cl.Gap(0.002), friction)
+    return space, held, clamp, cl.Contact(bottom, friction=friction, gap=0.002)
 
 
 def fields_of_a_block() -> tuple[cl.ContactProblem, dict[str, fem.Function]]:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from contact_locking.arrays import FloatArray
-from contact_locking.laws.foundation import HalfSpace, Sphere
-from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion, rotation
+from contact_locking.laws.rigid_motion import RigidMotion, rotation
+from contact_locking.shapes.analytic import HalfSpace, Sphere
+from contact_locking.shapes.distance import MovedDistance
 from contact_locking.study_file import from_mapping
 
 pytestmark = pytest.mark.serial
@@ -36,11 +37,11 @@ def test_a_moved_body_has_the_distance_of_the_body_where_it_was(dim: int) -> Non
     x = random.normal(size=(dim, 20))
     assert motion.place(motion.origin(x)) == pytest.approx(x)
     centre = vector()
-    ball = MovedFoundation(Sphere(tuple(centre), 0.3), motion)
+    ball = MovedDistance(Sphere(tuple(centre), 0.3), motion)
     there = Sphere(tuple(motion.place(centre[:, None])[:, 0]), 0.3)
     assert ball.gap(x) == pytest.approx(there.gap(x))
     assert ball.contact_normal(x) == pytest.approx(there.contact_normal(x))
-    plane = MovedFoundation(HalfSpace(tuple(vector()), tuple(vector())), motion)
+    plane = MovedDistance(HalfSpace(tuple(vector()), tuple(vector())), motion)
     step = 1e-6 * np.array([vector()]).T
     slope = plane.gap(x + step) - plane.gap(x)
     assert slope == pytest.approx(-np.sum(plane.contact_normal(x) * step, axis=0), abs=1e-13)

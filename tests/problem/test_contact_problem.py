@@ -118,7 +118,7 @@ SIDES: dict[str, tuple[Any, Make]] = {
     "gap": (
         block(h=0.25, contact={"gap": "0.01*x"}, friction__smoothing__radius=0.3),
         own(
-            contact=lambda on: cl.Contact(on, cl.Gap(lambda x: 0.01 * x[0]), rubbing()),
+            contact=lambda on: cl.Contact(on, friction=rubbing(), gap=lambda x: 0.01 * x[0]),
             n=1e3,
         ),
     ),
@@ -172,7 +172,7 @@ SIDES: dict[str, tuple[Any, Make]] = {
         block(h=0.25, contact=FORCE, friction__smoothing__radius=0.3),
         own(
             contact=lambda on: cl.Contact(
-                on, cl.HalfSpace((0, 0), (0, 1)), rubbing(), force=cl.Force((0.0, 0.02))
+                on, cl.Foundation(cl.HalfSpace((0, 0), (0, 1)), force=(0.0, 0.02)), rubbing()
             ),
             n=1e3,
         ),
@@ -319,8 +319,9 @@ def test_friction_remembers_the_solution_that_a_step_is_after() -> None:
 @pytest.mark.serial
 def test_a_foundation_that_moves_drags_the_body_from_step_to_step() -> None:
     space = square()
-    tool = cl.Motion([0.0, 0.0])
-    plane = cl.Contact("sole", cl.HalfSpace((0, 0), (0, 1)), rubbing(cl.Local()), motion=tool)
+    way = fem.Constant(space.mesh, (0.0, 0.0))
+    floor = cl.Foundation(cl.HalfSpace((0, 0), (0, 1)), motion=cl.Motion(way))
+    plane = cl.Contact("sole", floor, rubbing(cl.Local()))
     clamp = fem.dirichletbc(
         np.zeros(2), fem.locate_dofs_topological(space, 1, side(space.mesh, 1, 1.0)), space
     )
@@ -328,7 +329,7 @@ def test_a_foundation_that_moves_drags_the_body_from_step_to_step() -> None:
     problem = pressed(space, load, bcs=[clamp], contacts=[plane], limits=[])
     solution = None
     for x, y in ((0.0, 0.02), (0.002, 0.02), (0.004, 0.02)):
-        tool.translation = (x, y)
+        way.value[:] = (x, y)
         solution = problem.solve(after=solution)
     assert solution is not None and solution.converged
     dragged = solution.summary["friction_force"][0]
@@ -453,9 +454,8 @@ NORMAL: Any = "normal"
         ({"bcs": lambda left: [cl.Support(left, along=(0.0, 0.0, 1.0))]}, "supports.0.along"),
         ({"bcs": lambda left: [cl.Support(left[:0])]}, "supports.0"),
         ({"contacts": lambda bottom: [cl.Contact(bottom[:0])]}, "contacts.0"),
-        ({"mu": -0.3}, "contacts.0.friction"),
-        ({"mu": math.nan}, "contacts.0.friction"),
-        ({"mu": lambda x, s: 0.3 - x[:, 0]}, "contacts.0.friction"),
+        ({"mu": lambda x, s: -0.3 + s}, "contacts.0.friction.coefficient"),
+        ({"mu": lambda x, s: 0.3 - x[:, 0]}, "contacts.0.friction.coefficient"),
         ({"load": math.nan}, "L"),
         ({"bilinear": True}, "L"),
         ({"n": 0.0}, "n"),

@@ -33,7 +33,7 @@ def pressed(space: fem.FunctionSpace, **given: Any) -> cl.ContactProblem:
     ]
     top = fem.locate_dofs_topological(space, 1, sides[1])
     down = fem.dirichletbc(np.array([0.0, -0.01]), top, space)
-    names = ("on", "foundation", "friction", "motion", "force")
+    names = ("on", "foundation", "friction", "gap", "mu")
     of_contact = {"on": sides[0]} | {key: given.pop(key) for key in names if key in given}
     problem = {
         "a": cl.Elasticity(young=1.0, poisson=0.3),
@@ -92,7 +92,7 @@ class OwnBound(cl.FrictionBound):
 def bounded(change: Callable[[Any], Any]) -> cl.Coulomb:
     class Glue(cl.Coulomb):
         def on(self, surface: Any, smoothing: Any) -> OwnBound:
-            bound = OwnBound(surface, smoothing, self.law)
+            bound = OwnBound(surface, smoothing, self.coefficient)
             bound.change = change
             return bound
 
@@ -100,41 +100,32 @@ def bounded(change: Callable[[Any], Any]) -> cl.Coulomb:
 
 
 WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str]] = {
-    "mu of UFL": (lambda space: {"friction": cl.Coulomb(0.1 + x(space)[0])}, "contacts.0.friction"),
-    "mu below zero": (lambda space: {"friction": cl.Coulomb(-0.3)}, "contacts.0.friction"),
-    "mu without an end": (lambda space: {"friction": cl.Coulomb(np.inf)}, "contacts.0.friction"),
-    "mu alone": (lambda space: {"friction": 0.3}, "contacts.0.friction"),
-    "smoothing alone": (
-        lambda space: {"friction": cl.Coulomb(0.3, 0.2)},  # type: ignore[arg-type]
-        "contacts.0.friction",
-    ),
-    "class of a foundation": (lambda space: {"foundation": Own}, "contacts.0.foundation"),
-    "gap of UFL": (
-        lambda space: {"foundation": cl.Gap(0.01 * x(space)[0])},
-        "contacts.0.foundation",
-    ),
-    "gap alone": (lambda space: {"foundation": 0.0}, "contacts.0.foundation"),
+    "mu of UFL": (lambda space: {"friction": cl.Coulomb(0.1 + x(space)[0])}, "Coulomb.coefficient"),
+    "mu below zero": (lambda space: {"friction": cl.Coulomb(-0.3)}, "Coulomb.coefficient"),
+    "mu without an end": (lambda space: {"friction": cl.Coulomb(np.inf)}, "Coulomb.coefficient"),
+    "mu alone": (lambda space: {"friction": 0.3}, "Contact.friction"),
+    "smoothing alone": (lambda space: {"friction": cl.Coulomb(0.3, 0.2)}, "Coulomb.smoothing"),
+    "class of a foundation": (lambda space: {"foundation": Own}, "Foundation"),
+    "gap of UFL": (lambda space: {"gap": 0.01 * x(space)[0]}, "Contact.gap"),
+    "gap alone": (lambda space: {"foundation": 0.0}, "Foundation"),
     "a ball in the plane": (
         lambda space: {"foundation": cl.Sphere((0.0, -1.0, 0.0), 1.0)},
-        "contacts.0.foundation",
+        "contacts.0.foundation.sphere.centre",
     ),
     "radius below zero": (
         lambda space: {"foundation": cl.Sphere((0.0, -1.0), -1.0)},
-        "contacts.0.foundation",
+        "Sphere.radius",
     ),
-    "level set of UFL": (
-        lambda space: {"foundation": cl.LevelSet(x(space)[1])},
-        "contacts.0.foundation",
-    ),
-    "motion alone": (
-        lambda space: {"foundation": FLOOR, "motion": [0.0, 0.001]},
-        "contacts.0.motion",
-    ),
+    "level set of UFL": (lambda space: {"foundation": cl.LevelSet(x(space)[1])}, "LevelSet"),
     "motion in space": (
-        lambda space: {"foundation": FLOOR, "motion": cl.Motion((0.0, 0.0, 0.0))},
-        "contacts.0.motion",
+        lambda space: {"foundation": cl.Foundation(FLOOR, motion=(0.0, 0.0, 0.0))},
+        "contacts.0.foundation.motion",
     ),
-    "force alone": (lambda space: {"foundation": FLOOR, "force": (0.0, 0.1)}, "contacts.0.force"),
+    "force in space": (
+        lambda space: {"foundation": cl.Foundation(FLOOR, force=(0.0, 0.1, 0.0))},
+        "contacts.0.foundation.force",
+    ),
+    "an argument that is none": (lambda space: {"mu": 0.3}, "Contact.mu"),
     "marks of facets": (lambda space: {"on": np.zeros(9, dtype=bool)}, "contacts.0"),
     "no facets": (lambda space: {"on": np.empty(0, dtype=np.int32)}, "contacts.0"),
     "too large facets": (lambda space: {"on": np.array([10**6])}, "contacts.0"),
@@ -155,10 +146,10 @@ WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str]] = {
         lambda space: {"a": ufl.inner(ufl.TrialFunction(space), ufl.TestFunction(space)) * ufl.dx},
         "a",
     ),
-    "no place": (lambda space: {"on": None}, "contacts.0"),
+    "no place": (lambda space: {"on": None}, "Contact.on"),
     "normal of no direction": (
         lambda space: {"foundation": cl.HalfSpace((0.0, 0.0), (0.0, 0.0))},
-        "contacts.0.foundation",
+        "HalfSpace.normal",
     ),
     "incompressible": (lambda space: {"a": cl.Elasticity(young=1.0, poisson=0.5)}, "elasticity"),
     "space of another mesh": (
@@ -250,15 +241,16 @@ def test_values_of_mu_for_other_points_are_refused(space: fem.FunctionSpace) -> 
     """Points come to mu as (k, d), and to foundations as (d, k)."""
     with pytest.raises(cl.InputError, match="maps points") as caught:
         pressed(space, friction=cl.Coulomb(lambda x, s: 0.1 + 0.2 * x[0]))
-    assert caught.value.key == "contacts.0.friction"
+    assert caught.value.key == "contacts.0.friction.coefficient"
 
 
 def test_constants_of_dolfinx_move_foundations_and_change_gap_and_friction(
     space: fem.FunctionSpace,
 ) -> None:
     way, gap, mu = (fem.Constant(space.mesh, value) for value in ((0.0, 0.0), 0.0, 0.0))
-    moving = pressed(space, foundation=FLOOR, motion=cl.Motion(way), friction=cl.Coulomb(mu))
-    standing = pressed(space, foundation=cl.Gap(gap), friction=cl.Coulomb(0.0))
+    floor = cl.Foundation(FLOOR, motion=cl.Motion(way))
+    moving = pressed(space, foundation=floor, friction=cl.Coulomb(mu))
+    standing = pressed(space, gap=gap, friction=cl.Coulomb(0.0))
     before = moving.solve(certificate=False).summary
     way.value[:], gap.value, mu.value = (0.003, 0.002), -0.002, 0.3
     after = moving.solve(certificate=False).summary

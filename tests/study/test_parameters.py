@@ -26,7 +26,7 @@ def test_defaults_are_the_block_without_loads() -> None:
     assert parameters.material.elasticity.poisson == 0.3
     assert parameters.material.locking_limit == math.inf
     assert parameters.contact_names == ("bottom",)
-    assert parameters.friction.coefficient == 0.0
+    assert parameters.friction.is_zero
     assert parameters.penalty.n == math.inf
     assert parameters.friction.regularisation is None
     assert parameters.penalty.epsilon is None
@@ -118,8 +118,7 @@ def test_the_json_schema_has_the_bounds_of_numbers() -> None:
     assert bounds("Elasticity", "young") == positive
     assert bounds("Elasticity", "poisson") == [{"exclusiveMinimum": -1, "exclusiveMaximum": 0.5}]
     assert bounds("MaterialParameters", "locking_limit") == positive
-    assert bounds("FrictionParameters", "coefficient") == [{"minimum": 0}]
-    assert bounds("OwnFriction", "coefficient") == [{"minimum": 0}]
+    assert bounds("Coulomb", "coefficient") == [{"minimum": 0}]
     assert bounds("SolverParameters", "max_iterations") == [{"minimum": 1, "maximum": 10**9}]
     assert bounds("SolverParameters", "tolerance") == [
         {"exclusiveMinimum": 0, "exclusiveMaximum": 1}

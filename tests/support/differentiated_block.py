@@ -92,13 +92,12 @@ def block(
         coefficient(mu) if coefficient else lambda x, s: mu.value * np.exp(-s / 0.05),
         kernel or cl.Convolution(0.3),
     )
-    foundation = cl.Gap(lambda x: np.full(x.shape[1], gap.value))
     problem = cl.ContactProblem(
         cl.Elasticity(young=young, poisson=0.3),
         loads,
         [clamp],
         [cl.StrainBall(limit)],
-        [cl.Contact(bottom, foundation, law)],
+        [cl.Contact(bottom, friction=law, gap=gap)],
         space=space,
         n=n,
         # Differences of solves show what the solves leave, divided by their width.

@@ -17,13 +17,13 @@ import scipy.sparse as sp
 from simplices import Body
 
 from contact_locking.arrays import AXES, BoolArray, FloatArray
+from contact_locking.contact import contact as concepts
 from contact_locking.contact.pairing import Side, pair
 from contact_locking.expressions import parse
 from contact_locking.laws.elasticity import mean_young
 from contact_locking.mesh.domain import Domain
 from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.contact_sections import ContactParameters
 from contact_locking.study_file.parameters.material import Elasticity
 
 from .boxes import Boxes
@@ -310,7 +310,7 @@ def _contact(
 
 
 def _of_part(
-    part: ContactParameters,
+    part: concepts.Contact,
     geometry: Geometry,
     body: Body,
     free: BoolArray,
@@ -340,7 +340,7 @@ def _of_part(
 
 
 def _between(
-    part: ContactParameters,
+    part: concepts.Contact,
     geometry: Geometry,
     added: FloatArray,
     free: BoolArray,

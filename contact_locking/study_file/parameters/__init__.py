@@ -14,13 +14,17 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import (
     AfterValidator,
+    Field,
     ModelWrapValidatorHandler,
+    Tag,
     TypeAdapter,
     ValidationError,
     ValidationInfo,
     model_validator,
 )
 
+from contact_locking.contact.contact import Contact
+from contact_locking.contact.friction import Coulomb
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, Table
 from contact_locking.plain_text import nearest
@@ -39,12 +43,20 @@ from contact_locking.values.concept import (
     refuse_if,
     sections,
 )
-from contact_locking.values.kinds import SCOPE, Number, ScalarRule, Scope, Text
+from contact_locking.values.kinds import (
+    LIST,
+    SCOPE,
+    SECTION,
+    Number,
+    ScalarRule,
+    Scope,
+    Text,
+    list_or,
+)
 from contact_locking.values.table_file import TableFile
 from contact_locking.values.value import Value
 
 from .boundary import LoadParameters, name_faults
-from .contact_sections import ContactParameters, ContactSection, FrictionParameters, OneOrSeveral
 from .fit import FitParameters
 from .material import MaterialParameters
 from .mesh import MeshParameters
@@ -85,6 +97,12 @@ def _named(what: str) -> AfterValidator:
     return AfterValidator(check)
 
 
+# Each section adds integrals to the forms, and compiling long forms takes long.
+_MOST_CONTACTS = 100
+_Several = Annotated[tuple[Contact, ...], Field(max_length=_MOST_CONTACTS), Tag(LIST)]
+_OneOrSeveral = Annotated[Annotated[Contact, Tag(SECTION)] | _Several, list_or(SECTION)]
+
+
 class Parameters(Concept):
     """A study file: the problem, the solver, the results, and the study of many cases if any."""
 
@@ -99,12 +117,12 @@ class Parameters(Concept):
     )
     material: MaterialParameters = entry(MaterialParameters(), "the material (1)")
     loads: LoadParameters = entry(LoadParameters(), "loads and supports")
-    contact: OneOrSeveral = entry(
-        ContactSection(),
+    contact: _OneOrSeveral = entry(
+        Contact(),
         "unilateral contact (5): one section, or a list of sections, which have the keys "
         "contact.INDEX.on and so on",
     )
-    friction: FrictionParameters = entry(FrictionParameters(), "Coulomb's friction (6)")
+    friction: Coulomb = entry(Coulomb(), "Coulomb's friction (6)")
     steps: StepParameters | None = entry(
         None, "the times of a process, whose loads and gaps depend on t; null: one static problem"
     )
@@ -157,10 +175,15 @@ class Parameters(Concept):
             SCOPE.reset(token)
 
     @property
-    def contacts(self) -> tuple[ContactParameters, ...]:
+    def contacts(self) -> tuple[Contact, ...]:
         """The parts of Gamma_C, each with its complete law of friction; empty without contact."""
         return tuple(
-            section.resolved(dotted(*place), self.friction)
+            section.model_copy(
+                update={
+                    "at": dotted(*place),
+                    "friction": (section.friction or Coulomb()).over(self.friction),
+                }
+            )
             for place, section in self._contact_sections()
             if section.on
         )
@@ -174,7 +197,8 @@ class Parameters(Concept):
     def refined_names(self) -> tuple[str, ...]:
         """The boundary parts of a builder that ``h_contact`` refines: Gamma_C, or what has it."""
         own = () if self.mesh.geometry is None else self.mesh.geometry.facet_names
-        names = [*self.contact_names, *(name for item in self.contacts for name in item.against)]
+        others = [name for item in self.contacts for name in item.against or ()]
+        names = [*self.contact_names, *others]
         return tuple(name for name in self._of_the_mesh(names) if name in own)
 
     @property
@@ -210,18 +234,16 @@ class Parameters(Concept):
         """A warning about each friction coefficient that has no contact to act on."""
         for place, section in self._contact_sections():
             key = dotted(*place)
-            given = section.resolved(key, self.friction)
-            where = given.friction_key("coefficient")
-            is_only_here = not self.contacts or where.startswith(key)
-            if not section.on and given.friction.coefficient != 0 and is_only_here:
-                yield f"{where}: has no effect, as {key}.on is empty, and there is no contact"
-        if not self._contact_sections() and self.friction.coefficient != 0:
-            yield "friction.coefficient: has no effect, as contact is empty"
+            if not section.on and section.friction is not None and not section.friction.is_zero:
+                told = f"has no effect, as {key}.on is empty, and there is no contact"
+                yield f"{key}.friction.coefficient: {told}"
+        if not self.contacts and not self.friction.is_zero:
+            yield "friction.coefficient: has no effect, as there is no contact"
 
     def limit(self) -> Parameters:
         """The variational inequality on the same mesh: n = .inf, and no regularisation."""
 
-        def exact(section: ContactSection) -> ContactSection:
+        def exact(section: Contact) -> Contact:
             own = section.friction
             friction = None if own is None else own.model_copy(update={"regularisation": None})
             return section.model_copy(update={"friction": friction})
@@ -311,8 +333,8 @@ class Parameters(Concept):
         if self.penalty.n == math.inf:
             yield Fault(("penalty", "n"), f".inf {instead}, or a finite n such as 1e6")
         for contact in self.contacts:
-            if contact.friction.regularisation == 0.0:
-                place = tuple(contact.friction_key("regularisation").split("."))
+            if contact.friction is not None and contact.friction.regularisation == 0.0:
+                place = (*contact.key.split("."), "friction", "regularisation")
                 yield Fault(place, f"0, without a smooth law, {instead}, or a positive length")
 
     def _mesh_faults(self) -> Iterator[Fault]:
@@ -324,7 +346,7 @@ class Parameters(Concept):
                     "what acts along the radius in loads.pressures or loads.tractions",
                 )
 
-    def _contact_sections(self) -> list[tuple[Place, ContactSection]]:
+    def _contact_sections(self) -> list[tuple[Place, Contact]]:
         if isinstance(self.contact, tuple):
             return [(("contact", index), entry) for index, entry in enumerate(self.contact)]
         return [(("contact",), self.contact)]
@@ -337,8 +359,9 @@ class Parameters(Concept):
         parts = {"material": (cells, "the body"), "loads": (facets, "the boundary")}
         parts["contact"] = parts["loads"]
         for place, section in sections(self):
-            for key in ("on", "against") if place and place[0] in parts else ():
-                for name in getattr(section, key, None) or ():
+            keys = {"on", "against"}.intersection(type(section).model_fields)
+            for key in sorted(keys) if place and place[0] in parts else ():
+                for name in getattr(section, key) or ():
                     yield from _unknown_name((*place, key), name, *parts[str(place[0])])
 
     def _expression_faults(self) -> Iterator[Fault]:

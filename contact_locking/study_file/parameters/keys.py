@@ -11,6 +11,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from contact_locking.meshes import BUILDERS
+from contact_locking.values.concept import ONLY
 
 from .mesh import MeshParameters, builder_types
 
@@ -22,7 +23,7 @@ def visible_fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
     return {
         field.alias or name: field
         for name, field in model.model_fields.items()
-        if not field.exclude
+        if not field.exclude and field.alias != ONLY
     }
 
 

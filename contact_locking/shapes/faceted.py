@@ -3,16 +3,34 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from abc import abstractmethod
+from collections.abc import Iterator
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import BeforeValidator, Field, Tag, model_validator
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.laws.foundation import Foundation
+from contact_locking.laws.rigid_motion import RigidMotion
+from contact_locking.shapes.shape import Shape
+from contact_locking.shapes.tool_files import MOST_CORNERS, read_corners, read_surface
+from contact_locking.values.concept import (
+    LIST,
+    ONLY,
+    TEXT,
+    BodyKind,
+    Components,
+    Fault,
+    entry,
+    hidden,
+)
+from contact_locking.values.kinds import Number, Positive, Switch, ToolFile, list_or, plain
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 # As many distances between points and segments are computed at once.
 _AT_ONCE = 1 << 20
@@ -27,7 +45,7 @@ _NEAR = 1e-6
 _SHARP = 0.985
 
 
-class FacetedFoundation(Foundation, ABC):
+class FacetedFoundation(Shape):
     """The signed distance to facets, positive on the side of their normals."""
 
     @property
@@ -51,6 +69,10 @@ class FacetedFoundation(Foundation, ABC):
     @abstractmethod
     def at_open_end(self, x: FloatArray) -> BoolArray:
         """(k,) whether the rim of an open surface is nearest to each point (d, k)."""
+
+    def outline(self, motion: RigidMotion, box: FloatArray) -> FloatArray:
+        dim = self.facets.shape[2]
+        return motion.place(self.facets.reshape(-1, dim).T).T.reshape(self.facets.shape)
 
     @property
     def extent(self) -> float:
@@ -104,16 +126,73 @@ class FacetedFoundation(Foundation, ABC):
         return depths, found
 
 
-@dataclass(frozen=True)
+_Corners = Annotated[
+    tuple[Annotated[tuple[Number, ...], Components(2)], ...],
+    Field(min_length=2, max_length=MOST_CORNERS),
+    Tag(LIST),
+]
+_CornersOrFile = Annotated[
+    _Corners | Annotated[ToolFile, Tag(TEXT)], list_or(TEXT), BeforeValidator(plain)
+]
+
+
 class Polyline(FacetedFoundation):
-    """The signed distance to a polyline, positive on the right of the way along ``corners`` (m, 2).
+    """The signed distance to a polyline, positive on the right of the way along ``points`` (m, 2).
 
     The foundation is on the left, so that a closed outline runs counterclockwise around it.  The
     line is closed if its last corner is the first.  At a corner the sign is that of the mean of the
-    normals of both segments, and beyond an open end that of the end's segment.
+    normals of both segments, and beyond an open end that of the end's segment.  ``points`` are the
+    corners, or a CSV file with the columns x and y.
     """
 
-    corners: FloatArray
+    key = "polyline"
+    text = (
+        "in 2D the corners of its outline, or a CSV file with the columns x and y; the rigid body "
+        "is on the left of the way from corner to corner"
+    )
+    unit = "length"
+    turn = "reverse the corners: the foundation is on the left of the way from one to another"
+
+    points: _CornersOrFile = entry(..., "the corners", "length", alias=ONLY)
+
+    def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
+        if body.dim != 2:
+            yield Fault((), "is for 2D; in 3D take surface")
+
+    @property
+    def file(self) -> str | None:
+        """The file with the corners, if they are in one."""
+        return self.points if isinstance(self.points, str) else None
+
+    def read(self, comm: MPI.Intracomm) -> Polyline:
+        # A study file is read without MPI.
+        from contact_locking.parallel import on_root
+
+        found: Polyline = self
+        if self.file is not None:
+            path = Path(self.file)
+            found = _line(on_root(comm, lambda: read_corners(path, MOST_CORNERS)))
+        if len(found.corners) < 2:
+            raise InputError("has no segment: give at least two corners at different places")
+        if (crossing := found.crossing()) is not None:
+            first, second = crossing
+            raise InputError(
+                f"crosses or touches itself: segments {first + 1} and {second + 1} meet, so that "
+                "it has no two sides"
+            )
+        return found
+
+    @property
+    def warnings(self) -> list[str]:
+        twice = len(self.points) - len(self.corners)
+        return [f"{twice} corners stand twice in a row"] if twice else []
+
+    @cached_property
+    def corners(self) -> FloatArray:
+        """The corners (m, 2), without those that are where the corner before is."""
+        found = np.array(self.points, dtype=float)
+        kept = np.append(True, np.any(np.diff(found, axis=0) != 0.0, axis=1))
+        return np.asarray(found[kept])
 
     @property
     def is_closed(self) -> bool:
@@ -128,7 +207,7 @@ class Polyline(FacetedFoundation):
         return np.asarray(self.corners[inside])
 
     def reversed(self) -> Polyline:
-        return Polyline(self.corners[::-1])
+        return _line(self.corners[::-1])
 
     def gap(self, x: FloatArray) -> FloatArray:
         return self._signed(x)[0]
@@ -184,20 +263,81 @@ class Polyline(FacetedFoundation):
         return sign * distance, np.where(on[:, None], pseudo, direction).T
 
 
+def _line(corners: Any) -> Polyline:
+    """The polyline of corners (m, 2)."""
+    return Polyline(corners)
+
+
 class TriangulatedSurface(FacetedFoundation):
     """The signed distance to triangles in space, positive on the side of their normals.
 
     ``points`` (m, 3) are the corners, each once, and ``triangles`` (n, 3) are numbers of corners,
-    counterclockwise seen from outside.  VTK finds the nearest point, and the sign by the normal
-    there: at an edge or a corner the mean of the normals, weighted by the angles of the triangles
-    (Baerentzen and Aanaes, doi:10.1109/TVCG.2005.49).
+    counterclockwise seen from outside; or ``file`` has them.  VTK finds the nearest point, and the
+    sign by the normal there: at an edge or a corner the mean of the normals, weighted by the angles
+    of the triangles (Baerentzen and Aanaes, doi:10.1109/TVCG.2005.49).
     """
 
-    def __init__(self, points: FloatArray, triangles: IntArray) -> None:
-        self.points, self.triangles = points, triangles
-        self._size = float(np.ptp(points, axis=0).max())
-        # The last points with their results: callers ask for gap and normal one after the other.
-        self._last: tuple[FloatArray, FloatArray, FloatArray] | None = None
+    key = "surface"
+    text = "in 3D a surface of triangles or a height map; a text is its file"
+    turn = "turn the triangles with surface: {file: ..., turned: true}"
+
+    points: Any = hidden("points")
+    triangles: Any = hidden("triangles")
+    file: ToolFile | None = entry(
+        None,
+        "an STL file, a Gmsh file with triangles, or a height map (.csv, .npy), relative to the "
+        "study file",
+    )
+    spacing: tuple[Positive, Positive] | None = entry(
+        None,
+        "of a height map whose rows are heights: the distances dx of its columns and dy of its "
+        "rows; null: its rows are x, y, z",
+        "length",
+    )
+    scale: Positive = entry(1.0, "factor of its coordinates, such as 0.001 from mm to m", "1")
+    shift: Annotated[tuple[Number, ...], Components(3)] | None = entry(
+        None, "added to its coordinates after scale; null: nothing", "length"
+    )
+    turned: Switch = entry(False, "whether the other side of the triangles is outside")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_value(cls, data: Any) -> Any:
+        return {"file": data} if isinstance(data, str) else data
+
+    def _faults(self) -> Iterator[Fault]:
+        if (self.file is None) == (self.points is None):
+            yield Fault(("file",), "is missing: give a file, or points and triangles in a script")
+
+    def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
+        if body.dim != 3:
+            yield Fault((), "is for 3D; in 2D take polyline")
+
+    def read(self, comm: MPI.Intracomm) -> TriangulatedSurface:
+        from contact_locking.parallel import on_root
+
+        if self.file is None:
+            return self
+        path, shift = Path(self.file), self.shift or (0.0, 0.0, 0.0)
+        found = on_root(
+            comm, lambda: read_surface(path, self.scale, shift, self.turned, self.spacing)
+        )
+        surface = TriangulatedSurface(found.points, found.triangles)
+        surface.warnings.extend(found.warnings)
+        return surface
+
+    @cached_property
+    def warnings(self) -> list[str]:
+        return []
+
+    @property
+    def _size(self) -> float:
+        return float(np.ptp(self.points, axis=0).max())
+
+    @cached_property
+    def _last(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+        """The last points with their results: callers ask for gap and normal after each other."""
+        return []
 
     @property
     def facets(self) -> FloatArray:
@@ -271,15 +411,15 @@ class TriangulatedSurface(FacetedFoundation):
 
     def _nearest(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The signed distance (k,), and the nearest place (3, k) of the surface."""
-        if self._last is not None and np.array_equal(self._last[0], x):
-            return self._last[1:]
+        if self._last and np.array_equal(self._last[0][0], x):
+            return self._last[0][1:]
         distances, places = np.empty(x.shape[1]), np.empty((x.shape[1], 3))
         found = [0.0, 0.0, 0.0]
         for number, point in enumerate(x.T):
             distances[number] = self._distance.EvaluateFunctionAndGetClosestPoint(point, found)
             places[number] = found
-        self._last = x.copy(), distances, places.T
-        return self._last[1:]
+        self._last[:] = [(x.copy(), distances, places.T)]
+        return distances, places.T
 
     @cached_property
     def _distance(self) -> Any:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import contourpy
 import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
-from contact_locking.laws.foundation import Cylinder, Foundation, Sphere
-from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion
+from contact_locking.shapes.distance import Distance
 
 # The box reaches beyond the body by this share of the longest edge of the body's own box.
 _BESIDE = 0.25
@@ -26,21 +24,11 @@ def box_around(bounding_box: FloatArray, axisymmetric: bool) -> FloatArray:
     return np.stack([low, high])
 
 
-def outline(body: Foundation, motion: RigidMotion, box: FloatArray) -> FloatArray:
-    """The facets (t, d, d) of a foundation at its place in a box (2, d), by their corners.
+def zero_line(body: Distance, box: FloatArray) -> FloatArray:
+    """The segments (m, 2, 2) of ``phi = 0`` in a box (2, 2), with the foundation on their left."""
+    # Its import would take long where nothing is drawn.
+    import contourpy
 
-    In 2D these are the segments of the line ``phi = 0``, with the foundation on their left.  In 3D
-    a ball has facets, and a foundation of another shape has none.
-    """
-    if box.shape[1] == 2:
-        return _zero_line(MovedFoundation(body, motion), box)
-    if isinstance(body, Sphere) and not isinstance(body, Cylinder):
-        centre = motion.place(np.array(body.centre, dtype=float)[:, None])[:, 0]
-        return _ball(centre, body.radius, box)
-    return np.empty((0, 3, 3))
-
-
-def _zero_line(body: Foundation, box: FloatArray) -> FloatArray:
     x, y = (np.linspace(low, high, _GRID) for low, high in box.T)
     points = np.stack(np.meshgrid(x, y)).reshape(2, -1)
     try:
@@ -61,7 +49,7 @@ def _segments(line: FloatArray) -> FloatArray:
     return np.asarray(found[np.any(found[:, 0] != found[:, 1], axis=1)])
 
 
-def _ball(centre: FloatArray, radius: float, box: FloatArray) -> FloatArray:
+def ball(centre: FloatArray, radius: float, box: FloatArray) -> FloatArray:
     """A ball, or of a ball that is wider than the box the cap that is nearest to its middle."""
     away = box.mean(axis=0) - centre
     distance = float(np.linalg.norm(away))
