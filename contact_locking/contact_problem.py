@@ -36,7 +36,6 @@ from contact_locking.problem.springs import OwnSupport
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Differentiable, Solution
-from contact_locking.script_names import in_script, script_names
 from contact_locking.solver.task import Settings, SolverReport
 from contact_locking.supports.conditions import constrain
 from contact_locking.supports.supports import Support
@@ -67,7 +66,6 @@ class ContactProblem:
     that cannot be used.
     """
 
-    @script_names()
     def __init__(
         self,
         a: ufl.Form | Elasticity,
@@ -137,7 +135,6 @@ class ContactProblem:
     def domain(self) -> Domain:
         return self._discrete.domain
 
-    @script_names()
     def solve(
         self,
         after: Solution | None = None,
@@ -176,8 +173,7 @@ class ContactProblem:
         """The solution of a report of ``solver``, the last one; as in :meth:`solve`."""
         state = self.solver.state(report)
         judged = certify(state, extras or Extras()) if certificate else None
-        solution = solution_of(state, judged, derivatives)
-        return solution.telling(**in_script(solution.summary))
+        return solution_of(state, judged, derivatives)
 
     def begin(self, after: Solution | None = None) -> None:
         """Put the present data into ``solver``, and the memory of friction; as in :meth:`solve`."""

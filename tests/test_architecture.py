@@ -27,7 +27,7 @@ WINGS = ("theory", "inverse", "view")
 # A module imports only from its own package and from those above it in this list.
 LAYERS = (
     ("errors", "arrays", "_version", "plain_text", "monitor"),
-    ("wings", "_compat", "parallel", "files", "script_names"),
+    ("wings", "_compat", "parallel", "files"),
     ("expressions", "meshes"),
     ("values",),
     ("laws",),

@@ -36,7 +36,6 @@ from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import ContactFields
 from contact_locking.results.quantities import look_up
 from contact_locking.results.solution import StudySolution
-from contact_locking.script_names import script_names
 from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.task import Settings, SolverReport, Task
 from contact_locking.study.assembly import StudyProblem, assemble
@@ -75,7 +74,6 @@ class LazyDerivatives:
         self._made: Derivatives | None = None
         self._is_closed = False
 
-    @script_names()
     def derivative(self, quantity: str, of: Any) -> Any:
         """As :meth:`contact_locking.results.solution.Solution.derivative`."""
         match of:

@@ -15,7 +15,6 @@ from contact_locking.process.of_study import certified, of_study
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results import names
 from contact_locking.results.solution import Solution, StudySolution
-from contact_locking.script_names import in_script, script_names
 from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem
 from contact_locking.study_file.dump import plain
@@ -26,7 +25,6 @@ from contact_locking.theory.equilibria.search import NO_START, Diagram, DiagramP
 from contact_locking.theory.equilibria.search import equilibria as search
 
 
-@script_names()
 def equilibria(
     problem: ContactProblem,
     find: int = 5,
@@ -66,7 +64,6 @@ def equilibria(
     return solutions
 
 
-@script_names()
 def branch(
     problem: ContactProblem,
     to: float = 2.0,
@@ -104,8 +101,7 @@ def branch(
             solver.problem.place()
             solver.system.assemble_loads()
 
-    made = diagram(solver.task, to, load)
-    return dataclasses.replace(made, end=in_script(made.end))
+    return diagram(solver.task, to, load)
 
 
 _COLUMNS = ("index", "contact_force", "friction_force", "elastic_energy", "compliance")

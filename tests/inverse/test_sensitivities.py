@@ -14,7 +14,6 @@ from contact_locking.inverse.numbers import number_at, with_number
 from contact_locking.inverse.sensitivities import in_rows, value_of
 from contact_locking.monitor import Monitor
 from contact_locking.process.solving import solve
-from contact_locking.study.assembly import resolved
 from contact_locking.study_file.dump import plain
 
 SHARP = {"tolerance": 1e-10, "friction_tolerance": 1e-11}
@@ -39,11 +38,11 @@ def study(**changes: Any) -> cl.Parameters:
 
 @pytest.mark.serial
 def test_names_stand_for_their_numbers() -> None:
-    found = resolved(study())
-    assert found.parameters is None
-    assert found.friction.coefficient == "(0.3)*exp(-s/(0.05))"
-    varied = with_number(study(), "parameters.mu0", 0.4)
-    assert resolved(varied).friction.coefficient == "(0.4)*exp(-s/(0.05))"
+    places, slip = np.zeros((2, 1)), np.array([0.05])
+    for parameters, mu0 in ((study(), 0.3), (with_number(study(), "parameters.mu0", 0.4), 0.4)):
+        mu = parameters.friction.coefficient
+        assert mu is not None and mu == "mu0*exp(-s/s0)"
+        assert mu.at(places, s=slip) == pytest.approx(mu0 * np.exp(-1.0))
 
 
 @pytest.mark.serial
