@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     from contact_locking.study_file import from_mapping as from_mapping
     from contact_locking.study_file import load as load
     from contact_locking.study_file.parameters import Parameters as Parameters
-    from contact_locking.supports.supports import Support as Support
+    from contact_locking.supports.support import Support as Support
     from contact_locking.theory.solutions import branch as branch
     from contact_locking.theory.solutions import equilibria as equilibria
 
@@ -94,7 +94,7 @@ _NAMES = {
     "study.assembly": "assemble",
     "study_file": "from_mapping load",
     "study_file.parameters": "Parameters",
-    "supports.supports": "Support",
+    "supports.support": "Support",
     "theory.solutions": "branch equilibria",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}

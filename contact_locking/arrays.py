@@ -1,9 +1,9 @@
-"""Types of NumPy arrays, the names of the axes, numbers at present, and moments of forces."""
+"""Types of NumPy arrays, the names of the axes, and moments of forces."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,18 +20,6 @@ AXES = ("x", "y", "z")
 #: Bounds of the absolute values of quantities, and of divisors.  No quantity reaches them in any
 #: unit, and products of three such values stay in the range of double precision.
 LARGEST, SMALLEST = 1e100, 1e-100
-
-
-def present(value: Any) -> FloatArray:
-    """The numbers of a value, or those that a constant of DOLFINx has at present."""
-    return np.array(getattr(value, "value", value), dtype=float)
-
-
-def values_at(data: Any, x: FloatArray) -> FloatArray:
-    """The present values (k,) of a number, a constant or a function of points, at points (d, k)."""
-    # Constants of DOLFINx can be called as well.
-    is_function = callable(data) and not hasattr(data, "value")
-    return np.broadcast_to(present(data(x) if is_function else data), x.shape[1:]).copy()
 
 
 def moments(x: FloatArray, forces: FloatArray) -> FloatArray:

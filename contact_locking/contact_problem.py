@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from numbers import Real
 from typing import Any, TypeAlias
 
@@ -15,7 +13,6 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import values_at
 from contact_locking.certificate import Extras, certify
 from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
@@ -38,7 +35,7 @@ from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Differentiable, Solution
 from contact_locking.solver.task import Settings, SolverReport
 from contact_locking.supports.conditions import constrain
-from contact_locking.supports.supports import Support
+from contact_locking.supports.support import Support
 from contact_locking.values.concept import BodyKind, dimension_faults, dotted
 
 Condition: TypeAlias = fem.DirichletBC | Support
@@ -94,24 +91,27 @@ class ContactProblem:
         placed = [_contact(item, places, number) for number, item in enumerate(contacts)]
         supports = [item for item in bcs if isinstance(item, Support)]
         held = [
-            _support(item, places, f"supports.{number}", space.mesh.topology.dim)
+            item.model_copy(update={"on": places.add(item.on, key), "at": key})
             for number, item in enumerate(supports)
+            for key in (f"supports.{number}",)
         ]
         domain = places.domain()
         domain = half_section(domain, "axisymmetric") if axisymmetric else domain
-        for item in placed:
+        concepts: list[Contact | Support] = [*placed, *held]
+        for item in concepts:
             for fault in dimension_faults(item, BodyKind(domain.dim, axisymmetric)):
                 raise InputError(fault.message, dotted(item.key, *fault.place))
         if energy is not None:
             require_energy(energy, space)
         given = [item for item in bcs if not isinstance(item, Support)]
+        clock = Clock(space.mesh)
         form, others = (None, None) if isinstance(a, Elasticity) else split(a)
         body = Body(
             domain=domain,
             element=element,
             space=space,
             elasticity=a if isinstance(a, Elasticity) else elasticity_of(form),
-            constraints=constrain(domain, space, [], held, given),
+            constraints=constrain(domain, space, [], held, given, clock),
             loads=L,
             form=form,
             springs=() if others is None else (OwnSupport(others),),
@@ -119,7 +119,7 @@ class ContactProblem:
             own_energy=energy,
             supports=[name for support in held for name in support.on],
         )
-        self._discrete = DiscreteProblem(body, placed, n, compliance, Clock(space.mesh))
+        self._discrete = DiscreteProblem(body, placed, n, compliance, clock)
         for contact in self._discrete.contacts:
             contact_checks.check_friction(contact)
         #: What solves the problem, for what is built on top of it.
@@ -261,21 +261,3 @@ def _contact(given: Contact, places: NamedFacets, number: int) -> Contact:
     on = places.add(given.on, key)
     against = None if given.against is None else places.add(given.against, f"{key}.against")
     return given.model_copy(update={"on": on, "against": against, "at": key})
-
-
-def _support(given: Support, places: NamedFacets, key: str, dim: int) -> Support:
-    """A support on boundary parts, whose values are read before each solve; collective."""
-    on = places.add(given.on, key)
-    if given.along is not None:
-        try:
-            along = np.asarray(given.along, dtype=float)
-        except (TypeError, ValueError):
-            along = np.zeros(0)
-        if along.shape != (dim,) or not 0.0 < np.linalg.norm(along) < math.inf:
-            raise InputError(
-                f"must be None for the outward normal, or {dim} numbers that are not all zero, "
-                f"not {given.along!r}",
-                f"{key}.along",
-            )
-    value = partial(values_at, given.value)
-    return dataclasses.replace(given, on=on, value=value, key=key, timed=True)

@@ -9,7 +9,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking.arrays import AXES, BoolArray, FloatArray, IntArray, present
+from contact_locking.arrays import AXES, BoolArray, FloatArray, IntArray
 from contact_locking.contact.smoothing import (
     ConvolutionOperator,
     HelmholtzOperator,
@@ -97,7 +97,7 @@ def law_of(mu: FrictionLaw | Coefficient | Value | None, comm: MPI.Intracomm) ->
         lipschitz = None if "s" in mu.expression.names else 0.0
         return FrictionLaw(partial(_of_expression, comm, mu), None, lipschitz)
     if isinstance(data, fem.Constant):
-        return FrictionLaw(lambda points, slip: present(data), None, 0.0)
+        return FrictionLaw(lambda points, slip: data.value, None, 0.0)
     return data if isinstance(data, FrictionLaw) else FrictionLaw(data)
 
 

@@ -36,7 +36,7 @@ from contact_locking.study_file.parameters import HOLD_ALONG, Parameters
 from contact_locking.study_file.parameters.boundary import LoadParameters
 from contact_locking.study_file.parameters.mesh import BoundaryPart, MeshParameters
 from contact_locking.supports.conditions import ComponentCondition, constrain
-from contact_locking.supports.supports import Support
+from contact_locking.supports.support import Support
 from contact_locking.values.concept import BodyKind, dimension_faults, dotted
 from contact_locking.values.value import Value
 
@@ -62,7 +62,7 @@ class StudyProblem(DiscreteProblem):
         given = MaterialOfStudy(domain, parameters.material, clock)
         conditions, supports, of_values = _held(domain, parameters.loads, clock)
         told += of_values
-        constraints = constrain(domain, space, conditions, supports)
+        constraints = constrain(domain, space, conditions, supports, [], clock)
         contacts = [_with_radius(domain, item) for item in parameters.contacts]
         self.loads = build_loads(domain, parameters.loads, element, clock)
         springs, of_springs = springs_of(domain, parameters.loads.springs)
@@ -289,10 +289,8 @@ def _held(
                 field = prescribed(condition.on, value, key)
                 conditions.append(ComponentCondition(condition.on, j, field, key, value.is_timed))
     for i, support in enumerate(loads.supports):
-        key = f"loads.supports.{i}"
-        field = prescribed(support.on, support.value, f"{key}.value")
-        along = None if support.along == "normal" else support.along
-        supports.append(Support(support.on, along, field, key, support.value.is_timed))
+        supports.append(support.model_copy(update={"at": f"loads.supports.{i}"}))
+        prescribed(support.on, support.value, f"loads.supports.{i}.value")
     return conditions, supports, warnings
 
 

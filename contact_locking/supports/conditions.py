@@ -15,12 +15,13 @@ from contact_locking import _compat
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.fem.joint_forms import JointForm
+from contact_locking.fields.clock import Clock
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.half_section import axis_condition
 from contact_locking.parallel import agree, maximum, minimum
+from contact_locking.supports.support import Support
 from contact_locking.supports.supports import (
     AGREES,
-    Support,
     Supports,
     axis_of,
     place,
@@ -211,8 +212,9 @@ def constrain(
     domain: Domain,
     space: fem.FunctionSpace,
     wanted: Sequence[ComponentCondition],
-    supports: Sequence[Support] = (),
-    given: Sequence[fem.DirichletBC] = (),
+    supports: Sequence[Support],
+    given: Sequence[fem.DirichletBC],
+    clock: Clock,
 ) -> Constraints:
     """The displacement conditions and supports of a space of displacements; collective.
 
@@ -224,14 +226,14 @@ def constrain(
     oblique = []
     components: list[ComponentCondition] = []
     for support in supports:
-        placed = place(domain, space, support)
+        placed = place(domain, space, support, clock)
         axis = axis_of(domain, placed)
         if axis is None:
             oblique.append(placed)
             continue
-        value = partial(_signed, support.value, axis[1])
-        key = support.key
-        components.append(ComponentCondition(support.on, axis[0], value, key, support.timed))
+        value = partial(_signed, placed.value, axis[1])
+        is_timed = support.value.is_timed
+        components.append(ComponentCondition(support.on, axis[0], value, support.key, is_timed))
     wanted = [*components, *wanted]
     conditions: list[fem.DirichletBC] = []
     timed: list[tuple[ComponentCondition, fem.Function]] = []

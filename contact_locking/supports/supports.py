@@ -6,7 +6,6 @@ import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -17,10 +16,13 @@ from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.fem.trace import facet_nodes
+from contact_locking.fields.clock import Clock
+from contact_locking.fields.values import PresentValue
 from contact_locking.mesh.cell_kind import CellKind
-from contact_locking.mesh.domain import Domain, Where
+from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.rank_sums import summed
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
+from contact_locking.supports.support import Support
 
 
 class HeldDirections:
@@ -151,31 +153,17 @@ AGREES = 1e-9
 
 
 @dataclass(frozen=True)
-class Support:
-    """``u . m = value`` on a part of the boundary, which slides freely across m.
-
-    ``on`` are names of boundary parts, local indices of exterior facets (k,), or a pair of mesh
-    tags and a value.  ``along`` is the direction m, of any length, or None for the outward normal.
-    ``value`` is a length: a number, a constant of DOLFINx, or a function of points (d, k) with
-    values (k,).  ``key`` names the support in messages, and ``timed`` says that the values may
-    change.
-    """
-
-    on: Where
-    along: tuple[float, ...] | None = None
-    value: Any = 0.0
-    key: str = "support"
-    timed: bool = False
-
-
-@dataclass(frozen=True)
 class PlacedSupport:
-    """A support with its local ``nodes`` (k,), ghosts included, and directions m (k, d)."""
+    """A support with its local ``nodes`` (k,), ghosts included, and directions m (k, d).
+
+    ``value`` gives the present displacements (k,) along m.
+    """
 
     support: Support
     nodes: IndexArray
     directions: FloatArray
     points: FloatArray
+    value: PresentValue
 
     def rows_at(self, nodes: IndexArray) -> tuple[IndexArray, FloatArray]:
         """The directions at those of the given nodes that the support holds.
@@ -186,7 +174,9 @@ class PlacedSupport:
         return places, self.directions[np.searchsorted(self.nodes, nodes[places])]
 
 
-def place(domain: Domain, space: fem.FunctionSpace, support: Support) -> PlacedSupport:
+def place(
+    domain: Domain, space: fem.FunctionSpace, support: Support, clock: Clock
+) -> PlacedSupport:
     """Find the nodes and the directions of a support; collective.
 
     Raises InputError for a boundary part whose normal jumps at a node.
@@ -195,12 +185,13 @@ def place(domain: Domain, space: fem.FunctionSpace, support: Support) -> PlacedS
     nodes = np.unique(fem.locate_dofs_topological(space, domain.dim - 1, facets))
     nodes = np.asarray(nodes, dtype=np.int32)
     points = space.tabulate_dof_coordinates()[nodes, : domain.dim]
-    if support.along is None:
+    if support.along == "normal":
         directions = _nodal_normals(domain, space, support, facets)[nodes]
     else:
         unit = np.array(support.along) / np.linalg.norm(support.along)
         directions = np.tile(unit, (len(nodes), 1))
-    return PlacedSupport(support, nodes, directions, np.asarray(points.T))
+    value = PresentValue(domain.comm, support.value, f"{support.key}.value", clock)
+    return PlacedSupport(support, nodes, directions, np.asarray(points.T), value)
 
 
 def axis_of(domain: Domain, placed: PlacedSupport) -> tuple[int, float] | None:
@@ -258,7 +249,7 @@ class Supports:
     @property
     def timed(self) -> bool:
         """Whether prescribed values depend on the time."""
-        return any(item.support.timed for item in self.placed)
+        return any(item.support.value.is_timed for item in self.placed)
 
     def advance(self, u: fem.Function) -> None:
         """Find the prescribed displacements; collective.
@@ -268,7 +259,7 @@ class Supports:
         """
         if not self.placed:
             return
-        wanted = [np.asarray(item.support.value(item.points)) for item in self.placed]
+        wanted = [item.value(item.points) for item in self.placed]
         nodes, dim = self.directions.nodes, self.domain.dim
         nodal = u.x.array.reshape(-1, dim)
         given = np.zeros(self._rows.shape[:2])
@@ -309,7 +300,7 @@ class Supports:
                 close = (sine > _SAME) & (sine < _TOO_CLOSE)
                 if first < len(self.placed):
                     normals = (self.placed[first].support.along, item.support.along)
-                    if normals == (None, None):
+                    if normals == ("normal", "normal"):
                         close |= (sine > _SAME) & (cosine > _SMOOTH)
                 if np.any(held & close):
                     where = self.domain.where(self._points[nodes[np.argmax(held & close)]])

@@ -231,7 +231,8 @@ class ScalarRule(NamedTuple):
 
 
 def _along(value: Any) -> Literal["normal"] | tuple[float, ...]:
-    if value == "normal":
+    value = plain(value)
+    if value is None or value == "normal":
         return "normal"
     if not isinstance(value, list | tuple):
         raise ValueError(f"must be normal or a list of numbers, not {show(value)}")

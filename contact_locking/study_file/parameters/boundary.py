@@ -9,6 +9,7 @@ from typing import Annotated
 from pydantic import Field
 
 from contact_locking.expressions import CONSTANTS, FUNCTIONS, POSITION, TIME
+from contact_locking.supports.support import Support
 from contact_locking.values.concept import PER_AXIS, Concept, Fault, Place, entry
 from contact_locking.values.kinds import (
     Along,
@@ -61,16 +62,6 @@ class Displacement(Concept):
     def _faults(self) -> Iterator[Fault]:
         if all(component is None for component in self.value):
             yield Fault(("value",), "fixes no component; give a number for at least one")
-
-
-class Support(Concept):
-    """u . m = value on a part of the boundary, which slides freely across m: an oblique roller."""
-
-    on: Names = entry(..., "name(s) of parts of the boundary")
-    along: Along = entry(
-        ..., "the direction m: normal (the outward normal of the mesh), or a vector of any length"
-    )
-    value: TimedScalar = entry(Value.of(0.0), "the displacement along m", "length")
 
 
 class Spring(Concept):
