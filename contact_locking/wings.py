@@ -40,8 +40,8 @@ PROOFS = Seam()
 RESCUES = Seam()
 #: ``(ProblemSolver, SolverReport) -> Differentiable``: made when somebody asks.
 DERIVATIVES = Seam()
-#: ``(StudyProblem, ProblemSolver, Monitor) -> Follower | None``: what a study asks for beside its
-#: solutions; raises InputError before the first solve; collective.
+#: ``(SolvableStudy) -> Follower | None``: what a study asks for beside its solutions; raises
+#: InputError before the first solve; collective.
 FOLLOWERS = Seam()
 #: ``(StudyProblem) -> None``: raises InputError for what a study cannot ask for; collective.
 CHECKS = Seam()

@@ -11,12 +11,12 @@ import pytest
 from mpi4py import MPI
 from problems import block, column
 
-from contact_locking import save, write
+from contact_locking import save, solve, solve_adaptively, write
 from contact_locking.errors import InputError
 from contact_locking.meshes import BUILDERS
 from contact_locking.meshes import write as write_mesh
 from contact_locking.process import solving
-from contact_locking.process.adaptivity import mesh_sequence, solve, solve_adaptively
+from contact_locking.process.adaptivity import mesh_sequence
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results import adapted_meshes
 from contact_locking.results.solution import StudySolution
@@ -170,7 +170,7 @@ def test_loop_goes_on_from_the_checkpoint_of_its_last_mesh(
         m["dofs"] for m in meshes(again)
     ]
     with pytest.raises(InputError, match=r"of another mesh.*refined"):
-        solving.solve(block(h=0.5, **LIMITLESS), comm, restart=folder)
+        list(solving.solve_steps(block(h=0.5, **LIMITLESS), comm, restart=folder))
 
 
 @pytest.mark.serial

@@ -14,7 +14,7 @@ from sheared_block import all_of, sheared
 from contact_locking import Coulomb, Parameters, assemble, solve, solve_steps
 from contact_locking.certificate import energy
 from contact_locking.monitor import Monitor
-from contact_locking.process.loop import Steps
+from contact_locking.process.of_study import SolvableStudy
 
 
 @pytest.mark.serial
@@ -170,11 +170,11 @@ def test_a_monitor_hears_of_each_step_and_of_the_time_left() -> None:
 
 @pytest.mark.serial
 def test_a_script_may_change_the_problem_between_steps() -> None:
-    steps = Steps(assemble(sheared(3), MPI.COMM_WORLD))
+    problem = assemble(sheared(3), MPI.COMM_WORLD)
+    steps = SolvableStudy(problem).solutions()
     next(steps)
-    steps.problem.contacts[0].friction.law = Coulomb(0.0).law
+    problem.contacts[0].friction.law = Coulomb(0.0).law
     second = next(steps)
-    steps.close()
     assert second.converged
     # The bounds keep an inside of the cones, a share of 1e-12 of the largest.
     assert second.history.rows[-1]["dissipated"] == pytest.approx(0.0, abs=1e-12)

@@ -1,6 +1,6 @@
 """Solve, estimate, mark, refine, until the error is below the tolerance.
 
-1. Solve on the mesh, the first time on the mesh of the study.
+1. Solve on the mesh, the first time on the given mesh.
 2. Estimate the relative error, and stop if it is small enough or if a limit is reached.
 3. Mark the fewest cells that have a given share of the squared error, and those where a foundation
    enters between the nodes.
@@ -11,13 +11,10 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections import deque
-from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import TypeVar
 
 import numpy as np
-from mpi4py import MPI
 
 from contact_locking.arrays import BoolArray
 from contact_locking.errors import InputError, NotRefined
@@ -26,8 +23,8 @@ from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData
 from contact_locking.mesh.file.topology import longest_edges
 from contact_locking.mesh.whole_mesh import gather_cells, gather_mesh
-from contact_locking.monitor import Attentive, Monitor
-from contact_locking.process import solving
+from contact_locking.meshes.curved import Curved
+from contact_locking.monitor import Monitor
 from contact_locking.process.adaptivity.marking import (
     cells_at,
     entered_places,
@@ -36,71 +33,38 @@ from contact_locking.process.adaptivity.marking import (
 )
 from contact_locking.process.adaptivity.mesh_sequence import MeshSequence
 from contact_locking.process.adaptivity.refinement import finer_mesh
-from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results.adapted_meshes import AdaptedMesh
-from contact_locking.results.solution import StudySolution
-from contact_locking.study.assembly import mesh_of
-from contact_locking.study_file import require_parameters
-from contact_locking.study_file.parameters import Parameters
+from contact_locking.results.solution import Solution
 from contact_locking.study_file.parameters.numerics import AdaptParameters
 
+S = TypeVar("S", bound=Solution)
 
-def solve(
-    parameters: Parameters,
-    comm: MPI.Intracomm = MPI.COMM_WORLD,
-    monitor: Monitor | None = None,
-    petsc_options: Mapping[str, Any] | None = None,
-    restart: str | Path | None = None,
-) -> StudySolution:
-    """Solve (25)/(26) for the given parameters; collective.
 
-    With a section ``adapt`` this is the last solution of `solve_adaptively`.  For the arguments and
-    the errors see `contact_locking.process.solving.solve`.
+def adapted(
+    solve_on: Callable[[Domain], S],
+    domain: Domain,
+    given: AdaptParameters,
+    monitor: Monitor,
+    curved: tuple[Curved, ...] = (),
+) -> Iterator[S]:
+    """The solutions on adapted meshes, the first of them ``domain``; collective.
+
+    ``curved`` are sides onto which new nodes move.  Raises InputError for cells that DOLFINx does
+    not refine.
     """
-    require_parameters(parameters)
-    if parameters.adapt is None:
-        domain = checkpoint.refined_mesh(restart, comm)
-        return solving.solve(parameters, comm, monitor, petsc_options, restart, domain)
-    # Only the last solution is kept in memory.
-    solutions = solve_adaptively(parameters, comm, monitor, petsc_options, restart)
-    return deque(solutions, maxlen=1)[0]
-
-
-def solve_adaptively(
-    parameters: Parameters,
-    comm: MPI.Intracomm = MPI.COMM_WORLD,
-    monitor: Monitor | None = None,
-    petsc_options: Mapping[str, Any] | None = None,
-    restart: str | Path | None = None,
-) -> Iterator[StudySolution]:
-    """The solutions on the adapted meshes, one after the other; collective.
-
-    The section ``adapt`` sets the tolerance and the limits; without it the defaults hold.  The
-    summary of each solution has the entry ``adapt`` with all meshes so far.  In the last summary
-    ``adapt.stopped`` is the reason why there is no further mesh.  ``restart`` is the folder of a
-    run with a checkpoint, on the first mesh or on a refined mesh, from which the loop goes on.
-
-    The loop ends where the estimate of the error is not known.  Raises InputError for data that
-    cannot be used.
-    """
-    monitor = Attentive(monitor or Monitor())
-    require_parameters(parameters)
-    given = parameters.adapt or AdaptParameters()
-    sequence = MeshSequence(given)
-    began = time.perf_counter()
-    domain = checkpoint.refined_mesh(restart, comm)
-    domain = domain or mesh_of(parameters, comm)
     if not domain.kind.is_simplex:
         raise InputError(
             f"DOLFINx refines simplices only, and the mesh has {domain.kind.plural}; take "
             "triangles or tetrahedra (mesh.cells: simplex), or leave out adapt",
             "adapt",
         )
-    while True:
-        solution = solving.solve(parameters, comm, monitor, petsc_options, restart, domain)
-        restart = None
+    sequence, began = MeshSequence(given), time.perf_counter()
+    finer: Domain | None = domain
+    while finer is not None:
+        domain = finer
+        solution = solve_on(domain)
         sequence.add(solution)
-        finer = _refined(solution, sequence)
+        finer = _refined(domain, solution, sequence, curved)
         monitor.mesh(len(sequence.meshes), sequence.in_words())
         if sequence.stopped and not sequence.is_reached:
             text = "the meshes were not refined until adapt.tolerance was reached: "
@@ -110,15 +74,13 @@ def solve_adaptively(
         seconds = time.perf_counter() - began
         solution = solution.telling(adapt=sequence.summary(), wall_seconds=seconds)
         yield dataclasses.replace(solution, meshes=tuple(sequence.pictures))
-        if finer is None:
-            return
-        domain = finer
 
 
-def _refined(solution: StudySolution, sequence: MeshSequence) -> Domain | None:
+def _refined(
+    domain: Domain, solution: Solution, sequence: MeshSequence, curved: tuple[Curved, ...]
+) -> Domain | None:
     """The next mesh; None, with the reason in ``sequence``, if there is none; collective."""
-    domain, given = solution.domain, sequence.given
-    mesh = gather_mesh(domain)
+    given, mesh = sequence.given, gather_mesh(domain)
     if mesh is not None:
         sequence.pictures.append(AdaptedMesh.of(mesh.data.points, mesh.data.cells.nodes))
     if sequence.stopped:
@@ -141,7 +103,7 @@ def _refined(solution: StudySolution, sequence: MeshSequence) -> Domain | None:
         return marked
 
     try:
-        return finer_mesh(solution, marks, given.max_dofs)
+        return finer_mesh(domain, solution, marks, given.max_dofs, curved)
     except NotRefined as reason:
         sequence.stop(str(reason))
         return None

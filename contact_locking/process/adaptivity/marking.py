@@ -6,7 +6,7 @@ import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.mesh.file.data import MeshData
-from contact_locking.results.solution import StudySolution
+from contact_locking.results.solution import Solution
 
 # Contributions that differ by this share count as equal: where a problem is symmetric, its mesh
 # stays symmetric, and rounding, which depends on the number of ranks, does not decide.
@@ -31,7 +31,7 @@ def marked_cells(squares: FloatArray, share: float) -> BoolArray:
     return np.asarray((squares >= (1.0 - _TIE) * squares[order[last]]) & (squares > 0.0))
 
 
-def entered_places(solution: StudySolution) -> list[tuple[float, ...]]:
+def entered_places(solution: Solution) -> list[tuple[float, ...]]:
     """Where foundations enter between the nodes of Gamma_C by a notable depth; collective.
 
     They are the same on all ranks.
@@ -39,7 +39,7 @@ def entered_places(solution: StudySolution) -> list[tuple[float, ...]]:
     return [place for fields in solution.contacts for place in fields.entry.places]
 
 
-def squared_contributions(solution: StudySolution) -> FloatArray:
+def squared_contributions(solution: Solution) -> FloatArray:
     """The squared contributions (k,) of the owned cells to the error; only their ratios count.
 
     With the locking stress, which alternates between cells on every mesh, they would lead to locked

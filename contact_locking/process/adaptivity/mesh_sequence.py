@@ -8,7 +8,7 @@ from typing import Any
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.process.adaptivity.marking import entered_places
 from contact_locking.results.adapted_meshes import AdaptedMesh
-from contact_locking.results.solution import StudySolution
+from contact_locking.results.solution import Solution
 from contact_locking.study_file.parameters.numerics import AdaptParameters
 
 # The error has to fall below this share of itself in so many meshes.
@@ -30,7 +30,7 @@ class MeshSequence:
         self.is_reached = False
         self._began = time.perf_counter()
 
-    def add(self, solution: StudySolution) -> None:
+    def add(self, solution: Solution) -> None:
         """Add the solution on a further mesh, and decide whether the loop goes on."""
         summary, now = solution.summary, time.perf_counter()
         entry = summary["certificate"]["errors"]["mesh"]

@@ -26,7 +26,7 @@ from contact_locking.mesh.file.topology import longest_edges, signed_measures
 from contact_locking.mesh.whole_mesh import WholeMesh, elements, gather_mesh, spread
 from contact_locking.meshes.curved import Curved, rounded
 from contact_locking.parallel import on_root
-from contact_locking.results.solution import StudySolution
+from contact_locking.results.solution import Solution
 
 # A node that moves onto a curved side may take at most this share of the volume of a cell.
 _LARGEST_LOSS = 0.9
@@ -103,17 +103,18 @@ def _nodes_of(data: MeshData, name: str) -> BoolArray:
 
 
 def finer_mesh(
-    solution: StudySolution,
+    domain: Domain,
+    solution: Solution,
     marks: Callable[[MeshData], BoolArray],
     most: int,
+    curved: tuple[Curved, ...],
 ) -> Domain:
-    """The mesh of a solution with the cells ``marks`` (k,) refined; collective.
+    """The mesh ``domain`` of a solution with the cells ``marks`` (k,) refined; collective.
 
     ``marks`` is called on rank 0.  ``most`` is the largest number of unknowns.  Default radii
-    of smoothing stay those of the first mesh.  Curved sides of a builder stay curved.  Raises
-    NotRefined, on all ranks.
+    of smoothing stay those of the first mesh, and ``curved`` sides stay curved.  Raises NotRefined,
+    on all ranks.
     """
-    domain, geometry = solution.domain, solution.parameters.mesh.geometry
     mesh = gather_mesh(domain)
     radii = domain.smoothing_radii or {
         one.contact.key: default_radius(one.surface) for one in solution.contacts
@@ -122,7 +123,6 @@ def finer_mesh(
 
     def work() -> None:
         assert mesh is not None
-        curved = () if geometry is None else geometry.curved
         finer = refined(mesh, marks(mesh.data), curved)
         held.append(replace(finer, facts={**finer.facts, "smoothing_radii": radii}))
 
