@@ -49,9 +49,9 @@ CHECKS = Seam()
 WORDS = Seam()
 #: ``(summary) -> list[row]``: a table for the terminal, empty without one.
 TABLES = Seam()
-#: ``(StudySolution, folder) -> list[str]``: writes files of a run, and returns warnings;
-#: raises NoRoom; collective.
-FILES = Seam()
+#: ``(Solution, folder) -> list[str]``: draws into files of a run, and returns warnings; raises
+#: NoRoom; collective.
+PICTURES = Seam()
 
 
 def require(wing: str, key: str) -> None:

@@ -196,12 +196,6 @@ def test_files_and_report_of_an_adaptive_run_tell_the_sequence(dim: int, tmp_pat
     assert "Adapted meshes" in page and "adapt.max_meshes, 2, is reached" in page
 
 
-@pytest.mark.serial
-def test_adapted_meshes_and_steps_exclude_each_other() -> None:
-    with pytest.raises(ValueError, match="does not go with steps"):
-        adaptive(steps={"to": 1.0, "count": 2})
-
-
 def test_the_mesh_is_refined_where_a_tool_enters_between_the_nodes() -> None:
     """On the first mesh the tool meets no node, and the body is at rest."""
     data = {
