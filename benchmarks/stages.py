@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 from mpi4py import MPI
 
 from contact_locking._version import __version__
-from contact_locking.process.of_study import SolvableStudy
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing
 from contact_locking.study.assembly import assemble, mesh_of

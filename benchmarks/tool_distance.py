@@ -22,7 +22,7 @@ from mpi4py import MPI
 
 from contact_locking.laws.faceted import TriangulatedSurface
 from contact_locking.mesh.file.tool_surface import read_surface
-from contact_locking.process.of_study import SolvableStudy
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 

@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from contact_locking.problem.limits import StrainBall as StrainBall
     from contact_locking.problem.limits import Volume as Volume
     from contact_locking.problem.limits import Weighted as Weighted
+    from contact_locking.process.adaptive_meshes import adapt as adapt
     from contact_locking.process.loop import Process as Process
     from contact_locking.process.solving import check as check
     from contact_locking.process.solving import solve as solve
@@ -85,6 +86,7 @@ _NAMES = {
     "laws.friction": "FrictionLaw",
     "problem.elasticity": "Elasticity",
     "problem.limits": "Deviator Direction StrainBall Volume Weighted",
+    "process.adaptive_meshes": "adapt",
     "process.loop": "Process",
     "process.solving": "check solve solve_adaptively solve_assembled solve_steps",
     "results.solution": "Solution State StudySolution",

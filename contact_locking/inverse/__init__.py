@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from contact_locking import wings
 
 if TYPE_CHECKING:
-    from contact_locking.process.of_study import Follower, SolvableStudy
     from contact_locking.process.problem_solver import ProblemSolver
+    from contact_locking.process.solving import Follower, SolvableStudy
     from contact_locking.results.solution import Differentiable
     from contact_locking.solver.task import SolverReport
     from contact_locking.study.assembly import StudyProblem

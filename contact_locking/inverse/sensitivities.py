@@ -29,9 +29,8 @@ from contact_locking.inverse.numbers import number_at, with_number
 from contact_locking.inverse.quantities import require_quantities
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
-from contact_locking.process.of_study import SolvableStudy, settings_of
 from contact_locking.process.problem_solver import ProblemSolver, linear_solver
-from contact_locking.process.solving import solve_assembled
+from contact_locking.process.solving import SolvableStudy, settings_of, solve_assembled
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import ContactFields
 from contact_locking.results.quantities import look_up

@@ -226,8 +226,8 @@ class Process(Iterator[S]):
                 if is_misplaced and self._stops:
                     yield self._stopped(solution, text)
                     return
-                entries = self._end(solution, f"{error.key}: {text}")
-                raise ProcessEnded(text, error.key, entries) from error
+                reason = {"converged": False, "reason": f"{error.key}: {text}", "suggestion": ""}
+                raise ProcessEnded(text, error.key, self._end(solution) | reason) from error
             reached = at == timeline.planned
             if report.is_infeasible:
                 timeline.refuse(at, report)
@@ -305,12 +305,17 @@ class Process(Iterator[S]):
         self._timeline.refuse(beyond, told)
         return True
 
+    def _end(self, last: S, ended: str | None = None) -> dict[str, Any]:
+        """The entries of a last solution with which the process ends, in words, or fails."""
+        told = [*last.summary["warnings"], *self._halved[len(last.halved) :]]
+        steps = {**last.summary["steps"], "halvings": len(self._halved), "ended": ended}
+        return {"steps": steps, "warnings": told if ended is None else [ended, *told]}
+
     def _stopped(self, last: S, reason: str) -> S:
         """The last solution, which is that of a process that goes no farther."""
-        ended = f"the process ends at t = {last.time:.6g} ({reason})"
-        steps = {**last.summary["steps"], "halvings": len(self._halved), "ended": ended}
-        told = [ended, *last.summary["warnings"], *self._halved[len(last.halved) :]]
-        return last.telling(steps=steps, warnings=told)
+        return last.telling(
+            **self._end(last, f"the process ends at t = {last.time:.6g} ({reason})")
+        )
 
     def _halve(self, failure: str) -> bool:
         """Halve the step after a failure, if it may be halved, and say so."""
@@ -326,17 +331,6 @@ class Process(Iterator[S]):
     def _solution(self, state: SolvedState, energy: EnergyBalance, at: float) -> S:
         """The solution of a step, judged by its energy balance as well; collective."""
         return dataclasses.replace(self.problem.solution(state, energy.criteria(state)), time=at)
-
-    def _end(self, last: S, reason: str) -> dict[str, Any]:
-        """The entries by which the last solution says why the process fails with it."""
-        new = self._halved[len(last.halved) :]
-        return {
-            "converged": False,
-            "reason": reason,
-            "suggestion": "",
-            "steps": {**last.summary["steps"], "halvings": len(self._halved)},
-            "warnings": [*last.summary["warnings"], *new],
-        }
 
     def _with_history(self, solution: S, restart: str | None = None) -> S:
         """A solution with the history of the process."""

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from contact_locking.certificate.elliptic import Lifting
     from contact_locking.certificate.solved_state import SolvedState
     from contact_locking.certificate.verdict import Extras, Proofs
-    from contact_locking.process.of_study import Follower, SolvableStudy
+    from contact_locking.process.solving import Follower, SolvableStudy
     from contact_locking.solver.strategy import Rescue
     from contact_locking.solver.task import SolverReport, Task
 

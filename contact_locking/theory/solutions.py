@@ -10,8 +10,8 @@ from dolfinx import fem
 
 from contact_locking.certificate.verdict import Extras
 from contact_locking.contact_problem import ContactProblem
-from contact_locking.process.of_study import SolvableStudy
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.results import names
 from contact_locking.results.solution import Solution, StudySolution
 from contact_locking.script_names import in_script, script_names

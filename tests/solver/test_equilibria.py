@@ -16,8 +16,8 @@ from contact_locking import study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError, NotConverged
 from contact_locking.process import solving
-from contact_locking.process.of_study import SolvableStudy
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.results import in_words
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing

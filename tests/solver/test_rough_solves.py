@@ -12,7 +12,7 @@ from slow import slow
 from solved_by_cg import crushed_steel
 
 from contact_locking.process import solving
-from contact_locking.process.of_study import SolvableStudy
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.solver.interior_point import farkas, method
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.task import Target

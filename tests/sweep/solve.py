@@ -15,8 +15,7 @@ from mpi4py import MPI
 from pydantic import ValidationError
 
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.process.of_study import SolvableStudy
-from contact_locking.process.solving import solve_assembled
+from contact_locking.process.solving import SolvableStudy, solve_assembled
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters

@@ -11,7 +11,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking.parallel import maximum
-from contact_locking.process.of_study import SolvableStudy
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.study.assembly import assemble
 from contact_locking.theory.guaranteed.body import Body
 from contact_locking.theory.guaranteed.boundary import (

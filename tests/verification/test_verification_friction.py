@@ -18,7 +18,7 @@ import contact_locking as cl
 from contact_locking import Coulomb, assemble, solve
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate import Extras
-from contact_locking.process.of_study import SolvableStudy
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.results.contact_points import SLIP
 
 pytestmark = pytest.mark.serial

@@ -13,7 +13,7 @@ from verification_table import Row
 
 from contact_locking import Coulomb, assemble, solve_steps
 from contact_locking.arrays import FloatArray
-from contact_locking.process.of_study import SolvableStudy
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.results.solution import StudySolution
 
 pytestmark = pytest.mark.serial

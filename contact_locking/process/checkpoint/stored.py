@@ -8,7 +8,7 @@ same coordinates.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,6 @@ from contact_locking import _compat, study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.certificate.verdict import is_solved
-from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.fem.compiled import Kept
 from contact_locking.laws.penalty import Penalty
@@ -61,11 +60,6 @@ class SavedStep:
     history: History
     halved: tuple[str, ...]
 
-    def enter(self, contacts: Sequence[NodalContact]) -> None:
-        """Give the contacts their memories of the step; collective."""
-        for contact, (place, slip) in zip(contacts, self.memories, strict=True):
-            contact.recall(place, slip, self.displacement)
-
 
 @dataclass(frozen=True)
 class Checkpoint:
@@ -98,9 +92,10 @@ class Checkpoint:
         contacts, counts = solver.problem.contacts, Counts()
         self.state.enter(solver.system)
         # The travel of a foundation, which is part of the state, changes what slips refer to.
-        if self.step is not None:
-            self.step.enter(contacts)
-            row = self.step.history.rows[-1]
+        if (step := self.step) is not None:
+            for contact, (place, slip) in zip(contacts, step.memories, strict=True):
+                contact.recall(place, slip, step.displacement)
+            row = step.history.rows[-1]
             counts = Counts(int(row["tangents"]), int(row["linear"]))
         solver.system.bounds.enter(contacts, self.bounds)
         outcome = Outcome(self.multipliers)
@@ -143,16 +138,17 @@ def places(space: fem.FunctionSpace) -> fem.Function:
     return found
 
 
-def _size_of(problem_or_solution: DiscreteProblem | Solution, nodes: int) -> tuple[int, ...]:
+def _size_of(domain: Domain, u: fem.Function) -> tuple[int, ...]:
     """The entry ``size`` of a record."""
-    domain, element = problem_or_solution.domain, problem_or_solution.element
-    return domain.dim, domain.num_cells, nodes, element.degree, int(domain.axisymmetric)
+    space, shape = u.function_space, int(domain.axisymmetric)
+    nodes, degree = int(space.dofmap.index_map.size_global), space.element.basix_element.degree
+    return domain.dim, domain.num_cells, nodes, degree, shape
 
 
 def _require_same_mesh(record: Record, problem: DiscreteProblem, fields: _Reader) -> None:
     """Raise InputError for a state of another mesh or element; collective."""
     space, domain = problem.u.function_space, problem.domain
-    is_same = record.size == _size_of(problem, int(space.dofmap.index_map.size_global))
+    is_same = record.size == _size_of(domain, problem.u)
     if is_same:
         # Another version of Gmsh makes another mesh of the same parameters.
         expected = places(space).x.array
@@ -244,7 +240,6 @@ def write(solution: Solution, folder: Path) -> None:
         raise ContactLockingError(f"ADIOS2 cannot write it: {told}") from error
     penalties = solution.summary["penalty"]
     mesh = gather_mesh(domain) if domain.is_refined else None
-    nodes = solution.displacement.function_space.dofmap.index_map.size_global
 
     def finish() -> None:
         problem = ""
@@ -257,7 +252,7 @@ def write(solution: Solution, folder: Path) -> None:
             n=penalties["n"],
             epsilon=penalties["epsilon"],
             regularisations=tuple(fields.regularisation for fields in solution.contacts),
-            size=_size_of(solution, int(nodes)),
+            size=_size_of(domain, solution.displacement),
             is_refined=domain.is_refined,
             contacts=len(solution.contacts),
             strain_sets=len(solution.locking_parts),

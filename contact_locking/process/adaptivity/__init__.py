@@ -1,1 +1,0 @@
-"""Meshes that are refined where the error is, until the solution is accurate enough."""
