@@ -29,7 +29,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.fem import compiled
 from contact_locking.laws.elasticity import strain
 from contact_locking.process import solving
-from contact_locking.process.adaptivity import solve_adaptively
+from contact_locking.process.solving import solve_adaptively
 from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 

@@ -22,8 +22,7 @@ from mpi4py import MPI
 
 from contact_locking.certificate.elliptic import EllipticProblem, Lifting
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.monitor import Monitor
-from contact_locking.process.of_study import solver_of
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.theory.guaranteed import guaranteed_error
@@ -52,7 +51,7 @@ def case(divisions: int) -> Parameters:
 
 def solved_state(divisions: int) -> SolvedState:
     """The state at the end of a solve, from which the bound is computed."""
-    solve = solver_of(assemble(case(divisions), MPI.COMM_WORLD), Monitor())
+    solve = SolvableStudy(assemble(case(divisions), MPI.COMM_WORLD)).solver
     return solve.state(solve.solve())
 
 

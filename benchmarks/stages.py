@@ -28,8 +28,7 @@ from typing import Any, NamedTuple
 from mpi4py import MPI
 
 from contact_locking._version import __version__
-from contact_locking.monitor import Monitor
-from contact_locking.process.of_study import certified, of_study, solver_of
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing
 from contact_locking.study.assembly import assemble, mesh_of
@@ -44,7 +43,7 @@ COMM = MPI.COMM_WORLD
 # Writing 5 here sets the largest resident memory to the present one.
 _CLEAR, _STATUS = Path("/proc/self/clear_refs"), Path("/proc/self/status")
 #: The stages that the solve is compared with.
-AFTER = ("certificate", "fields and summary", "files", "report")
+AFTER = ("certificate, fields and summary", "files", "report")
 
 
 class Row(NamedTuple):
@@ -117,15 +116,12 @@ def solved(parameters: Parameters, stages: Stages) -> StudySolution:
         domain = mesh_of(parameters, COMM)
     with stages.stage("assembly"):
         problem = assemble(parameters, COMM, domain)
-        solver = solver_of(problem, Monitor())
+        study = SolvableStudy(problem)
     with stages.stage("solve"):
-        outcome = solver.solve()
-    with stages.stage("certificate"):
-        state = solver.state(outcome)
-        judged = certified(parameters, state)
-    with stages.stage("fields and summary"):
-        solution = of_study(problem, state, judged).telling(version=__version__)
-        problem.close()
+        report = study.solver.solve()
+    with stages.stage("certificate, fields and summary"):
+        solution = study.solution(study.solver.state(report)).telling(version=__version__)
+        study.close()
     return solution
 
 

@@ -20,8 +20,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from contact_locking.monitor import Monitor
-from contact_locking.process.of_study import solver_of
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.shapes.faceted import TriangulatedSurface
 from contact_locking.shapes.tool_files import read_surface
 from contact_locking.study.assembly import assemble
@@ -58,7 +57,7 @@ def case(h: float, file: Path, n: float) -> Parameters:
 def measured(h: float, file: Path, n: float) -> tuple[int, int, float, float]:
     """Cells, nodes of Gamma_C, seconds of the tool in a step, and of the solve."""
     problem = assemble(case(h, file, n), MPI.COMM_SELF)
-    solver = solver_of(problem, Monitor())
+    solver = SolvableStudy(problem).solver
     problem.advance(0.5)
     solver.begin()
     solver.solve()

@@ -45,9 +45,11 @@ if TYPE_CHECKING:
     from contact_locking.problem.limits import StrainBall as StrainBall
     from contact_locking.problem.limits import Volume as Volume
     from contact_locking.problem.limits import Weighted as Weighted
-    from contact_locking.process.adaptivity import solve as solve
-    from contact_locking.process.adaptivity import solve_adaptively as solve_adaptively
+    from contact_locking.process.adaptive_meshes import adapt as adapt
+    from contact_locking.process.loop import Process as Process
     from contact_locking.process.solving import check as check
+    from contact_locking.process.solving import solve as solve
+    from contact_locking.process.solving import solve_adaptively as solve_adaptively
     from contact_locking.process.solving import solve_assembled as solve_assembled
     from contact_locking.process.solving import solve_steps as solve_steps
     from contact_locking.results.solution import Solution as Solution
@@ -83,8 +85,9 @@ _NAMES = {
     "laws.friction": "FrictionLaw",
     "problem.elasticity": "Elasticity",
     "problem.limits": "Deviator Direction StrainBall Volume Weighted",
-    "process.adaptivity": "solve solve_adaptively",
-    "process.solving": "check solve_assembled solve_steps",
+    "process.adaptive_meshes": "adapt",
+    "process.loop": "Process",
+    "process.solving": "check solve solve_adaptively solve_assembled solve_steps",
     "results.solution": "Solution State StudySolution",
     "running.writing": "save write",
     "inverse.derivatives": "Number",

@@ -14,6 +14,7 @@ from dolfinx import mesh as dmesh
 from ufl.core.expr import Expr
 
 from contact_locking.certificate import Extras, certify
+from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError, require_kind
@@ -154,7 +155,8 @@ class ContactProblem:
         solver, report = self.solver, self.report(after, start)
         # Derivatives of a step need those of the memory that it began with.
         derivatives = solver.derivatives(report) if after is None else None
-        solution = self.solution(report, extras, certificate, derivatives)
+        state = solver.state(report)
+        solution = self.solution(state, None, extras, certificate, derivatives)
         return solution.telling(warnings=[*solution.summary["warnings"], *solver.unused_options()])
 
     def report(self, after: Solution | None = None, start: Solution | None = None) -> SolverReport:
@@ -165,25 +167,29 @@ class ContactProblem:
 
     def solution(
         self,
-        report: SolverReport,
+        state: SolvedState,
+        criteria: Mapping[str, Criterion] | None = None,
         extras: Extras | None = None,
         certificate: bool = True,
         derivatives: Differentiable | None = None,
     ) -> Solution:
-        """The solution of a report of ``solver``, the last one; as in :meth:`solve`."""
-        state = self.solver.state(report)
-        judged = certify(state, extras or Extras()) if certificate else None
+        """The solution in a state of ``solver``, judged by further ``criteria`` as well."""
+        judged = certify(state, extras or Extras(), criteria) if certificate else None
         return solution_of(state, judged, derivatives)
 
     def begin(self, after: Solution | None = None) -> None:
         """Put the present data into ``solver``, and the memory of friction; as in :meth:`solve`."""
         require_kind(after, Solution | None, "a solution of this problem", "after")
-        if self._is_closed:
-            raise InputError("the problem is closed; solve before close(), or make another one")
         problem = self._discrete
         problem.enter(problem.at_rest() if after is None else after.state.contacts)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Put the present data into ``solver``; as in :meth:`solve`."""
+        if self._is_closed:
+            raise InputError("the problem is closed; solve before close(), or make another one")
+        problem, system = self._discrete, self.solver.system
         problem.refresh()
-        system = self.solver.system
         # The stress of an eigenstrain is a load.
         system.assemble_loads()
         # The linear programmes of rigid motions do not take NaN.

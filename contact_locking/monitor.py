@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 
 class Monitor:
     """Receives the progress of a solve and shows nothing; derived classes show the progress.
@@ -57,26 +59,11 @@ class Attentive(Monitor):
         if text.startswith("warning"):
             self._warnings.add(text)
 
-    def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
-        self._listener.step(number, left, time, seconds_left)
 
-    def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
-        self._listener.stage(index, count_estimate, n, epsilon)
+def _passed_on(name: str) -> Callable[..., None]:
+    return lambda attentive, *values: getattr(attentive._listener, name)(*values)
 
-    def friction_update(self, k: int, change: float, factor: float | None) -> None:
-        self._listener.friction_update(k, change, factor)
 
-    def iteration(self, k: int, residual: float) -> None:
-        self._listener.iteration(k, residual)
-
-    def linear(self, k: int) -> None:
-        self._listener.linear(k)
-
-    def mesh(self, number: int, text: str) -> None:
-        self._listener.mesh(number, text)
-
-    def counted(self, tangents: int, friction_updates: int) -> None:
-        self._listener.counted(tangents, friction_updates)
-
-    def finish(self) -> None:
-        self._listener.finish()
+for _name in vars(Monitor).keys() - {"message"}:
+    if not _name.startswith("_"):
+        setattr(Attentive, _name, _passed_on(_name))

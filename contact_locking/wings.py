@@ -40,8 +40,8 @@ PROOFS = Seam()
 RESCUES = Seam()
 #: ``(ProblemSolver, SolverReport) -> Differentiable``: made when somebody asks.
 DERIVATIVES = Seam()
-#: ``(StudyProblem, ProblemSolver, Monitor) -> Follower | None``: what a study asks for beside its
-#: solutions; raises InputError before the first solve; collective.
+#: ``(SolvableStudy) -> Follower | None``: what a study asks for beside its solutions; raises
+#: InputError before the first solve; collective.
 FOLLOWERS = Seam()
 #: ``(StudyProblem) -> None``: raises InputError for what a study cannot ask for; collective.
 CHECKS = Seam()
@@ -49,9 +49,9 @@ CHECKS = Seam()
 WORDS = Seam()
 #: ``(summary) -> list[row]``: a table for the terminal, empty without one.
 TABLES = Seam()
-#: ``(StudySolution, folder) -> list[str]``: writes files of a run, and returns warnings;
-#: raises NoRoom; collective.
-FILES = Seam()
+#: ``(Solution, folder) -> list[str]``: draws into files of a run, and returns warnings; raises
+#: NoRoom; collective.
+PICTURES = Seam()
 
 
 def require(wing: str, key: str) -> None:

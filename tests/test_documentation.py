@@ -213,9 +213,12 @@ def test_the_guide_to_laws_states_constants_and_smooths_by_a_mean() -> None:
     exec(blocks("docs/guides/law.md", "python")[1], names)
 
 
-@pytest.mark.parametrize("number", range(5))
-def test_the_scripts_of_the_guide_to_python_are_short_and_run(number: int) -> None:
+@pytest.mark.parametrize("number", range(7))
+def test_the_scripts_of_the_guide_to_python_are_short_and_run(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     script = blocks("docs/guides/script.md", "python")[number]
+    monkeypatch.chdir(tmp_path)
     assert len(script.splitlines()) <= 40
     if not dolfinx.__version__.startswith("0.9"):
         # As the guide says.

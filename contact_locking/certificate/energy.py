@@ -148,9 +148,10 @@ class EnergyBalance:
         names = ("work", "stored", "dissipated", "numerical", "energy_defect")
         return cls(*(row[name] for name in names))
 
-    def criterion(self, state: SolvedState) -> Criterion:
+    def criteria(self, state: SolvedState) -> dict[str, Criterion]:
         """The energy balance as a criterion of the certificate."""
-        return Criterion(self.defect, law_limit(state), "energy that a step creates or loses")
+        meaning = "energy that a step creates or loses"
+        return {"energy_balance": Criterion(self.defect, law_limit(state), meaning)}
 
 
 def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, Moment]:

@@ -90,13 +90,15 @@ class Extras:
     critical_friction: bool = False
 
 
-def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
-    """Judge a solved state; collective.
+def certify(
+    state: SolvedState, extras: Extras = Extras(), criteria: Mapping[str, Criterion] | None = None
+) -> Certificate:
+    """Judge a solved state, also by further ``criteria``; collective.
 
     Takes one solve with the inner product of V and, for a finite n, one elastic solve; the
     guaranteed bound takes one to ten solves more, with about six times the unknowns.
     """
-    balance = equilibrium(state)
+    balance, names = equilibrium(state), ("loads", "contact", "reactions")
     mesh, indicator = _mesh_error(state)
     with contextlib.closing(Lifting(state)) as lifting:
         penalty = penalty_error(state, lifting)
@@ -104,12 +106,9 @@ def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
     return Certificate(
         criteria=balance.criteria(state.settings.tolerance)
         | law_criteria(state)
-        | entry_criterion(state),
-        resultants={
-            "loads": balance.loads.tolist(),
-            "contact": balance.contact.tolist(),
-            "reactions": balance.reactions.tolist(),
-        },
+        | entry_criterion(state)
+        | dict(criteria or {}),
+        resultants={name: getattr(balance, name).tolist() for name in names},
         reactions={name: list(map(float, x)) for name, x in balance.reactions_by_part.items()},
         errors={"mesh": mesh, "penalty": penalty},
         indicator=indicator,

@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     with _importing() if arguments.program else contextlib.nullcontext():
         study = _load(arguments.file, _overrides(arguments))
         comm = world_with_dolfinx(arguments)
-        from contact_locking.process import adaptivity
+        from contact_locking.process import solving
         from contact_locking.results import in_words, output_folder
         from contact_locking.running import writing
         from contact_locking.running.process import run_steps
@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
             print("The file describes a study; run solves its base case.")
         with _monitor(arguments, comm, speaks) as monitor, petsc_complaints():
             if parameters.steps is None:
-                solution = adaptivity.solve(parameters, comm, monitor, arguments.petsc, restart)
+                solution = solving.solve(parameters, comm, monitor, arguments.petsc, restart)
                 warnings = writing.write(solution, directory, save_state)
             else:
                 solution, warnings = run_steps(

@@ -215,6 +215,8 @@ def radial_faults(place: Place, vector: Sequence[object] | None) -> Iterator[Fau
 
 # A force below this share of the largest force is zero with rounding, as in sin(pi*t) at t = 1.
 _ROUNDING = 1e-12
+# Where the times of the steps are not known yet, a force is looked at so often up to t = 1.
+_SOME_TIMES = 9
 # The share of the largest force by which the force may leave its line.
 _STRAIGHT = 1e-9
 
@@ -234,6 +236,9 @@ class Push:
         self._force: Sequence[Value] = foundation.force or ()
         self.key, self._clock = key, clock
         times = clock.planned or (clock.now,)
+        if not clock.planned and any(value.expression and value.is_timed for value in self._force):
+            # A script tells the times of its steps later.
+            times = tuple(clock.now + share for share in np.linspace(0.0, 1.0, _SOME_TIMES))
         forces = np.array([self._vector(self._force, time) for time in times])
         sizes = np.linalg.norm(forces, axis=1)
         self.largest = float(sizes.max())

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 from contact_locking import wings
 
 if TYPE_CHECKING:
-    from contact_locking.monitor import Monitor
-    from contact_locking.process.of_study import Follower
     from contact_locking.process.problem_solver import ProblemSolver
+    from contact_locking.process.solving import Follower, SolvableStudy
     from contact_locking.results.solution import Differentiable
     from contact_locking.solver.task import SolverReport
     from contact_locking.study.assembly import StudyProblem
@@ -33,14 +32,12 @@ def _check(problem: StudyProblem) -> None:
 
 
 @wings.FOLLOWERS.add
-def _sensitivities(
-    problem: StudyProblem, solver: ProblemSolver, monitor: Monitor
-) -> Follower | None:
-    if problem.parameters.sensitivities is None:
+def _sensitivities(study: SolvableStudy) -> Follower | None:
+    if study.parameters.sensitivities is None:
         return None
     from contact_locking.inverse.sensitivities import Sensitivities
 
-    return Sensitivities(problem, solver, monitor)
+    return Sensitivities(study)
 
 
 @wings.TABLES.add

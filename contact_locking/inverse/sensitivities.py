@@ -29,9 +29,8 @@ from contact_locking.inverse.numbers import number_at, with_number
 from contact_locking.inverse.quantities import require_quantities
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
-from contact_locking.process.of_study import settings_of
 from contact_locking.process.problem_solver import ProblemSolver, linear_solver
-from contact_locking.process.solving import solve_assembled
+from contact_locking.process.solving import SolvableStudy, settings_of, solve_assembled
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import ContactFields
 from contact_locking.results.quantities import look_up
@@ -220,35 +219,35 @@ class StudyNumber:
 class Sensitivities:
     """The derivatives of a study, step by step; collective.
 
-    Made before the first solve by ``solver``.  Raises InputError for quantities and numbers without
+    Made before the first solve.  Raises InputError for quantities and numbers without
     a derivative, and for a problem without derivatives.
     """
 
-    def __init__(self, problem: StudyProblem, solver: ProblemSolver, monitor: Monitor) -> None:
-        given = problem.parameters.sensitivities
+    def __init__(self, study: SolvableStudy) -> None:
+        given, solver = study.parameters.sensitivities, study.solver
         assert given is not None
         require_derivatives(solver, given.of)
-        self._given, self._solver, self._monitor = given, solver, monitor
-        self._numbers = [StudyNumber(problem, name) for name in given.to]
+        self._given, self._solver, self._monitor = given, solver, solver.monitor
+        self._clock = study.problem.clock
+        self._numbers = [StudyNumber(study.problem, name) for name in given.to]
         self._shares: dict[str, float] = {}
 
-    def after(
-        self, solution: StudySolution, report: SolverReport, time: float | None
-    ) -> StudySolution:
-        """The solution with the entries of its summary; with a ``time``, the end of a step.
+    def after(self, solution: StudySolution, report: SolverReport) -> StudySolution:
+        """The solution with the entries of its summary.
 
         The shares near a change are the largest of the steps so far, as friction remembers each.
         """
         if not solution.converged:
             return solution
-        if time is None:
+        steps, time = solution.parameters.steps, self._clock.now
+        if steps is None:
             self._monitor.message("computing derivatives")
         lazy = self._solver.derivatives(report)
         assert isinstance(lazy, LazyDerivatives)
         derivatives, numbers = lazy.made, self._numbers
         for kind, share in share_at_change(derivatives.linear.equations).items():
             self._shares[kind] = max(share, self._shares.get(kind, 0.0))
-        if time is None:
+        if steps is None:
             table = derivatives.table(self._given.of, numbers)
         else:
             for number in numbers:
@@ -257,7 +256,6 @@ class Sensitivities:
             for number, change in zip(numbers, changes, strict=True):
                 number.remember(solution.contacts, change, derivatives.frozen)
         told = entry(table, self._shares)
-        steps = solution.parameters.steps
         if self._given.check and (steps is None or time == steps.planned[-1]):
             self._check(told["sensitivities"], solution)
         return solution.telling(**told)

@@ -15,26 +15,27 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
-from collections.abc import Generator, Iterator, Mapping, Sequence
+import time as clocks
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, Protocol, TypeVar
+
+from dolfinx import fem
 
 from contact_locking.certificate.energy import EnergyBalance, Moment, energy_balance
 from contact_locking.certificate.laws import ENTRY
-from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.errors import InputError, Misplaced, ProcessEnded, with_key
-from contact_locking.monitor import Monitor
-from contact_locking.process.checkpoint.stored import restored_step
-from contact_locking.process.of_study import certified, followers_of, of_study, solver_of
+from contact_locking.certificate.solved_state import Criterion, SolvedState
+from contact_locking.errors import InputError, Misplaced, ProcessEnded
+from contact_locking.process.checkpoint import stored as checkpoint
+from contact_locking.process.checkpoint.saved_steps import saved_steps
+from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.process.timeline import Timeline
-from contact_locking.results.history import History, Row, values_of
+from contact_locking.results.history import History, Row
 from contact_locking.results.probe_table import ProbeSample
 from contact_locking.results.quantities import columns, components
-from contact_locking.results.solution import State, StudySolution
+from contact_locking.results.solution import Solution, State
 from contact_locking.solver.task import SolverReport
-from contact_locking.study.assembly import StudyProblem
 
 # How much later, as a share of the time, a proof is asked for where a step fails.
 _BEYOND = 0.03
@@ -43,7 +44,7 @@ SUMMED = ("work", "dissipated", "numerical")
 
 
 def row_of(
-    solution: StudySolution, history: History, at: float, energy: EnergyBalance, seconds: float
+    solution: Solution, history: History, at: float, energy: EnergyBalance, seconds: float
 ) -> Row:
     """The row of history.csv for the next step."""
     summary = solution.summary
@@ -99,167 +100,188 @@ def totals(history: History, halvings: int, planned: int) -> dict[str, Any]:
     }
 
 
-CRITERION = "energy_balance"
+S = TypeVar("S", bound=Solution)
+S_co = TypeVar("S_co", bound=Solution, covariant=True)
 
 
-class Steps(Iterator[StudySolution]):
-    """The solutions of an assembled problem with steps, in the order of their times; collective.
+class Solvable(Protocol[S_co]):
+    """A problem with its solver, as drivers take it; all methods are collective."""
 
-    ``problem`` may be changed between two steps; ``history`` has the numbers of the steps so far.
-    After a step that does not converge, whatever its length, the iteration ends with the state that
-    was reached.  Raises InputError, with the time, for data that cannot be used at a time; after a
-    first step this is ProcessEnded.  ``saved`` are the checkpoints of steps that were solved
-    earlier: they are read and judged again, and the iteration goes on from the last of them.
-    Whoever stops earlier calls :meth:`close`, on all ranks.
+    solver: ProblemSolver
+
+    def refresh(self) -> None:
+        """Put the present data into ``solver``.  Raises InputError for those of no use."""
+
+    def solution(self, state: SolvedState, criteria: Mapping[str, Criterion]) -> S_co:
+        """The solution in a state of ``solver``, which is to meet further criteria."""
+
+
+class Process(Iterator[S]):
+    """``u_k`` at times ``t_1 < t_2 < ...``, where friction acts against ``u_tau - u_{k-1,tau}``.
+
+    The process iterates over the solutions of a problem, which starts at rest.  Its data are read
+    anew in each step, at the time that the process puts into them.  ``history`` has the numbers of
+    the steps so far.  After a step that does not converge, whatever its length, the iteration ends
+    with the state that was reached.  Collective.  Raises InputError for times that do not ascend
+    and, with the time, for data that cannot be used at a time; after a first step this is
+    ProcessEnded.
+
+    Parameters
+    ----------
+    problem
+        a :class:`~contact_locking.contact_problem.ContactProblem`
+    times
+        the times of the steps; the time before is 0, or the first of them if that is earlier
+    time
+        the time in data beside expressions of t: a constant of DOLFINx, or a function that puts
+        the data to a time
+    least
+        the shortest step: one that does not converge is halved down to it; None for 1/64 of a
+        step, and 1/8 where a proof says that nothing can follow the step
+    on_failure
+        where the least step fails: "fail" ends with the state that it reached, and "stop" with the
+        last step that was solved
+    restart
+        a folder with a checkpoint of a step, which is judged again, and from which the process
+        goes on
     """
 
     def __init__(
         self,
-        problem: StudyProblem,
-        monitor: Monitor | None = None,
-        petsc_options: Mapping[str, Any] | None = None,
-        saved: Sequence[Path] = (),
+        problem: Solvable[S],
+        times: Sequence[float],
+        time: fem.Constant | Callable[[float], object] | None = None,
+        least: float | None = None,
+        on_failure: Literal["fail", "stop"] = "fail",
+        restart: str | Path | None = None,
     ) -> None:
-        given = problem.parameters.steps
-        assert given is not None
         self.problem, self.history = problem, History()
-        self._monitor = monitor or Monitor()
-        self._solver = solver_of(problem, self._monitor, petsc_options)
-        self._timeline = Timeline(given)
+        # An expression of UFL can be called as well.
+        is_constant = isinstance(time, fem.Constant) or not callable(time)
+        own = partial(setattr, time, "value") if is_constant else time
+        self._set_time = None if time is None else own
+        self._solver, self._monitor = problem.solver, problem.solver.monitor
+        self._timeline = Timeline(times, least)
         self._planned = self._timeline.left
+        self._stops = on_failure == "stop"
         self._halved: tuple[str, ...] = ()
         self._is_unbalanced, self._follows_branch, self._seconds = False, True, 0.0
         self._probes: tuple[ProbeSample, ...] = ()
-        self._saved = saved
+        self._saved = [] if restart is None else saved_steps(Path(restart))
         self._solutions = self._solve()
 
-    def __next__(self) -> StudySolution:
+    def __next__(self) -> S:
         return next(self._solutions)
 
-    def close(self) -> None:
-        """End the iteration and destroy the PETSc objects; collective."""
-        self._solutions.close()
+    def _put(self, at: float) -> None:
+        """Put the problem to a time; collective."""
+        self._solver.problem.clock.set(at)
+        if self._set_time is not None:
+            self._set_time(at)
+        self.problem.refresh()
 
-    def _solve(self) -> Generator[StudySolution]:
-        timeline = self._timeline
-        solution: StudySolution | None = None
+    def _solve(self) -> Generator[S]:
+        timeline, discrete = self._timeline, self._solver.problem
+        solution: S | None = None
         last: State | None = None
         before: Moment | None = None
-        if self._saved and self.problem.parameters.sensitivities is not None:
-            raise InputError(
-                "take all steps of a process, as friction remembers each: start without --restart",
-                "sensitivities",
+        discrete.enter(discrete.at_rest())
+        for path in self._saved:
+            saved, step = checkpoint.saved_step(path, discrete)
+            self._put(step.time)
+            self._halved, self.history = step.halved, step.history
+            state, energy = (
+                saved.restored(self._solver),
+                EnergyBalance.of_row(self.history.rows[-1]),
             )
-        followers = followers_of(self.problem, self._solver, self._monitor)
-        try:
-            for path in self._saved:
-                state, step, energy = restored_step(path, self.problem, self._solver)
-                self._halved, self.history = step.halved, step.history
-                solution = self._solution(state, energy, step.time)
-                solution = self._with_history(solution, f"the step was read from {path}")
-                yield solution
-                timeline.skip_to(step.time)
-                last, before = solution.state, Moment.of(state)
-                self.problem.enter(last.contacts)
-            self._began, self._to_solve = time.perf_counter(), timeline.left
-            while not timeline.is_over:
-                began = time.perf_counter()
-                at = timeline.target
-                try:
-                    if timeline.is_barred:
-                        if timeline.fail():
-                            continue
-                        if solution is not None and self._stops:
-                            told = timeline.explained(timeline.failed.get(at, ""), at, -math.inf)
-                            yield self._stopped(solution, told["reason"])
-                            return
-                    self.problem.advance(at)
-                    self._solver.begin()
-                    # The proofs of balance are asked for where a solve has failed before.
-                    is_unbalanced = self._is_unbalanced and self._solver.is_unbalanced()
-                    if is_unbalanced and timeline.fail():
+            solution = self._solution(state, energy, step.time)
+            solution = self._with_history(solution, f"the step was read from {path}")
+            yield solution
+            timeline.skip_to(step.time)
+            last, before = solution.state, Moment.of(state)
+            discrete.enter(last.contacts)
+        self._began, self._to_solve = clocks.perf_counter(), timeline.left
+        while not timeline.is_over:
+            began = clocks.perf_counter()
+            at = timeline.target
+            try:
+                if timeline.is_barred:
+                    if timeline.fail():
                         continue
-                    report = self._solve_at(at, last)
-                except InputError as error:
-                    is_misplaced = isinstance(error, Misplaced)
-                    if is_misplaced and self._halve(
-                        f"the step to t = {at:.6g} takes {error.key} too far"
-                    ):
-                        continue
-                    text = f"at t = {at:.6g} {error}" if is_misplaced else str(error)
-                    if solution is None:
-                        raise InputError(text, error.key) from error
-                    if is_misplaced and self._stops:
-                        yield self._stopped(solution, text)
-                        return
-                    entries = self._end(solution, f"{error.key}: {text}")
-                    raise ProcessEnded(text, error.key, entries) from error
-                reached = at == timeline.planned
-                if report.is_infeasible:
-                    timeline.refuse(at, report)
-                if not report.converged and timeline.refused is not None:
-                    timeline.failed[at] = report.reason
-                self._is_unbalanced |= report.is_unbalanced
-                # The branch is followed once at most on the way to a planned time.
-                self._follows_branch = report.converged and (reached or self._follows_branch)
-                if not report.converged and self._halve(
-                    f"the step to t = {at:.6g} did not converge ({report.reason})"
-                ):
-                    continue
-                state = self._solver.state(report)
-                energy, after = energy_balance(before or Moment.at_rest(state), state)
-                found = self._solution(state, energy, at)
-                # Half the step misses a foundation between the nodes as well.
-                entering = found.summary["certificate"]["criteria"].get(ENTRY, {"holds": True})
-                if (
-                    not found.converged
-                    and entering["holds"]
-                    and self._halve(
-                        f"the step to t = {at:.6g} did not converge ({found.summary['reason']})"
-                    )
-                ):
-                    continue
-                if not found.converged:
-                    # Where the process stops, its words begin with the last time.
-                    last_time = solution.time if solution and not self._stops else -math.inf
-                    told = timeline.explained(found.summary["reason"], at, last_time)
-                    found = found.telling(**told)
                     if solution is not None and self._stops:
-                        yield self._stopped(solution, found.summary["reason"])
+                        told = timeline.explained(timeline.failed.get(at, ""), at, -math.inf)
+                        yield self._stopped(solution, told["reason"])
                         return
-                solution, before = found, after
-                for follower in followers:
-                    solution = follower.after(solution, report, at)
-                seconds = self._seconds = time.perf_counter() - began
-                self.history.rows.append(row_of(solution, self.history, at, energy, seconds))
-                self._require_columns()
-                solution = self._with_history(solution)
-                yield solution
-                if not solution.converged:
+                self._put(at)
+                # The proofs of balance are asked for where a solve has failed before.
+                is_unbalanced = self._is_unbalanced and self._solver.is_unbalanced()
+                if is_unbalanced and timeline.fail():
+                    continue
+                report = self._solve_at(at, last)
+            except InputError as error:
+                is_misplaced = isinstance(error, Misplaced)
+                if is_misplaced and self._halve(
+                    f"the step to t = {at:.6g} takes {error.key} too far"
+                ):
+                    continue
+                text = f"at t = {at:.6g} {error}" if is_misplaced else str(error)
+                if solution is None:
+                    raise InputError(text, error.key) from error
+                if is_misplaced and self._stops:
+                    yield self._stopped(solution, text)
                     return
-                timeline.succeed()
-                last = solution.state
-                self.problem.enter(last.contacts)
-        finally:
-            for follower in followers:
-                follower.close()
-            self._solver.close()
-            self.problem.close()
-
-    def _require_columns(self) -> None:
-        """Raise InputError, after the first step, for charts of columns that there are not."""
-        for number, chart in enumerate(self.problem.parameters.output.charts):
-            for key, text in (("x", chart.x), ("y", chart.y)):
-                key = f"output.charts.{number}.{key}"
-                with_key(key, partial(values_of, text, self.history))
+                reason = {"converged": False, "reason": f"{error.key}: {text}", "suggestion": ""}
+                raise ProcessEnded(text, error.key, self._end(solution) | reason) from error
+            reached = at == timeline.planned
+            if report.is_infeasible:
+                timeline.refuse(at, report)
+            if not report.converged and timeline.refused is not None:
+                timeline.failed[at] = report.reason
+            self._is_unbalanced |= report.is_unbalanced
+            # The branch is followed once at most on the way to a planned time.
+            self._follows_branch = report.converged and (reached or self._follows_branch)
+            if not report.converged and self._halve(
+                f"the step to t = {at:.6g} did not converge ({report.reason})"
+            ):
+                continue
+            state = self._solver.state(report)
+            energy, after = energy_balance(before or Moment.at_rest(state), state)
+            found = self._solution(state, energy, at)
+            # Half the step misses a foundation between the nodes as well.
+            entering = found.summary["certificate"]["criteria"].get(ENTRY, {"holds": True})
+            if (
+                not found.converged
+                and entering["holds"]
+                and self._halve(
+                    f"the step to t = {at:.6g} did not converge ({found.summary['reason']})"
+                )
+            ):
+                continue
+            if not found.converged:
+                # Where the process stops, its words begin with the last time.
+                last_time = solution.time if solution and not self._stops else -math.inf
+                told = timeline.explained(found.summary["reason"], at, last_time)
+                found = found.telling(**told)
+                if solution is not None and self._stops:
+                    yield self._stopped(solution, found.summary["reason"])
+                    return
+            solution, before = found, after
+            seconds = self._seconds = clocks.perf_counter() - began
+            self.history.rows.append(row_of(solution, self.history, at, energy, seconds))
+            solution = self._with_history(solution)
+            yield solution
+            if not solution.converged:
+                return
+            timeline.succeed()
+            last = solution.state
+            discrete.enter(last.contacts)
 
     def _solve_at(self, at: float, last: State | None) -> SolverReport:
         """Solve at the present time; collective."""
-        left = self._timeline.left
-        planned, taken = self._to_solve - left, time.perf_counter() - self._began
+        left, taken = self._timeline.left, clocks.perf_counter() - self._began
         # Nothing tells how long it takes to find out how far the process can go.
-        is_known = planned and not self._timeline.is_halved
-        seconds = left * max(taken / planned, self._seconds) if is_known else None
+        planned = 0 if self._timeline.is_halved else self._to_solve - left
+        seconds = left * max(taken / planned, self._seconds) if planned else None
         self._monitor.step(len(self.history) + 1, left, at, seconds)
         saved = None if last is None else last.saved
         is_near = self._timeline.refused is not None
@@ -268,39 +290,36 @@ class Steps(Iterator[StudySolution]):
         report = self._solver.solve(saved, self._follows_branch, searches)
         if report.converged or report.is_infeasible or not asks or self._locks_up_after(at):
             return report
-        self.problem.advance(at)
-        self._solver.begin()
+        self._put(at)
         return self._solver.solve(saved, self._follows_branch)
 
     def _locks_up_after(self, at: float) -> bool:
         """Whether a proof shows that nothing is admissible a little later; collective."""
-        beyond = at + _BEYOND * (at - self.problem.clock.start)
+        beyond = at + _BEYOND * (at - self._timeline.start)
         try:
-            self.problem.advance(beyond)
-            self._solver.begin()
+            self._put(beyond)
             verdict = self._solver.verdict()
         except InputError:
             return False
         finally:
-            self.problem.advance(at)
-            self._solver.begin()
+            self._put(at)
         if verdict is None:
             return False
         told = SolverReport(is_infeasible=True, reason=verdict.reason, suggestion=verdict.way_out)
         self._timeline.refuse(beyond, told)
         return True
 
-    @property
-    def _stops(self) -> bool:
-        given = self.problem.parameters.steps
-        return given is not None and given.on_failure == "stop"
-
-    def _stopped(self, last: StudySolution, reason: str) -> StudySolution:
-        """The last solution, which is that of a process that goes no farther."""
-        ended = f"the process ends at t = {last.time:.6g} ({reason})"
+    def _end(self, last: S, ended: str | None = None) -> dict[str, Any]:
+        """The entries of a last solution with which the process ends, in words, or fails."""
+        told = [*last.summary["warnings"], *self._halved[len(last.halved) :]]
         steps = {**last.summary["steps"], "halvings": len(self._halved), "ended": ended}
-        told = [ended, *last.summary["warnings"], *self._halved[len(last.halved) :]]
-        return last.telling(steps=steps, warnings=told)
+        return {"steps": steps, "warnings": told if ended is None else [ended, *told]}
+
+    def _stopped(self, last: S, reason: str) -> S:
+        """The last solution, which is that of a process that goes no farther."""
+        return last.telling(
+            **self._end(last, f"the process ends at t = {last.time:.6g} ({reason})")
+        )
 
     def _halve(self, failure: str) -> bool:
         """Halve the step after a failure, if it may be halved, and say so."""
@@ -313,27 +332,11 @@ class Steps(Iterator[StudySolution]):
         self._monitor.message(f"warning: {text}")
         return True
 
-    def _solution(self, state: SolvedState, energy: EnergyBalance, at: float) -> StudySolution:
-        """The solution of a step with its certificate; collective."""
-        derivatives = self._solver.derivatives(state.report)
-        certificate = certified(self.problem.parameters, state)
-        criteria = {**certificate.criteria, CRITERION: energy.criterion(state)}
-        judged = dataclasses.replace(certificate, criteria=criteria)
-        found = of_study(self.problem, state, judged, derivatives)
-        return dataclasses.replace(found, time=at)
+    def _solution(self, state: SolvedState, energy: EnergyBalance, at: float) -> S:
+        """The solution of a step, judged by its energy balance as well; collective."""
+        return dataclasses.replace(self.problem.solution(state, energy.criteria(state)), time=at)
 
-    def _end(self, last: StudySolution, reason: str) -> dict[str, Any]:
-        """The entries by which the last solution says why the process fails with it."""
-        new = self._halved[len(last.halved) :]
-        return {
-            "converged": False,
-            "reason": reason,
-            "suggestion": "",
-            "steps": {**last.summary["steps"], "halvings": len(self._halved)},
-            "warnings": [*last.summary["warnings"], *new],
-        }
-
-    def _with_history(self, solution: StudySolution, restart: str | None = None) -> StudySolution:
+    def _with_history(self, solution: S, restart: str | None = None) -> S:
         """A solution with the history of the process."""
         self._probes += tuple(
             dataclasses.replace(taken, step=len(self.history), time=solution.time)

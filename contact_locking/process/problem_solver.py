@@ -43,7 +43,7 @@ class ProblemSolver:
     def __init__(
         self, problem: DiscreteProblem, settings: Settings, monitor: Monitor | None = None
     ) -> None:
-        self.problem, self._monitor = problem, monitor or Monitor()
+        self.problem, self.monitor = problem, monitor or Monitor()
         self._derivatives: tuple[SolverReport, Differentiable] | None = None
         self._method = _method(problem, settings.method)
         self.settings = dataclasses.replace(
@@ -133,7 +133,7 @@ class ProblemSolver:
     @property
     def task(self) -> Task:
         """The present problem for a solver."""
-        return Task(self.system, self.target, self.settings, self._monitor)
+        return Task(self.system, self.target, self.settings, self.monitor)
 
     @property
     def may_lock_up(self) -> bool:

@@ -1,34 +1,161 @@
-"""From parameters to solutions: assemble the problem, solve it, collect the results."""
+"""From a study file to solutions: its problem with its solver, which drivers take."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import re
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
+from functools import partial
+from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from mpi4py import MPI
 
 from contact_locking import study_file, wings
 from contact_locking._version import __version__
-from contact_locking.errors import InputError
+from contact_locking.certificate import Extras, certify
+from contact_locking.certificate.solved_state import Criterion, SolvedState
+from contact_locking.errors import InputError, with_key
 from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.problem.distance import distance
+from contact_locking.process.adaptive_meshes import adapted
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.checkpoint.saved_steps import saved_steps
-from contact_locking.process.loop import Steps
-from contact_locking.process.of_study import certified, followers_of, of_study, solver_of
+from contact_locking.process.judgement import solution_of
+from contact_locking.process.loop import Process
+from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.results.history import values_of
+from contact_locking.results.probe_table import sample
 from contact_locking.results.solution import StudySolution
+from contact_locking.solver.linear.options import UserOptions
+from contact_locking.solver.task import Settings, SolverReport
 from contact_locking.study import assembly
-from contact_locking.study.assembly import StudyProblem, assemble
+from contact_locking.study.assembly import StudyProblem, assemble, mesh_of
+from contact_locking.study_file import problem_fingerprint, require_parameters
 from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters.numerics import AdaptParameters
 
+# The wings of sections of the study file, and of parts of its certificate.
+_WINGS = {
+    "sensitivities": "inverse",
+    "branches": "theory",
+    "equilibria": "theory",
+    "certificate.constants": "theory",
+    "certificate.error_bound": "theory",
+    "certificate.critical_friction": "theory",
+}
 _NUMBERS = re.compile(r"(?<![\w.])[-+]?\d[\d.e+-]*")
+
+
+def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None = None) -> Settings:
+    """The settings of a study file."""
+    given = parameters.solver
+    options = UserOptions({**given.petsc, **(petsc_options or {})})
+    return Settings(**given.model_dump(exclude={"petsc"}), petsc=options)
+
+
+class Follower(Protocol):
+    """What a study asks for beside each of its solutions; collective."""
+
+    def after(self, solution: StudySolution, report: SolverReport) -> StudySolution:
+        """The solution with what is added to it."""
+
+    def close(self) -> None:
+        """Destroy the PETSc objects."""
+
+
+class SolvableStudy:
+    """The problem of a study file with its solver, as drivers take it; collective.
+
+    Raises InputError for what cannot be made beside solutions, or takes a wing that is not
+    installed.
+    """
+
+    def __init__(
+        self,
+        problem: StudyProblem,
+        monitor: Monitor | None = None,
+        petsc_options: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.problem, self.parameters = problem, problem.parameters
+        settings = settings_of(self.parameters, petsc_options)
+        self.solver = ProblemSolver(problem, settings, monitor)
+        for key, wing in _WINGS.items():
+            if attrgetter(key)(self.parameters):
+                wings.require(wing, key)
+        made: list[Follower | None] = [follow(self) for follow in wings.FOLLOWERS]
+        self._followers = [follower for follower in made if follower is not None]
+
+    def refresh(self) -> None:
+        """Put the data at the time of the clock into ``solver``."""
+        self.problem.advance(self.problem.clock.now)
+        self.solver.begin()
+
+    def judged(
+        self, state: SolvedState, criteria: Mapping[str, Criterion] | None = None
+    ) -> StudySolution:
+        """The solution in a state, with title, probes and parameters of the study file."""
+        problem, parameters, asked = self.problem, self.parameters, self.parameters.certificate
+        extras = Extras(asked.constants, asked.error_bound, asked.critical_friction)
+        found = solution_of(state, certify(state, extras, criteria))
+        fields = (problem.u, found.strain_norm, found.elastic_stress, found.locking_stress)
+        units, is_plane = parameters.output.units, found.domain.dim == 2
+        labels = units and units.labels(is_plane and not found.domain.axisymmetric)
+        summary = {"title": parameters.title, "units": labels or {}, **found.summary}
+        probes = (sample(problem.probes, *fields),) if len(problem.probes) else ()
+        changed = {"summary": summary, "probes": probes, "parameters": parameters}
+        return StudySolution(**(vars(found) | changed))
+
+    def solution(
+        self, state: SolvedState, criteria: Mapping[str, Criterion] | None = None
+    ) -> StudySolution:
+        """The solution in a state, with all that the file asks for beside it."""
+        derivatives = self.solver.derivatives(state.report)
+        solution = dataclasses.replace(self.judged(state, criteria), differentiable=derivatives)
+        for follower in self._followers:
+            solution = follower.after(solution, state.report)
+        return solution
+
+    def solutions(self, restart: str | Path | None = None) -> Iterator[StudySolution]:
+        """The solutions of the steps, or the only one; the problem can be solved once.
+
+        ``restart`` is as for :func:`contact_locking.process.solving.solve`.
+        """
+        steps = self.parameters.steps
+        for name in ("sensitivities",) if steps is not None else ("equilibria",):
+            if restart is not None and getattr(self.parameters, name) is not None:
+                raise InputError("takes all solves of a run: start without --restart", name)
+        if steps is None:
+            return iter([self._static(restart)])
+        return Process(self, steps.planned, None, steps.least, steps.on_failure, restart)
+
+    def _static(self, restart: str | Path | None) -> StudySolution:
+        """The solution of a problem without steps, with derivatives until it is closed."""
+        solver, problem, saved, report = self.solver, self.problem, None, None
+        if restart is not None:
+            saved = checkpoint.read(restart, problem)
+            same = on_root(problem.domain.comm, lambda: problem_fingerprint(self.parameters))
+            if saved.converged and saved.problem == same:
+                report = saved.solved_again(solver)
+        report = report or solver.solve(saved.state if saved else None)
+        solver.monitor.message("computing fields and the certificate")
+        solution = self.solution(solver.state(report))
+        told = [*solution.summary["warnings"], *solver.unused_options()]
+        start = None if restart is None else checkpoint.start_in_words(restart, report)
+        return solution.telling(warnings=told, restart=start)
+
+    def close(self) -> None:
+        """Destroy the PETSc objects."""
+        for follower in self._followers:
+            follower.close()
+        self.solver.close()
+        self.problem.close()
 
 
 def solve(
@@ -37,20 +164,55 @@ def solve(
     monitor: Monitor | None = None,
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
-    domain: Domain | None = None,
 ) -> StudySolution:
-    """Solve (25)/(26) for the given parameters on one mesh; collective.
+    """Solve (25)/(26) for the given parameters; collective.
 
-    ``domain`` is a mesh in place of the study's; the section ``adapt`` is for `adaptivity.solve`.
-    With steps this is the solution of the last step, see :func:`solve_steps`.  ``petsc_options``
-    override ``solver.petsc``, and both override the defaults.  ``restart`` is the folder of a run
-    that saved its state on the same mesh; a restart changes the iterations and not the solution.  A
-    solve that does not converge returns its last state, with ``converged`` False and the reason in
-    the summary.  Raises InputError for data that cannot be used.
+    With steps this is the solution of the last step, see :func:`solve_steps`, and with a section
+    ``adapt`` that on the last mesh, see :func:`solve_adaptively`.  ``petsc_options`` override
+    ``solver.petsc``, and both override the defaults.  ``restart`` is the folder of a run that saved
+    its state; a restart changes the iterations and not the solution.  A solve that does not
+    converge returns its last state, with ``converged`` False and the reason in the summary.  Raises
+    InputError for data that cannot be used.
     """
-    return deque(solve_steps(parameters, comm, monitor, petsc_options, restart, domain), maxlen=1)[
-        0
-    ]
+    require_parameters(parameters)
+    if parameters.adapt is not None:
+        solutions = solve_adaptively(parameters, comm, monitor, petsc_options, restart)
+    else:
+        domain = checkpoint.refined_mesh(restart, comm)
+        solutions = solve_steps(parameters, comm, monitor, petsc_options, restart, domain)
+    # Only the last solution is kept in memory.
+    return deque(solutions, maxlen=1)[0]
+
+
+def solve_adaptively(
+    parameters: Parameters,
+    comm: MPI.Intracomm = MPI.COMM_WORLD,
+    monitor: Monitor | None = None,
+    petsc_options: Mapping[str, Any] | None = None,
+    restart: str | Path | None = None,
+) -> Iterator[StudySolution]:
+    """The solutions on the adapted meshes, one after the other; collective.
+
+    The section ``adapt`` sets the tolerance and the limits; without it the defaults hold.  The
+    summary of each solution has the entry ``adapt`` with all meshes so far.  In the last summary
+    ``adapt.stopped`` is the reason why there is no further mesh.  ``restart`` is the folder of a
+    run with a checkpoint, on the first mesh or on a refined mesh, from which the loop goes on.
+
+    The loop ends where the estimate of the error is not known.  Raises InputError for data that
+    cannot be used.
+    """
+    listener = Attentive(monitor or Monitor())
+    require_parameters(parameters)
+    geometry, starts = parameters.mesh.geometry, [restart]
+
+    def solve_on(domain: Domain) -> StudySolution:
+        start = starts.pop() if starts else None
+        (solution,) = solve_steps(parameters, comm, listener, petsc_options, start, domain)
+        return solution
+
+    first = checkpoint.refined_mesh(restart, comm) or mesh_of(parameters, comm)
+    curved = () if geometry is None else geometry.curved
+    return adapted(solve_on, first, parameters.adapt or AdaptParameters(), listener, curved)
 
 
 def solve_steps(
@@ -63,11 +225,11 @@ def solve_steps(
 ) -> Iterator[StudySolution]:
     """Solve one step after the other, and yield the solution of each; collective.
 
-    Without steps in the parameters the one solution is that of :func:`solve`.  A step that does not
-    converge is halved, down to ``steps.least``; the last solution is then not converged.
-    ``restart`` is the folder of a run that saved a step of a process: the saved steps are yielded
-    again, and the process goes on from the last of them.  Raises InputError for data that cannot be
-    used.
+    Without steps in the parameters there is one solution.  A step that does not converge is halved,
+    down to ``steps.least``; the last solution is then not converged.  ``restart`` is the folder of
+    a run that saved a step of a process: the saved steps are yielded again, and the process goes on
+    from the last of them.  ``domain`` is a mesh in place of the study's.  Raises InputError for
+    data that cannot be used.
     """
     monitor = Attentive(monitor or Monitor())
     start = time.perf_counter()
@@ -80,22 +242,33 @@ def solve_steps(
     for warning in problem.warnings:
         monitor.message(f"warning: {warning}")
     told = set[str]()
-    for solution in _solutions(problem, monitor, petsc_options, restart):
-        for warning in solution.summary["warnings"]:
-            # Steps differ in the numbers of a warning; those in keys, as contact.1, tell it apart.
-            words = _NUMBERS.sub("", warning)
-            if words not in told:
-                told.add(words)
-                monitor.message(f"warning: {warning}")
-        if parameters.certificate.limit and solution.converged:
-            certificate = dict(solution.summary["certificate"])
-            measured = _distance_to_limit(solution, monitor, petsc_options)
-            certificate["errors"] = {**certificate["errors"], "penalty_measured": measured}
-            solution = solution.telling(certificate=certificate)
-        entries: dict[str, Any] = {"version": __version__, "fingerprint": fingerprint}
-        entries["wall_seconds"] = time.perf_counter() - start
-        others = tuple(other.telling(**entries) for other in solution.others)
-        yield dataclasses.replace(solution.telling(**entries), others=others)
+    with contextlib.closing(SolvableStudy(problem, monitor, petsc_options)) as study:
+        for solution in study.solutions(restart):
+            _require_columns(solution)
+            for warning in solution.summary["warnings"]:
+                # Steps differ in the numbers of a warning; those in keys, as contact.1, tell it
+                # apart.
+                words = _NUMBERS.sub("", warning)
+                if words not in told:
+                    told.add(words)
+                    monitor.message(f"warning: {warning}")
+            if parameters.certificate.limit and solution.converged:
+                certificate = dict(solution.summary["certificate"])
+                measured = _distance_to_limit(solution, monitor, petsc_options)
+                certificate["errors"] = {**certificate["errors"], "penalty_measured": measured}
+                solution = solution.telling(certificate=certificate)
+            entries: dict[str, Any] = {"version": __version__, "fingerprint": fingerprint}
+            entries["wall_seconds"] = time.perf_counter() - start
+            others = tuple(other.telling(**entries) for other in solution.others)
+            yield dataclasses.replace(solution.telling(**entries), others=others)
+
+
+def _require_columns(solution: StudySolution) -> None:
+    """Raise InputError for charts of columns that the history has not."""
+    for number, chart in enumerate(solution.parameters.output.charts):
+        for key, text in (("x", chart.x), ("y", chart.y)):
+            key = f"output.charts.{number}.{key}"
+            with_key(key, partial(values_of, text, solution.history))
 
 
 def solve_assembled(
@@ -110,50 +283,8 @@ def solve_assembled(
     an ``own_energy`` the method is ``newton``, also for ``auto``.  With steps this is the solution
     of the last step.  Raises InputError for an ``own_energy`` with another method.
     """
-    monitor = monitor or Monitor()
-    return deque(_solutions(problem, monitor, petsc_options, restart), maxlen=1)[0]
-
-
-def _solutions(
-    problem: StudyProblem,
-    monitor: Monitor,
-    petsc_options: Mapping[str, Any] | None,
-    restart: str | Path | None,
-) -> Iterator[StudySolution]:
-    """The solutions of an assembled problem: of the steps, or one; collective."""
-    if problem.parameters.steps is not None:
-        saved = [] if restart is None else saved_steps(Path(restart))
-        return Steps(problem, monitor, petsc_options, saved)
-    return _static(problem, monitor, petsc_options, restart)
-
-
-def _static(
-    problem: StudyProblem,
-    monitor: Monitor,
-    petsc_options: Mapping[str, Any] | None,
-    restart: str | Path | None,
-) -> Iterator[StudySolution]:
-    """The solution of a problem without steps, with derivatives until it is done; collective."""
-    if restart is not None and problem.parameters.equilibria is not None:
-        raise InputError("does not go with --restart", "equilibria")
-    saved = None if restart is None else checkpoint.read(restart, problem)
-    solver = solver_of(problem, monitor, petsc_options)
-    followers = followers_of(problem, solver, monitor)
-    report = saved and checkpoint.solved_already(saved, problem, solver)
-    report = report or solver.solve(None if saved is None else saved.state)
-    monitor.message("computing fields and the certificate")
-    state = solver.state(report)
-    certificate = certified(problem.parameters, state)
-    solution = of_study(problem, state, certificate, solver.derivatives(report))
-    told = [*solution.summary["warnings"], *solver.unused_options()]
-    start = None if restart is None else checkpoint.start_in_words(restart, report)
-    solution = solution.telling(warnings=told, restart=start)
-    for follower in followers:
-        solution = follower.after(solution, report, None)
-        follower.close()
-    yield solution
-    solver.close()
-    problem.close()
+    with contextlib.closing(SolvableStudy(problem, monitor, petsc_options)) as study:
+        return deque(study.solutions(restart), maxlen=1)[0]
 
 
 def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:

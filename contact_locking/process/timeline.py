@@ -2,30 +2,38 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import deque
+from collections.abc import Sequence
 
+from contact_locking.errors import InputError
 from contact_locking.solver.task import SolverReport
-from contact_locking.study_file.parameters.numerics import StepParameters
 
 # Steps that differ by less than this share have the same length.
 _ROUNDING = 1e-9
+# A step may be halved so often, without a least step: less often where a proof says that the body
+# cannot follow the whole step.
+_HALVINGS, _HALVINGS_AT_LIMIT = 6, 3
 
 
 class Timeline:
     """The next time to solve at, which comes nearer after a failure.
 
-    ``done`` is the time of the last solution, at first the time before the first step.  A failure
-    halves the step; a success between two planned times lets the next step be twice as long.
+    ``done`` is the time of the last solution, at first the ``start``: 0, or the first of the
+    ``times`` if that is earlier.  A failure halves the step, down to ``least``; a success between
+    two planned times lets the next step be twice as long.
     ``refused`` is the earliest time, since the last planned one, at which a proof shows that no
     displacement is admissible, with the report that says so.  ``failed`` has the reasons by the
-    times that failed near it.
+    times that failed near it.  Raises InputError for times that do not ascend.
     """
 
-    def __init__(self, given: StepParameters) -> None:
-        self._given = given
-        self._planned = deque(given.planned)
-        self._interval_start = self.done = given.start
+    def __init__(self, times: Sequence[float], least: float | None = None) -> None:
+        self._planned = deque(map(float, times))
+        if not self._planned or not all(a < b for a, b in itertools.pairwise(times)):
+            raise InputError("must be numbers that ascend, one at least", "times")
+        self.start = min(0.0, self.planned)
+        self._interval_start, self.done, self._least = self.start, self.start, least
         self._longest = math.inf
         self.refused: tuple[float, SolverReport] | None = None
         self.failed: dict[float, str] = {}
@@ -87,8 +95,8 @@ class Timeline:
     def fail(self) -> bool:
         """The solve at the target has failed; False if the step must not be halved."""
         half = 0.5 * (self.target - self.done)
-        at_limit = self.refused is not None
-        least = self._given.least_after(self._planned[0] - self._interval_start, at_limit)
+        halvings = _HALVINGS if self.refused is None else _HALVINGS_AT_LIMIT
+        least = self._least or (self.planned - self._interval_start) / 2**halvings
         if not half > 0.0 or half < least * (1.0 - _ROUNDING):
             return False
         self._longest = half

@@ -57,12 +57,13 @@ def not_writable(directory: object) -> str:
 def require_own(directory: Path, names: Sequence[str] = FILES_OF_RUN) -> None:
     """Raise InputError if results would replace files that no run or study has written; OSError.
 
-    In the folder of an earlier run or study, which its parameters tell, results replace all files
-    of their names; elsewhere they replace a saved state only.
+    In the folder of an earlier run or study, which its parameters tell, or else its summary,
+    results replace all files of their names; elsewhere they replace a saved state only.
     """
-    parameters = directory / PARAMETERS
-    if parameters.is_file() and parameters.read_bytes().startswith(HEADER.encode()):
-        return
+    for name, mark in ((PARAMETERS, HEADER), (SUMMARY, '"friction_fixed_point": {')):
+        path = directory / name
+        if path.is_file() and mark.encode() in path.read_bytes():
+            return
     for path in [directory / name for name in names]:
         if os.path.lexists(path) and not (path / RECORD).is_file():
             raise InputError(

@@ -106,6 +106,12 @@ class Solution:
     summary: Mapping[str, Any]
     differentiable: Differentiable | None = None
     data: ProblemData | None = None
+    meshes: tuple[AdaptedMesh, ...] = ()  # the adapted meshes up to this one, on rank 0
+    time: float = 0.0  # the time of the step, 0 without steps
+    history: History = field(default_factory=History)  # the steps up to this one, none without
+    probes: tuple[ProbeSample, ...] = ()  # the probes of the steps up to this one, none without
+    halved: tuple[str, ...] = ()  # which steps were halved, in words
+    others: tuple[Solution, ...] = ()  # further solutions, where a study asks for them
 
     def distance(self, other: Solution) -> dict[str, float]:
         """``sqrt(a(u - w, u - w))`` as ``energy_norm`` for the displacement w of ``other``.
@@ -149,12 +155,6 @@ class StudySolution(Solution):
     """The solution of a problem from a study file, or of one of its steps."""
 
     parameters: Parameters
-    meshes: tuple[AdaptedMesh, ...] = ()  # the adapted meshes up to this one, on rank 0
-    time: float = 0.0  # the time of the step, 0 without steps
-    history: History = field(default_factory=History)  # the steps up to this one, none without
-    probes: tuple[ProbeSample, ...] = ()  # the probes of the steps up to this one, none without
-    halved: tuple[str, ...] = ()  # which steps were halved, in words
-    others: tuple[StudySolution, ...] = ()  # further solutions, where the study asks for them
 
 
 def summary_text(summary: Mapping[str, Any]) -> str:

@@ -20,10 +20,8 @@ from contact_locking.files.lock import make_folders
 from contact_locking.process.checkpoint import stored as checkpoints
 from contact_locking.results import adapted_meshes, contact_table, fields, names, probe_table, xdmf
 from contact_locking.results.output_folder import explained_in, on_root_of
-from contact_locking.results.solution import StudySolution, summary_text
-
-# The solution of a ContactProblem has no parameters that its files could tell.
-_OF_STUDY = "the solution of a study file"
+from contact_locking.results.solution import Solution, StudySolution, summary_text
+from contact_locking.study_file.parameters.numerics import OutputParameters
 
 
 class FieldSeries(contextlib.AbstractContextManager["FieldSeries"]):
@@ -42,7 +40,7 @@ class FieldSeries(contextlib.AbstractContextManager["FieldSeries"]):
         self._series = None
         self._stack.close()
 
-    def add(self, solution: StudySolution) -> None:
+    def add(self, solution: Solution) -> None:
         """Add the fields of a step with its time; collective."""
         comm, functions = self._comm, fields.discontinuous(solution)
         size = fields.size(functions, comm)
@@ -63,29 +61,31 @@ class FieldSeries(contextlib.AbstractContextManager["FieldSeries"]):
 
 
 def write(
-    solution: StudySolution,
+    solution: Solution,
     directory: str | Path,
     checkpoint: bool = False,
     series: Path | None = None,
 ) -> list[str]:
     """Write all files of a solution and return the warnings, the same on all ranks; collective.
 
-    The files are summary.json, parameters.yaml, contact.csv and contact_facets.csv, and meshes.npz
-    for adapted meshes.  The section ``output`` of the parameters adds fields.bp or fields.xdmf, and
-    picture.png; ``checkpoint`` adds the folder checkpoint.  A step of a process adds history.csv.
-    ``series``, the file of a `FieldSeries`, is fields.bp in place of the fields of this step.  The
-    files are written into a staging folder and moved when all are complete.  They replace the
-    results of an earlier run in the folder, also those that this one does not have; all other files
-    stay.
+    The files are summary.json, contact.csv and contact_facets.csv, parameters.yaml for a study, and
+    meshes.npz for adapted meshes.  The section ``output`` of a study, or its defaults, adds
+    fields.bp or fields.xdmf, and picture.png; ``checkpoint`` adds the folder checkpoint.  A step of
+    a process adds history.csv.  ``series``, the file of a `FieldSeries`, is fields.bp in place of
+    the fields of this step.  The files are written into a staging folder and moved when all are
+    complete.  They replace the results of an earlier run in the folder, also those that this one
+    does not have; all other files stay.
 
     If the picture or the checkpoint cannot be made, a warning says so, also in summary.json.
     Raises InputError for a folder that cannot be written to or holds files of these names that no
     run has written, and ContactLockingError for a full disk; if only the picture or the checkpoint
     has no room, all other files are written first.
     """
-    require_kind(solution, StudySolution, _OF_STUDY, "solution")
+    require_kind(solution, Solution, "a solution", "solution")
     comm, target = solution.domain.comm, Path(directory)
-    wanted = solution.parameters.output
+    wanted = OutputParameters()
+    if isinstance(solution, StudySolution):
+        wanted = solution.parameters.output
     warnings: list[str] = []
     refused: list[str] = []
     return_freed_memory()
@@ -101,9 +101,9 @@ def write(
         if wanted.fields and "xdmf" in wanted.formats:
             with _explained_alone(target, comm):
                 xdmf.write(solution, staging / names.XDMF, comm)
-        for write_files in wings.FILES:
+        for draw in wings.PICTURES if wanted.picture else ():
             try:
-                warnings += write_files(solution, staging)
+                warnings += draw(solution, staging)
             except NoRoom as error:
                 refused.append(str(error))
         if checkpoint and (problem := _checkpoint(solution, target, staging)) is not None:
@@ -127,20 +127,20 @@ def write(
     return warnings
 
 
-def save(solution: StudySolution, directory: str | Path) -> None:
+def save(solution: Solution, directory: str | Path) -> None:
     """Save a checkpoint in ``directory``/checkpoint, for ``restart=directory``; collective.
 
     Any number of ranks can read the checkpoint on the same mesh.  Raises ContactLockingError if
     adios4dolfinx is missing, and InputError for a folder that cannot be written to or holds a
     checkpoint of others.
     """
-    require_kind(solution, StudySolution, _OF_STUDY, "solution")
+    require_kind(solution, Solution, "a solution", "solution")
     comm, target = solution.domain.comm, Path(directory)
     on_root_of(comm, target, partial(names.require_own, target, [names.CHECKPOINT]))
     save_as(solution, target, names.CHECKPOINT)
 
 
-def save_as(solution: StudySolution, directory: Path, name: str) -> None:
+def save_as(solution: Solution, directory: Path, name: str) -> None:
     """Save a checkpoint as ``directory``/``name``, whole or not at all; collective.
 
     Raises as :func:`save`.
@@ -152,7 +152,7 @@ def save_as(solution: StudySolution, directory: Path, name: str) -> None:
         on_root_of(comm, directory, lambda: atomic.put_in_place(folder, directory / name))
 
 
-def _checkpoint(solution: StudySolution, target: Path, staging: Path) -> str | None:
+def _checkpoint(solution: Solution, target: Path, staging: Path) -> str | None:
     """Write a checkpoint and return None, or return why it failed; collective."""
     try:
         _write_checkpoint(solution, target, staging / names.CHECKPOINT)
@@ -167,7 +167,7 @@ def _checkpoint(solution: StudySolution, target: Path, staging: Path) -> str | N
     return reason
 
 
-def _write_checkpoint(solution: StudySolution, target: Path, folder: Path) -> None:
+def _write_checkpoint(solution: Solution, target: Path, folder: Path) -> None:
     comm = solution.domain.comm
     # The text files are written later and need room as well.
     size = checkpoints.size(solution) + names.TEXTS_BYTES
@@ -180,15 +180,16 @@ def _write_checkpoint(solution: StudySolution, target: Path, folder: Path) -> No
     checkpoints.write(solution, folder)
 
 
-def _write_texts(solution: StudySolution, folder: Path) -> None:
+def _write_texts(solution: Solution, folder: Path) -> None:
     points, facets = solution.contact_points, solution.contact_facets
     assert points is not None and facets is not None
     texts = {
-        names.PARAMETERS: study_file.dump(solution.parameters),
         names.SUMMARY: summary_text(solution.summary),
         names.CONTACT: contact_table.points_text(points),
         names.FACETS: contact_table.facets_text(facets),
     }
+    if isinstance(solution, StudySolution):
+        texts[names.PARAMETERS] = study_file.dump(solution.parameters)
     if solution.history.rows:
         texts[names.HISTORY] = solution.history.text()
     if branches := solution.summary.get("branches"):

@@ -11,12 +11,9 @@ if TYPE_CHECKING:
     from contact_locking.certificate.elliptic import Lifting
     from contact_locking.certificate.solved_state import SolvedState
     from contact_locking.certificate.verdict import Extras, Proofs
-    from contact_locking.monitor import Monitor
-    from contact_locking.process.of_study import Follower
-    from contact_locking.process.problem_solver import ProblemSolver
+    from contact_locking.process.solving import Follower, SolvableStudy
     from contact_locking.solver.strategy import Rescue
     from contact_locking.solver.task import SolverReport, Task
-    from contact_locking.study.assembly import StudyProblem
 
 
 # Modules are imported where they are used: most runs use few of them.
@@ -35,12 +32,12 @@ def _rescue(task: Task, report: SolverReport, most_tangents: int) -> Rescue:
 
 
 @wings.FOLLOWERS.add
-def _solutions(problem: StudyProblem, solver: ProblemSolver, monitor: Monitor) -> Follower | None:
-    if problem.parameters.branches is None and problem.parameters.equilibria is None:
+def _solutions(study: SolvableStudy) -> Follower | None:
+    if study.parameters.branches is None and study.parameters.equilibria is None:
         return None
     from contact_locking.theory.solutions import SectionsOfStudy
 
-    return SectionsOfStudy(problem, solver, monitor)
+    return SectionsOfStudy(study)
 
 
 @wings.WORDS.add

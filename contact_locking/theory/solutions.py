@@ -10,9 +10,8 @@ from dolfinx import fem
 
 from contact_locking.certificate.verdict import Extras
 from contact_locking.contact_problem import ContactProblem
-from contact_locking.monitor import Monitor
-from contact_locking.process.of_study import certified, of_study
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.results import names
 from contact_locking.results.solution import Solution, StudySolution
 from contact_locking.solver.task import SolverReport
@@ -54,10 +53,10 @@ def equilibria(
     """
     report = problem.report(after)
     if not report.converged:
-        return [problem.solution(report, extras)]
+        return [problem.solution(problem.solver.state(report), extras=extras)]
     solutions: list[Solution] = []
     for other, index in search(problem.solver.task, report, find):
-        solution = problem.solution(other, extras)
+        solution = problem.solution(problem.solver.state(other), extras=extras)
         solutions.append(solution.telling(index=index))
         if is_unique(solution.summary):
             break
@@ -111,27 +110,24 @@ _NONE = "there is no other on this mesh, as kappa is below 1, and none was searc
 class SectionsOfStudy:
     """The sections ``branches`` and ``equilibria`` of a study; collective."""
 
-    def __init__(self, problem: StudyProblem, solver: ProblemSolver, monitor: Monitor) -> None:
-        self._problem, self._solver, self._monitor = problem, solver, monitor
+    def __init__(self, study: SolvableStudy) -> None:
+        self._study, self._monitor = study, study.solver.monitor
 
-    def after(
-        self, solution: StudySolution, report: SolverReport, time: float | None
-    ) -> StudySolution:
+    def after(self, solution: StudySolution, report: SolverReport) -> StudySolution:
         """The solution with the branch in its summary, or with others, each certified."""
-        given, problem = self._problem.parameters, self._problem
+        given, solver = self._study.parameters, self._study.solver
         if given.branches is not None:
             self._monitor.message("following the branch of solutions")
-            branch = _branch_of_study(problem, self._solver, solution.converged)
+            branch = _branch_of_study(self._study.problem, solver, solution.converged)
             solution = solution.telling(branches=branch)
         if given.equilibria is None or not solution.converged:
             return solution
         most = 1 if is_unique(solution.summary) else given.equilibria.find
         solutions = [solution]
-        for number, (own, index) in enumerate(search(self._solver.task, report, most)):
+        for number, (own, index) in enumerate(search(solver.task, report, most)):
             if number > 0:
                 self._monitor.message(f"another solution: {number + 1} so far")
-                state = self._solver.state(own)
-                other = of_study(problem, state, certified(problem.parameters, state))
+                other = self._study.judged(solver.state(own))
                 solutions.append(other.telling(restart=None))
             solutions[-1] = solutions[-1].telling(index=index)
         first = solutions[0].telling(equilibria=_entry(solutions))

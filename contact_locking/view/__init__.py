@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING
 from contact_locking import wings
 
 if TYPE_CHECKING:
-    from contact_locking.results.solution import StudySolution
+    from contact_locking.results.solution import Solution
 
 
-@wings.FILES.add
-def _picture(solution: StudySolution, folder: Path) -> list[str]:
-    """The picture of a run, if it is asked for; collective."""
-    if not solution.parameters.output.picture:
-        return []
+@wings.PICTURES.add
+def _picture(solution: Solution, folder: Path) -> list[str]:
+    """The picture of a solution; collective."""
     # Most of what a script imports draws nothing.
     from contact_locking.view.pictures import picture
 

@@ -12,8 +12,7 @@ from problems import column
 
 from contact_locking import assemble, solve
 from contact_locking.certificate.balances import equilibrium
-from contact_locking.monitor import Monitor
-from contact_locking.process.of_study import solver_of
+from contact_locking.process.solving import SolvableStudy
 
 # What is right by hand.
 
@@ -145,7 +144,7 @@ def test_several_ranks_find_what_one_finds(comm: MPI.Intracomm) -> None:
 @pytest.mark.serial
 def test_a_wrong_force_or_travel_breaks_the_balance_of_the_tool() -> None:
     problem = assemble(pressed(tool([0.0, -0.03]), h=0.5), MPI.COMM_WORLD)
-    solver = solver_of(problem, Monitor())
+    solver = SolvableStudy(problem).solver
     solver.system.set_penalty(problem.penalty)
     state = solver.state(solver.solve())
     (pushed,) = solver.system.tools

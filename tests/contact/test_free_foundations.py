@@ -17,8 +17,7 @@ from pressed_tools import HELD, NONE, UP, pressed, solved, told
 import contact_locking as cl
 from contact_locking import InputError, solve
 from contact_locking.certificate.balances import equilibrium
-from contact_locking.monitor import Monitor
-from contact_locking.process.of_study import solver_of
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.study.assembly import assemble
 
 PRESSED = {
@@ -97,7 +96,7 @@ def test_a_foundation_settles_from_anywhere_and_its_border_is_the_derivative() -
     """``q(u)`` is the root of g, and ``dq = -C^-1 B . du``."""
     contact = held(force=[0.003, -0.03])
     problem = assemble(pressed(contact, 1e3), MPI.COMM_WORLD)
-    solver = solver_of(problem, Monitor())
+    solver = SolvableStudy(problem).solver
     system = solver.system
     system.set_penalty(problem.penalty)
     own = system.tools[0].contact
@@ -125,7 +124,7 @@ def test_a_foundation_settles_from_anywhere_and_its_border_is_the_derivative() -
 @pytest.mark.serial
 def test_a_wrong_force_breaks_the_balance_of_the_tool() -> None:
     problem = assemble(pressed(held(force=[0.0, -0.03]), h=0.5), MPI.COMM_WORLD)
-    solver = solver_of(problem, Monitor())
+    solver = SolvableStudy(problem).solver
     state = solver.state(solver.solve())
     tolerance = solver.settings.tolerance
     assert equilibrium(state).criteria(tolerance)["tool_balance"].holds

@@ -15,7 +15,7 @@ from xdmf import write_xdmf
 
 from contact_locking import InputError, assemble, from_mapping, save, solve
 from contact_locking.mesh.groups import groups
-from contact_locking.process import adaptivity
+from contact_locking.process import solving
 from contact_locking.study.assembly import mesh_of
 from contact_locking.study_file.parameters import Parameters
 
@@ -137,12 +137,12 @@ def test_a_finer_mesh_keeps_the_parts_and_a_checkpoint_knows_them(
     adapt = {"tolerance": 1e-9, "max_dofs": 900}
     parts = {name: PARTS[name] for name in ("pad", "corner")}
     given = placed(parts, contact__on="pad", adapt=adapt, penalty__n=float("inf"))
-    solution = adaptivity.solve(given, comm)
+    solution = solving.solve(given, comm)
     assert solution.domain.is_refined
     measures = {group.name: group.measure for group in groups(solution.domain)}
     assert (measures["pad"], measures["corner"]) == pytest.approx((0.5, 1.0))
     save(solution, folder)
-    again = adaptivity.solve(given, comm, restart=folder)
+    again = solving.solve(given, comm, restart=folder)
     assert again.summary["compliance"] == pytest.approx(solution.summary["compliance"], rel=1e-9)
 
 

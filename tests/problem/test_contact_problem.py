@@ -282,40 +282,6 @@ def test_each_solution_keeps_its_own_displacement_and_state() -> None:
     problem.close()
 
 
-def test_friction_remembers_the_solution_that_a_step_is_after() -> None:
-    """A shear that is taken back leaves the body where friction holds it, as in a study."""
-    data = block(
-        h=0.25,
-        loads__tractions=[{"on": "top", "value": ["0.03*sin(pi*t/2)", -0.05]}],
-        penalty__n=math.inf,
-        friction__coefficient=0.1,
-        friction__smoothing__radius=0.3,
-        steps={"times": [1.0, 2.0]},
-    )
-    *_, last = cl.solve_steps(data)
-    study = assemble(data, MPI.COMM_WORLD)
-    domain, space = study.domain, study.u.function_space
-    load = fem.Constant(domain.mesh, (0.03, -0.05))
-    problem = cl.ContactProblem(
-        elastic(space),
-        pulled(domain, space, load),
-        [clamped(domain, space)],
-        LIMITS,
-        [cl.Contact(domain.facets(("bottom",)), friction=cl.Coulomb(0.1, cl.Convolution(0.3)))],
-    )
-    first = problem.solve()
-    load.value = (0.0, -0.05)
-    after, fresh = problem.solve(after=first), problem.solve()
-    assert last.converged and after.converged and fresh.converged
-    u = last.displacement.x.array
-    size = MPI.COMM_WORLD.allreduce(np.abs(u).max(initial=0.0), op=MPI.MAX)
-    assert np.allclose(after.displacement.x.array, u, rtol=0.0, atol=1e-6 * size)
-    apart = np.abs(fresh.displacement.x.array - u).max(initial=0.0)
-    assert MPI.COMM_WORLD.allreduce(apart, op=MPI.MAX) > 1e-3 * size
-    for made in (problem, study):
-        made.close()
-
-
 @pytest.mark.serial
 def test_a_foundation_that_moves_drags_the_body_from_step_to_step() -> None:
     space = square()

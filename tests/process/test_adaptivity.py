@@ -8,18 +8,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+import ufl
+from dolfinx import fem
+from dolfinx.mesh import meshtags
 from mpi4py import MPI
 from problems import block, column
 
-from contact_locking import save, write
+import contact_locking as cl
+from contact_locking import assemble, save, solve, solve_adaptively, write
 from contact_locking.errors import InputError
 from contact_locking.meshes import BUILDERS
 from contact_locking.meshes import write as write_mesh
-from contact_locking.process import solving
-from contact_locking.process.adaptivity import mesh_sequence, solve, solve_adaptively
+from contact_locking.process import adaptive_meshes, solving
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results import adapted_meshes
-from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.view import report
 
@@ -34,7 +36,7 @@ def adaptive(dim: int = 2, h: float = 0.25, adapt: Any = None, **changes: Any) -
     return block(dim, h, **{**LIMITLESS, "adapt": adapt or {"tolerance": 0.1}, **changes})
 
 
-def meshes(solution: StudySolution) -> list[dict[str, Any]]:
+def meshes(solution: cl.Solution) -> list[dict[str, Any]]:
     return list(solution.summary["adapt"]["meshes"])
 
 
@@ -89,7 +91,7 @@ def test_an_early_end_is_said_in_the_summary_and_in_a_warning(
 def test_an_error_that_does_not_fall_ends_the_loop_where_the_cells_are_smallest(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(mesh_sequence, "_LEAST_FALL", 0.0)  # no fall is enough
+    monkeypatch.setattr(adaptive_meshes, "_LEAST_FALL", 0.0)  # no fall is enough
     solution = solve(adaptive(h=0.5, adapt={"tolerance": 0.001}))
     assert len(meshes(solution)) == 4 and not solution.summary["adapt"]["reached"]
     assert "hardly fallen" in solution.summary["adapt"]["stopped"]
@@ -170,7 +172,7 @@ def test_loop_goes_on_from_the_checkpoint_of_its_last_mesh(
         m["dofs"] for m in meshes(again)
     ]
     with pytest.raises(InputError, match=r"of another mesh.*refined"):
-        solving.solve(block(h=0.5, **LIMITLESS), comm, restart=folder)
+        list(solving.solve_steps(block(h=0.5, **LIMITLESS), comm, restart=folder))
 
 
 @pytest.mark.serial
@@ -196,12 +198,6 @@ def test_files_and_report_of_an_adaptive_run_tell_the_sequence(dim: int, tmp_pat
     assert "Adapted meshes" in page and "adapt.max_meshes, 2, is reached" in page
 
 
-@pytest.mark.serial
-def test_adapted_meshes_and_steps_exclude_each_other() -> None:
-    with pytest.raises(ValueError, match="does not go with steps"):
-        adaptive(steps={"to": 1.0, "count": 2})
-
-
 def test_the_mesh_is_refined_where_a_tool_enters_between_the_nodes() -> None:
     """On the first mesh the tool meets no node, and the body is at rest."""
     data = {
@@ -220,3 +216,32 @@ def test_the_mesh_is_refined_where_a_tool_enters_between_the_nodes() -> None:
     assert len(last.summary["adapt"]["meshes"]) > 3 and last.summary["adapt"]["reached"]
     (fields,) = last.contacts
     assert max(fields.entry.share, fields.entry.missed) < 0.1
+
+
+def test_a_script_has_the_adapted_meshes_of_the_same_study_file(comm: MPI.Intracomm) -> None:
+    smoothing = {"kernel": "convolution", "radius": 0.3}
+    limits = {"tolerance": 0.01, "max_meshes": 3}
+    study = adaptive(adapt=limits, friction__smoothing=smoothing)
+    *_, expected = solve_adaptively(study, comm)
+    domain = assemble(study, comm).domain
+    parts = {1: "bottom", 2: "left", 3: "top"}
+    facets = [domain.facets((name,)) for name in parts.values()]
+    marks = np.repeat(list(parts), [len(part) for part in facets]).astype(np.int32)
+    order = np.argsort(np.concatenate(facets))
+    tags = meshtags(domain.mesh, 1, np.concatenate(facets)[order], marks[order])
+
+    def make(mesh: Any, tags: Any) -> cl.ContactProblem:
+        space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+        clamp = fem.dirichletbc(
+            np.zeros(2), fem.locate_dofs_topological(space, 1, tags.find(2)), space
+        )
+        ds = ufl.Measure("ds", mesh, subdomain_data=tags)(3)
+        pull = ufl.inner(ufl.as_vector((0.03, -0.05)), ufl.TestFunction(space)) * ds
+        sole = cl.Contact((tags, 1), friction=cl.Coulomb(0.3, cl.Convolution(0.3)))
+        elasticity = cl.Elasticity(young=1.0, poisson=0.3)
+        return cl.ContactProblem(elasticity, pull, [clamp], [cl.StrainBall(0.02)], [sole])
+
+    *_, last = cl.adapt(make, 0.01, domain.mesh, tags, max_meshes=3)
+    assert [m["dofs"] for m in meshes(last)] == [m["dofs"] for m in meshes(expected)]
+    assert last.summary["contact_force"] == pytest.approx(expected.summary["contact_force"], 1e-8)
+    assert len(last.meshes) == (3 if comm.rank == 0 else 0)

@@ -200,13 +200,6 @@ def test_a_record_that_does_not_fit_is_refused(
     assert "is damaged" in refusal(saved)
 
 
-def test_a_record_that_is_no_json_is_refused(saved: Path, comm: MPI.Intracomm) -> None:
-    path = locate(saved) / "record.json"
-    for text in ("", "{", "[1]", "[" * 100_000):
-        on_rank_0(comm, partial(path.write_text, text))
-        assert "is damaged" in refusal(saved)
-
-
 def test_fields_that_are_not_complete_are_refused(saved: Path, comm: MPI.Intracomm) -> None:
     path = locate(saved) / "state.bp" / "data.0"
     content = path.read_bytes()

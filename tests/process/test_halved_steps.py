@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 from problems import block
 from sheared_block import all_of, sheared
-from slow import slow
 
 from contact_locking import solve_steps
 from contact_locking.process.problem_solver import ProblemSolver
@@ -51,31 +50,6 @@ def test_a_step_that_does_not_converge_is_halved(monkeypatch: pytest.MonkeyPatch
     halved = [text for text in found[-1].summary["warnings"] if "it is halved" in text]
     assert len(halved) == found[-1].summary["steps"]["halvings"] >= 2
     assert found[-1].summary["steps"]["solved"] == 4
-
-
-@pytest.mark.parametrize("impossible", [0.9, slow(0.6)])
-def test_a_process_that_ends_short_of_an_impossible_time_says_so(
-    impossible: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Between the last solution and an impossible time a solve may fail for any reason."""
-    solve_one = ProblemSolver.solve
-
-    def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
-        now = now_of(solver)
-        if now > impossible:
-            return SolverReport(
-                is_infeasible=True, reason="infeasible: too far", suggestion="pull less"
-            )
-        if now > 0.3:
-            return SolverReport(reason="it is late", suggestion="be quick")
-        return solve_one(solver, *given)
-
-    monkeypatch.setattr(ProblemSolver, "solve", solved)
-    *before, last = solve_steps(sheared(1, penalty__n=1e3))
-    assert before and all(found.converged for found in before)
-    reason, suggestion = last.summary["reason"], last.summary["suggestion"]
-    assert reason.startswith("infeasible: too far, at t = 1; ") and "t = 0.25" in reason
-    assert reason.endswith("did not converge: it is late") and suggestion == "pull less"
 
 
 def test_a_step_whose_solution_fails_a_criterion_is_halved(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,6 @@ from contact_locking.results.solution import StudySolution
 from contact_locking.running.process import run_steps
 from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem
-from contact_locking.study_file.parameters.numerics import StepParameters
 
 pytestmark = pytest.mark.serial
 
@@ -115,7 +114,7 @@ def test_what_is_impossible_is_not_tried_in_other_ways() -> None:
 
 
 def test_a_refused_time_bars_later_ones_up_to_the_next_planned_time() -> None:
-    timeline = Timeline(StepParameters(times=(1.0, 2.0)))
+    timeline = Timeline((1.0, 2.0))
     timeline.refuse(1.1, SolverReport(reason="too far"))
     timeline.refuse(1.0, SolverReport(reason="infeasible"))
     seen = [(timeline.target, timeline.is_barred)]

@@ -8,7 +8,7 @@ import pytest
 from mpi4py import MPI
 from saved_block import on_rank_0, parameters
 
-from contact_locking import _compat, study_file
+from contact_locking import study_file
 from contact_locking.command import cli
 from contact_locking.process.checkpoint import stored as checkpoint
 
@@ -21,10 +21,6 @@ pytestmark = pytest.mark.skipif(
 def folder(comm: MPI.Intracomm, tmp_path: Path) -> Path:
     """One folder for all ranks."""
     return comm.bcast(tmp_path)
-
-
-def fails(*_: object, **__: object) -> None:
-    raise ImportError("no library")
 
 
 class Run:
@@ -98,15 +94,3 @@ def test_bad_restarts_return_2_with_one_message_and_leave_no_trace(
     assert not (run.folder / "b").exists()
     if comm.rank == 0:
         assert errors.startswith("error: there is no checkpoint in") and errors.count("error") == 1
-
-
-def test_a_restart_without_the_library_returns_1_and_says_what_is_missing(
-    run: Run,
-    comm: MPI.Intracomm,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert run("a", "--quiet", "--checkpoint") == 0
-    monkeypatch.setattr(_compat, "checkpoint_library", fails)
-    assert run("b", "--quiet", "--restart", str(run.folder / "a")) == 1
-    assert ("python3-adios4dolfinx" in capsys.readouterr().err) == (comm.rank == 0)

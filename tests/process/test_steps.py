@@ -11,10 +11,9 @@ from mpi4py import MPI
 from problems import block
 from sheared_block import all_of, sheared
 
-from contact_locking import Coulomb, Parameters, assemble, solve, solve_steps
+from contact_locking import Parameters, solve, solve_steps
 from contact_locking.certificate import energy
 from contact_locking.monitor import Monitor
-from contact_locking.process.loop import Steps
 
 
 @pytest.mark.serial
@@ -166,18 +165,6 @@ def test_a_monitor_hears_of_each_step_and_of_the_time_left() -> None:
     list(solve_steps(sheared(3), monitor=told))
     assert [step[:2] for step in told.steps] == [(1, 3), (2, 2), (3, 1)]
     assert told.steps[0][3] is None and told.steps[2][3] is not None and told.steps[2][3] > 0.0
-
-
-@pytest.mark.serial
-def test_a_script_may_change_the_problem_between_steps() -> None:
-    steps = Steps(assemble(sheared(3), MPI.COMM_WORLD))
-    next(steps)
-    steps.problem.contacts[0].friction.law = Coulomb(0.0).law
-    second = next(steps)
-    steps.close()
-    assert second.converged
-    # The bounds keep an inside of the cones, a share of 1e-12 of the largest.
-    assert second.history.rows[-1]["dissipated"] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_steps_with_nothing_to_do_leave_bodies_at_rest() -> None:

@@ -16,8 +16,8 @@ from contact_locking import study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError, NotConverged
 from contact_locking.process import solving
-from contact_locking.process.of_study import solver_of
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.results import in_words
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing
@@ -60,7 +60,7 @@ def _solutions(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> 
 
 def _solver(data: Study) -> ProblemSolver:
     problem = assemble(Parameters.model_validate(data), MPI.COMM_WORLD)
-    solver = solver_of(problem)
+    solver = SolvableStudy(problem).solver
     solver.begin()
     return solver
 
@@ -152,7 +152,7 @@ def _wedged() -> ProblemSolver:
     """The block of demos/studies/lost_equilibrium.yml with more friction than it can bear."""
     path = Path(__file__).parents[2] / "demos" / "studies" / "lost_equilibrium.yml"
     parameters = study_file.load(path, ["friction.coefficient=0.3", "study=null"]).parameters
-    solver = solver_of(assemble(parameters, MPI.COMM_SELF))
+    solver = SolvableStudy(assemble(parameters, MPI.COMM_SELF)).solver
     solver.begin()
     return solver
 

@@ -12,7 +12,7 @@ from slow import slow
 from solved_by_cg import crushed_steel
 
 from contact_locking.process import solving
-from contact_locking.process.of_study import solver_of
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.solver.interior_point import farkas, method
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.task import Target
@@ -90,7 +90,7 @@ def test_no_iterate_proves_that_a_body_on_springs_cannot_give_way(
             "friction": {"coefficient": 0.0},
         }
     )
-    target = solver_of(assemble(pressed, MPI.COMM_SELF)).target
+    target = SolvableStudy(assemble(pressed, MPI.COMM_SELF)).solver.target
 
     def noting(self: Iterate, scale: float, tolerance: float) -> float:
         factors.append(farkas.excluded_factor(self, target))

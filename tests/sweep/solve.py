@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import re
 import time
@@ -14,8 +15,7 @@ from mpi4py import MPI
 from pydantic import ValidationError
 
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.process.loop import Steps
-from contact_locking.process.solving import solve_assembled
+from contact_locking.process.solving import SolvableStudy, solve_assembled
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters
@@ -149,7 +149,7 @@ def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
 
 def _solve_process(case: Case, problem: StudyProblem, outcome: Outcome, checks: bool) -> None:
     """Solve all steps; with ``checks`` those of the twin, too."""
-    found = list(Steps(problem))
+    found = _all_of(problem)
     outcome.tangents = max((int(row["tangents"]) for row in found[-1].history), default=0)
     outcome.reason = told = str(found[-1].summary["reason"])
     if not found[-1].converged:
@@ -165,8 +165,13 @@ def _solve_process(case: Case, problem: StudyProblem, outcome: Outcome, checks: 
     if checks and not wrong:
         assert case.twin is not None
         twin = assemble(Parameters.model_validate(case.twin), MPI.COMM_SELF)
-        wrong = stepwise.unlike(found, list(Steps(twin)), case.study)
+        wrong = stepwise.unlike(found, _all_of(twin), case.study)
     outcome.kind, outcome.reason = (WRONG, wrong) if wrong else (SOLVED, "")
+
+
+def _all_of(problem: StudyProblem) -> list[StudySolution]:
+    with contextlib.closing(SolvableStudy(problem)) as study:
+        return list(study.solutions())
 
 
 def _solve_pair(case: Case, problem: StudyProblem, outcome: Outcome, checks: bool) -> None:
@@ -218,14 +223,15 @@ class _Seen:
         study, self.moments = self._study, []
         regions = set(study["material"].get("regions", {}))
         mesh: Mesh | None = None
-        for solution in Steps(given) if "steps" in study else iter([solve_assembled(given)]):
-            tangents = int(solution.summary["iterations"]["tangents"])
-            self.tangents = max(self.tangents, tangents)
-            if mesh is None:
-                mesh = mesh_of(solution, self._names, regions)
-                self.judge = pair_judge.Judge(study, mesh)
-            if solution.converged:
-                self.moments.append(moment_of(solution, mesh))
+        with contextlib.closing(SolvableStudy(given)) as made:
+            for solution in made.solutions():
+                tangents = int(solution.summary["iterations"]["tangents"])
+                self.tangents = max(self.tangents, tangents)
+                if mesh is None:
+                    mesh = mesh_of(solution, self._names, regions)
+                    self.judge = pair_judge.Judge(study, mesh)
+                if solution.converged:
+                    self.moments.append(moment_of(solution, mesh))
         return [solution]
 
 

@@ -11,7 +11,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking.parallel import maximum
-from contact_locking.process.of_study import solver_of
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.study.assembly import assemble
 from contact_locking.theory.guaranteed.body import Body
 from contact_locking.theory.guaranteed.boundary import (
@@ -35,7 +35,7 @@ def test_stress_and_bars_do_the_work_of_loads_and_contact_along_every_displaceme
     pull = [{"on": "top", "value": [-0.03, -0.05]}]
     loads = {"displacements": support, "tractions": pull, "body_force": [0.01, -0.02]}
     changes = {"material__locking_limit": 0.02, "loads": loads} | changes
-    solver = solver_of(assemble(benchmark(4, **changes), MPI.COMM_WORLD))
+    solver = SolvableStudy(assemble(benchmark(4, **changes), MPI.COMM_WORLD)).solver
     state = solver.state(solver.solve())
     problem = state.problem
     triangles = Triangles(problem.domain)

@@ -18,7 +18,7 @@ import contact_locking as cl
 from contact_locking import Coulomb, assemble, solve
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate import Extras
-from contact_locking.process.loop import Steps
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.results.contact_points import SLIP
 
 pytestmark = pytest.mark.serial
@@ -95,8 +95,9 @@ def test_v26_partial_slip_of_a_sphere(found: list[Row]) -> None:
         "friction": {"coefficient": mu, "smoothing": {"kernel": "none"}},
         "steps": {"times": [1.0, 1.5, 2.0]},
     }
-    steps = Steps(assemble(with_changes(data), MPI.COMM_WORLD))
-    (friction,) = (contact.friction for contact in steps.problem.contacts)
+    problem = assemble(with_changes(data), MPI.COMM_WORLD)
+    steps = SolvableStudy(problem).solutions()
+    (friction,) = (contact.friction for contact in problem.contacts)
     law, friction.law = friction.law, Coulomb(0.0).law
     pressed = next(steps)
     friction.law = law
@@ -158,7 +159,7 @@ def test_v37_the_torque_that_turns_a_sphere_on_a_block(found: list[Row]) -> None
         "friction": {"coefficient": mu, "smoothing": {"kernel": "none"}},
         "steps": {"times": [1.0, 2.0]},
     }  # fmt: skip
-    pressed, turned = Steps(assemble(with_changes(data), MPI.COMM_WORLD))
+    pressed, turned = SolvableStudy(assemble(with_changes(data), MPI.COMM_WORLD)).solutions()
     assert pressed.converged and turned.converged
     assert abs(pressed.summary["contact_moment"][2]) < 1e-5
     assert turned.summary["friction_used"] == pytest.approx(1.0)

@@ -13,7 +13,7 @@ from verification_table import Row
 
 from contact_locking import Coulomb, assemble, solve_steps
 from contact_locking.arrays import FloatArray
-from contact_locking.process.loop import Steps
+from contact_locking.process.solving import SolvableStudy
 from contact_locking.results.solution import StudySolution
 
 pytestmark = pytest.mark.serial
@@ -37,8 +37,9 @@ def on_a_cylinder(shift: str, times: list[float]) -> list[StudySolution]:
         "friction": {"coefficient": MU, "smoothing": {"kernel": "none"}},
         "steps": {"times": times},
     }
-    steps = Steps(assemble(with_changes(data), MPI.COMM_WORLD))
-    (friction,) = (contact.friction for contact in steps.problem.contacts)
+    problem = assemble(with_changes(data), MPI.COMM_WORLD)
+    steps = SolvableStudy(problem).solutions()
+    (friction,) = (contact.friction for contact in problem.contacts)
     law, friction.law = friction.law, Coulomb(0.0).law
     solutions = [next(steps)]
     friction.law = law

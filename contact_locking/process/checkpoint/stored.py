@@ -8,7 +8,7 @@ same coordinates.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,16 +19,15 @@ from mpi4py import MPI
 
 from contact_locking import _compat, study_file
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.energy import EnergyBalance
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.certificate.verdict import is_solved
-from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.fem.compiled import Kept
 from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.whole_mesh import WholeMesh, gather_mesh, spread
 from contact_locking.parallel import maximum, on_every_rank, on_root
+from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.process.checkpoint import record as records
 from contact_locking.process.checkpoint.record import Record
 from contact_locking.process.checkpoint.saved_steps import saved_steps
@@ -36,10 +35,9 @@ from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.history import History, read_history
 from contact_locking.results.names import HISTORY
-from contact_locking.results.solution import StudySolution
+from contact_locking.results.solution import Solution, StudySolution
 from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
 from contact_locking.solver.task import Counts, Outcome, SavedState, SolverReport
-from contact_locking.study.assembly import StudyProblem
 
 _DISPLACEMENT, _PLACES = "old_displacement", "places"
 # The bytes of the record and of the metadata of ADIOS2.
@@ -62,11 +60,6 @@ class SavedStep:
     history: History
     halved: tuple[str, ...]
 
-    def enter(self, contacts: Sequence[NodalContact]) -> None:
-        """Give the contacts their memories of the step; collective."""
-        for contact, (place, slip) in zip(contacts, self.memories, strict=True):
-            contact.recall(place, slip, self.displacement)
-
 
 @dataclass(frozen=True)
 class Checkpoint:
@@ -74,23 +67,45 @@ class Checkpoint:
 
     ``bounds`` are the friction bounds (k,) of the contacts.  If the contacts or the sets of strains
     of the checkpoint are not those of the problem, ``multipliers`` is None and ``bounds`` is empty.
-    ``is_solution`` says that the state was saved as the solution for the same mesh, material,
-    loads, contact, friction and penalty, and ``converged`` that it is the solution of some problem.
+    ``converged`` says that the state is a solution, and ``problem`` of which: the fingerprint of
+    mesh, material, loads, contact, friction and penalty in a study file, empty for a script.
     ``step`` is None for a state that is no step of a process.
     """
 
     state: SavedState
     multipliers: Multipliers | None
     bounds: tuple[FloatArray, ...]
-    is_solution: bool
+    problem: str
     converged: bool
     step: SavedStep | None
+
+    def solved_again(self, solver: ProblemSolver) -> SolverReport | None:
+        """The report if the state meets the criteria of a solution, otherwise None; collective."""
+        state = self.restored(solver)
+        if is_solved(state):
+            return state.report
+        solver.system.clear()
+        return None
+
+    def restored(self, solver: ProblemSolver) -> SolvedState:
+        """The saved state in place of what the solver would find; collective."""
+        contacts, counts = solver.problem.contacts, Counts()
+        self.state.enter(solver.system)
+        # The travel of a foundation, which is part of the state, changes what slips refer to.
+        if (step := self.step) is not None:
+            for contact, (place, slip) in zip(contacts, step.memories, strict=True):
+                contact.recall(place, slip, step.displacement)
+            row = step.history.rows[-1]
+            counts = Counts(int(row["tangents"]), int(row["linear"]))
+        solver.system.bounds.enter(contacts, self.bounds)
+        outcome = Outcome(self.multipliers)
+        return solver.state(SolverReport.solved(outcome, counts, from_saved=True))
 
 
 class _Reader:
     """The stored fields in a folder, on the mesh of a problem; all methods are collective."""
 
-    def __init__(self, folder: Path, problem: StudyProblem) -> None:
+    def __init__(self, folder: Path, problem: DiscreteProblem) -> None:
         self.folder, self._contacts, self._dim = folder, problem.contacts, problem.domain.dim
 
     def field(self, name: str, space: fem.FunctionSpace) -> fem.Function:
@@ -123,16 +138,17 @@ def places(space: fem.FunctionSpace) -> fem.Function:
     return found
 
 
-def _size_of(problem_or_solution: StudyProblem | StudySolution, nodes: int) -> tuple[int, ...]:
+def _size_of(domain: Domain, u: fem.Function) -> tuple[int, ...]:
     """The entry ``size`` of a record."""
-    domain, element = problem_or_solution.domain, problem_or_solution.element
-    return domain.dim, domain.num_cells, nodes, element.degree, int(domain.axisymmetric)
+    space, shape = u.function_space, int(domain.axisymmetric)
+    nodes, degree = int(space.dofmap.index_map.size_global), space.element.basix_element.degree
+    return domain.dim, domain.num_cells, nodes, degree, shape
 
 
-def _require_same_mesh(record: Record, problem: StudyProblem, fields: _Reader) -> None:
+def _require_same_mesh(record: Record, problem: DiscreteProblem, fields: _Reader) -> None:
     """Raise InputError for a state of another mesh or element; collective."""
     space, domain = problem.u.function_space, problem.domain
-    is_same = record.size == _size_of(problem, int(space.dofmap.index_map.size_global))
+    is_same = record.size == _size_of(domain, problem.u)
     if is_same:
         # Another version of Gmsh makes another mesh of the same parameters.
         expected = places(space).x.array
@@ -187,7 +203,7 @@ def has_cells_everywhere(domain: Domain) -> bool:
     return on_every_rank(domain.comm, domain.mesh.topology.index_map(domain.dim).size_local > 0)
 
 
-def size(solution: StudySolution) -> int:
+def size(solution: Solution) -> int:
     """The bytes that :func:`write` needs: the values, and the dofs of each cell; collective."""
     total = _NOTES
     for function in _fields(solution).values():
@@ -202,14 +218,14 @@ def size(solution: StudySolution) -> int:
     return int(total)
 
 
-def write(solution: StudySolution, folder: Path) -> None:
+def write(solution: Solution, folder: Path) -> None:
     """Write a checkpoint into an existing folder with enough room; collective.
 
     Raises ContactLockingError if the library is missing, a rank has no cells or a file cannot be
     written.
     """
     _require_library()
-    parameters, domain = solution.parameters, solution.domain
+    domain = solution.domain
     _require_cells(domain)
     _compat.prepare_communicator(domain.comm)
     try:
@@ -224,9 +240,11 @@ def write(solution: StudySolution, folder: Path) -> None:
         raise ContactLockingError(f"ADIOS2 cannot write it: {told}") from error
     penalties = solution.summary["penalty"]
     mesh = gather_mesh(domain) if domain.is_refined else None
-    nodes = solution.displacement.function_space.dofmap.index_map.size_global
 
     def finish() -> None:
+        problem = ""
+        if isinstance(solution, StudySolution):
+            problem = study_file.problem_fingerprint(solution.parameters)
         if mesh is not None:
             mesh.save(folder, records.MESH)
         record = Record(
@@ -234,11 +252,11 @@ def write(solution: StudySolution, folder: Path) -> None:
             n=penalties["n"],
             epsilon=penalties["epsilon"],
             regularisations=tuple(fields.regularisation for fields in solution.contacts),
-            size=_size_of(solution, int(nodes)),
+            size=_size_of(domain, solution.displacement),
             is_refined=domain.is_refined,
             contacts=len(solution.contacts),
             strain_sets=len(solution.locking_parts),
-            problem=study_file.problem_fingerprint(parameters),
+            problem=problem,
             step=_about_step(solution),
             travels=solution.state.saved.travels,
         )
@@ -255,13 +273,13 @@ def expect(directory: str | Path, comm: MPI.Intracomm) -> None:
     _require_library()
 
 
-def read(directory: str | Path, problem: StudyProblem) -> Checkpoint:
+def read(directory: str | Path, problem: DiscreteProblem) -> Checkpoint:
     """The saved state of a run's folder, on the mesh of ``problem``; collective.
 
     Raises InputError if the checkpoint is missing, damaged, of another mesh or of another format,
     and ContactLockingError if the library is missing or a rank has no cells.
     """
-    comm, parameters = problem.domain.comm, problem.parameters
+    comm = problem.domain.comm
     expect(directory, comm)
     _require_cells(problem.domain)
     record, path = on_root(comm, lambda: records.load_fields(directory))
@@ -277,16 +295,14 @@ def read(directory: str | Path, problem: StudyProblem) -> Checkpoint:
     displacement = fields.field("displacement", problem.u.function_space).x.array
     penalty = Penalty(record.n, record.epsilon, record.regularisations)
     state = SavedState(displacement, pressures, penalty, travels=record.travels)
-    same = on_root(comm, lambda: study_file.problem_fingerprint(parameters)) == record.problem
     step = None
     if record.step is not None and multipliers is not None:
         step = _load_step(record.step, records.locate(directory), problem, fields)
-    is_solution = record.converged and same
-    return Checkpoint(state, multipliers, bounds, is_solution, record.converged, step)
+    return Checkpoint(state, multipliers, bounds, record.problem, record.converged, step)
 
 
 def _load_multipliers(
-    fields: _Reader, problem: StudyProblem
+    fields: _Reader, problem: DiscreteProblem
 ) -> tuple[Multipliers, tuple[FloatArray, ...]]:
     """The multipliers and the friction bound (k,) of each contact; collective."""
     forces, bounds = [], []
@@ -307,7 +323,7 @@ def _load_multipliers(
 
 
 def _load_step(
-    entry: Mapping[str, Any], folder: Path, problem: StudyProblem, fields: _Reader
+    entry: Mapping[str, Any], folder: Path, problem: DiscreteProblem, fields: _Reader
 ) -> SavedStep:
     """The step with this entry in a record; collective.  Raises InputError for its history."""
     memories = [
@@ -336,7 +352,7 @@ def _names_of_parts(sets: int) -> list[str]:
     return ["locking_stress"] + [f"locking_stress_{number}" for number in range(1, sets)]
 
 
-def _about_step(solution: StudySolution) -> dict[str, Any] | None:
+def _about_step(solution: Solution) -> dict[str, Any] | None:
     """The entry of the record about the step; None for a problem without steps."""
     if not solution.history.rows:
         return None
@@ -345,7 +361,7 @@ def _about_step(solution: StudySolution) -> dict[str, Any] | None:
     return {"time": solution.time, "halved": list(solution.halved), **paired}
 
 
-def _fields(solution: StudySolution) -> dict[str, fem.Function]:
+def _fields(solution: Solution) -> dict[str, fem.Function]:
     """The stored fields by name; in a step, with what friction remembered in it; collective."""
     found = {"displacement": solution.displacement}
     found |= zip(_names_of_parts(len(solution.locking_parts)), solution.locking_parts, strict=True)
@@ -382,22 +398,6 @@ def _require_library() -> None:
         raise ContactLockingError(reason)
 
 
-def solved_already(
-    saved: Checkpoint, problem: StudyProblem, solver: ProblemSolver
-) -> SolverReport | None:
-    """The report if the saved state is the solution of the problem, otherwise None; collective.
-
-    It has to meet the criteria of the certificate again.
-    """
-    if not saved.is_solution:
-        return None
-    state = _in_place(saved, problem, solver)
-    if is_solved(state):
-        return state.report
-    solver.system.clear()
-    return None
-
-
 def start_in_words(directory: str | Path, report: SolverReport) -> str:
     """How a solve has used the state that was saved in a folder, in words."""
     if not report.from_saved:
@@ -407,10 +407,8 @@ def start_in_words(directory: str | Path, report: SolverReport) -> str:
     return f"from the state in {directory}"
 
 
-def restored_step(
-    path: Path, problem: StudyProblem, solver: ProblemSolver
-) -> tuple[SolvedState, SavedStep, EnergyBalance]:
-    """The step that was saved in ``path``, to which the problem is put; collective.
+def saved_step(path: Path, problem: DiscreteProblem) -> tuple[Checkpoint, SavedStep]:
+    """The checkpoint of a step in ``path``; collective.
 
     Raises InputError for a checkpoint that is not of a converged step with these contacts, and the
     errors of :func:`read`.
@@ -421,25 +419,4 @@ def restored_step(
             f"{path} is no checkpoint of a step that has converged, with the same contacts; a "
             "process starts from the last step of a process"
         )
-    problem.advance(saved.step.time)
-    solver.begin()
-    row = saved.step.history.rows[-1]
-    state = _in_place(saved, problem, solver, int(row["tangents"]), int(row["linear"]))
-    return state, saved.step, EnergyBalance.of_row(row)
-
-
-def _in_place(
-    saved: Checkpoint,
-    problem: StudyProblem,
-    solver: ProblemSolver,
-    tangents: int = 0,
-    linear: int = 0,
-) -> SolvedState:
-    """The saved state in place of what the solver would find, and what it took; collective."""
-    saved.state.enter(solver.system)
-    # The travel of a foundation, which is part of the state, changes what slips refer to.
-    if saved.step is not None:
-        saved.step.enter(problem.contacts)
-    solver.system.bounds.enter(problem.contacts, saved.bounds)
-    found, counts = Outcome(saved.multipliers), Counts(tangents, linear)
-    return solver.state(SolverReport.solved(found, counts, from_saved=True))
+    return saved, saved.step

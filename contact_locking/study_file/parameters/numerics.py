@@ -270,9 +270,6 @@ class AdaptParameters(Concept):
 
 
 _MOST_STEPS = 100_000
-# A step may be halved so often, unless the file gives the least step: less often where a proof
-# says that the body cannot follow the whole step.
-_HALVINGS, _HALVINGS_AT_LIMIT = 6, 3
 
 
 class StepParameters(Concept):
@@ -307,11 +304,6 @@ class StepParameters(Concept):
     def start(self) -> float:
         """The time before the first step: 0, or ``t_1`` if that is earlier."""
         return min(0.0, self.planned[0])
-
-    def least_after(self, length: float, at_limit: bool) -> float:
-        """The shortest step that halving may make of a step of the given length."""
-        halvings = _HALVINGS_AT_LIMIT if at_limit else _HALVINGS
-        return length / 2**halvings if self.least is None else self.least
 
     def _faults(self) -> Iterator[Fault]:
         if self.times is None:

@@ -12,11 +12,11 @@ from contact_locking.files.atomic import require_room
 from contact_locking.results.names import PICTURE, TEXTS_BYTES
 
 if TYPE_CHECKING:
-    from contact_locking.results.solution import StudySolution
+    from contact_locking.results.solution import Solution
     from contact_locking.view.pictures.snapshot import Snapshot
 
 
-def picture(solution: StudySolution, folder: Path) -> str | None:
+def picture(solution: Solution, folder: Path) -> str | None:
     """Draw ``solution`` into a PNG file in ``folder``; collective.
 
     In three dimensions PyVista draws the picture.  Returns None, or on all ranks the reason why

@@ -18,7 +18,7 @@ from contact_locking.laws.elasticity import strain
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.lagrange import lagrange
-from contact_locking.results.solution import StudySolution
+from contact_locking.results.solution import Solution
 from contact_locking.view.pictures.snapshot import ContactMap, Snapshot, drawn_tool
 
 # Nodes of a cell of degree 2: first the corners, then the middles of the edges in the order of
@@ -56,7 +56,7 @@ class Pieces:
             if nodes.issuperset(facet)
         ]
 
-    def strain_norm(self, solution: StudySolution) -> FloatArray:
+    def strain_norm(self, solution: Solution) -> FloatArray:
         """|eps(u)| (k,) at the midpoints of the pieces of owned cells; collective.
 
         For an axisymmetric body and in boxes these are the values of :meth:`at_points`.
@@ -90,7 +90,7 @@ class Pieces:
         return np.hstack([beside, middle]).reshape(-1)
 
 
-def gather(solution: StudySolution) -> Snapshot | None:
+def gather(solution: Solution) -> Snapshot | None:
     """The snapshot on rank 0, None elsewhere; collective.
 
     Each rank sends the nodes and the pieces of cells that it owns.  A global number is therefore a
@@ -140,7 +140,7 @@ def gather(solution: StudySolution) -> Snapshot | None:
             tuple(drawn_tool(solution.contacts[number].outline, x) for number in numbers),
             tuple(solution.contacts[number].surface.jump is not None for number in numbers),
         ),
-        title=solution.parameters.title,
+        title=solution.summary.get("title", ""),
         dofs=solution.summary["dofs"],
         locked_fraction=solution.summary["locked_fraction"],
         converged=solution.converged,

@@ -1,4 +1,4 @@
-"""The mesh of a solution with marked cells refined: regions, boundary parts and curved sides stay.
+"""The cells to refine, and the finer mesh: regions, boundary parts and curved sides stay.
 
 DOLFINx does not carry mesh tags to the refinement of a mesh with ghost cells
 (https://github.com/FEniCS/dolfinx/issues/3443).  Therefore rank 0 refines the whole mesh, which has
@@ -17,7 +17,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, IntArray
+from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.coulomb import default_radius
 from contact_locking.errors import NotRefined
 from contact_locking.mesh.domain import Domain
@@ -26,12 +26,67 @@ from contact_locking.mesh.file.topology import longest_edges, signed_measures
 from contact_locking.mesh.whole_mesh import WholeMesh, elements, gather_mesh, spread
 from contact_locking.meshes.curved import Curved, rounded
 from contact_locking.parallel import on_root
-from contact_locking.results.solution import StudySolution
+from contact_locking.results.solution import Solution
 
+# Contributions that differ by this share count as equal: where a problem is symmetric, its mesh
+# stays symmetric, and rounding, which depends on the number of ranks, does not decide.
+_TIE = 1e-6
+# A point of a cell has barycentric coordinates above this.
+_INSIDE = -1e-6
 # A node that moves onto a curved side may take at most this share of the volume of a cell.
 _LARGEST_LOSS = 0.9
 # Cells that are smaller than this share of the body are near the rounding of the coordinates.
 _SMALLEST_SHARE = 1e-9
+
+
+def marked_cells(squares: FloatArray, share: float) -> BoolArray:
+    """The fewest cells K with ``sum eta_K^2 >= share * sum of all eta_K^2``, as a mask (k,).
+
+    ``squares`` (k,) are the contributions ``eta_K^2 >= 0``, and ``share`` is in (0, 1].  Cells
+    whose contributions equal the smallest that is taken are taken as well.  Without an error no
+    cell is marked (Doerfler, doi:10.1137/0733054).
+    """
+    order = np.argsort(-squares, kind="stable")
+    sums = np.cumsum(squares[order])
+    if not len(sums) or sums[-1] <= 0.0:
+        return np.zeros(len(squares), dtype=bool)
+    # The last of the sums may be less than the share of itself by rounding.
+    last = min(int(np.searchsorted(sums, share * sums[-1])), len(sums) - 1)
+    return np.asarray((squares >= (1.0 - _TIE) * squares[order[last]]) & (squares > 0.0))
+
+
+def entered_places(solution: Solution) -> list[tuple[float, ...]]:
+    """Where foundations enter between the nodes of Gamma_C by a notable depth; collective.
+
+    They are the same on all ranks.
+    """
+    return [place for fields in solution.contacts for place in fields.entry.places]
+
+
+def squared_contributions(solution: Solution) -> FloatArray:
+    """The squared contributions (k,) of the owned cells to the error; only their ratios count.
+
+    With the locking stress, which alternates between cells on every mesh, they would lead to locked
+    zones: they are those of the elastic stress.  They are zero where there is no estimate, as on a
+    mesh that misses a foundation.
+    """
+    mesh, field = solution.domain.mesh, solution.elastic_error_indicator
+    owned = mesh.topology.index_map(mesh.topology.dim).size_local
+    if field is None:
+        return np.zeros(owned)
+    return np.asarray(field.x.array[field.function_space.dofmap.list[:owned, 0]] ** 2)
+
+
+def cells_at(places: list[tuple[float, ...]], data: MeshData) -> BoolArray:
+    """The cells (k,) that have one of some places."""
+    corners = data.points[data.cells.nodes]
+    found = np.zeros(len(corners), dtype=bool)
+    inverse = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
+    for place in places:
+        rest = np.einsum("kij,kj->ki", inverse, np.array(place) - corners[:, 0])
+        shares = np.column_stack([1.0 - rest.sum(axis=1), rest])
+        found |= shares.min(axis=1) > _INSIDE
+    return found
 
 
 def refined(mesh: WholeMesh, marked: BoolArray, curved: tuple[Curved, ...] = ()) -> WholeMesh:
@@ -103,17 +158,18 @@ def _nodes_of(data: MeshData, name: str) -> BoolArray:
 
 
 def finer_mesh(
-    solution: StudySolution,
+    domain: Domain,
+    solution: Solution,
     marks: Callable[[MeshData], BoolArray],
     most: int,
+    curved: tuple[Curved, ...],
 ) -> Domain:
-    """The mesh of a solution with the cells ``marks`` (k,) refined; collective.
+    """The mesh ``domain`` of a solution with the cells ``marks`` (k,) refined; collective.
 
     ``marks`` is called on rank 0.  ``most`` is the largest number of unknowns.  Default radii
-    of smoothing stay those of the first mesh.  Curved sides of a builder stay curved.  Raises
-    NotRefined, on all ranks.
+    of smoothing stay those of the first mesh, and ``curved`` sides stay curved.  Raises NotRefined,
+    on all ranks.
     """
-    domain, geometry = solution.domain, solution.parameters.mesh.geometry
     mesh = gather_mesh(domain)
     radii = domain.smoothing_radii or {
         one.contact.key: default_radius(one.surface) for one in solution.contacts
@@ -122,7 +178,6 @@ def finer_mesh(
 
     def work() -> None:
         assert mesh is not None
-        curved = () if geometry is None else geometry.curved
         finer = refined(mesh, marks(mesh.data), curved)
         held.append(replace(finer, facts={**finer.facts, "smoothing_radii": radii}))
 

@@ -1,0 +1,152 @@
+"""A process, its checkpoints and its files by a script, beside the same process of a study file."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from sheared_block import all_of, sheared
+
+import contact_locking as cl
+from contact_locking.process.checkpoint import stored as checkpoint
+from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.results.contact_table import read_points
+from contact_locking.results.history import History, read_history
+from contact_locking.solver.task import SolverReport
+
+Fail = Callable[[Callable[[], float]], None]
+TIMES = tuple(k / 8 for k in range(1, 9))
+# What a process measures of itself, or of rounding.
+ITS_OWN = {"seconds", "residual", "nearest_criterion", "energy_defect", "linear", "tangents"}
+
+
+class Block:
+    """The block of `sheared`, with a top that ``put`` moves to its place at a time."""
+
+    def __init__(self, comm: MPI.Intracomm = MPI.COMM_WORLD) -> None:
+        study = cl.assemble(sheared(), comm)
+        domain, space = study.domain, study.u.function_space
+        self.top, self.now = fem.Constant(domain.mesh, (0.0, 0.0)), 0.0
+        self.t = fem.Constant(domain.mesh, 0.0)
+        pull = ufl.inner(self.t * ufl.as_vector((0.01, -0.01)), ufl.TestFunction(space))
+        dofs = fem.locate_dofs_topological(space, 1, domain.facets(("top",)))
+        friction = cl.Coulomb(0.3, cl.Convolution(0.25))
+        self.problem = cl.ContactProblem(
+            cl.Elasticity(young=1.0, poisson=0.3),
+            pull * ufl.dx,
+            bcs=[fem.dirichletbc(self.top, dofs, space)],
+            limits=[cl.StrainBall(0.04)],
+            contacts=[cl.Contact(domain.facets(("bottom",)), friction=friction)],
+        )
+
+    def put(self, t: float) -> None:
+        self.now = t
+        self.top.value = (0.02 * math.sin(2.0 * math.pi * t), -0.02 * min(8.0 * t, 1.0))
+
+    def process(self, **more: Any) -> cl.Process[cl.Solution]:
+        return cl.Process(self.problem, TIMES, self.put, **more)
+
+
+def assert_same(found: History, expected: History) -> None:
+    shared = set(found.columns) & set(expected.columns)
+    assert len(shared) > 25 and len(found) == len(expected)
+    for name in shared - ITS_OWN:
+        size = np.abs(expected.column(name)).max()
+        assert found.column(name) == pytest.approx(expected.column(name), abs=1e-8 * size + 1e-12)
+
+
+def test_a_process_of_a_script_has_the_history_of_the_same_study_file() -> None:
+    block, expected = Block(), all_of(sheared())
+    process = block.process()
+    found = list(process)
+    assert [solution.time for solution in found] == list(TIMES)
+    assert_same(process.history, expected[-1].history)
+    for one, other in zip(found, expected, strict=True):
+        assert one.summary["contact_force"] == pytest.approx(other.summary["contact_force"], 1e-8)
+    # The problem is solved further, and another process starts at rest.
+    block.put(0.125)
+    again = block.problem.solve()
+    block.put(0.25)
+    second = block.problem.solve(after=again)
+    assert second.summary["slip_max"] == pytest.approx(found[1].summary["slip_max"], 1e-8)
+    assert again.summary["contact_force"] == pytest.approx(found[0].summary["contact_force"], 1e-8)
+    assert next(block.process()).displacement.x.array == pytest.approx(again.displacement.x.array)
+
+
+def test_a_constant_is_the_time_of_a_process() -> None:
+    block = Block()
+    process = cl.Process(block.problem, [0.5, 1.0], block.t)
+    forces = [solution.summary["friction_force"][0] for solution in process]
+    assert forces[1] == pytest.approx(2.0 * forces[0]) and abs(forces[0]) > 1e-4
+
+
+@pytest.fixture
+def late(monkeypatch: pytest.MonkeyPatch) -> Fail:
+    """Lets the step from t = 0.375 to 0.5 fail."""
+
+    def fail(now: Callable[[], float]) -> None:
+        solve, done = ProblemSolver.solve, [0.0]
+
+        def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
+            if (done[-1], now()) == (0.375, 0.5):
+                return SolverReport(reason="too far", suggestion="be quick")
+            done.append(now())
+            return solve(solver, *given)
+
+        monkeypatch.setattr(ProblemSolver, "solve", solved)
+
+    return fail
+
+
+def test_a_step_of_a_script_is_halved_as_that_of_a_study(
+    late: Fail, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    block, study = Block(), cl.assemble(sheared(), MPI.COMM_WORLD)
+    late(lambda: block.now)
+    process = block.process()
+    *_, last = process
+    assert len(process.history) == 9 and process.history.rows[3]["t"] == 0.4375
+    assert last.summary["steps"]["halvings"] == 1
+    monkeypatch.undo()
+    late(lambda: study.clock.now)
+    assert_same(process.history, cl.solve_assembled(study).history)
+
+
+@pytest.mark.skipif(checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable()))
+def test_a_process_of_a_script_goes_on_from_a_saved_step(tmp_path: Path) -> None:
+    folder, whole = Path(MPI.COMM_WORLD.bcast(tmp_path)), Block().process()
+    for number, solution in enumerate(whole, start=1):
+        if number == 3:
+            cl.save(solution, folder)
+    rest = Block().process(restart=folder)
+    times = [solution.time for solution in rest]
+    assert times == list(TIMES[2:])
+    assert_same(rest.history, whole.history)
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_the_files_of_a_process_of_a_script_are_read_back(tmp_path: Path) -> None:
+    folder = Path(MPI.COMM_WORLD.bcast(tmp_path))
+    process = Block().process()
+    solution = next(process)
+    cl.write(solution, folder)
+    solution = next(process)
+    cl.write(solution, folder)
+    MPI.COMM_WORLD.Barrier()
+    names = {path.name for path in folder.iterdir()} - {"picture.png"}
+    texts = {"summary.json", "contact.csv", "contact_facets.csv", "history.csv"}
+    assert names == texts | {"fields.bp"}
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["contact_force"] == solution.summary["contact_force"]
+    assert_same(read_history((folder / "history.csv").read_text(), "history.csv"), process.history)
+    points = read_points((folder / "contact.csv").read_text(), "contact.csv")
+    if expected := solution.contact_points:
+        assert points.pressure == pytest.approx(expected.pressure)
