@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from contact_locking.shapes.analytic import Sphere as Sphere
     from contact_locking.shapes.faceted import Polyline as Polyline
     from contact_locking.shapes.faceted import TriangulatedSurface as TriangulatedSurface
-    from contact_locking.solver.task import Settings as Settings
+    from contact_locking.solver.settings import Settings as Settings
     from contact_locking.study.assembly import assemble as assemble
     from contact_locking.study_file import from_mapping as from_mapping
     from contact_locking.study_file import load as load
@@ -93,7 +93,7 @@ _NAMES = {
     "inverse.derivatives": "Number",
     "shapes.analytic": "Cylinder HalfSpace LevelSet Sphere",
     "shapes.faceted": "Polyline TriangulatedSurface",
-    "solver.task": "Settings",
+    "solver.settings": "Settings",
     "study.assembly": "assemble",
     "study_file": "from_mapping load",
     "study_file.parameters": "Parameters",

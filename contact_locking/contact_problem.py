@@ -34,7 +34,8 @@ from contact_locking.problem.springs import OwnSupport
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Differentiable, Solution
-from contact_locking.solver.task import Settings, SolverReport
+from contact_locking.solver.settings import Settings
+from contact_locking.solver.task import SolverReport
 from contact_locking.supports.conditions import constrain
 from contact_locking.supports.support import Support
 from contact_locking.values.concept import BodyKind, dimension_faults, dotted

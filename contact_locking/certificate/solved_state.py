@@ -21,7 +21,8 @@ from contact_locking.problem.strain_sets import NormSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.derived import ContactFields, penalised
-from contact_locking.solver.task import Settings, SolverReport, Target
+from contact_locking.solver.settings import Settings
+from contact_locking.solver.task import SolverReport, Target
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from typing import Any
@@ -36,7 +35,8 @@ from contact_locking.results.derived import ContactFields
 from contact_locking.results.quantities import look_up
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver.linear.options import UserOptions
-from contact_locking.solver.task import Settings, SolverReport, Task
+from contact_locking.solver.settings import Settings
+from contact_locking.solver.task import SolverReport, Task
 from contact_locking.study.assembly import StudyProblem, assemble
 
 # A family of points with more than this share near a change is told of.
@@ -50,7 +50,7 @@ def deriving(solver: ProblemSolver) -> Settings:
     settings = solver.settings
     if linear_solver(solver.problem, "auto") == "direct" and settings.linear != "direct":
         # The options are those of an iterative solver.
-        return dataclasses.replace(settings, linear="direct", petsc=UserOptions({}))
+        return settings.model_copy(update={"linear": "direct", "petsc": UserOptions({})})
     return settings
 
 

@@ -21,8 +21,10 @@ from contact_locking.results.derived import penalised
 from contact_locking.results.solution import Differentiable
 from contact_locking.solver.interior_point.feasibility import Verdict, judge
 from contact_locking.solver.linear.factorised import chosen
+from contact_locking.solver.linear.options import UserOptions
+from contact_locking.solver.settings import Settings
 from contact_locking.solver.strategy import solve as solve_system
-from contact_locking.solver.task import SavedState, Settings, SolverReport, Target, Task
+from contact_locking.solver.task import SavedState, SolverReport, Target, Task
 
 # The frame of bodies that touch each other is that of the solution after one to three solves.
 _MOST_FRAMES = 8
@@ -46,9 +48,9 @@ class ProblemSolver:
         self.problem, self.monitor = problem, monitor or Monitor()
         self._derivatives: tuple[SolverReport, Differentiable] | None = None
         self._method = _method(problem, settings.method)
-        self.settings = dataclasses.replace(
-            settings, linear=linear_solver(problem, settings.linear)
-        )
+        linear = linear_solver(problem, settings.linear)
+        self._options = UserOptions(settings.petsc)
+        self.settings = settings.model_copy(update={"petsc": self._options, "linear": linear})
         self.system = PenalisedSystem(
             problem.data,
             problem.u,
@@ -172,7 +174,7 @@ class ProblemSolver:
 
     def unused_options(self) -> list[str]:
         """A warning about PETSc options that no solve has used."""
-        unused = self.settings.petsc.unused()
+        unused = self._options.unused()
         if not unused:
             return []
         names = ", ".join(unused)

@@ -33,8 +33,8 @@ from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.history import values_of
 from contact_locking.results.probe_table import sample
 from contact_locking.results.solution import StudySolution
-from contact_locking.solver.linear.options import UserOptions
-from contact_locking.solver.task import Settings, SolverReport
+from contact_locking.solver.settings import Settings
+from contact_locking.solver.task import SolverReport
 from contact_locking.study import assembly
 from contact_locking.study.assembly import StudyProblem, assemble, mesh_of
 from contact_locking.study_file import problem_fingerprint, require_parameters
@@ -55,9 +55,8 @@ _NUMBERS = re.compile(r"(?<![\w.])[-+]?\d[\d.e+-]*")
 
 def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None = None) -> Settings:
     """The settings of a study file."""
-    given = parameters.solver
-    options = UserOptions({**given.petsc, **(petsc_options or {})})
-    return Settings(**given.model_dump(exclude={"petsc"}), petsc=options)
+    options = {**parameters.solver.petsc, **(petsc_options or {})}
+    return parameters.solver.model_copy(update={"petsc": options})
 
 
 class Follower(Protocol):

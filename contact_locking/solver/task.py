@@ -13,8 +13,8 @@ from contact_locking.laws.penalty import Penalty
 from contact_locking.monitor import Monitor
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.multipliers import Multipliers
+from contact_locking.solver.settings import Settings
 
 # Solves for the same friction bound differ by so many times the rounding in one solution, which the
 # margin of the criteria is.
@@ -164,25 +164,6 @@ def stage_of(penalty: Penalty, tangents: int) -> dict[str, float | int]:
 
 
 @dataclass(frozen=True)
-class Settings:
-    """The method, its tolerances and limits.
-
-    ``method`` is auto, interior_point or newton.  ``tolerance`` bounds the equilibrium residual
-    relative to the forces, and ``friction_tolerance`` the last change of the friction bound
-    relative to it.  ``linear`` is auto, direct or iterative.  ``petsc`` holds options that override
-    every default, without prefix.
-    """
-
-    method: str = "auto"
-    tolerance: float = 1e-8
-    max_iterations: int = 100
-    friction_tolerance: float = 1e-8
-    max_friction_updates: int = 100
-    linear: str = "auto"
-    petsc: UserOptions = field(default_factory=UserOptions)
-
-
-@dataclass(frozen=True)
 class Task:
     """The system that holds the displacement, the target to solve it for, and how to do that.
 
@@ -204,7 +185,7 @@ class Task:
 
     def with_settings(self, **changes: Any) -> Task:
         """The same task with other settings."""
-        settings = dataclasses.replace(self.settings, **changes)
+        settings = self.settings.model_copy(update=changes)
         return dataclasses.replace(self, settings=settings)
 
     def aside(self, counts: Counts, target: Target | None = None) -> Task:

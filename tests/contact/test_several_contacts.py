@@ -14,7 +14,7 @@ from slow import slow
 
 from contact_locking import StudySolution, assemble, save, solve, solve_assembled
 from contact_locking.errors import InputError
-from contact_locking.solver.task import Settings
+from contact_locking.solver.settings import Settings
 from contact_locking.study_file.parameters import Parameters
 
 NONE = {"kernel": "none"}

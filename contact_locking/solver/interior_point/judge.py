@@ -15,7 +15,8 @@ from contact_locking.solver.interior_point.bound_step import MovingBound
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.task import Settings, Task
+from contact_locking.solver.settings import Settings
+from contact_locking.solver.task import Task
 
 
 @dataclass

@@ -11,7 +11,7 @@ from contact_locking.solver.interior_point.family import Direction
 from contact_locking.solver.interior_point.iterate import Corrections, Iterate, added
 from contact_locking.solver.interior_point.judge import Measures
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.task import Settings
+from contact_locking.solver.settings import Settings
 
 
 class Search:

@@ -24,7 +24,7 @@ from contact_locking.solver.linear.ksp import (
 )
 from contact_locking.solver.linear.multigrid import CoarserSpace
 from contact_locking.solver.linear.storage import Unblocked
-from contact_locking.solver.task import Settings
+from contact_locking.solver.settings import Settings
 
 #: Gives a matrix the values of the tangent; collective.
 Assemble = Callable[[PETSc.Mat], None]

@@ -28,6 +28,7 @@ from contact_locking.contact.friction import Coulomb
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, Table
 from contact_locking.plain_text import nearest
+from contact_locking.solver.settings import Settings
 from contact_locking.values.concept import (
     BodyKind,
     Concept,
@@ -69,7 +70,6 @@ from .numerics import (
     OutputParameters,
     PenaltyParameters,
     SensitivityParameters,
-    SolverParameters,
     StepParameters,
 )
 from .study import StudyParameters
@@ -132,7 +132,7 @@ class Parameters(Concept):
         "motions and friction",
     )
     penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
-    solver: SolverParameters = entry(SolverParameters(), "the nonlinear and linear solvers")
+    solver: Settings = entry(Settings(), "the nonlinear and linear solvers")
     adapt: AdaptParameters | None = entry(
         None, "meshes that are refined until the solution is accurate enough"
     )

@@ -5,9 +5,9 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, field_validator
+from pydantic import Field, field_validator
 
 from contact_locking.values.concept import Concept, Fault, Place, entry
 from contact_locking.values.kinds import (
@@ -102,38 +102,6 @@ class PenaltyParameters(Concept):
     def compliance(self) -> float:
         """``epsilon``, which is ``1/n`` unless it is given."""
         return 1.0 / self.n if self.epsilon is None else self.epsilon
-
-
-def _option(value: Any) -> str | int | float | bool | None:
-    if not (value is None or isinstance(value, str | int | float | bool)):
-        raise ValueError(f"must be a number, text, true, false or null, not {show(value)}")
-    if isinstance(value, float) and not math.isfinite(value):
-        raise ValueError(f"must be finite, not {show(value)}")
-    return value
-
-
-Option = Annotated[bool | int | float | str | None, BeforeValidator(_option)]
-
-
-class SolverParameters(Concept):
-    """The nonlinear method, its stopping criteria and the linear solver."""
-
-    method: Literal["auto", "newton", "interior_point"] = entry(
-        "auto", "interior_point, newton (with continuation in n) or auto: interior_point"
-    )
-    tolerance: Tolerance = entry(1e-8, "relative equilibrium residual", "1")
-    max_iterations: Count = entry(100, "steps of a solve or stage", "1")
-    friction_tolerance: Tolerance = entry(1e-8, "relative change of the friction bound", "1")
-    max_friction_updates: Count = entry(100, "updates of the friction bound", "1")
-    linear: Literal["auto", "direct", "iterative"] = entry("auto", "auto, direct or iterative")
-    petsc: dict[str, Option] = entry(
-        {}, "further PETSc options, such as {snes_monitor: null}; they can run code and write files"
-    )
-
-    @field_validator("petsc")
-    @classmethod
-    def _without_dash(cls, options: dict[str, Any]) -> dict[str, Any]:
-        return {key.removeprefix("-"): value for key, value in options.items()}
 
 
 class CertificateParameters(Concept):
