@@ -99,10 +99,9 @@ class Side:
     ``points`` (k, d) are its nodes, ``kind`` is that of its facets, ``facets`` (m, n) are the nodes
     of the facets as numbers of points, and ``outward`` is (m, d).  The corners of a facet are
     first; behind them are the midpoints of its edges for quadratic functions, in the order of
-    DOLFINx.  ``bodies`` (m,) are the numbers of the bodies of
-    the facets where several bodies touch each other.  If the side ``revolves``, about x = 0,
-    integrals have the factor 2 pi x.  ``rest`` (k, d) are the nodes of a side that has moved: the
-    strains are small, and tractions are forces over the area at rest.
+    DOLFINx.  ``bodies`` (m,) are the numbers of the bodies of the facets where several bodies touch
+    each other.  If the side ``revolves``, about x = 0, integrals have the factor 2 pi x.  ``rest``
+    (k, d) are the nodes of a side that has moved: tractions are forces over the area at rest.
     """
 
     points: FloatArray
@@ -125,18 +124,16 @@ class Side:
 
     def moved(self, by: FloatArray) -> Side:
         """The side after its points have moved by (k, d)."""
-        turn = np.sum(unit_normals(self.corners) * self.outward, axis=1)
-        there = replace(self, points=self.points + by, rest=self.points)
-        outward = np.sign(turn)[:, None] * unit_normals(there.corners)
-        return replace(there, outward=outward)
+        return self._at(self.points + by, self.points)
 
     @property
     def at_rest(self) -> Side:
         """The side where it was before it moved."""
-        if self.rest is None:
-            return self
+        return self if self.rest is None else self._at(self.rest, None)
+
+    def _at(self, points: FloatArray, rest: FloatArray | None) -> Side:
         turn = np.sum(unit_normals(self.corners) * self.outward, axis=1)
-        there = replace(self, points=self.rest, rest=None)
+        there = replace(self, points=points, rest=rest)
         return replace(there, outward=np.sign(turn)[:, None] * unit_normals(there.corners))
 
     def nodal_normals(self) -> FloatArray:
@@ -312,8 +309,7 @@ def _distances(
 ) -> tuple[FloatArray, FloatArray]:
     """The distances (k,) of points (k, d) of side 1 along the contact normals, and these (k, d).
 
-    ``nodes`` (p, n) are those of a facet of side 1, and ``facing`` (p,) a facet of side 2 that it
-    faces.
+    ``nodes`` (p, n) are those of facets of side 1, ``facing`` (p,) the facets of side 2 they face.
     """
     pairs = np.column_stack([nodes.reshape(-1), np.repeat(facing, nodes.shape[1])])
     node, facing = np.unique(pairs, axis=0).T
