@@ -69,9 +69,9 @@ if TYPE_CHECKING:
 _FACING = -0.3
 # A ray meets side 2 within this multiple of the least distance, by the angle above, or not at all.
 _REACH = 3.3
-# A node has a condition if in one of its facets this share of the integral of its function, or
-# more, is over the covered part.
-_SLIVER = 0.6
+# A node has a condition if more than these shares of the integral of its function are over the
+# covered part, in one of its facets and in all of them.
+_SLIVER, _SLIVER_OF_ALL = 0.6, 0.35
 # A facet is covered if this share of it is: a lesser share is rounding, or the rim of side 2.
 _COVERED = 1e-3
 # A facet may be covered by this share more than once: rounding.
@@ -279,13 +279,14 @@ def _targets(one: Side, covered: FloatArray, whole: FloatArray) -> tuple[IntArra
     count, width = len(one.points), one.facets.shape[1]
     share = np.zeros(count)
     np.maximum.at(share, one.facets, covered / whole)
-    faces = share > _SLIVER
+    at, size = one.facets.reshape(-1), whole.reshape(-1)
+    integral = np.bincount(at, covered.reshape(-1), count)
+    faces = (share > _SLIVER) & (integral > _SLIVER_OF_ALL * np.bincount(at, size, count))
     is_covered = covered.sum(axis=1) > 0.0
     within = one.facets[is_covered]
     ends = [within[:, each].reshape(-1) for each in np.indices([width] * 2).reshape(2, -1)]
     start, end = ends
     part = connected_components(csr_matrix((np.ones(len(start)), (start, end)), (count, count)))[1]
-    integral = np.bincount(one.facets.reshape(-1), covered.reshape(-1), count)
     order = np.lexsort((*one.points.T, integral))
     most = np.full(count, -1)
     most[part[order]] = order
