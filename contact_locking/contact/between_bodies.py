@@ -33,25 +33,28 @@ _DIVISIONS = 4
 _ALONG = 0.99
 
 
-def apart(presses: BoolArray, one: Side, other: Side, offset: float) -> float:
-    """The largest of the distances that should not be, a length.
+def apart(
+    presses: BoolArray, one: Side, other: Side, offset: float
+) -> tuple[FloatArray, FloatArray]:
+    """The distances (q,) that should not be, and the normals (q, d) of the facets there.
 
     ``presses`` (k,) marks the nodes of side 1 that press, and the sides are displaced.  ``offset``
     is the gap that adds to their distance.
     """
     of_node = np.zeros(len(one.points), dtype=np.int64)
     of_node[one.facets] = np.arange(len(one.facets))[:, None]
-    distance, sagitta, _ = _distances(one.points, one, of_node, other)
+    distance, sagitta, nearest = _distances(one.points, one, of_node, other)
     away = np.abs(distance + offset) - sagitta
-    largest = float(np.max(_least_of_facets(away, one)[presses], initial=0.0))
+    lengths = [_least_of_facets(away, one)[presses]]
+    normals = [other.outward[nearest][presses]]
     bears: BoolArray = np.any(presses[one.facets], axis=1)
     for side, facing in ((one, other), (other, one)):
         points, facet = _lattice(side)
         distance, sagitta, nearest = _distances(points, side, facet, facing)
         own = np.where(bears[facet if side is one else nearest], _sagittae(side)[facet], 0.0)
-        depth = -(distance + offset) - sagitta - own
-        largest = max(largest, float(np.max(depth, initial=0.0)))
-    return largest
+        lengths.append(-(distance + offset) - sagitta - own)
+        normals.append(facing.outward[nearest])
+    return np.concatenate(lengths), np.concatenate(normals)
 
 
 def _least_of_facets(away: FloatArray, side: Side) -> FloatArray:

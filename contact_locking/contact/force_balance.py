@@ -25,10 +25,7 @@ _SLOPE_SHARE, _TRIALS = 0.5, 60
 
 
 class Tools(Sequence[Travel]):
-    """The travels of all free foundations, their sizes and their equilibrium by the penalty laws.
-
-    The methods are collective.
-    """
+    """Travels, sizes and equilibrium by the penalty laws of all free foundations; collective."""
 
     def __init__(
         self, tools: Sequence[Travel], epsilon: fem.Constant, bounds: BoundsInForce

@@ -199,7 +199,9 @@ class NodalContact:
         """Go over to the frame at the solution u, if that is another one; collective.
 
         Another frame has normals that turn by more than 1e-3 at a node that ``touches`` (k,), or
-        gaps that change by more than 1e-3 of the largest jump.  Returns whether it is another one.
+        gaps that change by more than 1e-3 of the largest jump, or of what displacements differ by
+        along the normal: the gaps are no better known if the bodies slide far.  Returns whether it
+        is another one.
         """
         surface = self.surface
         if surface.frame is None or not self.pairs_anew:
@@ -214,10 +216,11 @@ class NodalContact:
         # Held nodes may be inside of the other body, as conditions decide there.
         may_enter = frame.faces & (self.free | ~surface.frame.faces)
         changes = np.where(touches, np.abs(anew - opening), np.where(may_enter, entry, 0.0))
-        approach = maximum(comm, np.linalg.norm(jump[surface.frame.faces], axis=1))
         turns = np.linalg.norm(frame.normals - self.normals, axis=1)
         is_same = maximum(comm, turns[touches]) <= _SAME
-        is_same &= maximum(comm, changes) <= _SAME * approach
+        largest = maximum(comm, np.linalg.norm(jump[surface.frame.faces], axis=1))
+        approach = np.minimum(surface.extents(u.x.array, self.normals), largest)
+        is_same &= not on_any_rank(comm, changes > _SAME * approach)
         is_same &= not on_any_rank(comm, touches & ~frame.faces)
         if not is_same:
             surface.take(frame)
@@ -340,10 +343,9 @@ class NodalContact:
     def state_after(self, u: fem.Function, touches: BoolArray, holds: BoolArray) -> ContactState:
         """The memory of friction if the step ends with the displacement u; collective.
 
-        ``touches`` (k,) marks the nodes that touch.
-
-        At nodes that stick without regularisation, which ``holds`` (k,) marks, the slip is zero but
-        for the tolerance of the solver, which would add up over many steps: they keep their place.
+        ``touches`` (k,) marks the nodes that touch.  At nodes that stick without regularisation,
+        which ``holds`` (k,) marks, the slip is zero but for the tolerance of the solver, which
+        would add up over many steps: they keep their place.
         """
         along, tangential = self.split(u)
         place = np.where(holds[:, None], self.references, tangential)

@@ -21,11 +21,12 @@ from contact_locking.fem.trace import facet_nodes
 from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.mesh.cell_kind import unit_normals
 from contact_locking.mesh.domain import Domain
-from contact_locking.parallel import maximum
 from contact_locking.supports.conditions import Constraints
 
 # An overlap that is deeper than this share of the thinnest extent of the bodies is a mistake.
 _DEEPEST = 0.1
+# Displacements that are less than this share of the extent are rounding.
+_ROUNDING = 1e-12
 # Side 1 should not be coarser than side 2 by more than this factor.
 _COARSER = 3.0
 
@@ -118,16 +119,14 @@ class PairedSurface(ContactSurface):
         comm, sides = self.domain.comm, self.sides_at(displacement)
         here = np.concatenate(comm.allgather(self._here[presses]))
         # The gap that adds to the distance of the sides.
-        offsets = np.concatenate(comm.allgather((gap - self.distance)[presses]))
+        at = presses if len(here) or self.frame is None else self.frame.faces
+        offsets = np.concatenate(comm.allgather((gap - self.distance)[at]))
         offset = float(np.median(offsets)) if len(offsets) else 0.0
-        moved = displacement.reshape(-1, self.domain.dim)
-        low, high = (
-            np.array([maximum(comm, sign * part, -np.inf) for part in moved.T])
-            for sign in (-1.0, 1.0)
-        )
-        size = float(np.linalg.norm(low + high)) + abs(offset)
-        length = apart(np.isin(np.arange(len(sides[0].points)), here), *sides, offset)
-        return max(length - entered, 0.0) / size if size > 0.0 else 0.0
+        lengths, normals = apart(np.isin(np.arange(len(sides[0].points)), here), *sides, offset)
+        counts = lengths > entered
+        sizes = self.extents(displacement, normals[counts])
+        sizes += abs(offset) + _ROUNDING * self.domain.extent
+        return float(np.max((lengths[counts] - entered) / sizes, initial=0.0))
 
     def _at_blocks(self, displacement: FloatArray, blocks: IntArray) -> FloatArray:
         """The displacement (k, d) at global blocks (k,), from local values; collective."""
@@ -171,11 +170,9 @@ class PairedSurface(ContactSurface):
         """The sums (k, d, d) of products of the directions that conditions leave a jump free in."""
         dim, index_map = self.domain.dim, self.vector_space.dofmap.index_map
         low, high = index_map.local_range
-        own = self._blocks[(self._blocks >= low) & (self._blocks < high)] - low
         # The projections to the free directions at the nodes of both sides.
         axes = [constraints.free_part(np.tile(axis, high - low)) for axis in np.eye(dim)]
-        local = np.stack([values.reshape(-1, dim)[own] for values in axes], axis=1)
-        projections = np.concatenate(self.domain.comm.allgather(local))
+        projections = np.stack([self._at_blocks(each, self._blocks) for each in axes], axis=1)
         at = projections[np.searchsorted(self._blocks, rows.col)]
         products = rows.data[:, None, None] ** 2 * (at @ at.transpose(0, 2, 1))
         sums = np.zeros((rows.shape[0], dim, dim))
@@ -284,10 +281,9 @@ def _require_facing(
             f"{against}; name only the part of the other body that faces {on}",
             f"{key}.against",
         )
-    low, high = domain.bounding_box
     deepest = int(np.argmin(found.gap))
     depth = -float(found.gap[deepest])
-    if depth > _DEEPEST * float((high - low).min()):
+    if depth > _DEEPEST * float(np.ptp(domain.bounding_box, axis=0).min()):
         raise Misplaced(
             f"{on} reaches {depth:.4g} deep into {against} at "
             f"{domain.where(one.points[deepest])}: displacements are small, and so must overlaps "

@@ -69,9 +69,9 @@ if TYPE_CHECKING:
 _FACING = -0.3
 # A ray meets side 2 within this multiple of the least distance, by the angle above, or not at all.
 _REACH = 3.3
-# A node has a condition if in one of its facets this share of the integral of its function, or
-# more, is over the covered part.
-_SLIVER = 0.6
+# A node has a condition if more than these shares of the integral of its function are over the
+# covered part, in one of its facets and in all of them.
+_SLIVER, _SLIVER_OF_ALL = 0.6, 0.35
 # A facet is covered if this share of it is: a lesser share is rounding, or the rim of side 2.
 _COVERED = 1e-3
 # A facet may be covered by this share more than once: rounding.
@@ -99,10 +99,9 @@ class Side:
     ``points`` (k, d) are its nodes, ``kind`` is that of its facets, ``facets`` (m, n) are the nodes
     of the facets as numbers of points, and ``outward`` is (m, d).  The corners of a facet are
     first; behind them are the midpoints of its edges for quadratic functions, in the order of
-    DOLFINx.  ``bodies`` (m,) are the numbers of the bodies of
-    the facets where several bodies touch each other.  If the side ``revolves``, about x = 0,
-    integrals have the factor 2 pi x.  ``rest`` (k, d) are the nodes of a side that has moved: the
-    strains are small, and tractions are forces over the area at rest.
+    DOLFINx.  ``bodies`` (m,) are the numbers of the bodies of the facets where several bodies touch
+    each other.  If the side ``revolves``, about x = 0, integrals have the factor 2 pi x.  ``rest``
+    (k, d) are the nodes of a side that has moved: tractions are forces over the area at rest.
     """
 
     points: FloatArray
@@ -125,18 +124,16 @@ class Side:
 
     def moved(self, by: FloatArray) -> Side:
         """The side after its points have moved by (k, d)."""
-        turn = np.sum(unit_normals(self.corners) * self.outward, axis=1)
-        there = replace(self, points=self.points + by, rest=self.points)
-        outward = np.sign(turn)[:, None] * unit_normals(there.corners)
-        return replace(there, outward=outward)
+        return self._at(self.points + by, self.points)
 
     @property
     def at_rest(self) -> Side:
         """The side where it was before it moved."""
-        if self.rest is None:
-            return self
+        return self if self.rest is None else self._at(self.rest, None)
+
+    def _at(self, points: FloatArray, rest: FloatArray | None) -> Side:
         turn = np.sum(unit_normals(self.corners) * self.outward, axis=1)
-        there = replace(self, points=self.rest, rest=None)
+        there = replace(self, points=points, rest=rest)
         return replace(there, outward=np.sign(turn)[:, None] * unit_normals(there.corners))
 
     def nodal_normals(self) -> FloatArray:
@@ -282,13 +279,14 @@ def _targets(one: Side, covered: FloatArray, whole: FloatArray) -> tuple[IntArra
     count, width = len(one.points), one.facets.shape[1]
     share = np.zeros(count)
     np.maximum.at(share, one.facets, covered / whole)
-    faces = share > _SLIVER
+    at, size = one.facets.reshape(-1), whole.reshape(-1)
+    integral = np.bincount(at, covered.reshape(-1), count)
+    faces = (share > _SLIVER) & (integral > _SLIVER_OF_ALL * np.bincount(at, size, count))
     is_covered = covered.sum(axis=1) > 0.0
     within = one.facets[is_covered]
     ends = [within[:, each].reshape(-1) for each in np.indices([width] * 2).reshape(2, -1)]
     start, end = ends
     part = connected_components(csr_matrix((np.ones(len(start)), (start, end)), (count, count)))[1]
-    integral = np.bincount(one.facets.reshape(-1), covered.reshape(-1), count)
     order = np.lexsort((*one.points.T, integral))
     most = np.full(count, -1)
     most[part[order]] = order
@@ -312,8 +310,7 @@ def _distances(
 ) -> tuple[FloatArray, FloatArray]:
     """The distances (k,) of points (k, d) of side 1 along the contact normals, and these (k, d).
 
-    ``nodes`` (p, n) are those of a facet of side 1, and ``facing`` (p,) a facet of side 2 that it
-    faces.
+    ``nodes`` (p, n) are those of facets of side 1, ``facing`` (p,) the facets of side 2 they face.
     """
     pairs = np.column_stack([nodes.reshape(-1), np.repeat(facing, nodes.shape[1])])
     node, facing = np.unique(pairs, axis=0).T

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +29,7 @@ from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.half_section import is_on_axis
 from contact_locking.mesh.rank_sums import marked, summed
+from contact_locking.parallel import maximum
 from contact_locking.supports.conditions import Constraints
 
 if TYPE_CHECKING:
@@ -40,6 +42,8 @@ PRESCRIBED = 1e-6
 # The cosines of the angles by which contact normals turn between two sides of Gamma_C, and by which
 # they are off the normals of the body: 40 and 60 degrees.
 _TURNED, _FACING = 0.766, 0.5
+# Of the largest displacement, the least one along a normal that distances are relative to.
+_LEAST = 1e-3
 #: The sine of 15 degrees, by which the normal of a smooth boundary is off that of a chord at most.
 CORNER = 0.26
 
@@ -51,8 +55,7 @@ class Frame:
     ``rows`` (k, N) are the entries of the jump at the owned nodes of side 1, for all N blocks of
     the displacement space; ``faces`` (k,) marks the nodes that have a condition.  ``normals``
     (k, d) are the contact normals, ``distance`` (k,) the distances of the displaced sides, and
-    ``weights`` (k,) the areas of the nodes in the part that is covered, ``covered`` (k,) of the
-    whole.
+    ``weights`` (k,) the areas of the nodes that are covered, ``covered`` (k,) as shares of all.
     """
 
     displacement: FloatArray | None
@@ -126,10 +129,7 @@ class ContactSurface:
         return np.asarray(dofs[self.blocks * self.domain.dim])
 
     def body_normals(self) -> FloatArray:
-        """The outward unit normals (k, d) of the body, averaged over the facets.
-
-        The first call is collective.
-        """
+        """The outward unit normals (k, d) averaged over facets; the first call is collective."""
         return self._body_normals.copy()
 
     @cached_property
@@ -146,8 +146,7 @@ class ContactSurface:
 
         The middle of an edge from corner 1 to 2 is off the chord by the sagitta
         ``|x_2 - x_1| (nu_2 - nu_1) . t/8`` along the normal, with the averaged normals nu of the
-        body at the corners and the tangent t of the edge (docs/problem.md).  The first use is
-        collective.
+        body at the corners and the tangent t (docs/problem.md).  The first use is collective.
         """
         found = self.points.copy()
         if self.limited.are_nodal:
@@ -209,12 +208,27 @@ class ContactSurface:
     ) -> float:
         """How far two sides are from touching at a displacement (local values); collective.
 
-        It is the length of :func:`~contact_locking.contact.between_bodies.apart` less ``entered``,
-        by which penalties let them enter, as a share of the largest difference of displacements of
-        the bodies.  ``presses`` (k,) marks the nodes that press, and ``gap`` (k,) is that of the
-        laws.
+        It is the largest length of :func:`~contact_locking.contact.between_bodies.apart` less
+        ``entered``, by which penalties let them enter, as a share of what displacements differ by
+        along the normal.  ``presses`` (k,) marks the nodes that press, and ``gap`` (k,) is that of
+        the laws.
         """
         return 0.0
+
+    def extents(self, displacement: FloatArray, normals: FloatArray) -> FloatArray:
+        """``max u . n - min u . n`` (k,) of a displacement u (local values); collective.
+
+        The normals n (k, d) are those of this rank.  How far bodies slide counts little: the least
+        value is 1e-3 of the largest displacement.
+        """
+        comm, moved = self.domain.comm, displacement.reshape(-1, self.domain.dim)
+        parts = comm.allgather(normals)
+        every, number = np.unique(np.concatenate(parts), axis=0, return_inverse=True)
+        ends = [[np.max(moved @ n, initial=-np.inf) for n in sign * every] for sign in (1.0, -1.0)]
+        sizes = np.sum(np.max(comm.allgather(ends), axis=0), axis=0)
+        first = sum(map(len, parts[: comm.rank]))
+        mine = number.reshape(-1)[first : first + len(normals)]
+        return np.asarray(np.maximum(sizes[mine], _LEAST * maximum(comm, np.abs(moved))))
 
     def take(self, frame: Frame) -> None:
         """Let contact be in a frame; collective."""
@@ -257,16 +271,14 @@ class ContactSurface:
         facets where the contact normal turns by less than 40 degrees between the corners, and is
         less than 60 degrees off the outward normal of the body.
         """
-        comm, count = self.domain.comm, self._corners
+        comm = self.domain.comm
         every = np.concatenate(comm.allgather(normals))
         facing = np.sum(normals * self.body_normals(), axis=1) > _FACING
         faces = np.concatenate(comm.allgather(facing))
-        corners = np.unique(self._numbered(self.facet_nodes)[:, :count], axis=0)
+        corners = np.unique(self._numbered(self.facet_nodes)[:, : self._corners], axis=0)
         joins = faces[corners].all(axis=1)
-        for i in range(count):
-            for j in range(i):
-                one, other = every[corners[:, i]], every[corners[:, j]]
-                joins &= np.sum(one * other, axis=1) > _TURNED
+        for one, other in combinations(corners.T, 2):
+            joins &= np.sum(every[one] * every[other], axis=1) > _TURNED
         if joins.all():
             return np.zeros(len(every), dtype=np.int64)
         points = np.concatenate(comm.allgather(self.points))
@@ -309,8 +321,7 @@ class ContactSurface:
     def facet_corners(self) -> FloatArray | None:
         """The corners (m, d, d) of the pieces of facets, on rank 0, otherwise None; collective.
 
-        The nodes divide each facet of Gamma_C into pieces; for affine displacements a facet is one
-        piece.
+        The nodes divide each facet of Gamma_C into pieces, one for affine displacements.
         """
         places = self.scalar_space.tabulate_dof_coordinates()[:, : self.domain.dim]
         pieces = self.facet_nodes[:, self._pieces].reshape(-1, self.domain.dim)
@@ -335,8 +346,7 @@ class ContactSurface:
 
         w, v = ufl.TrialFunction(self.scalar_space), ufl.TestFunction(self.scalar_space)
         nu = ufl.FacetNormal(self.domain.mesh)
-        grads = [ufl.grad(f) - ufl.dot(ufl.grad(f), nu) * nu for f in (w, v)]
-        density = ufl.inner(*grads)
+        density = ufl.inner(*(ufl.grad(f) - ufl.dot(ufl.grad(f), nu) * nu for f in (w, v)))
         if sides is not None and sides.any():
             side = ufl.grad(self._side_function(sides))
             along = side - ufl.dot(side, nu) * nu
@@ -371,11 +381,10 @@ class ContactSurface:
         """The measure of Gamma_C with exact weights; sets ``weights``; collective.
 
         The rule of the trace would give the nodes on the axis of an axisymmetric body, where r is
-        0, no weight, and is not exact for the functions of nodes on a
-        quadrilateral that is no parallelogram.  The weight of a node is therefore the integral of
-        the function of its limited value, a hat function or one of Bernstein's; ``integrals`` are
-        those of the nodal functions.  The density of the measure, which counts at the nodes alone,
-        is the quotient of both weights.
+        0, no weight, and is not exact for the functions of nodes on a quadrilateral that is no
+        parallelogram.  The weight of a node is therefore the integral of the function of its
+        limited value, a hat function or one of Bernstein's; ``integrals`` are those of the nodal
+        functions.  The density of the measure, which counts at nodes, is the quotient of weights.
         """
         values = fem.Function(self.scalar_space)
         to_nodal = self.limited.inverse(self.nodes, np.arange(len(values.x.array)))
@@ -387,10 +396,7 @@ class ContactSurface:
         return WeightedMeasure(lengths, density)
 
     def _numbered(self, nodes: IndexArray) -> IntArray:
-        """Of all ranks the local nodes of the scalar space (m, n), as numbers of all nodes.
-
-        Collective.
-        """
+        """The local nodes (m, n) of the scalar space of all ranks as numbers of all; collective."""
         comm, index_map = self.domain.comm, self.scalar_space.dofmap.index_map
         # The ranks own dofs in ascending order, so that the gathered numbers ascend as well.
         numbers = np.concatenate(comm.allgather(index_map.local_to_global(self.nodes)))
@@ -400,8 +406,7 @@ class ContactSurface:
     def _side_function(self, sides: IntArray) -> fem.Function:
         """The function of degree 1 on facets with the sides as values at corners; collective."""
         first = sum(self.domain.comm.allgather(len(self.nodes))[: self.domain.comm.rank])
-        own = sides[first : first + len(self.nodes)].astype(float)
-        function = self.scalar_function(own)
+        function = self.scalar_function(sides[first : first + len(self.nodes)].astype(float))
         values, edges = function.x.array, self.limited.edges(function)
         values[edges[:, 2]] = values[edges[:, :2]].mean(axis=1)
         function.x.scatter_forward()
@@ -409,10 +414,7 @@ class ContactSurface:
 
     @cached_property
     def facet_nodes(self) -> IndexArray:
-        """The nodes (m, n) of the facets of Gamma_C, corners first, as nodes of the scalar space.
-
-        The nodes are local ones.
-        """
+        """The local nodes (m, n) of the facets of Gamma_C in the scalar space, corners first."""
         cells = self.domain.owners(self.facets)
         return facet_nodes(self.domain, self.scalar_space, self.facets, cells)
 
