@@ -7,11 +7,13 @@ import os
 import re
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from matplotlib.figure import Figure
 from report_folder import page, quick, run_folder
 
 from contact_locking.results import names as result_files
@@ -65,6 +67,22 @@ def test_a_report_of_a_body_in_three_dimensions_has_maps(tmp_path: Path) -> None
     names = {path.stem for path in (tmp_path / "report").iterdir()}
     assert names == {"pressure", "friction", "states"}
     assert "from the foundation" in text
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_axes_of_contact_quantities_have_the_labels_of_their_units(
+    dim: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = set[str]()
+
+    def rendered(figure: Figure) -> tuple[str, bytes]:
+        seen.update(*((axes.get_xlabel(), axes.get_ylabel()) for axes in figure.axes))
+        return '<svg viewBox=""></svg>', b""
+
+    monkeypatch.setattr("contact_locking.view.report.page._rendered", rendered)
+    page(run_folder(tmp_path, dim=dim))
+    endings = {"": 2, "mm": 2, "MPa": 1} if dim == 2 else {"mm": 2, "MPa": 2, "": 1}
+    assert Counter(label.partition(" [")[2].rstrip("]") for label in seen) == endings
 
 
 @quick
