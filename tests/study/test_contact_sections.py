@@ -109,14 +109,8 @@ def test_the_fingerprint_tells_problems_apart_and_not_the_ways_to_write_them() -
 
 
 WRONG: list[tuple[Any, str]] = [
-    (
-        3,
-        "contact: must be a mapping with keys among on, against, pair, gap, foundation, friction",
-    ),
-    (
-        [3],
-        "contact.0: must be a mapping with keys among on, against, pair, gap, foundation, ",
-    ),
+    (3, "contact: must be a mapping with keys among on, against, pair, gap, foundation, friction"),
+    ([3], "contact.0: must be a mapping with keys among on, against, pair, gap, foundation, "),
     (
         [{}, {"gapp": 1}],
         r"contact.1.gapp: unknown key (did you mean 'gap'?); known here: on, against",

@@ -109,7 +109,7 @@ def test_the_report_of_an_earlier_run_goes_with_its_results(tmp_path: Path) -> N
     report.write(tmp_path)
     run_folder(tmp_path)
     assert {path.name for path in tmp_path.iterdir() if path.is_file()} == {
-        *(result_files.SUMMARY, result_files.PARAMETERS, result_files.CONTACT, result_files.FACETS),
+        *(result_files.SUMMARY, result_files.PARAMETERS, result_files.CONTACT, result_files.FACETS)
     }
 
 
