@@ -72,23 +72,28 @@ class Change:
 
     displacement: FloatArray
     steps: Mapping[Family, Step]
+    reactions: Mapping[Family, FloatArray]
 
 
 @dataclass(frozen=True)
 class _Answer:
-    """A displacement with travels behind it, and what each family sees of it.
+    """A displacement with travels behind it, what each family sees of it, and the reactions.
 
-    ``seen`` is summed over refinements: of the summed displacement, its rounding would count, times
-    the stiffness of the cones.
+    Both are summed over refinements: of the sums before them, the rounding would count, times the
+    stiffness of the cones.
     """
 
     displacement: FloatArray
     seen: Mapping[Family, FloatArray]
+    reactions: Mapping[Family, FloatArray]
 
     def plus(self, other: _Answer, share: float = 1.0) -> _Answer:
         """The answer plus a share of another one."""
-        seen = {family: one + share * other.seen[family] for family, one in self.seen.items()}
-        return _Answer(self.displacement + share * other.displacement, seen)
+        seen, reactions = (
+            {family: one + share * more[family] for family, one in mine.items()}
+            for mine, more in ((self.seen, other.seen), (self.reactions, other.reactions))
+        )
+        return _Answer(self.displacement + share * other.displacement, seen, reactions)
 
 
 @dataclass(frozen=True)
@@ -160,32 +165,30 @@ class Linearisation:
 
     def _moved(self, residual: Residual, rest: Sequence[Reaction]) -> Change:
         """The change by a residual, with the reactions ``rest`` if nothing moves."""
-        found = self._solve(-residual.free - self.tangent.forces(rest))
+        found = self._solve(-residual.free, rest)
         steps = self._steps(found)
         moved = [
-            law.moved(steps[pressing].dual, law.friction.slip_step(steps[law.friction]))
+            law.moved(found.reactions[pressing], law.friction.slip_step(steps[law.friction]))
             for law, pressing in zip(self._laws, self._pressing, strict=True)
         ]
 
-        def forces(bounds: FloatArray) -> FloatArray:
+        def responses(bounds: FloatArray) -> list[Reaction]:
             parts = self._parts(bounds)
-            return -self.tangent.forces(
-                [Reaction(law.friction, law.friction.response(part)) for law, _, part in parts]
-            )
+            return [Reaction(law.friction, law.friction.response(part)) for law, _, part in parts]
 
         def followed(answer: _Answer) -> FloatArray:
             """Less the change of the bounds by a response of the displacement."""
             return -_joined(
-                law.moved(pressing.block(answer.seen[pressing]), answer.seen[law.friction])
+                law.moved(answer.reactions[pressing], answer.seen[law.friction])
                 for law, pressing in zip(self._laws, self._pressing, strict=True)
             )
 
         wanted = _joined(residual.bounds) + _joined(moved)
-        bounds, more = self._krylov(forces, followed, wanted)
+        bounds, more = self._krylov(responses, followed, wanted)
         found = found.plus(more)
         for law, _, part in self._parts(bounds):
             law.friction.bound_step = part
-        return Change(found.displacement, self._steps(found))
+        return Change(found.displacement, self._steps(found), found.reactions)
 
     def _steps(self, answer: _Answer) -> dict[Family, Step]:
         return {family: family.step(answer.seen[family]) for family in self.equations.families}
@@ -203,10 +206,9 @@ class Linearisation:
 
     def adjoint(self, gradient: Gradient) -> Adjoint:
         """The gain by residuals of the quantity with this gradient."""
-        families, given = self.equations.families, gradient.reactions
-        pulled = [Reaction(family, family.block(values)) for family, values in given.items()]
-        right = gradient.displacement + self.tangent.forces(pulled)
-        found = self._solve(right)
+        given = gradient.reactions
+        pulled = [Reaction(family, -family.block(values)) for family, values in given.items()]
+        found = self._solve(gradient.displacement, pulled)
         frictions = [law.friction for law in self._laws]
         wanted = _joined(
             one.response_adjoint(given.get(one, np.zeros_like(one.seen))) for one in frictions
@@ -215,26 +217,23 @@ class Linearisation:
         def seen(answer: _Answer) -> FloatArray:
             return _joined(one.response_adjoint(answer.seen[one]) for one in frictions)
 
-        def pulled_by(bounds: FloatArray) -> FloatArray:
-            """``P^T y``: the forces of what bounds follow a displacement by."""
+        def pulled_by(bounds: FloatArray) -> list[Reaction]:
+            """Less ``P^T y``: what bounds follow a displacement by."""
             reactions = []
             for law, pressing, part in self._parts(bounds):
                 pressure, slip = law.moved_adjoint(part)
-                reactions.append(Reaction(pressing, pressing.stiffness * pressure))
-                reactions.append(Reaction(law.friction, slip))
-            return self.tangent.forces(reactions)
+                reactions.append(Reaction(pressing, -pressing.stiffness * pressure))
+                reactions.append(Reaction(law.friction, -slip))
+            return reactions
 
         bounds, more = self._krylov(pulled_by, seen, wanted - seen(found))
         found, parts = found.plus(more), self._parts(bounds)
         gaps = {
-            family: family.move_adjoint(
-                given.get(family, np.zeros_like(family.seen)) - found.seen[family]
-            )
-            for family in families
+            one: one.move_adjoint(given.get(one, 0.0) - found.seen[one], -found.reactions[one])
+            for one in self.equations.families
         }
-        for law, pressing, part in parts:
-            pressure, slip = law.moved_adjoint(part)
-            gaps[pressing] = gaps[pressing] - pressing.stiffness * pressure
+        for law, _, part in parts:
+            slip = law.moved_adjoint(part)[1]
             gaps[law.friction][1 : 1 + len(slip)] += slip
         return Adjoint(found.displacement, gaps, tuple(part for _, _, part in parts))
 
@@ -252,30 +251,34 @@ class Linearisation:
         """The gain by a change of the quantity of a gradient, beside its own change."""
         local = float(gradient.displacement[: self._owned] @ change.displacement[: self._owned])
         for family, values in gradient.reactions.items():
-            local += family.power(family.reactions_of(change.steps[family].dual), values)
+            local += family.power(change.reactions[family], values)
         tools = float(gradient.displacement[self._owned :] @ change.displacement[self._owned :])
         return float(self._comm.allreduce(local)) + tools
 
     # Solves.
 
-    def _solve(self, forces: FloatArray) -> _Answer:
+    def _solve(self, forces: FloatArray, reactions: Sequence[Reaction]) -> _Answer:
         """Solve with the tangent, and again for what rounding, or an iterative solver, leaves."""
-        found, left = self._nothing(), forces
+        found = self._nothing()
+        for reaction in reactions:
+            found.reactions[reaction.family][:] += reaction.values
         for _ in range(_REFINEMENTS):
             self.solves += 1
-            du = self.tangent.answer(left, _ITERATIVE)
-            change = _Answer(du, {family: family.see(du) for family in self.equations.families})
-            found = found.plus(change)
-            if self._size(change.displacement) <= _REFINED * self._size(found.displacement):
+            # Reactions and those to the displacement are far larger than their sum.
+            every = [Reaction(family, values) for family, values in found.reactions.items()]
+            elastic = self.tangent.elastic_times(found.displacement)
+            du = self.tangent.answer(forces - elastic - self.tangent.forces(every), _ITERATIVE)
+            seen = {family: family.see(du) for family in self.equations.families}
+            blocks = {family: family.block(values) for family, values in seen.items()}
+            found = found.plus(_Answer(du, seen, blocks))
+            if self._size(du) <= _REFINED * self._size(found.displacement):
                 break
-            left = left - self.tangent.stiffness_times(du)
         return found
 
     def _nothing(self) -> _Answer:
-        none = self.tangent.nothing()
-        return _Answer(
-            none, {family: np.zeros_like(family.seen) for family in self.equations.families}
-        )
+        families = self.equations.families
+        seen, reactions = ({one: np.zeros_like(one.seen) for one in families} for _ in range(2))
+        return _Answer(self.tangent.nothing(), seen, reactions)
 
     def _size(self, displacement: FloatArray) -> float:
         owned = displacement[: self._owned]
@@ -283,11 +286,11 @@ class Linearisation:
 
     def _krylov(
         self,
-        forces: Callable[[FloatArray], FloatArray],
+        pulled: Callable[[FloatArray], Sequence[Reaction]],
         seen: Callable[[_Answer], FloatArray],
         right: FloatArray,
     ) -> tuple[FloatArray, _Answer]:
-        """The solution over all bounds of ``b + seen(K^-1 forces(b)) = right``, and the answer.
+        """The solution over all bounds of ``b + seen(K^-1 pulled(b)) = right``, and the answer.
 
         Raises NotConverged.
         """
@@ -298,7 +301,7 @@ class Linearisation:
             if len(known) == _MOST:
                 raise NotConverged("the derivative of the friction bounds was not found")
             step = left.copy()
-            answer = self._solve(forces(step))
+            answer = self._solve(self.tangent.nothing(), pulled(step))
             image = step + seen(answer)
             for other, other_image, other_answer in known:
                 share = self._dot(other_image, image)

@@ -13,6 +13,7 @@ from mpi4py import MPI
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.friction import Mollifier
+from contact_locking.contact.surface import PRESCRIBED
 from contact_locking.errors import InputError
 from contact_locking.expressions import parse
 from contact_locking.fem.spaces import Element, element_of
@@ -220,7 +221,7 @@ def _given_mesh(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
 
 
 def _check_parts(domain: Domain, parameters: Parameters) -> None:
-    """Raise InputError for unknown boundary parts, and where Gamma_C and Gamma_D overlap."""
+    """Raise InputError for unknown boundary parts, and where a condition holds Gamma_C across."""
     contacts = [domain.facets(part.on, f"{part.key}.on") for part in parameters.contacts]
     loads = parameters.loads
     surfaces = [(part.on, f"{part.key}.on") for part in parameters.contacts]
@@ -235,10 +236,13 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
     for place, condition in parameters.loads.held():
         key = dotted("loads", *place, "on")
         facets = domain.facets(condition.on, key)
-        both = sum(len(np.intersect1d(facets, contact)) for contact in contacts)
-        if domain.comm.allreduce(both):
+        both = np.intersect1d(facets, np.concatenate([facets[:0], *contacts]))
+        normals, areas = area_normals(domain, both)
+        values = condition.value if isinstance(condition.value, tuple) else [condition.value]
+        is_held = [value is not None for value in values]
+        if domain.comm.allreduce(np.sum(np.abs(normals) * is_held > PRESCRIBED * areas[:, None])):
             raise InputError(
-                "Gamma_C and Gamma_D overlap: contact and a displacement condition share facets of "
+                "Gamma_C and Gamma_D overlap: contact and a displacement across it share facets of "
                 f"{', '.join(map(repr, condition.on))}; {HOLD_ALONG}",
                 key,
             )

@@ -89,12 +89,7 @@ def judge(parameters: cl.Parameters, keys: list[str]) -> None:
         found = [solution.summary["sensitivities"][name][key]["derivative"] for name in OF]
         least = 1e-2 * np.array([abs(value_of(name, solution)) for name in OF])
         size = np.maximum(np.abs(expected), least / number_at(parameters, key))
-        # By a limit the derivative is off, not the difference, which is the same for steps of 1e-2
-        # to 1e-5: the stiffness of the cones multiplies rounding.  Without friction the reaction
-        # does not change, and 1e-5 of its quotient by the limit is left.  Softer cones, with larger
-        # products, have less of it, but are off as much by being smooth.
-        share = 2e-3 if key == "material.locking_limit" else 1e-3
-        assert np.all(np.abs(found - expected) <= share * size), (key, found, expected)
+        assert np.all(np.abs(found - expected) <= 2e-4 * size), (key, found, expected)
 
 
 def with_changes_of(parameters: cl.Parameters, sensitivities: dict[str, Any]) -> cl.Parameters:

@@ -67,9 +67,7 @@ def test_the_table_does_not_depend_on_the_number_of_jobs_or_the_order(folder: Fo
     assert tables[0] == tables[1]
 
 
-def test_a_case_that_fails_is_recorded_with_its_reason_and_the_others_go_on(
-    folder: Folder,
-) -> None:
+def test_a_case_that_fails_is_recorded_with_its_reason_and_the_others_go_on(folder: Folder) -> None:
     folder.write("{vary: {penalty.n: [1, 2, 3, 5, 6, 7, 9, 10]}}")
     folder.run()
     found = {row["penalty.n"]: (row["state"], row["reason"]) for row in folder.table()}

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
 import pytest
+from problems import block
 
 from contact_locking.contact.friction import Coulomb, Mollifier
 from contact_locking.errors import InputError
+from contact_locking.process.solving import solve
 from contact_locking.study_file import dump, from_mapping, load, problem_fingerprint
 
 pytestmark = pytest.mark.serial
@@ -105,14 +108,8 @@ def test_the_fingerprint_tells_problems_apart_and_not_the_ways_to_write_them() -
 
 
 WRONG: list[tuple[Any, str]] = [
-    (
-        3,
-        "contact: must be a mapping with keys among on, foundation, friction, gap, against",
-    ),
-    (
-        [3],
-        "contact.0: must be a mapping with keys among on, foundation, friction, gap, ",
-    ),
+    (3, "contact: must be a mapping with keys among on, foundation, friction, gap, against"),
+    ([3], "contact.0: must be a mapping with keys among on, foundation, friction, gap, "),
     (
         [{}, {"gapp": 1}],
         r"contact.1.gapp: unknown key (did you mean 'gap'?); known here: on, foundation",
@@ -160,7 +157,24 @@ def test_prescribed_displacements_must_not_overlap_any_part(file: Path) -> None:
         }
     )
     expected = "loads.displacements.0.on: 'left' is in contact.1.on as well"
-    assert text.startswith(f"{expected}; Gamma_D and Gamma_C must not overlap; stiff loads.springs")
+    assert text.startswith(f"{expected}; Gamma_D and Gamma_C must not overlap; null across it")
+
+
+def test_contact_may_be_held_along_its_surface_and_not_across() -> None:
+    """It slides on the foundation as it is moved, and the reaction holds it against friction."""
+
+    def solved(*value: float | None) -> Any:
+        held = [{"on": "top", "value": [0, -0.02]}, {"on": "bottom", "value": value}]
+        changes = {"loads": {"displacements": held}, "friction__smoothing": {"kernel": "none"}}
+        parameters = block(h=0.5, material__locking_limit=math.inf, penalty__n=math.inf, **changes)
+        return solve(parameters).summary
+
+    found = solved(0.01, None)
+    (friction, _), (_, pressed) = found["friction_force"], found["contact_force"]
+    assert pressed > 0.01 and friction == pytest.approx(-0.3 * pressed, rel=1e-4)
+    assert sum(force[0] for force in found["reactions"].values()) == pytest.approx(-friction)
+    with pytest.raises(InputError, match="displacement across it"):
+        solved(None, 0.0)
 
 
 @pytest.mark.parametrize(

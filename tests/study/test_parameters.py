@@ -120,7 +120,5 @@ def test_the_json_schema_has_the_bounds_of_numbers() -> None:
     assert bounds("MaterialParameters", "locking_limit") == positive
     assert bounds("Coulomb", "coefficient") == [{"minimum": 0}]
     assert bounds("Settings", "max_iterations") == [{"minimum": 1, "maximum": 10**9}]
-    assert bounds("Settings", "tolerance") == [
-        {"exclusiveMinimum": 0, "exclusiveMaximum": 1}
-    ]
+    assert bounds("Settings", "tolerance") == [{"exclusiveMinimum": 0, "exclusiveMaximum": 1}]
     assert bounds("LoadParameters", "tractions") == [{"maxItems": 200}]

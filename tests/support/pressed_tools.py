@@ -27,10 +27,7 @@ def tool(force: list[Any], on: str = "top", mu: float = 0.3, **shape: Any) -> di
 
 def pressed(contact: Any, n: float = math.inf, **changes: Any) -> Parameters:
     """A unit block that stands on its clamped bottom, with a load on its right."""
-    loads = {
-        "tractions": [{"on": "right", "value": [-0.01, 0.003]}],
-        "displacements": HELD,
-    }
+    loads = {"tractions": [{"on": "right", "value": [-0.01, 0.003]}], "displacements": HELD}
     given: dict[str, Any] = {"h": 0.34, "loads": loads, "penalty__n": n, "contact": contact}
     return block(**(given | changes))
 

@@ -90,6 +90,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> StudySolution
         contact_facets=facets if mesh.comm.rank == 0 else None,
         state=NO_STATE,
         summary={
+            "units": {"length": "mm", "stress": "MPa"},
             "converged": True,
             "reason": "every criterion held",
             "dofs": 1234,

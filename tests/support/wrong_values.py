@@ -61,10 +61,7 @@ WRONG = [
     ("contact.foundation", {}),
     (
         "contact.foundation",
-        {
-            "sphere": {"centre": [0, 0], "radius": 1},
-            "cylinder": {"centre": [0, 0], "radius": 1},
-        },
+        {"sphere": {"centre": [0, 0], "radius": 1}, "cylinder": {"centre": [0, 0], "radius": 1}},
     ),
     ("contact.foundation.sphere", {"centre": [0, 0], "radius": 0}),
     ("contact.foundation.sphere", {"centre": [0], "radius": 1}),

@@ -8,11 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from turned_supports import (
-    differ,
-    holds,
-    nodal,
-)
+from turned_supports import differ, holds, nodal
 
 from contact_locking.process.solving import solve_assembled
 from contact_locking.study.assembly import StudyProblem, assemble, mesh_of

@@ -97,10 +97,7 @@ def test_a_body_that_its_tool_lets_go_of_is_refused_however_far_the_tool_follows
     linear: str,
 ) -> None:
     """The rollers lead the body up as soon as the tool does not press any more."""
-    data = _LET_GO | {
-        "steps": {"times": [0.5, 1.0], "least": 0.25},
-        "solver": {"linear": linear},
-    }
+    data = _LET_GO | {"steps": {"times": [0.5, 1.0], "least": 0.25}, "solver": {"linear": linear}}
     *_, before, last = solving.solve_steps(Parameters.model_validate(data))
     assert before.converged, before.summary["reason"]
     assert not last.converged

@@ -9,12 +9,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block
-from turned_supports import (
-    nodal,
-    pressed,
-    turn,
-    turned,
-)
+from turned_supports import nodal, pressed, turn, turned
 
 from contact_locking import InputError, solve_steps
 from contact_locking.process.solving import solve_assembled

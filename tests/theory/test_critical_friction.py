@@ -125,8 +125,7 @@ def test_a_sliding_block_has_the_eigenvalue_of_a_dense_assembly() -> None:
 
 def test_without_friction_or_without_a_support_the_entry_says_why() -> None:
     data = study(
-        {"builder": "block", "dim": 2, "h": 0.5, "structured": True},
-        {"displacements": [clamp(2)]},
+        {"builder": "block", "dim": 2, "h": 0.5, "structured": True}, {"displacements": [clamp(2)]}
     )
     data["certificate"] = {"critical_friction": True}
     solution = solve_assembled(assemble(Parameters.model_validate(data), MPI.COMM_SELF))

@@ -67,9 +67,7 @@ def test_v10_the_bound_covers_the_error_in_a_ring_that_locks() -> None:
 
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", range(2))
-def test_the_bound_of_a_random_problem_is_not_below_the_distance_to_a_finer_mesh(
-    seed: int,
-) -> None:
+def test_the_bound_of_a_random_problem_is_not_below_the_distance_to_a_finer_mesh(seed: int) -> None:
     found = compared(random_block(seed), 4)
     assert found is not None and found.bound["applicable"]
     assert found.effectivity > 1.0

@@ -31,10 +31,7 @@ def block(h: float = 0.25, degree: int = 1, **changes: Any) -> Parameters:
             "displacements": [{"on": "top", "value": [0.0, -0.01]}],
         },
         "contact": {"on": "bottom"},
-        "friction": {
-            "coefficient": 0.1,
-            "smoothing": {"kernel": "convolution", "radius": 0.4},
-        },
+        "friction": {"coefficient": 0.1, "smoothing": {"kernel": "convolution", "radius": 0.4}},
         "discretisation": {"degree": degree},
         "certificate": {"constants": True},
     }
@@ -146,9 +143,7 @@ def test_kappa_is_that_of_dense_matrices(degree: int) -> None:
 
 @pytest.mark.serial
 @pytest.mark.parametrize("radius", [(0.2, 0.227), (0.1, 0.154)])
-def test_the_coefficients_up_to_which_a_block_has_one_solution(
-    radius: tuple[float, float],
-) -> None:
+def test_the_coefficients_up_to_which_a_block_has_one_solution(radius: tuple[float, float]) -> None:
     r, largest = radius
     found = uniqueness(block(h=1 / 32, friction__smoothing__radius=r))
     assert 0.1 / found["kappa"] == pytest.approx(largest, rel=0.01)

@@ -15,12 +15,7 @@ from contact_locking.running.studies.cases import Case, Outcome, row_of
 from contact_locking.study_file import from_mapping
 from contact_locking.study_file.parameters.numerics import UnitLabels
 from contact_locking.view import report
-from contact_locking.view.report.run_charts import (
-    Process,
-    column_of,
-    history_charts,
-    wanted_charts,
-)
+from contact_locking.view.report.run_charts import Process, column_of, history_charts, wanted_charts
 
 pytestmark = pytest.mark.serial
 

@@ -7,11 +7,13 @@ import os
 import re
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from matplotlib.figure import Figure
 from report_folder import page, quick, run_folder
 
 from contact_locking.results import names as result_files
@@ -67,6 +69,22 @@ def test_a_report_of_a_body_in_three_dimensions_has_maps(tmp_path: Path) -> None
     assert "from the foundation" in text
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_axes_of_contact_quantities_have_the_labels_of_their_units(
+    dim: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = set[str]()
+
+    def rendered(figure: Figure) -> tuple[str, bytes]:
+        seen.update(*((axes.get_xlabel(), axes.get_ylabel()) for axes in figure.axes))
+        return '<svg viewBox=""></svg>', b""
+
+    monkeypatch.setattr("contact_locking.view.report.page._rendered", rendered)
+    page(run_folder(tmp_path, dim=dim))
+    endings = {"": 2, "mm": 2, "MPa": 1} if dim == 2 else {"mm": 2, "MPa": 2, "": 1}
+    assert Counter(label.partition(" [")[2].rstrip("]") for label in seen) == endings
+
+
 @quick
 def test_a_body_without_contact_has_a_report_too(tmp_path: Path) -> None:
     assert "no contact boundary" in page(run_folder(tmp_path, kind="without contact"))
@@ -91,7 +109,7 @@ def test_the_report_of_an_earlier_run_goes_with_its_results(tmp_path: Path) -> N
     report.write(tmp_path)
     run_folder(tmp_path)
     assert {path.name for path in tmp_path.iterdir() if path.is_file()} == {
-        *(result_files.SUMMARY, result_files.PARAMETERS, result_files.CONTACT, result_files.FACETS),
+        *(result_files.SUMMARY, result_files.PARAMETERS, result_files.CONTACT, result_files.FACETS)
     }
 
 

@@ -48,7 +48,7 @@ def test_a_polyline_is_drawn_at_its_place() -> None:
     assert np.vstack([facets[:, 0], facets[-1:, 1]]) == pytest.approx(wanted)
     drawn = [
         patch.get_xy()
-        for axes in plane.figure(body).axes
+        for axes in plane.figure(body, {}).axes
         for patch in axes.patches
         if isinstance(patch, Polygon)
     ]

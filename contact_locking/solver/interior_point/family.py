@@ -206,8 +206,11 @@ class Family(ABC):
         """
 
     @abstractmethod
-    def move_adjoint(self, seen: FloatArray) -> FloatArray:
-        """The adjoint of the map from a gap to the reactions that change if nothing moves."""
+    def move_adjoint(self, seen: FloatArray, reactions: FloatArray) -> FloatArray:
+        """The adjoint of the map from a gap to the reactions that change if nothing moves.
+
+        ``reactions`` are ``D seen``, with digits that ``seen`` has not.
+        """
 
     @abstractmethod
     def settle(self, product: float) -> None:

@@ -181,7 +181,7 @@ class FrictionCones(OnContact, LorentzCones):
         # The stiffness of sticking enlarges a normal part that rounding leaves.
         super().move(self.tangential(gap)[1:])
 
-    def move_adjoint(self, seen: FloatArray) -> FloatArray:
+    def move_adjoint(self, seen: FloatArray, reactions: FloatArray) -> FloatArray:
         rest, dim = np.zeros_like(self.x[1:]), self.nodes.dim
         rest[:dim] = seen
         self.move(np.zeros_like(self.x))

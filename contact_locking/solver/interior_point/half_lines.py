@@ -66,8 +66,8 @@ class HalfLines(Family):
     def move(self, gap: FloatArray) -> None:
         self._gap, self._wanted = gap, np.zeros_like(self.z)
 
-    def move_adjoint(self, seen: FloatArray) -> FloatArray:
-        return np.asarray(-self.stiffness * seen)
+    def move_adjoint(self, seen: FloatArray, reactions: FloatArray) -> FloatArray:
+        return -reactions
 
     def settle(self, product: float) -> None:
         opening, double = self.limit - self.seen, 2.0 * self.compliance

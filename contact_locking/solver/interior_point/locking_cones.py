@@ -148,8 +148,8 @@ class LockingCones(LimitsOfStrain, LorentzCones):
         kappa = self._yielding = max(self.compliance, self.softness)
         square, w_0 = scaling.eta**2, scaling.w[0]
         self.a = np.reciprocal(square)
-        share = np.reciprocal(1.0 + kappa * (2.0 * w_0**2 - 1.0) * self.a)
-        self.b = 2.0 * (square - kappa) * self.a**2 * share
+        self._share = np.reciprocal(1.0 + kappa * (2.0 * w_0**2 - 1.0) * self.a)
+        self.b = 2.0 * (square - kappa) * self.a**2 * self._share
         self.w = scaling.w[1:]
 
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
@@ -164,9 +164,9 @@ class LockingCones(LimitsOfStrain, LorentzCones):
     def centred(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         return aligned(x, z, np.ones(len(self.weights), dtype=bool))
 
-    def move_adjoint(self, seen: FloatArray) -> FloatArray:
-        self.move(np.zeros_like(self.x))
-        return -self._dual_step(seen)
+    def move_adjoint(self, seen: FloatArray, reactions: FloatArray) -> FloatArray:
+        along = dot(self.w, reactions) / (self.a + self.b * dot(self.w, self.w))
+        return np.vstack([-2.0 * self.a * self._share * self._scaling.w[0] * along, reactions])
 
     def settle(self, product: float) -> None:
         strain, limit = norm(self.seen), self.limit
@@ -189,8 +189,7 @@ class LockingCones(LimitsOfStrain, LorentzCones):
         """``dz = b - W^-2 dx`` with ``dx_0 = yielding dz_0 + gap_0`` eliminated."""
         w, a, kappa = self._scaling.w, self._scaling.eta**-2, self._yielding
         w_0, w_rest, gap_0, aim_0 = w[0], dot(w[1:], d_rest), self._gap[0], self._aim[0]
-        h_00 = (2.0 * w_0**2 - 1.0) * a
-        share = np.reciprocal(1.0 + kappa * h_00)
+        h_00, share = (2.0 * w_0**2 - 1.0) * a, self._share
         # Where the compliance is soft beside the cone, w_0 dx_0 and w_rest cancel out: they are
         # taken together.
         along = w_0 * (gap_0 + kappa * aim_0) + (kappa * a - 1.0) * w_rest

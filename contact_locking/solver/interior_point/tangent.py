@@ -274,16 +274,12 @@ class Tangent:
         self._right.on_tools = forces[self._owned :].copy()
         return self._solve_for([], 1.0, accuracy)
 
-    def stiffness_times(self, displacement: FloatArray) -> FloatArray:
-        """The tangent's forces on owned dofs and travels for a displacement; collective."""
+    def elastic_times(self, displacement: FloatArray) -> FloatArray:
+        """The elastic forces on owned dofs and travels for a displacement; collective."""
         self._moved.array_w[:] = displacement[: self._owned]
         self.elasticity.mult(self._moved, self._whole)
         sprung = self.system.tools.stiffnesses * displacement[self._owned :]
-        elastic = np.append(self._whole.array_r, sprung)
-        blocks = [
-            Reaction(family, family.block(family.see(displacement))) for family in self.families
-        ]
-        return elastic + self.forces(blocks)
+        return np.append(self._whole.array_r, sprung)
 
     def forces(self, reactions: Sequence[Reaction]) -> FloatArray:
         """The forces of reactions on owned dofs, also held ones, and on travels; collective."""

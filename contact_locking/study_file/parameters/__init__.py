@@ -75,7 +75,10 @@ from .numerics import (
 from .study import StudyParameters
 
 #: What holds a part with contact along its surface.
-HOLD_ALONG = "stiff loads.springs with along: a tangent, such as [1, 0], hold it along its surface"
+HOLD_ALONG = (
+    "null across it, as in [0, null], holds it along its surface, as do stiff loads.springs with "
+    "along: a tangent"
+)
 
 
 def _no_characters(value: Any, place: Place = ()) -> Iterator[Place]:
@@ -268,7 +271,9 @@ class Parameters(Concept):
             yield from self._newton_faults()
         keys = {name: contact.key for contact in reversed(self.contacts) for name in contact.on}
         for place, held in self.loads.held():
-            if both := [name for name in held.on if name in keys]:
+            # The mesh shows whether components are held along the surface only.
+            is_whole = not isinstance(held.value, tuple) or None not in held.value
+            if is_whole and (both := [name for name in held.on if name in keys]):
                 yield Fault(
                     ("loads", *place, "on"),
                     f"'{both[0]}' is in {keys[both[0]]}.on as well; "

@@ -14,6 +14,7 @@ from contact_locking.results.names import PICTURE, TEXTS_BYTES
 if TYPE_CHECKING:
     from contact_locking.results.solution import Solution
     from contact_locking.view.pictures.snapshot import Snapshot
+    from contact_locking.view.pictures.style import Units
 
 
 def picture(solution: Solution, folder: Path) -> str | None:
@@ -29,7 +30,7 @@ def picture(solution: Solution, folder: Path) -> str | None:
     outcome: str | NoRoom | None = None
     if snapshot is not None:
         try:
-            outcome = _draw(snapshot, folder)
+            outcome = _draw(snapshot, solution.summary["units"], folder)
         except NoRoom as error:
             outcome = error
     outcome = solution.domain.comm.bcast(outcome, root=0)
@@ -38,7 +39,7 @@ def picture(solution: Solution, folder: Path) -> str | None:
     return outcome
 
 
-def _draw(body: Snapshot, folder: Path) -> str | None:
+def _draw(body: Snapshot, units: Units, folder: Path) -> str | None:
     if not np.isfinite(body.displacement).all():
         return "no picture was drawn: the displacement is not finite"
     target = folder / PICTURE
@@ -50,7 +51,7 @@ def _draw(body: Snapshot, folder: Path) -> str | None:
 
         # Matplotlib's global state stays as it is.
         with matplotlib.rc_context(style.RC):
-            figure = plane.figure(body) if body.dim == 2 else space.figure(body)
+            figure = plane.figure(body, units) if body.dim == 2 else space.figure(body)
             FigureCanvasAgg(figure)
             # Files a sixth larger than by the default compression of 6, in a third of the time.
             how: dict[str, Any] = {"pil_kwargs": {"compress_level": 3}}

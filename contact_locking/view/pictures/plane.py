@@ -33,6 +33,7 @@ def draw_tractions(
     strip: Axes,
     points: ContactPoints,
     facets: IntArray,
+    units: style.Units,
     largest: float,
     smoothed: FloatArray | None = None,
 ) -> None:
@@ -42,7 +43,7 @@ def draw_tractions(
     a contact is open are flat beside it.  ``smoothed`` (k,) is R sigma_nu.
     """
     lines = curves(facets)
-    positions, label = abscissa([points.x[line] for line in lines])
+    positions, label = abscissa([points.x[line] for line in lines], units)
     hidden = ""
     for s, line in zip(positions, lines, strict=True):
         bound, pressure = points.bound[line], points.pressure[line]
@@ -68,7 +69,7 @@ def draw_tractions(
     if max(np.abs(values).max() for values in all_values) < _UNTOUCHED * largest:
         axes.set_ylim(-0.5 * largest, largest)
     axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
-    axes.set_ylabel("traction")
+    axes.set_ylabel(style.labelled("traction", "stress", units))
     style.power_beside(axes)
     axes.tick_params(labelbottom=False)
     axes.margins(x=0.0)
@@ -81,7 +82,7 @@ def draw_tractions(
     strip.legend(handles=style.state_patches(), borderaxespad=2.2, ncols=3, **where)
 
 
-def abscissa(lines: Sequence[FloatArray]) -> tuple[list[FloatArray], str]:
+def abscissa(lines: Sequence[FloatArray], units: style.Units) -> tuple[list[FloatArray], str]:
     """The places of the points (k, 2) of each line along an axis, and the label of that axis.
 
     The places are x, where x is monotone and lines do not overlap, otherwise y, otherwise arc
@@ -93,7 +94,7 @@ def abscissa(lines: Sequence[FloatArray]) -> tuple[list[FloatArray], str]:
         monotone = all((step > 0).all() or (step < 0).all() for step in steps)
         ends = itertools.pairwise(sorted((s.min(), s.max()) for s in along))
         if monotone and not any(second[0] < first[1] for first, second in ends):
-            return along, f"${name}$"
+            return along, style.labelled(f"${name}$", "length", units)
     position: list[FloatArray] = []
     start = 0.0
     for line in lines:
@@ -101,7 +102,7 @@ def abscissa(lines: Sequence[FloatArray]) -> tuple[list[FloatArray], str]:
         position.append(start + np.concatenate([[0.0], np.cumsum(lengths)]))
         # The next line begins after a small distance.
         start = float(position[-1][-1] + 0.1 * lengths.sum())
-    return position, r"arc length along $\Gamma_C$"
+    return position, style.labelled(r"arc length along $\Gamma_C$", "length", units)
 
 
 def along(vectors: FloatArray, x: FloatArray, s: FloatArray) -> FloatArray:
@@ -127,7 +128,7 @@ _TRACTIONS, _STATES, _BETWEEN = 1.9, 0.13, 0.13
 _MARGIN, _BESIDE = 0.06, 0.25
 
 
-def figure(body: Snapshot) -> Figure:
+def figure(body: Snapshot, units: style.Units) -> Figure:
     """The deformed body, and below it a panel with the tractions along each contact."""
     contacts, factor = body.contact.parts(), style.magnification(body)
     width, top = _SHEET - _LEFT - _RIGHT, style.HEAD + _TITLE
@@ -139,20 +140,22 @@ def figure(body: Snapshot) -> Figure:
     style.head(fig, body)
     axes = style.panel(fig, _LEFT, top, width, height)
     handles = _deformed(fig, axes, body, factor)
+    x_label, y_label = (style.labelled(name, "length", units) for name in ("$x$", "$y$"))
+    axes.set(xlabel=x_label, ylabel=y_label)
     axes.autoscale_view()
     axes.set_title(f"Deformed body, {style.scale_words(factor)}", loc="left")
     # A distance in font sizes leaves room for the labels at any height of the axes.
     where: dict[str, Any] = {"bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.0}
     axes.legend(handles=handles, loc="upper center", ncols=len(handles), **where)
     largest = float(body.contact.points.pressure.max(initial=0.0))
-    for number, contact in enumerate(contacts):
+    for number, part in enumerate(contacts):
         top = first + number * each + _LEGEND + _TITLE
         width = _SHEET - _LEFT - _RIGHT / 4
         axes = style.panel(fig, _LEFT, top, width, _TRACTIONS)
         strip = style.panel(fig, _LEFT, top + _TRACTIONS + _BETWEEN, width, _STATES)
-        draw_tractions(axes, strip, contact.points, contact.facets, largest, contact.smoothed)
+        draw_tractions(axes, strip, part.points, part.facets, units, largest, part.smoothed)
         title = r"On the contact boundary $\Gamma_C$"
-        if name := contact.names[0]:
+        if name := part.names[0]:
             # A name leaves the title less room beside the legend.
             short = name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}\u2026"
             # Matplotlib would begin a formula at a dollar sign.
@@ -191,7 +194,7 @@ def _deformed(fig: Figure, axes: Axes, body: Snapshot, factor: float) -> list[Pa
     handles.append(Line2D([], [], color=style.GREY, lw=0.9, ls=_DASHES, label="undeformed"))
     if body.contact.on_foundations():
         handles.append(_foundation(axes, body.contact, factor, body.size))
-    axes.set(aspect="equal", xlabel="$x$", ylabel="$y$")
+    axes.set_aspect("equal")
     bar = axes.inset_axes((1.03, 0.08, 0.025, 0.84))
     fig.colorbar(colours, cax=bar, label=shade.label, extend=shade.extend)
     return handles

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +25,8 @@ BLUE, SKY, ORANGE, VERMILION, BLACK = "#0072B2", "#56B4E9", "#E69F00", "#D55E00"
 GREY, PALE = "#7a7a7a", "#e4e4e4"
 STATE_COLOURS = (PALE, BLUE, VERMILION)
 STATES = ListedColormap(STATE_COLOURS)
+#: The labels of units, by the names of the units.
+Units = Mapping[str, str]
 
 RC: dict[str, Any] = {
     "font.family": "sans-serif",
@@ -128,6 +131,11 @@ def panel(figure: Figure, left: float, top: float, width: float, height: float) 
     across, down = figure.get_size_inches()
     where = (left / across, 1.0 - (top + height) / down, width / across, height / down)
     return figure.add_axes(where)
+
+
+def labelled(text: str, unit: str, units: Units) -> str:
+    """The text with the unit in brackets, as far as there is a label for it."""
+    return f"{text} [{units[unit]}]" if unit in units else text
 
 
 def power_beside(axes: Axes) -> None:

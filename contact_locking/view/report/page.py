@@ -102,7 +102,6 @@ def _rendered(drawing: Figure) -> tuple[str, bytes]:
 
 _COLOURS = (style.BLUE, style.VERMILION, "#009E73", "#CC79A7", style.ORANGE, style.SKY)
 _MARKS = "osD^vP"
-_MOST_NAMED = len(_COLOURS)
 # The largest number of values at a bar of colours.
 _MOST_AT_BAR = 12
 
@@ -131,7 +130,7 @@ def gridded(figure: Figure, x_label: str, y_label: str) -> Axes:
 
 def has_bar(curves: Sequence[Curve]) -> bool:
     """Whether a bar of colours names the curves, which are too many for a legend."""
-    return len(curves) > _MOST_NAMED
+    return len(curves) > len(_COLOURS)
 
 
 def drawing(curves: Sequence[Curve], label: str) -> dict[str, Any]:
@@ -192,17 +191,9 @@ def render(template: str, **context: Any) -> str:
     """A whole HTML document from a template of this package."""
     script = _resource("page.js")
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    return (
-        environment()
-        .get_template(template)
-        .render(
-            context,
-            version=__version__,
-            style=Markup(_resource("page.css")),
-            script=Markup(script),
-            script_digest=digest,
-        )
-    )
+    look = {"style": Markup(_resource("page.css")), "script": Markup(script)}
+    page = environment().get_template(template)
+    return page.render(context, version=__version__, script_digest=digest, **look)
 
 
 @functools.cache

@@ -51,7 +51,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     charts = {
         "steps": steps + history_charts(run.history, contacts, units),
         "fit": [] if run.fit is None else [fit_chart(run.fit)],
-        "branch": branch_charts(summary.get("branches")),
+        "branch": branch_charts(summary.get("branches"), units),
         "derivatives": derivative_charts(derivatives),
         "adapt": adapt_charts(run),
     }

@@ -22,6 +22,7 @@ from contact_locking.results.ordering import curves as ordered
 from contact_locking.results.quantities import QUANTITIES, Quantity
 from contact_locking.view.pictures import plane, style
 from contact_locking.view.pictures.snapshot import facets_within, nearest_parts
+from contact_locking.view.pictures.style import Units
 
 from .folders import RunResults
 from .page import WIDTH, Chart, Curve, chart, drawing, gridded, has_bar, name_curves, plain
@@ -30,14 +31,14 @@ from .page import WIDTH, Chart, Curve, chart, drawing, gridded, has_bar, name_cu
 def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
     """The charts of each contact, with the name of the contact if there are several."""
     found = []
-    rows = run.contact.rows()
+    rows, units = run.contact.rows(), run.summary.get("units", {})
     largest = float(run.contact.pressure.max(initial=0.0))
     for number, own in enumerate(rows, start=1):
         points, facets = run.contact[own], facets_within(run.facets, own)
         name = run.summary["contacts"][points.contact[0]]["name"] if len(rows) > 1 else ""
         ending, told = (f"-{number}", f": {name}") if len(rows) > 1 else ("", "")
         charts = [
-            chart(f"{stem}{ending}", f"{about}{told}", height, draw, points, facets, *more)
+            chart(f"{stem}{ending}", f"{about}{told}", height, draw, points, facets, units, *more)
             for stem, about, height, draw, *more in _drawings(points, largest)
         ]
         found.append((name, charts))
@@ -57,26 +58,26 @@ def _drawings(contact: ContactPoints, largest: float) -> list[tuple[Any, ...]]:
     i, j, _ = _frame(contact)
     width, high = np.ptp(contact.x[:, [i, j]], axis=0)
     height = float(np.clip(0.85 * WIDTH * high / (width or 1.0), 2.0, 6.0)) + 0.9
-    friction, seen = np.linalg.norm(contact.traction, axis=1), "seen from the foundation"
-    pressures = _map, contact.pressure, r"contact pressure $-\sigma_\nu$"
-    frictions = _map, friction, r"friction traction $|\sigma_\tau|$"
+    seen = "seen from the foundation"
     return [
-        ("pressure", f"Map of the contact pressure, {seen}", height, *pressures),
-        ("friction", f"Map of the friction traction, {seen}", height, *frictions),
+        ("pressure", f"Map of the contact pressure, {seen}", height, _map, False),
+        ("friction", f"Map of the friction traction, {seen}", height, _map, True),
         ("states", f"Map of open, sticking and slipping points, {seen}", height, _state_map),
     ]
 
 
-def _profile(figure: Figure, contact: ContactPoints, facets: IntArray, largest: float) -> None:
+def _profile(
+    figure: Figure, contact: ContactPoints, facets: IntArray, units: Units, largest: float
+) -> None:
     axes, strip = figure.subplots(2, 1, height_ratios=(1.0, 0.07))
-    plane.draw_tractions(axes, strip, contact, facets, largest)
+    plane.draw_tractions(axes, strip, contact, facets, units, largest)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
 
 
-def _opening(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
+def _opening(figure: Figure, contact: ContactPoints, facets: IntArray, units: Units) -> None:
     axes = figure.add_subplot()
     parts = ordered(facets)
-    positions, label = plane.abscissa([contact.x[part] for part in parts])
+    positions, label = plane.abscissa([contact.x[part] for part in parts], units)
     for number, (s, part) in enumerate(zip(positions, parts, strict=True)):
         slip = plane.along(contact.u_tangent[part], contact.x[part], s)
         distance = contact.gap[part] - contact.u_normal[part]
@@ -86,24 +87,29 @@ def _opening(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
     axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
     axes.margins(x=0.0)
     axes.set_xlabel(label, loc="left")
-    axes.set_ylabel("length")
+    axes.set_ylabel(style.labelled("length", "length", units))
     figure.legend(loc="outside upper left", ncols=2)
 
 
 def _map(
-    figure: Figure, contact: ContactPoints, facets: IntArray, values: FloatArray, label: str
+    figure: Figure, contact: ContactPoints, facets: IntArray, units: Units, is_friction: bool
 ) -> None:
-    axes, flat = _map_axes(figure, contact)
+    axes, flat = _map_axes(figure, contact, units)
+    values, label = contact.pressure, r"contact pressure $-\sigma_\nu$"
+    if is_friction:
+        values = np.linalg.norm(contact.traction, axis=1)
+        label = r"friction traction $|\sigma_\tau|$"
     colours = axes.tripcolor(
         *flat.T, facets, values, shading="gouraud", cmap="cividis", vmin=0.0, rasterized=True
     )
     axes.margins(0.0)
+    label = style.labelled(label, "stress", units)
     figure.colorbar(colours, ax=axes, orientation="horizontal", label=label, aspect=40, pad=0.02)
 
 
-def _state_map(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
+def _state_map(figure: Figure, contact: ContactPoints, facets: IntArray, units: Units) -> None:
     """A point colours the parts of its facets that are nearest to the point."""
-    axes, flat = _map_axes(figure, contact)
+    axes, flat = _map_axes(figure, contact, units)
     shapes, point = nearest_parts(flat, facets)
     look: dict[str, Any] = {"edgecolors": "face", "linewidths": 0.2, "rasterized": True}
     parts = PolyCollection(list(shapes), cmap=style.STATES, **look)
@@ -134,10 +140,11 @@ def _frame(points: ContactPoints) -> tuple[int, int, bool]:
     return i, j, bool(np.cross(np.eye(3)[i], np.eye(3)[j]) @ normal < 0.0)
 
 
-def _map_axes(figure: Figure, contact: ContactPoints) -> tuple[Axes, FloatArray]:
+def _map_axes(figure: Figure, contact: ContactPoints, units: Units) -> tuple[Axes, FloatArray]:
     """The axes of a map, and the points (k, 2) in them."""
     i, j, downwards = _frame(contact)
-    axes = figure.add_subplot(aspect="equal", xlabel=f"${AXES[i]}$", ylabel=f"${AXES[j]}$")
+    x_label, y_label = (style.labelled(f"${AXES[axis]}$", "length", units) for axis in (i, j))
+    axes = figure.add_subplot(aspect="equal", xlabel=x_label, ylabel=y_label)
     axes.yaxis.set_inverted(downwards)
     return axes, contact.x[:, [i, j]]
 
@@ -173,10 +180,6 @@ class Column:
     quantity: Quantity | None = None
     contact: str = ""
 
-    def label(self, units: Mapping[str, str]) -> str:
-        """The title with the unit, as far as there is a label for it."""
-        return f"{self.title} [{units[self.unit]}]" if self.unit in units else self.title
-
 
 def column_of(name: str, contacts: Sequence[str]) -> Column:
     """The column of a name, in the history of a body whose contacts have these names."""
@@ -198,9 +201,7 @@ def column_of(name: str, contacts: Sequence[str]) -> Column:
     return Column(name.replace("_", " "), unit)
 
 
-def history_charts(
-    history: History, contacts: Sequence[str], units: Mapping[str, str]
-) -> list[Chart]:
+def history_charts(history: History, contacts: Sequence[str], units: Units) -> list[Chart]:
     """The charts of a process over the time; none without two steps that converged.
 
     Of several ``contacts`` each has its own curves.
@@ -228,8 +229,8 @@ def history_charts(
             2.4 + 0.1 * len(lines),
             _over_time,
             history,
-            Column("" if about == "1" else about, unit).label(units),
-            Column("t", "time").label(units),
+            style.labelled("" if about == "1" else about, unit, units),
+            style.labelled("t", "time", units),
             lines,
         )
         for (about, unit), lines in drawn.items()
@@ -265,7 +266,7 @@ def wanted_charts(
     processes: Sequence[Process],
     varied: str,
     contacts: Sequence[str],
-    units: Mapping[str, str],
+    units: Units,
 ) -> list[Chart]:
     """The charts of ``output.charts``, each with a curve for each process.
 
@@ -293,12 +294,13 @@ def wanted_charts(
     return found
 
 
-def _label(text: str, contacts: Sequence[str], units: Mapping[str, str]) -> str:
+def _label(text: str, contacts: Sequence[str], units: Units) -> str:
     """The label of an axis: of a column, of one with the other sign, or the expression itself."""
     name = text.removeprefix("-").strip()
     if not name.replace("_", "").isalnum():
         return text
-    return ("\N{MINUS SIGN}" if name != text else "") + column_of(name, contacts).label(units)
+    column, sign = column_of(name, contacts), "\N{MINUS SIGN}" if name != text else ""
+    return sign + style.labelled(column.title, column.unit, units)
 
 
 def _over_column(
@@ -416,17 +418,17 @@ def _bars(figure: Figure, bars: Sequence[tuple[str, float]]) -> None:
     axes.margins(x=0.08)
 
 
-def branch_charts(found: Mapping[str, Any] | None) -> list[Chart]:
+def branch_charts(found: Mapping[str, Any] | None, units: Units) -> list[Chart]:
     """The bifurcation diagram of the entry ``branches``: pressure and friction bound along it."""
     if not found or not found["points"]["share"]:
         return []
     points = {name: np.array(values) for name, values in found["points"].items()}
     over = f"share of {found['over']}"
     about = f"Total pressure and total friction bound of the solutions over the {over}"
-    return [chart("branches", about, 4.2, _branch, points, over)]
+    return [chart("branches", about, 4.2, _branch, points, over, units)]
 
 
-def _branch(figure: Figure, points: Mapping[str, Any], over: str) -> None:
+def _branch(figure: Figure, points: Mapping[str, Any], over: str, units: Units) -> None:
     above, below = figure.subplots(2, 1, sharex=True)
     fold: dict[str, Any] = {"marker": "s", "color": style.BLACK, "ms": 4.5, "mfc": "none"}
     marks: list[tuple[Any, str, dict[str, Any]]] = [
@@ -434,12 +436,11 @@ def _branch(figure: Figure, points: Mapping[str, Any], over: str) -> None:
         (points["index"] == -1, "index -1", {"marker": "o", "color": style.VERMILION, "ms": 3.0}),
         (points["fold"] == 1, "fold", fold),
     ]
-    rows = ((above, "pressure", r"$\int p$"), (below, "bound", r"$\int G$"))
-    for axes, name, label in rows:
+    for axes, name, label in ((above, "pressure", r"$\int p$"), (below, "bound", r"$\int G$")):
         axes.plot(points["share"], points[name], color=style.GREY, lw=1.0)
         for own, words, look in marks:
             axes.plot(points["share"][own], points[name][own], label=words, ls="", **look)
-        axes.set_ylabel(label)
+        axes.set_ylabel(style.labelled(label, "force", units))
     below.set_xlabel(over, loc="left")
     above.legend(loc="best")
 
