@@ -83,8 +83,10 @@ def test_study_files_in_the_pages_are_valid(page: str, tmp_path: Path) -> None:
     for block in blocks(page, "yaml"):
         file = tmp_path / "study.yml"
         file.write_text(block, encoding="utf-8")
+        columns = ",".join(dict.fromkeys(re.findall(r"(?:over|column): (\w+)", block)))
+        rows = "".join(f"\n{','.join([value] * (1 + columns.count(',')))}" for value in "01")
         for name in re.findall(r"\w+\.(?:msh|csv|npy)\b", block):
-            (tmp_path / name).write_text("0", encoding="utf-8")
+            (tmp_path / name).write_text(columns + rows, encoding="utf-8")
         from_mapping(read(file).data, tmp_path)
 
 

@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, ValidationInfo
 
 from contact_locking.contact.friction import Coulomb
 from contact_locking.contact.rigid_body import Foundation
@@ -16,9 +16,10 @@ from contact_locking.values.kinds import Places, Text, TimedScalar
 from contact_locking.values.value import Value
 
 
-def _foundation(value: Any) -> Any:
-    """A shape, or an object of a script's own, is a foundation at rest."""
-    return value if value is None or isinstance(value, dict | Foundation) else Foundation(value)
+def _foundation(value: Any, info: ValidationInfo) -> Any:
+    """In a script a shape, or an object of its own, is a foundation at rest."""
+    is_one = value is None or isinstance(value, dict | Foundation)
+    return value if is_one or info.context is not None else Foundation(value)
 
 
 class Contact(Concept):

@@ -17,7 +17,7 @@ from contact_locking.contact.smoothing import (
     Smoothing,
 )
 from contact_locking.contact.surface import ContactSurface
-from contact_locking.errors import InputError, NotConverged
+from contact_locking.errors import InputError, NotConverged, with_key
 from contact_locking.laws.friction import Coefficient, FrictionLaw
 from contact_locking.parallel import agree, maximum
 from contact_locking.values.value import Value
@@ -44,6 +44,9 @@ class FrictionBound:
     mu is zero everywhere.  A user's own friction bound is a subclass with another :meth:`evaluate`.
     """
 
+    #: The name of the coefficient in messages.
+    key = "friction.coefficient"
+
     def __init__(
         self,
         surface: ContactSurface,
@@ -63,7 +66,7 @@ class FrictionBound:
 
     def coefficient(self, slip: FloatArray) -> FloatArray:
         """``mu(x, s)`` (k,) at the nodes; collective."""
-        return self.law(self.surface.points, slip)
+        return with_key(self.key, lambda: self.law(self.surface.points, slip))
 
     def slope(self, slip: FloatArray) -> FloatArray:
         """``d mu/ds`` (k,) at the nodes, by central differences; collective."""

@@ -105,6 +105,7 @@ class NodalContact:
         friction = given.friction or Coulomb()
         self._kernel = friction.kernel
         self.friction = friction.on(surface, self._kernel.on(surface, self.free, self._sides))
+        self.friction.key = f"{self.key}.friction.coefficient"
         regularisation = friction.regularisation
         self.regularisation = slip if regularisation is None else regularisation
         count, dim = len(surface.nodes), domain.dim

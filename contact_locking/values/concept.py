@@ -230,7 +230,7 @@ def leaves(value: Any, place: Place) -> Iterator[tuple[Place, Any]]:
         yield place, value
 
 
-def _key(place: Place, section: Concept, name: str) -> Place:
+def place_of(place: Place, section: Concept, name: str) -> Place:
     """The place of a field; what a concept is made of alone has the place of the concept."""
     key = section.key_of(name)
     return place if key in CHOICES else (*place, key)
@@ -240,7 +240,7 @@ def sections(section: Concept, place: Place = ()) -> Iterator[tuple[Place, Conce
     """A section and all sections below it, with their places."""
     yield place, section
     for name in type(section).model_fields:
-        for inner, value in leaves(getattr(section, name), _key(place, section, name)):
+        for inner, value in leaves(getattr(section, name), place_of(place, section, name)):
             if isinstance(value, Concept):
                 yield from sections(value, inner)
 
@@ -249,7 +249,7 @@ def dimension_faults(whole: Concept, body: BodyKind) -> Iterator[Fault]:
     """The values below a section that do not fit a body."""
     for place, section in sections(whole):
         for name, (depth, components) in marked(type(section), Components).items():
-            value, here = getattr(section, name), _key(place, section, name)
+            value, here = getattr(section, name), place_of(place, section, name)
             if not isinstance(value, tuple):
                 continue
             size = components.number or body.dim

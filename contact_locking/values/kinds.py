@@ -133,8 +133,10 @@ def _names(value: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _places(value: Any) -> Any:
-    """Names of boundary parts; or facets, or mesh tags with a value, which the mesh judges."""
+def _places(value: Any, info: ValidationInfo) -> Any:
+    """Names of boundary parts; in a script facets, or mesh tags with a value, as well."""
+    if info.context is not None:
+        return _names(value)
     if isinstance(value, list | tuple):
         is_of_facets = value and not any(isinstance(name, str) for name in value)
         is_of_facets = is_of_facets and not any(isinstance(x, dict | None) for x in value)

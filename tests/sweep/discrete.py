@@ -164,10 +164,10 @@ def _inside(geometry: Geometry, name: str, places: FloatArray) -> IntArray:
     return np.asarray((geometry.domain.cells(name)[:, None] * each + np.arange(each)).ravel())
 
 
-def at(value: float | str, x: FloatArray, **more: FloatArray) -> FloatArray:
-    """A number or an expression at points (k, d)."""
+def at(value: Any, x: FloatArray, **more: FloatArray) -> FloatArray:
+    """A number or an expression, as it is written, at points (k, d)."""
     names = AXES[: x.shape[1]]
-    found = parse(value, (*names, *more), allow_infinite=True)
+    found = parse(getattr(value, "data", value), (*names, *more), allow_infinite=True)
     result = found.numpy(**dict(zip(names, x.T, strict=True)), **more)
     return np.broadcast_to(np.asarray(result, dtype=float), (len(x),)).copy()
 

@@ -41,6 +41,7 @@ from contact_locking.values.concept import (
     entry,
     leaves,
     marked,
+    place_of,
     refuse_if,
     sections,
 )
@@ -430,6 +431,6 @@ def expressions(whole: Concept) -> Iterator[tuple[Place, Value, ScalarRule]]:
     """Place, value and rule of every expression below a concept that is no number."""
     for here, concept in sections(whole):
         for name, (_, rule) in marked(type(concept), ScalarRule).items():
-            for inner, value in leaves(getattr(concept, name), (*here, concept.key_of(name))):
+            for inner, value in leaves(getattr(concept, name), place_of(here, concept, name)):
                 if isinstance(value, Value) and not value.is_constant:
                     yield inner, value, rule
