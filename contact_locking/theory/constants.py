@@ -34,7 +34,12 @@ from contact_locking.fem.trace import make_nodal
 from contact_locking.mesh.rank_sums import marked
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.supports.conditions import Constraints
-from contact_locking.theory.eigenvalues import inner_product, largest_eigenvalue, trace_norm
+from contact_locking.theory.eigenvalues import (
+    inner_product,
+    largest_eigenvalue,
+    require_held,
+    trace_norm,
+)
 from contact_locking.theory.other_solutions import without_friction
 
 # A condition that holds more of a unit normal than this holds more than rounding.
@@ -81,8 +86,7 @@ def kappa(state: SolvedState, wanted: bool) -> Kappa:
         raise NotApplicable("the body has an energy of the user's own")
     if problem.data.jumps:
         raise NotApplicable("two bodies touch")
-    if problem.free or problem.sprung:
-        raise NotApplicable("displacement conditions alone do not hold the body")
+    require_held(state)
     rubbing = [item for item in problem.contacts if not item.friction.frictionless]
     if not rubbing:
         raise NotApplicable("there is no friction")
@@ -269,10 +273,7 @@ def _trace_constant(state: SolvedState, wanted: bool) -> float:
     upper bound of the constant in (11): the eigenvalue solver approaches from below, and V has more
     fields.
     """
-    if state.problem.free:
-        raise NotApplicable("contact alone holds a rigid motion, so |.|_V is not a norm")
-    if state.problem.sprung:
-        raise NotApplicable("springs hold a rigid motion, so |.|_V is not a norm")
+    require_held(state)
     if state.problem.data.jumps:
         raise NotApplicable("two bodies touch, and c_0 is for traces of one body")
     if not wanted:

@@ -35,6 +35,12 @@ def inner_product(state: SolvedState) -> Expr:
     return state.system.kept("inner product", make)
 
 
+def require_held(state: SolvedState) -> None:
+    """Raise NotApplicable unless displacement conditions alone hold the body."""
+    if state.problem.free or state.problem.sprung:
+        raise NotApplicable("displacement conditions alone do not hold the body")
+
+
 def trace_norm(state: SolvedState, product: Expr, traces: ufl.Form) -> float:
     """``max sqrt(t(v, v)/b(v, v))`` over the displacements that are zero on Gamma_D; collective.
 

@@ -15,7 +15,7 @@ from contact_locking.fem import compiled
 from contact_locking.laws.elasticity import MANDEL_PAIRS
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.elasticity import matrix_of
-from contact_locking.theory.guaranteed.hybrid_system import LARGEST_JUMP, Bars, Forces, HybridSystem
+from contact_locking.theory.guaranteed.hybrid_system import LARGEST_JUMP, Forces, HybridSystem
 from contact_locking.theory.guaranteed.triangles import (
     TENSORS,
     MacroElement,
@@ -38,10 +38,6 @@ _STEPS = 30
 _ROUNDS, _ENOUGH, _BEYOND = 10, 0.985, 1.5
 # The least zeta relative to A, so that cells may begin to lock.
 _LEAST = 1e-4
-# The zeta of bars before the first round is that of the cells in a layer of this share of a facet.
-_THICKNESS = 0.3
-# The share of this zeta with which bars carry nothing.
-_NOTHING = 1e-10
 
 
 def best_stiffening(squares: FloatArray, eigenvalues: FloatArray, limit: FloatArray) -> FloatArray:
@@ -91,15 +87,6 @@ class Gap:
     stiffened: FloatArray
 
 
-@dataclass(frozen=True)
-class Balanced:
-    """A stress (n, 3, m, 3), as Mandel vectors at the points of the parts, and forces of bars."""
-
-    stress: FloatArray
-    bars: Bars
-    forces: FloatArray
-
-
 class Body:
     """The material of n triangles, constant in each; the constructor is collective.
 
@@ -127,39 +114,32 @@ class Body:
         self._zeta[~np.isfinite(self.limit)] = 0.0
         self._locks = on_any_rank(state.comm, np.isfinite(self.limit))
 
-    def balanced(self, forces: Forces, w: fem.Function) -> Balanced:
-        """An equilibrated stress whose distance from the displacement w is small; collective.
+    def balanced(self, forces: Forces, w: fem.Function) -> FloatArray:
+        """An equilibrated stress (n, 3, m, 3) near that of the displacement w; collective.
 
         The stress has the least energy for given zeta, and zeta is then the best for this stress,
         until the distance hardly falls.  Raises NotApplicable if rounding leaves the tractions of
         the first stress discontinuous.
         """
         element, triangles, state = self.element, self.triangles, self._state
-        bars = Bars(triangles, element.degree, forces.held, self.limit)
-        system = HybridSystem(triangles, element, forces, bars, state.settings.linear)
-        strains = self.strains(w, element)
-        along, vectors = bars.along(strains), self._vectors[:, None, None]
-        least = self.eigenvalues[:, 0] * _LEAST
-        least_bar = least[bars.cells] * bars.lengths
-        first_bar = np.maximum(_THICKNESS * bars.lengths * self._zeta[bars.cells], least_bar)
-        # The first round has no bars but by rounding: a body without locked zones needs none.
-        of_bars = np.repeat(_NOTHING * first_bar[:, None], 2, axis=1)
-        least, least_bar = least[:, None, None], least_bar[:, None]
+        system = HybridSystem(triangles, element, forces, state.settings.linear)
+        strains, vectors = self.strains(w, element), self._vectors[:, None, None]
+        least = (self.eigenvalues[:, 0] * _LEAST)[:, None, None]
         zeta = np.broadcast_to(self._zeta[:, None, None], (len(least), 3, len(element.quarters)))
         best, least_value, before = None, np.inf, np.inf
         for step in range(_ROUNDS):
             # (A + zeta)^-1 in the quarters, as matrices (n, 3, 4, 3, 3).
             stiffened = self.eigenvalues[:, None, None] + zeta[..., None]
             compliance = vectors / stiffened[..., None, :] @ np.swapaxes(vectors, 3, 4)
-            stress, tension, jump = system.solve(compliance, strains, of_bars)
+            stress, jump = system.solve(compliance, strains)
             if jump > LARGEST_JUMP and best is None:
                 raise NotApplicable(f"rounding leaves jumps of {jump:.1e} in the tractions")
             if jump > LARGEST_JUMP:
                 break
             gap = self.gap(stress, w, element)
-            value = state.sum(gap.values) + state.sum(bars.gap(tension, along))
+            value = state.sum(gap.values)
             if value < least_value:
-                best, least_value = Balanced(stress, bars, tension), value
+                best, least_value = stress, value
             if not self._locks or (step > 1 and value > _ENOUGH * before):
                 break
             before = value
@@ -168,10 +148,6 @@ class Body:
             zeta = np.maximum(zeta, least)
             zeta = zeta * (np.maximum(gap.zeta, least) / zeta) ** power
             zeta[~np.isfinite(self.limit)] = 0.0
-            wanted = np.maximum(bars.best_stiffening(tension), least_bar)
-            of_bars *= (wanted / of_bars) ** power
-            if step == 0:
-                of_bars = np.repeat(first_bar[:, None], 2, axis=1)
         assert best is not None
         return best
 

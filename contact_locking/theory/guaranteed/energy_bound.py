@@ -19,8 +19,8 @@ from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.theory.guaranteed.body import Body, Gap
 from contact_locking.theory.guaranteed.boundary import (
     ContactTractions,
+    balanced_forces,
     contact_tractions,
-    forces_in_balance,
     held_components,
     require_exact_gaps,
     require_straight_triangles,
@@ -111,19 +111,16 @@ def _bound(state: SolvedState, lifting: Lifting) -> float:
     loads = balanced_loads(problem.data, triangles, element)
     contacts = [contact_tractions(fields, triangles) for fields in state.contacts]
     require_exact_gaps(state, triangles, contacts)
-    forces, contacts = forces_in_balance(problem, triangles, element, held, loads, contacts)
+    forces = balanced_forces(triangles, held, loads, contacts)
     body = Body(state, triangles, element)
     w, apart = _admissible(state, lifting, body, contacts)
-    balanced = body.balanced(forces, w)
-    stress, bars = balanced.stress, balanced.bars
+    stress = body.balanced(forces, w)
     if maximum(state.comm, loads.body_rest) > 0.0 or maximum(state.comm, loads.rest) > 0.0:
         finer = balanced_loads(problem.data, triangles, macro_element(element.degree + 1))
         stress, element = finer_stress(stress, loads, finer, held, triangles)
         loads = finer
     gap = body.gap(stress, w, element)
-    along = bars.along(body.strains(w, body.element))
-    gaps = [gap.values, bars.gap(balanced.forces, along)]
-    nodal = w.x.array.reshape(-1, 2)
+    gaps, nodal = [gap.values], w.x.array.reshape(-1, 2)
     for contact in contacts:
         normal, tangent = contact.split(nodal)
         gaps.append(contact.work(normal, tangent, np.maximum(contact.gap, normal)))

@@ -18,14 +18,14 @@ from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.theory.guaranteed.body import Body
 from contact_locking.theory.guaranteed.boundary import (
     ContactTractions,
+    balanced_forces,
     contact_tractions,
-    forces_in_balance,
     held_components,
     require_exact_gaps,
     require_straight_triangles,
 )
 from contact_locking.theory.guaranteed.data_oscillation import BalancedLoads
-from contact_locking.theory.guaranteed.hybrid_system import LARGEST_JUMP, Bars, HybridSystem
+from contact_locking.theory.guaranteed.hybrid_system import LARGEST_JUMP, HybridSystem
 from contact_locking.theory.guaranteed.triangles import Triangles, macro_element, product_integral
 
 # Reweighted steps, and the least weight over the largest.
@@ -84,13 +84,12 @@ def _excluded(state: SolvedState, triangles: Triangles, contacts: list[ContactTr
     problem, element = state.problem, macro_element(1)
     held = held_components(state, triangles)
     loads = BalancedLoads.none(triangles, element)
-    forces, contacts = forces_in_balance(problem, triangles, element, held, loads, contacts)
+    forces = balanced_forces(triangles, held, loads, contacts)
     material = Body(state, triangles, element)
     strains, limit = material.strains(problem.u, element), material.limit
     if on_any_rank(state.comm, ~np.isfinite(limit)):
         raise NotApplicable("nothing limits the strain in a part of the body")
-    bars, unstretched = Bars(triangles, 1, held), np.empty((0, 2))
-    system = HybridSystem(triangles, element, forces, bars, state.settings.linear)
+    system = HybridSystem(triangles, element, forces, state.settings.linear)
     # |Z| of the last iterate, raised by a share of its mean.
     size = np.linalg.norm(state.points.locking_stress, axis=(1, 2))
     size = size + (state.sum(size * triangles.areas) / state.points.volume or 1.0)
@@ -119,7 +118,7 @@ def _excluded(state: SolvedState, triangles: Triangles, contacts: list[ContactTr
         weights = limit / np.maximum(size, _LEAST * maximum(state.comm, size))
         soft = np.multiply.outer(weights, np.eye(3))[:, None, None]
         soft = np.broadcast_to(soft, (len(weights), 3, 4, 3, 3))
-        stress, _, jump = system.solve(soft, strains, unstretched)
+        stress, jump = system.solve(soft, strains)
         whole = strains / weights[:, None, None, None]
         largest, most = (maximum(state.comm, np.abs(values)) for values in (stress, whole))
         if largest <= _ROUNDING * most:
