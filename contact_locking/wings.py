@@ -10,12 +10,11 @@ import functools
 import importlib
 import importlib.util
 from collections.abc import Callable, Iterator
-from typing import Any, TypeVar
+from typing import Any
 
 from contact_locking.errors import InputError
 
 NAMES = ("theory", "inverse", "view")
-_Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 class Seam:
@@ -24,10 +23,19 @@ class Seam:
     def __init__(self) -> None:
         self._functions: list[Callable[..., Any]] = []
 
-    def add(self, function: _Function) -> _Function:
-        """Add a function, as its decorator."""
-        self._functions.append(function)
-        return function
+    def add(self, function: str, when: Callable[..., bool] = lambda *_: True) -> None:
+        """Add ``"module:name"``, whose module is imported at a call for which ``when`` is true.
+
+        Other calls return None.
+        """
+        module, _, name = function.partition(":")
+
+        def called(*arguments: Any) -> Any:
+            if when(*arguments):
+                return getattr(importlib.import_module(module), name)(*arguments)
+            return None
+
+        self._functions.append(called)
 
     def __iter__(self) -> Iterator[Callable[..., Any]]:
         _load()

@@ -147,8 +147,6 @@ class LazyDerivatives:
 def require_known(problem: StudyProblem) -> None:
     """Raise InputError, without a solve, for what sensitivities or a fit cannot ask; collective."""
     parameters = problem.parameters
-    if parameters.sensitivities is None and parameters.fit is None:
-        return
     solver = ProblemSolver(problem, settings_of(parameters))
     if (given := parameters.sensitivities) is not None:
         for name in given.to:

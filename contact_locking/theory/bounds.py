@@ -19,9 +19,13 @@ from contact_locking.certificate.verdict import Extras, Proofs
 from contact_locking.fem import compiled
 from contact_locking.parallel import maximum
 from contact_locking.problem.rounding import ROUNDING
-from contact_locking.theory.constants import constant_supports, constants
-from contact_locking.theory.critical_friction import critical_friction
-from contact_locking.theory.eigenvalues import inner_product, require_held
+from contact_locking.theory.constants import (
+    constant_supports,
+    constants,
+    inner_product,
+    require_held,
+)
+from contact_locking.theory.equilibria.search import critical_friction
 
 
 def proofs(state: SolvedState, lifting: Lifting, extras: Extras) -> Proofs:
@@ -32,7 +36,7 @@ def proofs(state: SolvedState, lifting: Lifting, extras: Extras) -> Proofs:
     reason = ""
     if extras.error_bound:
         # With the parts of SciPy that they use, these proofs take a while to import.
-        from contact_locking.theory.guaranteed import guaranteed_error, limit_load
+        from contact_locking.theory.guaranteed.energy_bound import guaranteed_error, limit_load
 
         limit = limit_load(state)
         entries |= {} if limit is None else {"limit_load": limit}

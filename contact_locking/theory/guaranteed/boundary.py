@@ -15,7 +15,7 @@ from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.results.derived import ContactFields
-from contact_locking.theory.eigenvalues import require_held
+from contact_locking.theory.constants import require_held
 from contact_locking.theory.guaranteed.data_oscillation import BalancedLoads
 from contact_locking.theory.guaranteed.hybrid_system import Forces
 from contact_locking.theory.guaranteed.triangles import (

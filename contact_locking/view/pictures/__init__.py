@@ -16,6 +16,12 @@ if TYPE_CHECKING:
     from contact_locking.view.pictures.snapshot import Snapshot
 
 
+def pictures(solution: StudySolution, folder: Path) -> list[str]:
+    """Draw the picture of a run, if it is asked for; returns warnings; collective."""
+    problem = picture(solution, folder) if solution.parameters.output.picture else None
+    return [problem] if problem else []
+
+
 def picture(solution: StudySolution, folder: Path) -> str | None:
     """Draw ``solution`` into a PNG file in ``folder``; collective.
 
