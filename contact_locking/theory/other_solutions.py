@@ -15,7 +15,6 @@ stress Z and the pressure p at n = inf need not be unique even if u is.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -41,7 +40,7 @@ _PRESSED = 1e-6
 _LEAST = 1e-6
 # Gaps of more displacements than this are as good as none.
 _FAR = 1e3
-# Normal components of unit motions below this are zero.
+# A part whose coefficients are below this is at rest.
 _ROUNDING = 1e-9
 # Work of the loads below this share of that of their sizes is rounding.
 _IDLE = 1e-13
@@ -80,7 +79,7 @@ class _FreeMotions:
         problem, comm = state.problem, state.comm
         self._tools, domain = problem.data.loose_tools, problem.domain
         free, fields = problem.rigidity.loose()
-        self._part_names, self._dim = domain.part_names, domain.dim
+        self._part_names = domain.part_names
         self._coefficients = block_diag(*free, np.eye(len(self._tools)))
         self._box = domain.bounding_box
         count = self._coefficients.shape[1]
@@ -125,24 +124,15 @@ class _FreeMotions:
         motion = self._farthest(allowed)
         if motion is None:
             return None
-        first, several = 0, len(self._part_names) > 1
-        size = (len(self._coefficients) - len(self._tools)) // len(self._part_names)
-        for name in self._part_names:
-            of_part = f"{name}, " if several else ""
-            for axis in range(self._dim if size > 1 else 1):
-                reach = self._reach(allowed, first + axis)
-                if reach is not None:
-                    words = describe_motion(np.eye(size)[axis], self._box)
-                    return f"{of_part}{words}, {reach}"
-            first += size
-        for number, tool in enumerate(self._tools):
-            reach = self._reach(allowed, first + number)
-            if reach is not None:
-                on = ", ".join(tool.contact.on)
-                return f"the tool on {on} along {point(tool.direction, 1.0)}, {reach}"
-        of_parts = (self._coefficients @ motion)[:first].reshape(-1, size)
-        most = int(np.argmax(np.linalg.norm(of_parts, axis=1)))
-        of_part = f"{self._part_names[most]}, " if several else ""
+        parts, tools = len(self._part_names), len(self._tools)
+        coefficients = self._coefficients @ motion
+        of_parts = coefficients[: len(coefficients) - tools].reshape(parts, -1)
+        sizes = np.linalg.norm(of_parts, axis=1)
+        if not sizes.max(initial=0.0) > _ROUNDING:
+            tool = self._tools[int(np.argmax(np.abs(coefficients[-tools:])))]
+            return f"the tool on {', '.join(tool.contact.on)} along {point(tool.direction, 1.0)}"
+        most = int(np.argmax(sizes))
+        of_part = f"{self._part_names[most]}, " if parts > 1 else ""
         return f"{of_part}{describe_motion(of_parts[most], self._box)}"
 
     def _farthest(self, allowed: FloatArray) -> FloatArray | None:
@@ -162,21 +152,3 @@ class _FreeMotions:
             if found.status == 0 and -found.fun > most:
                 best, most = allowed @ (scale * found.x), -found.fun
         return best
-
-    def _reach(self, allowed: FloatArray, number: int) -> str | None:
-        """How far the motion with one coefficient goes to both sides, None if it is not allowed."""
-        wanted = np.eye(len(self._coefficients))[number]
-        columns = self._coefficients @ allowed
-        shares = np.linalg.lstsq(columns, wanted)[0]
-        if np.linalg.norm(columns @ shares - wanted) > _ROUNDING:
-            return None
-        rates = self._rows @ allowed @ shares
-        ends = []
-        for side in (-1.0, 1.0):
-            meets = side * rates > _ROUNDING
-            ends.append(float(np.min(self._room[meets] / np.abs(rates[meets]), initial=np.inf)))
-        if max(ends) <= _LEAST * self._length:
-            return None
-        if not all(map(math.isfinite, ends)):
-            return "without end"
-        return f"from {-ends[0] + 0.0:.3g} to {ends[1]:.3g}"
