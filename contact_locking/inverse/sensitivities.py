@@ -311,14 +311,10 @@ def in_words(shares: dict[str, float]) -> str:
     if not near:
         return "no point is near a change of its state: the derivatives hold on both sides"
     told = ", ".join(f"{100.0 * share:.2g} % of {name}" for name, share in near.items())
-    if max(near.values()) <= _MANY:
-        return (
-            f"few points are near a change of their state ({told}); sensitivities.check compares "
-            "with solves"
-        )
+    count = "few" if max(near.values()) <= _MANY else "many"
     return (
-        f"many points are near a change of their state ({told}): there derivatives differ from one "
-        "side to the other; sensitivities.check compares with solves"
+        f"{count} points are near a change of their state ({told}): there derivatives differ from "
+        "one side to the other; sensitivities.check compares with solves"
     )
 
 

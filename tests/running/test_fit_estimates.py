@@ -81,16 +81,6 @@ def test_a_product_is_known_where_its_factors_are_not() -> None:
     assert np.prod(found.numbers) == pytest.approx(3.0, rel=1e-2)
     assert np.all(np.isinf(found.errors))
     assert words.undetermined(found, ["a", "b"]) == ["a^0.71 b^-0.71: the data do not depend on it"]
-    start = np.array([1.0, 2.0])
-    (told,) = words.before(misfit(start), start, ["a", "b"], "")
-    assert told == "a^0.71 b^-0.71: the data do not determine it at the start"
-
-
-def test_a_number_of_no_influence_is_told_before_the_search() -> None:
-    at_start = Residuals(T, np.array([T, 1e-9 * T]).T)
-    keys = ["material.elasticity.young", "material.locking_limit"]
-    (told,) = words.before(at_start, np.array([1.0, 1.0]), keys, "")
-    assert told.startswith("material.locking_limit: the measured quantities do not depend")
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -128,10 +118,9 @@ def test_no_solution_at_the_start_is_an_error() -> None:
 
 def test_a_wrong_model_is_seen_by_the_signs_of_its_residuals() -> None:
     noise = np.random.default_rng(6).standard_normal(60)
-    assert abs(words.runs_of(noise)[0]) < 2.6
     bent = np.linspace(-1.0, 1.0, 60) ** 2 - 0.33
     (told,) = words.about_residuals("force", bent, 10.0 * np.ones(60), None, 1.0)
-    assert "change their sign 2 times, noise would do so about" in told
+    assert "change their sign 2 times, noise would do so about 30" in told
     assert words.about_residuals("force", noise, 50.0 * np.ones(60), None, 1.0) == []
     # What is below the tolerance of the solver is no noise.
     assert words.about_residuals("force", 1e-6 * bent, np.ones(60), None, 1.0) == []

@@ -178,25 +178,25 @@ class Search:
 
     def run(self) -> Estimate:
         """The numbers of the least squares.  Raises NotConverged without a solution at first."""
-        at_start = self._begun()
-        start, compared = self._start, self.compared(self._start)
+        self._begin()
+        compared = self.compared(self._start)
         for one in compared:
             self._say(words.about_units(one.name, one.data, one.model))
-        self._say(words.before(at_start, start, self._keys, self._model.refusal))
+        if not self._model.derives:
+            self._say([f"{self._model.refusal}; without them each number takes one more solve"])
         has_errors = all(one.sigma is not None for one in compared)
         found = estimate(self._variables, self._misfit, has_errors, self._model.derives)
         if not np.isfinite(found.scatter):
             self._say(["there are as many data as numbers, so that there is no standard error"])
         return found
 
-    def _begun(self) -> Residuals:
-        """The residuals at the start, in which a strain limit that matters nowhere is lowered.
+    def _begin(self) -> None:
+        """Evaluate the start, in which a strain limit that matters nowhere is lowered.
 
         It stays where the process has no solution with a lower one.  Raises NotConverged without a
         solution.
         """
-        found = self._misfit(self._start)
-        if found is None:
+        if self._misfit(self._start) is None:
             raise NotConverged(
                 "the process has no solution at the start of the fit, and may have one at another "
                 f"start; {self._model.failure}"
@@ -212,11 +212,9 @@ class Search:
             if not lowered:
                 break
             self._variables = [lowered.get(one.key, one) for one in before]
-            nearer = self._misfit(self._start)
-            if nearer is None:
+            if self._misfit(self._start) is None:
                 self._variables = before
                 break
-            found = nearer
             self._say(
                 [
                     f"{key}: nothing locks at the start, where the strain reaches "
@@ -225,7 +223,6 @@ class Search:
                     for key, one in lowered.items()
                 ]
             )
-        return found
 
     @property
     def _start(self) -> FloatArray:

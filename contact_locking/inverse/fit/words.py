@@ -12,7 +12,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.plain_text import count, per_cent
 
 from . import estimate
-from .estimate import UNDETERMINED, Combination, Estimate, Residuals, combinations
+from .estimate import UNDETERMINED, Combination, Estimate
 
 # Powers below this share are left out of the name of a combination.
 _SMALL = 0.2
@@ -20,7 +20,7 @@ _SMALL = 0.2
 _OTHER_UNITS = 1e3
 # Residuals change their sign so much less often than noise, in standard deviations, if the model
 # lacks something.  It tells where they are this share of the largest of the data.
-_TOO_FEW_RUNS, _NOISE = -2.6, 1e-3
+_TOO_FEW, _NOISE = 2.6, 1e-3
 # Misfits that differ by this share are of the same end.
 _SAME = 0.01
 # Residuals that noise would make so rarely are no noise.
@@ -63,35 +63,6 @@ def one_bound(low: float | None, high: float | None) -> str:
     if has_low == has_high:
         return ""
     return f"at least {low:.5g}" if has_low else f"at most {high:.5g}"
-
-
-def before(
-    at_start: Residuals, numbers: FloatArray, keys: Sequence[str], refusal: str
-) -> list[str]:
-    """The numbers that the data cannot tell, by the derivatives at the start, the ``numbers`` (n,).
-
-    ``refusal`` says why there are no derivatives.
-    """
-    if at_start.derivatives is None:
-        return [f"{refusal}; without them each number takes one more solve"]
-    by_logarithms = at_start.derivatives * numbers
-    idle = estimate.influence(at_start, numbers) <= estimate.NO_INFLUENCE
-    found = [
-        f"{key}: the measured quantities do not depend on it at the start"
-        for key, is_idle in zip(keys, idle, strict=True)
-        if is_idle
-    ]
-    rest = np.flatnonzero(~idle)
-    if len(rest) > 1:
-        names = [keys[i] for i in rest]
-        every = combinations(by_logarithms[:, rest], 1.0)
-        least = estimate.NO_INFLUENCE * every[0].singular
-        found += [
-            f"{combination_name(one, names)}: the data do not determine it at the start"
-            for one in every
-            if one.singular <= least
-        ]
-    return found
 
 
 def about_units(column: str, data: FloatArray, model: FloatArray) -> list[str]:
@@ -140,34 +111,15 @@ def about_residuals(
                 "errors; the model lacks something, or the errors are larger"
             )
     size = float(np.sqrt(np.mean(residuals**2)))
-    z, runs, expected = runs_of(residuals)
-    if z < _TOO_FEW_RUNS and size > _NOISE * float(np.max(np.abs(data))):
+    signs = np.sign(residuals[residuals != 0.0])
+    changes, noise = int(np.sum(signs[1:] != signs[:-1])), 0.5 * max(len(signs) - 1, 0)
+    too_few = changes < noise - _TOO_FEW * np.sqrt(0.5 * noise)
+    if too_few and size > _NOISE * float(np.max(np.abs(data))):
         told.append(
-            f"{column}: the residuals change their sign {runs - 1} times, noise would do so about "
-            f"{expected - 1.0:.0f} times; the model lacks something, or its steps are too coarse"
+            f"{column}: the residuals change their sign {changes} times, noise would do so about "
+            f"{noise:.0f} times; the model lacks something, or its steps are too coarse"
         )
     return told
-
-
-def runs_of(residuals: FloatArray) -> tuple[float, int, float]:
-    """The runs of one sign: by how many standard deviations noise has more, how many, and how many.
-
-    The third is the number that noise has.  The test of Wald and Wolfowitz.
-    """
-    signs = np.sign(residuals)
-    signs = signs[signs != 0.0]
-    above, below = float(np.sum(signs > 0.0)), float(np.sum(signs < 0.0))
-    count = above + below
-    runs = 1 + int(np.sum(signs[1:] != signs[:-1])) if count else 0
-    if count < 2.0:
-        return 0.0, runs, float(runs)
-    expected = 1.0 + 2.0 * above * below / count
-    variance = (expected - 1.0) * (expected - 2.0) / (count - 1.0)
-    # All of one sign have no variance; a count can be wrong by half a run.
-    spread = max(np.sqrt(max(variance, 0.0)), 0.5)
-    if above == 0.0 or below == 0.0:
-        expected, spread = 1.0 + count / 2.0, np.sqrt(count) / 2.0
-    return float((runs - expected) / spread), runs, float(expected)
 
 
 def rows(found: Mapping[str, Any]) -> list[tuple[str, ...]]:

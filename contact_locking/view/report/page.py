@@ -48,13 +48,6 @@ _RC: dict[str, Any] = {
     "ytick.color": style.BLACK,
     "axes.formatter.use_mathtext": True,
 }
-# Colours of the charts for which the page has variables, in its light and its dark scheme.
-_TEXT_COLOURS = {style.BLACK: "--ink", style.RC["axes.edgecolor"]: "--axis"}
-_PAGE_COLOURS = _TEXT_COLOURS | {
-    style.PALE: "--pale",
-    style.BLUE.lower(): "--blue",
-    style.VERMILION.lower(): "--vermilion",
-}
 
 
 @dataclass(frozen=True)
@@ -67,14 +60,10 @@ class Chart:
     png: bytes
 
     def inline(self) -> Markup:
-        """The SVG element without its size, in the colours of the page."""
+        """The SVG element without its size."""
         opening, _, inside = self.svg[self.svg.index("<svg") :].partition(">")
         (box,) = re.findall(r'viewBox="[^"]*"', opening)
         inside = re.sub(r"<metadata>.*?</metadata>", "", inside, count=1, flags=re.DOTALL)
-        # The pixels of an image keep their colours, so their legend has to keep them too.
-        names = _TEXT_COLOURS if "<image" in inside else _PAGE_COLOURS
-        for colour, name in names.items():
-            inside = inside.replace(colour, f"var({name}, {colour})")
         head = f'<svg {box} role="img" xmlns:xlink="http://www.w3.org/1999/xlink">'
         label = Markup("<title>{}</title>").format(self.description)
         return Markup(head) + label + Markup(inside)
