@@ -96,7 +96,7 @@ class Body:
 
     def __init__(self, state: SolvedState, triangles: Triangles, element: MacroElement) -> None:
         self._state, self.triangles, self.element = state, triangles, element
-        self._degree, points = state.problem.element.degree, state.points
+        points = state.points
         self.limit = self._constant(points.by_cell(points.limit))
         problem, mesh = state.problem, state.problem.domain.mesh
         space = problem.element.strain_space(mesh, (3, 3))
@@ -123,7 +123,7 @@ class Body:
         """
         element, triangles, state = self.element, self.triangles, self._state
         system = HybridSystem(triangles, element, forces, state.settings.linear)
-        strains, vectors = self.strains(w, element), self._vectors[:, None, None]
+        strains, vectors = self.strains(w), self._vectors[:, None, None]
         least = (self.eigenvalues[:, 0] * _LEAST)[:, None, None]
         zeta = np.broadcast_to(self._zeta[:, None, None], (len(least), 3, len(element.quarters)))
         best, least_value, before = None, np.inf, np.inf
@@ -136,7 +136,7 @@ class Body:
                 raise NotApplicable(f"rounding leaves jumps of {jump:.1e} in the tractions")
             if jump > LARGEST_JUMP:
                 break
-            gap = self.gap(stress, w, element)
+            gap = self.gap(stress, w)
             value = state.sum(gap.values)
             if value < least_value:
                 best, least_value = stress, value
@@ -151,21 +151,21 @@ class Body:
         assert best is not None
         return best
 
-    def strains(self, u: fem.Function, element: MacroElement) -> FloatArray:
+    def strains(self, u: fem.Function) -> FloatArray:
         """The strain (n, 3, m, 3) of a displacement at the points of the parts."""
-        triangles, shape = self.triangles, element.points.shape
-        slopes = lagrange_gradients(self._degree, element.points.reshape(-1, 2))
+        triangles, points = self.triangles, self.element.points
+        slopes = lagrange_gradients(self.element.degree, points.reshape(-1, 2))
         slopes = slopes @ np.linalg.inv(triangles.maps)[:, None]
         gradient = np.swapaxes(triangles.at_nodes(u), 1, 2)[:, None] @ slopes
         found = gradient.reshape(*gradient.shape[:2], 4) @ TENSORS.reshape(3, 4).T
-        return np.asarray(found.reshape(len(found), *shape[:2], 3))
+        return np.asarray(found.reshape(len(found), *points.shape[:2], 3))
 
     def excess(self, w: fem.Function) -> float:
         """``max |eps(w)|/M - 1`` over the body, at least 0; collective."""
-        ratio = np.linalg.norm(self.strains(w, self.element), axis=3) / self.limit[:, None, None]
+        ratio = np.linalg.norm(self.strains(w), axis=3) / self.limit[:, None, None]
         return maximum(self._state.comm, ratio - 1.0)
 
-    def gap(self, stress: FloatArray, w: fem.Function, element: MacroElement) -> Gap:
+    def gap(self, stress: FloatArray, w: fem.Function) -> Gap:
         """``int |s - (A + zeta) eps|^2/2 + zeta (M^2 - |eps|^2)/2`` over the cells of this rank.
 
         zeta is constant in each quarter of the three parts of a triangle, and the best one for the
@@ -176,14 +176,14 @@ class Body:
 
         def squares(modes: FloatArray) -> FloatArray:
             """(n, 3, 4, 3) from modes (n, 3, 4 or 1, m, 3)."""
-            return np.sum(modes * (element.quarters @ modes), axis=3) * areas[..., None]
+            return np.sum(modes * (self.element.quarters @ modes), axis=3) * areas[..., None]
 
         def modes_of(tensors: FloatArray) -> FloatArray:
             """Components (n, 3, 1, m, 3) of Mandel vectors (n, 3, m, 3) along the eigenvectors."""
             found = flattened(tensors, kept=1) @ self._vectors
             return np.asarray(found.reshape(tensors.shape))[:, :, None]
 
-        eps, modes = modes_of(self.strains(w, element)), modes_of(stress)
+        eps, modes = modes_of(self.strains(w)), modes_of(stress)
         size = np.sum(squares(eps), axis=3)
         eigenvalues = np.broadcast_to(self.eigenvalues[:, None, None], (*size.shape, eps.shape[4]))
         locks = np.isfinite(self.limit)

@@ -1,4 +1,4 @@
-"""What the boundary prescribes to stresses in balance: displacements, gaps and tractions.
+"""What is prescribed to stresses in balance: displacements, gaps, loads and tractions.
 
 A traction ``-p nu + q`` on Gamma_C, from the forces of a solution, is admissible if ``p >= 0`` and
 ``|q| <= G``.
@@ -7,25 +7,35 @@ A traction ``-p nu + q`` on Gamma_C, from the forces of a solution, is admissibl
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
+import basix
 import numpy as np
+import ufl
+from dolfinx import fem
+from ufl.algorithms.analysis import extract_arguments, extract_type
+from ufl.differentiation import Derivative
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.fem import compiled
 from contact_locking.parallel import maximum, on_any_rank
+from contact_locking.problem.forms import ProblemData
 from contact_locking.results.derived import ContactFields
 from contact_locking.theory.constants import require_held
-from contact_locking.theory.guaranteed.data_oscillation import BalancedLoads
 from contact_locking.theory.guaranteed.hybrid_system import Forces
 from contact_locking.theory.guaranteed.triangles import (
     FACET_ENDS,
+    MacroElement,
     Triangles,
     absolute_integral,
     bernstein,
     between,
     control_values,
+    in_parts,
     lagrange,
+    legendre,
     legendre_moments,
     product_integral,
 )
@@ -204,6 +214,126 @@ def require_exact_gaps(
         worst = max(worst, float(np.abs(exact - own).max(initial=0.0)))
     if maximum(state.comm, worst) > _ROUNDING_OF_DISTANCES * state.target.length:
         raise NotApplicable("the gap is not met between the nodes of the mesh")
+
+
+# A part of a load that is below this share of it is rounding.
+_NO_LOAD = 1e-12
+# The quadrature degree of loads.
+_DEGREE = 8
+
+
+@dataclass
+class BalancedLoads:
+    """Loads that stresses of degree k balance: polynomials of degree k - 1 inside, and k on sides.
+
+    ``body`` (n, 3, l, 2) are values of the body force at the load points of the macro-element,
+    ``moments`` (n, 3, k + 1, 2) the moments of the tractions along the facets of the cells.
+    """
+
+    body: FloatArray
+    moments: FloatArray
+
+    @classmethod
+    def none(cls, triangles: Triangles, element: MacroElement) -> BalancedLoads:
+        """No loads."""
+        n, k = len(triangles.areas), element.degree
+        body = np.zeros((n, 3, element.load_points.shape[1], 2))
+        return cls(body, np.zeros((n, 3, k + 1, 2)))
+
+
+def balanced_loads(data: ProblemData, triangles: Triangles, element: MacroElement) -> BalancedLoads:
+    """The body force, tractions and pressures; collective.
+
+    Raises NotApplicable for a load that cannot be evaluated at points, or is no such polynomial.
+    """
+    found = BalancedLoads.none(triangles, element)
+    for integral in () if data.loads is None else data.loads.integrals():
+        kind, load = integral.integral_type(), _density(integral.integrand())
+        if integral.metadata().get("quadrature_rule") == "custom":
+            raise NotApplicable("a load changes too sharply inside of a cell or facet")
+        if kind == "cell":
+            if integral.subdomain_id() != "everywhere":
+                raise NotApplicable("a body force acts on a part of the body only")
+            _add_body_force(found, load, triangles, element)
+        elif kind == "exterior_facet":
+            tags, wanted = integral.subdomain_data(), integral.subdomain_id()
+            if tags is None or wanted == "everywhere":
+                raise NotApplicable("a traction acts on a part of the boundary without a name")
+            numbers = wanted if isinstance(wanted, tuple) else (wanted,)
+            facets = np.unique(np.concatenate([tags.find(number) for number in numbers]))
+            _add_traction(found, load, triangles, facets, element.degree)
+        else:
+            raise NotApplicable(f"a load acts on the measure {kind!r}")
+    return found
+
+
+def _density(integrand: Any) -> Any:
+    """The load f (2,) in ``f . v``; raises NotApplicable for other linear forms of v."""
+    (test,) = extract_arguments(integrand)
+    for derivative in extract_type(integrand, Derivative):
+        if extract_arguments(derivative):
+            raise NotApplicable("a load does work along strains")
+    units = [ufl.as_vector([float(i == j) for j in range(2)]) for i in range(2)]
+    return ufl.as_vector([ufl.replace(integrand, {test: unit}) for unit in units])
+
+
+def _add_body_force(
+    found: BalancedLoads, load: Any, triangles: Triangles, element: MacroElement
+) -> None:
+    points, weights = basix.make_quadrature(basix.CellType.triangle, _DEGREE)
+    # The weights of the reference triangle add up to 1/2.
+    weights, places = 2.0 * weights, in_parts(points)
+    cells = np.arange(len(triangles.areas))
+    values = _values(load, triangles, places, cells)
+    shapes = lagrange(element.degree - 1, points)
+    inverse = np.linalg.inv(element.load_mass)
+    body = np.einsum("ij,qj,q,ntqd->ntid", inverse, shapes, weights, values)
+    rest = values - np.einsum("qi,ntid->ntqd", shapes, body)
+    why = f"a body force is not of degree {element.degree - 1}"
+    _require_rounding(triangles, rest, values, why)
+    found.body += body
+
+
+def _add_traction(
+    found: BalancedLoads, load: Any, triangles: Triangles, facets: IndexArray, degree: int
+) -> None:
+    points, weights = basix.make_quadrature(basix.CellType.interval, _DEGREE + degree)
+    s = points[:, 0]
+    cells, sides = triangles.sides_on(facets)
+    places, values = between(FACET_ENDS, s), np.empty((len(cells), len(s), 2))
+    # Only integrals over facets know the outward normal.  Here it is a field for each side.
+    space = fem.functionspace(triangles.domain.mesh, ("DG", 0, (2,)))
+    normal, dofs = fem.Function(space), space.dofmap.list[: len(triangles.areas), 0]
+    in_cells = ufl.replace(load, dict.fromkeys(extract_type(load, ufl.FacetNormal), normal))
+    for side in range(3):
+        normal.x.array.reshape(-1, 2)[dofs] = triangles.normals[:, side]
+        here = sides == side
+        values[here] = _values(in_cells, triangles, places, cells[here])[:, side]
+    table = legendre(degree, s)
+    moments = np.einsum("q,qj,mqd->mjd", weights, table, values)
+    rest = values - np.einsum("qj,mjd->mqd", table, moments)
+    _require_rounding(triangles, rest, values, f"a traction is not of degree {degree}")
+    # A side of a cell occurs once in a measure.
+    found.moments[cells, sides] += triangles.lengths[cells, sides][:, None, None] * moments
+
+
+def _require_rounding(triangles: Triangles, rest: FloatArray, whole: FloatArray, why: str) -> None:
+    """Raise NotApplicable where a rest is more than rounding of the whole; collective."""
+    comm = triangles.domain.comm
+    if maximum(comm, np.abs(rest)) > _NO_LOAD * maximum(comm, np.abs(whole)):
+        raise NotApplicable(f"{why} in a cell")
+
+
+def _values(load: Any, triangles: Triangles, points: FloatArray, cells: IntArray) -> FloatArray:
+    """The load (m, 3, q, 2) in m cells at points (3, q, 2) of the reference; collective."""
+    try:
+        expression = compiled.expression(load, points.reshape(-1, 2))
+    except (ValueError, RuntimeError, TypeError) as error:
+        raise NotApplicable("a load cannot be evaluated at points") from error
+    if not len(cells):
+        return np.empty((0, *points.shape))
+    found = expression.eval(triangles.domain.mesh, cells.astype(np.int32))
+    return np.asarray(found).reshape(len(cells), *points.shape)
 
 
 def balanced_forces(

@@ -15,67 +15,28 @@ import numpy as np
 from dolfinx import fem
 from scipy.optimize import minimize_scalar
 
-from contact_locking.arrays import BoolArray, FloatArray, flattened
+from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import Lifting, NotApplicable, require_still_foundations
 from contact_locking.certificate.penalty_error import admissible_neighbour, energy_distance
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.theory.guaranteed.body import Body, Gap
 from contact_locking.theory.guaranteed.boundary import (
+    BalancedLoads,
     ContactTractions,
     balanced_forces,
+    balanced_loads,
     contact_tractions,
     held_components,
     require_exact_gaps,
     require_straight_triangles,
 )
-from contact_locking.theory.guaranteed.data_oscillation import BalancedLoads, balanced_loads
 from contact_locking.theory.guaranteed.hybrid_system import LARGEST_JUMP, HybridSystem
 from contact_locking.theory.guaranteed.triangles import (
-    MacroElement,
     Triangles,
-    lagrange,
-    lattice,
     macro_element,
     product_integral,
 )
-
-# Singular values of the reference element below this share are zero.
-_RANK = 1e-10
-
-
-def finer_stress(
-    stress: FloatArray,
-    coarse: BalancedLoads,
-    fine: BalancedLoads,
-    held: BoolArray,
-    cells: Triangles,
-) -> tuple[FloatArray, MacroElement]:
-    """A stress that balances the loads ``fine`` of degree k + 1, and its element.
-
-    ``stress`` (n, 3, m, 3) balances the loads ``coarse`` of degree k, and ``held`` (n, 3, 2) marks
-    the components that are prescribed on a facet.  The rest of the loads does no work along rigid
-    motions of a triangle.  A stress on this triangle alone, with no traction on the inner facets,
-    can therefore balance the rest.  Of all stresses in a triangle that balance the
-    difference, the result has the least coefficients in the reference triangle.
-    """
-    low = macro_element(coarse.moments.shape[2] - 1)
-    high = macro_element(low.degree + 1)
-    raised = np.einsum("pq,ntqa->ntpa", lagrange(low.degree, lattice(high.degree)), stress)
-    at = lagrange(low.degree - 1, lattice(low.degree))
-    body = fine.body - np.einsum("lk,ntkd->ntld", at, coarse.body)
-    moments = np.where(held[:, :, None], 0.0, fine.moments)
-    moments[:, :, : low.degree + 1] = 0.0
-    back = np.swapaxes(np.linalg.inv(cells.maps), 1, 2)
-    wanted = flattened(-flattened(body, kept=1) @ back)
-    tractions = flattened(moments, kept=1) @ back / (2.0 * cells.areas[:, None, None])
-    rest = flattened(tractions) - wanted @ high.lift_moments.reshape(len(high.lifts), -1)
-    table = high.moments.reshape(len(high.basis), -1)
-    chosen = rest @ np.linalg.pinv(table, rcond=_RANK)
-    own = wanted @ high.lifts.reshape(len(high.lifts), -1)
-    own += chosen @ high.basis.reshape(len(high.basis), -1)
-    return raised + cells.moved(own.reshape(raised.shape)), high
-
 
 # The share of M, and of the displacements of the mean strain, by which a solution of the inequality
 # may exceed its limits: the tolerance of the solver.
@@ -121,31 +82,22 @@ def _bound(state: SolvedState, lifting: Lifting) -> float:
     body = Body(state, triangles, element)
     w, apart = _admissible(state, lifting, body, contacts)
     stress = body.balanced(forces, w)
-    if maximum(state.comm, loads.body_rest) > 0.0 or maximum(state.comm, loads.rest) > 0.0:
-        finer = balanced_loads(problem.data, triangles, macro_element(element.degree + 1))
-        stress, element = finer_stress(stress, loads, finer, held, triangles)
-        loads = finer
-    gap = body.gap(stress, w, element)
+    gap = body.gap(stress, w)
     gaps, nodal = [gap.values], w.x.array.reshape(-1, 2)
     for contact in contacts:
         normal, tangent = contact.split(nodal)
         gaps.append(contact.work(normal, tangent, np.maximum(contact.gap, normal)))
     square = max(state.sum(np.concatenate(gaps)), 0.0)
-    share, most = _sharpened(state, gap, square)
-    # The load of a component that is prescribed does no work.
-    loads.rest[held.all(axis=2)] = 0.0
-    oscillation = loads.oscillation(triangles) ** 2 / body.eigenvalues[:, 0]
-    rough = np.sqrt(state.sum(oscillation))
-    return float(share * rough + np.sqrt((share * rough) ** 2 + most) + apart)
+    return float(np.sqrt(_sharpened(state, gap, square)) + apart)
 
 
-def _sharpened(state: SolvedState, gap: Gap, square: float) -> tuple[float, float]:
-    """The t in (1/2, 1], and ``2 t eta^2 + sum t (1 - t) a b d^2/(t b - (1 - t) a)``; collective.
+def _sharpened(state: SolvedState, gap: Gap, square: float) -> float:
+    """The least ``2 t eta^2 + sum t (1 - t) a b d^2/(t b - (1 - t) a)`` for t in (1/2, 1].
 
-    For every t this number bounds ``x^2 - 2 t o x``, where x is the energy norm of u - w, and o the
-    oscillation.  a are the eigenvalues of A, b those of A + zeta, and d the differences
-    ``eps(w) - (A + zeta)^-1 s``.  The number is ``2 eta^2`` for t = 1, and less for a smaller t
-    where eta^2 consists of the slack of locking and contact.
+    For every t this number bounds the square of the energy norm of u - w.  a are the eigenvalues of
+    A, b those of A + zeta, and d the differences ``eps(w) - (A + zeta)^-1 s``.  The number is
+    ``2 eta^2`` for t = 1, and less for a smaller t where eta^2 consists of the slack of locking and
+    contact.  Collective.
     """
 
     def value(t: float) -> float:
@@ -155,7 +107,7 @@ def _sharpened(state: SolvedState, gap: Gap, square: float) -> tuple[float, floa
         return 2.0 * t * square + t * rest * float(state.comm.allreduce(float(local)))
 
     found = minimize_scalar(value, bounds=(0.5, 1.0), method="bounded", options={"xatol": 1e-3})
-    return min([(float(found.x), float(found.fun)), (1.0, 2.0 * square)], key=lambda pair: pair[1])
+    return min(float(found.fun), 2.0 * square)
 
 
 def _require_applicable(state: SolvedState) -> None:
@@ -263,7 +215,7 @@ def _excluded(state: SolvedState, triangles: Triangles, contacts: list[ContactTr
     loads = BalancedLoads.none(triangles, element)
     forces = balanced_forces(triangles, held, loads, contacts)
     material = Body(state, triangles, element)
-    strains, limit = material.strains(problem.u, element), material.limit
+    strains, limit = material.strains(problem.u), material.limit
     if on_any_rank(state.comm, ~np.isfinite(limit)):
         raise NotApplicable("nothing limits the strain in a part of the body")
     system = HybridSystem(triangles, element, forces, state.settings.linear)
