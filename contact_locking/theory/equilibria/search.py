@@ -23,8 +23,14 @@ from contact_locking.parallel import maximum, minimum
 from contact_locking.results.contact_points import OPEN
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.task import Counts, Outcome, SolverReport, Task, stage_of
-from contact_locking.theory.equilibria.bound_map import BoundMap, Deflation, MapNewton
-from contact_locking.theory.equilibria.branch import Branch, BranchPoint, OverShare
+from contact_locking.theory.equilibria.bound_map import (
+    BoundMap,
+    Branch,
+    BranchPoint,
+    Deflation,
+    MapNewton,
+    OverShare,
+)
 
 # Tresca's problems need to be solved this much more sharply than the bounds, and those with bounds
 # far above the pressure without friction take so many times the iterations.

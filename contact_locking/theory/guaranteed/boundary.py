@@ -24,7 +24,7 @@ from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.forms import ProblemData
 from contact_locking.results.derived import ContactFields
 from contact_locking.theory.constants import require_held
-from contact_locking.theory.guaranteed.hybrid_system import Forces
+from contact_locking.theory.guaranteed.body import Forces
 from contact_locking.theory.guaranteed.triangles import (
     FACET_ENDS,
     MacroElement,
@@ -68,7 +68,7 @@ class ContactTractions:
 
     @property
     def tangent(self) -> FloatArray:
-        return np.column_stack([-self.normal[:, 1], self.normal[:, 0]])
+        return _tangent(self.normal)
 
     def split(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """``u_nu`` and ``u_tau`` as control values (m, r + 1), from values at all nodes (k, 2)."""
@@ -91,6 +91,10 @@ class ContactTractions:
         opening = product_integral(self.pressure, gap - normal)
         friction = absolute_integral(self.bound, tangent) + product_integral(self.along, tangent)
         return np.asarray(self.lengths * (opening + friction))
+
+
+def _tangent(normal: FloatArray) -> FloatArray:
+    return np.column_stack([-normal[:, 1], normal[:, 0]])
 
 
 def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTractions:
@@ -120,7 +124,7 @@ def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTra
 
     fixed = surface.scalar_function((~contact.free).astype(float)).x.array[nodes] > 0.5
     normal = normals[:, 0]
-    tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
+    tangent = _tangent(normal)
     friction = surface.vector_function(fields.traction).x.array.reshape(-1, 2)
     along = controls(np.einsum("mri,mi->mr", friction[nodes], tangent))
     bound = np.maximum(of(fields.bound), 0.0)
@@ -280,14 +284,10 @@ def _density(integrand: Any) -> Any:
 def _add_body_force(
     found: BalancedLoads, load: Any, triangles: Triangles, element: MacroElement
 ) -> None:
-    points, weights = basix.make_quadrature(basix.CellType.triangle, _DEGREE)
-    # The weights of the reference triangle add up to 1/2.
-    weights, places = 2.0 * weights, in_parts(points)
-    cells = np.arange(len(triangles.areas))
-    values = _values(load, triangles, places, cells)
-    shapes = lagrange(element.degree - 1, points)
-    inverse = np.linalg.inv(element.load_mass)
-    body = np.einsum("ij,qj,q,ntqd->ntid", inverse, shapes, weights, values)
+    points, _ = basix.make_quadrature(basix.CellType.triangle, _DEGREE)
+    cells, shapes = np.arange(len(triangles.areas)), lagrange(element.degree - 1, points)
+    body = _values(load, triangles, element.load_points, cells)
+    values = _values(load, triangles, in_parts(points), cells)
     rest = values - np.einsum("qi,ntid->ntqd", shapes, body)
     why = f"a body force is not of degree {element.degree - 1}"
     _require_rounding(triangles, rest, values, why)

@@ -20,7 +20,7 @@ from contact_locking.certificate.elliptic import Lifting, NotApplicable, require
 from contact_locking.certificate.penalty_error import admissible_neighbour, energy_distance
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.parallel import maximum, on_any_rank
-from contact_locking.theory.guaranteed.body import Body, Gap
+from contact_locking.theory.guaranteed.body import LARGEST_JUMP, Body, Gap, HybridSystem
 from contact_locking.theory.guaranteed.boundary import (
     BalancedLoads,
     ContactTractions,
@@ -31,7 +31,6 @@ from contact_locking.theory.guaranteed.boundary import (
     require_exact_gaps,
     require_straight_triangles,
 )
-from contact_locking.theory.guaranteed.hybrid_system import LARGEST_JUMP, HybridSystem
 from contact_locking.theory.guaranteed.triangles import (
     Triangles,
     macro_element,
