@@ -52,16 +52,12 @@ def refresh(problem: DiscreteProblem, system: PenalisedSystem) -> None:
 
 
 class Parameter(Protocol):
-    """A number that the equations depend on smoothly."""
+    """A number, at present ``value``, that the equations depend on smoothly, with its name."""
 
     @property
-    def name(self) -> str:
-        """The name in tables."""
-
+    def name(self) -> str: ...
     @property
-    def value(self) -> float:
-        """The present value."""
-
+    def value(self) -> float: ...
     def equations_at(self, value: float, frozen: Frozen) -> AbstractContextManager[Equations]:
         """A context with the equations for another value; collective."""
 

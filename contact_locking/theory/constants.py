@@ -49,8 +49,6 @@ _MARGIN = 1e-4
 # mu(x, s) is sampled at the slip 0, and from this share of the extent of the body to the extent.
 _LEAST_SLIP = 1e-8
 _SLIPS = 400
-# Samples may exceed the constants of a friction law by this share because of rounding.
-_ROUNDING = 1e-9
 # The verdicts on uniqueness where there is friction.
 BY_KAPPA = "unique on this mesh"
 SAMPLED = "covered for the discrete problem, by sampled constants"
@@ -190,13 +188,11 @@ class Coefficient:
     """``mu* = max mu`` and ``L_mu``, the Lipschitz constant of mu in s (12).
 
     ``exact`` says that the friction law states both constants, which are sampled otherwise.
-    ``exceeded`` says that samples exceed a constant that the friction law states.
     """
 
     largest: float
     lipschitz: float
     exact: bool
-    exceeded: bool = False
 
 
 def constants(state: SolvedState, wanted: bool) -> dict[str, Any]:
@@ -242,25 +238,21 @@ def coefficient_range(state: SolvedState) -> Coefficient:
     found, comm = [], state.comm
     for contact in state.problem.contacts:
         law = contact.friction.law
-        if law.lipschitz == 0.0 and law.largest is not None:
-            found.append(Coefficient(law.largest, 0.0, True))
-            continue
-        shares = np.concatenate([[0.0], np.geomspace(_LEAST_SLIP, 1.0, _SLIPS)])
-        slips = (shares[:1] if law.lipschitz == 0.0 else shares) * state.target.length
-        everywhere = np.ones(len(contact.free))
-        values = np.stack([contact.friction.coefficient(slip * everywhere) for slip in slips])
-        steps = np.abs(np.diff(values, axis=0)) / np.diff(slips)[:, None]
-        largest, steepest = maximum(comm, values), maximum(comm, steps)
-        most = largest if law.largest is None else law.largest
-        lipschitz = steepest if law.lipschitz is None else law.lipschitz
-        exceeds = largest > most * (1 + _ROUNDING) or steepest > lipschitz * (1 + _ROUNDING)
         exact = law.lipschitz is not None and (law.largest is not None or law.lipschitz == 0.0)
-        found.append(Coefficient(most, lipschitz, exact, exceeds))
+        most, lipschitz = law.largest, law.lipschitz
+        if most is None or lipschitz is None:
+            shares = np.concatenate([[0.0], np.geomspace(_LEAST_SLIP, 1.0, _SLIPS)])
+            slips = (shares[:1] if lipschitz == 0.0 else shares) * state.target.length
+            everywhere = np.ones(len(contact.free))
+            values = np.stack([contact.friction.coefficient(slip * everywhere) for slip in slips])
+            steps = np.abs(np.diff(values, axis=0)) / np.diff(slips)[:, None]
+            most = maximum(comm, values) if most is None else most
+            lipschitz = maximum(comm, steps) if lipschitz is None else lipschitz
+        found.append(Coefficient(most, lipschitz, exact))
     return Coefficient(
         max(item.largest for item in found),
         max(item.lipschitz for item in found),
         exact=all(item.exact for item in found),
-        exceeded=any(item.exceeded for item in found),
     )
 
 
@@ -305,9 +297,6 @@ def _uniqueness(
         require_coulomb(state)
     except NotApplicable as failure:
         return UNKNOWN, str(failure)
-    if coefficient.exceeded:
-        why = "the friction law exceeds the largest value or the Lipschitz constant that it states"
-        return UNKNOWN, why
     why = f"there is no kappa, as {small}"
     if isinstance(small, Kappa):
         isnt = "" if small.is_small else "not "

@@ -80,10 +80,7 @@ def _if_known(
 
 def _critical_friction(found: Mapping[str, Any]) -> str:
     mu = "" if found["coefficient"] is None else f", the coefficient {found['coefficient']:.4g}"
-    return (
-        f"{found['share']:.4g} times the given friction{mu}: there the linearised problem is "
-        "singular"
-    )
+    return f"{found['share']:.4g} times the given friction{mu}: the linearised problem is singular"
 
 
 def _proved(summary: Mapping[str, Any]) -> str:

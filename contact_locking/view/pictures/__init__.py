@@ -65,8 +65,6 @@ def _draw(body: Snapshot, folder: Path) -> str | None:
         require_room(folder, TEXTS_BYTES)
     except NoRendering as reason:
         return f"no picture was drawn: {reason}\nFor pictures in 3D: {space.INSTALL}"
-    except ImportError as error:
-        return f"no picture was drawn: Matplotlib cannot be imported ({error})"
     except Exception as error:
         # An error of the picture must not lose the results of a long solve.
         target.unlink(missing_ok=True)

@@ -43,8 +43,9 @@ def draw_tractions(
     """
     lines = curves(facets)
     positions, label = abscissa([points.x[line] for line in lines])
-    hidden = ""
-    for s, line in zip(positions, lines, strict=True):
+    for number, (s, line) in enumerate(zip(positions, lines, strict=True)):
+        # Matplotlib leaves labels that begin with an underscore out of the legend.
+        hidden = "_" if number else ""
         bound, pressure = points.bound[line], points.pressure[line]
         friction = along(points.traction[line], points.x[line], s)
         name = hidden + r"friction bound $\pm\mu\,|R\sigma_\nu|$"
@@ -62,8 +63,6 @@ def draw_tractions(
         edges = np.concatenate([s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]])
         states = points.state[None, line]
         strip.pcolormesh(edges, [0.0, 1.0], states, cmap=style.STATES, vmin=-0.5, vmax=2.5)
-        # Matplotlib leaves labels that begin with an underscore out of the legend.
-        hidden = "_"
     all_values = (points.pressure, points.bound, points.traction)
     if max(np.abs(values).max() for values in all_values) < _UNTOUCHED * largest:
         axes.set_ylim(-0.5 * largest, largest)
