@@ -240,7 +240,8 @@ class Derivatives:
 
     def quantities(self, names: Sequence[str]) -> list[Quantity]:
         """The quantities by their names."""
-        return [quantity_of(name, self.domain, self.linear.equations) for name in names]
+        equations = self.linear.equations
+        return [quantity_of(name, self.domain, equations.system).at(equations) for name in names]
 
     def rate(self, parameter: Parameter, quantities: Sequence[Quantity]) -> Residual:
         """The change of the residual, and of the quantities themselves, by a parameter."""

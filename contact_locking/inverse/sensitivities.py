@@ -26,7 +26,7 @@ from contact_locking.inverse.equations import Equations, require_settled, share_
 from contact_locking.inverse.fields import field
 from contact_locking.inverse.linearisation import Change, penalised_iterate
 from contact_locking.inverse.numbers import number_at, with_number
-from contact_locking.inverse.quantities import require_quantities
+from contact_locking.inverse.quantities import quantity_of
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.process.of_study import settings_of
@@ -64,7 +64,8 @@ def require_derivatives(solver: ProblemSolver, names: Sequence[str] = ()) -> Non
             "auto; take direct",
             "solver.linear",
         )
-    require_quantities(names, solver.problem.domain, solver.system)
+    for name in names:
+        quantity_of(name, solver.problem.domain, solver.system)
 
 
 class LazyDerivatives:

@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from contextlib import closing
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -55,24 +54,7 @@ SAMPLED = "covered for the discrete problem, by sampled constants"
 UNKNOWN = "not known"
 
 
-@dataclass(frozen=True)
-class Kappa:
-    """``trace`` is c, and ``lift`` is rho, which has mu in it."""
-
-    trace: float
-    lift: float
-
-    @property
-    def value(self) -> float:
-        return self.trace * self.lift
-
-    @property
-    def is_small(self) -> bool:
-        """Whether kappa is below 1 by more than what the eigenvalue solver may lack."""
-        return self.value < 1.0 - _MARGIN
-
-
-def kappa(state: SolvedState, wanted: bool) -> Kappa:
+def kappa(state: SolvedState, wanted: bool) -> tuple[float, float]:
     """The constants c and rho of all contacts together, by two eigenvalue problems; collective.
 
     Both come from below, to the accuracy of the eigenvalue solver.  Raises NotApplicable with the
@@ -98,7 +80,7 @@ def kappa(state: SolvedState, wanted: bool) -> Kappa:
     pairs = zip(rubbing, slips, strict=True)
     traces = sum(ufl.inner(*pair) * contact.surface.ds for contact, pair in pairs)
     trace = trace_norm(state, state.system.bilinear, traces)
-    return Kappa(trace, _lift_constant(state, rubbing, constraints))
+    return trace, _lift_constant(state, rubbing, constraints)
 
 
 def require_coulomb(state: SolvedState) -> None:
@@ -183,63 +165,37 @@ def _lift_constant(
         return math.sqrt(largest_eigenvalue(state.comm, len(root), apply))
 
 
-@dataclass(frozen=True)
-class Coefficient:
-    """``mu* = max mu`` and ``L_mu``, the Lipschitz constant of mu in s (12).
-
-    ``exact`` says that the friction law states both constants, which are sampled otherwise.
-    """
-
-    largest: float
-    lipschitz: float
-    exact: bool
-
-
 def constants(state: SolvedState, wanted: bool) -> dict[str, Any]:
     """``alpha``, ``c_0``, ``mu*``, ``L_mu``, ``|R|`` and the verdict on uniqueness; collective.
 
     c_0 takes an eigenproblem, as long as one or two elastic solves, and is None unless ``wanted``.
     """
     found: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
-    small: Kappa | NotApplicable
-    try:
-        small = kappa(state, wanted)
-    except NotApplicable as failure:
-        small = failure
     bounds = [contact.friction for contact in state.problem.contacts]
     if bounds:
-        coefficient = coefficient_range(state)
         try:
             found["c_0"] = _trace_constant(state, wanted)
         except NotApplicable as failure:
             found |= {"c_0": None, "c_0_reason": str(failure)}
-        found |= {
-            "friction_coefficient": coefficient.largest,
-            "friction_lipschitz": coefficient.lipschitz,
-            "friction_constants": "exact" if coefficient.exact else "sampled",
-            "smoothing_norm": max(bound.smoothing.norm() for bound in bounds),
-        }
+        found |= _coefficient_range(state)
+        found["smoothing_norm"] = max(bound.smoothing.norm() for bound in bounds)
     if all(bound.frictionless for bound in bounds):
         return found | {"uniqueness": without_friction(state)}
-    verdict, why = _uniqueness(state, found, coefficient, small)
-    report: dict[str, Any] = {"verdict": verdict, "why": why, "kappa": None}
-    if isinstance(small, Kappa):
-        report |= {"kappa": small.value, "c": small.trace, "rho": small.lift}
-    report["contraction"] = state.report.contraction
+    report = _uniqueness(state, found, wanted) | {"contraction": state.report.contraction}
     return found | {"uniqueness": report}
 
 
-def coefficient_range(state: SolvedState) -> Coefficient:
+def _coefficient_range(state: SolvedState) -> dict[str, Any]:
     """mu* and L_mu over all contacts, stated by the friction laws or sampled; collective.
 
     The samples are at the nodes of Gamma_C, as in the discrete problem, and at slips up to the
     extent of the body.  Samples prove nothing, except for a mu that does not depend on s.
     """
-    found, comm = [], state.comm
+    found, comm, all_exact = [], state.comm, True
     for contact in state.problem.contacts:
         law = contact.friction.law
-        exact = law.lipschitz is not None and (law.largest is not None or law.lipschitz == 0.0)
         most, lipschitz = law.largest, law.lipschitz
+        all_exact &= lipschitz is not None and (most is not None or lipschitz == 0.0)
         if most is None or lipschitz is None:
             shares = np.concatenate([[0.0], np.geomspace(_LEAST_SLIP, 1.0, _SLIPS)])
             slips = (shares[:1] if lipschitz == 0.0 else shares) * state.target.length
@@ -248,12 +204,13 @@ def coefficient_range(state: SolvedState) -> Coefficient:
             steps = np.abs(np.diff(values, axis=0)) / np.diff(slips)[:, None]
             most = maximum(comm, values) if most is None else most
             lipschitz = maximum(comm, steps) if lipschitz is None else lipschitz
-        found.append(Coefficient(most, lipschitz, exact))
-    return Coefficient(
-        max(item.largest for item in found),
-        max(item.lipschitz for item in found),
-        exact=all(item.exact for item in found),
-    )
+        found.append((most, lipschitz))
+    largest, steepest = np.max(found, axis=0)
+    return {
+        "friction_coefficient": float(largest),
+        "friction_lipschitz": float(steepest),
+        "friction_constants": "exact" if all_exact else "sampled",
+    }
 
 
 def _trace_constant(state: SolvedState, wanted: bool) -> float:
@@ -278,12 +235,7 @@ def _trace_constant(state: SolvedState, wanted: bool) -> float:
     return trace_norm(state, inner_product(state), traces)
 
 
-def _uniqueness(
-    state: SolvedState,
-    found: dict[str, Any],
-    coefficient: Coefficient,
-    small: Kappa | NotApplicable,
-) -> tuple[str, str]:
+def _uniqueness(state: SolvedState, found: dict[str, Any], wanted: bool) -> dict[str, Any]:
     """Whether another solution is excluded, by kappa or, for eps > 0, by the condition below.
 
         mu* |R| c_0 < 2 sqrt(eps (alpha - L_mu |R sigma_nu|_inf c_0^2)),
@@ -291,36 +243,42 @@ def _uniqueness(
     the condition of Theorem 4.2 with an explicit constant (docs/certificate.md).  The norms on
     Gamma_C use the nodal weights, c_0 is the constant of the discrete fields, approached from
     below, and mu* and L_mu may be sampled.  The verdict is therefore about the discrete problem,
-    and as certain as these numbers, which ``found`` has.  Returns the verdict and the reason.
+    and as certain as these numbers, which ``found`` has.
     """
+    report: dict[str, Any] = {"verdict": UNKNOWN, "kappa": None}
     try:
         require_coulomb(state)
     except NotApplicable as failure:
-        return UNKNOWN, str(failure)
-    why = f"there is no kappa, as {small}"
-    if isinstance(small, Kappa):
-        isnt = "" if small.is_small else "not "
-        why = f"kappa = mu rho c = {small.value:.3g} is {isnt}below 1 (eigenvalues to 1e-6)"
+        return report | {"why": str(failure)}
+    is_small = False
+    try:
+        c, rho = kappa(state, wanted)
+        report |= {"kappa": c * rho, "c": c, "rho": rho}
+        is_small = c * rho < 1.0 - _MARGIN
+        isnt = "" if is_small else "not "
+        why = f"kappa = mu rho c = {c * rho:.3g} is {isnt}below 1 (eigenvalues to 1e-6)"
+    except NotApplicable as failure:
+        why = f"there is no kappa, as {failure}"
     why = "; ".join([why, *constant_supports(state)])
-    if isinstance(small, Kappa) and small.is_small:
-        return BY_KAPPA, why
+    if is_small:
+        return report | {"verdict": BY_KAPPA, "why": why}
     trace = found["c_0"]
     if state.target.penalty.epsilon == 0.0:
-        return UNKNOWN, why
+        return report | {"why": why}
     if trace is None:
-        return UNKNOWN, f"{why}; c_0 is not known ({found['c_0_reason']})"
+        return report | {"why": f"{why}; c_0 is not known ({found['c_0_reason']})"}
     stress = max(maximum(state.comm, np.abs(fields.smoothed_stress)) for fields in state.contacts)
-    left = coefficient.largest * found["smoothing_norm"] * trace
-    slack = state.problem.material.ellipticity - coefficient.lipschitz * stress * trace**2
+    left = found["friction_coefficient"] * found["smoothing_norm"] * trace
+    slack = found["alpha"] - found["friction_lipschitz"] * stress * trace**2
     right = 2.0 * float(np.sqrt(state.target.penalty.epsilon * max(slack, 0.0)))
     covered = left < right
-    sampled = "" if coefficient.exact else ", mu* and L_mu sampled"
+    sampled = "" if found["friction_constants"] == "exact" else ", mu* and L_mu sampled"
     why += (
         f"; mu* |R| c_0 = {left:.3g} is {'' if covered else 'not '}below "
         f"2 sqrt(eps (alpha - L_mu |R sigma_nu| c_0^2)) = {right:.3g} "
         f"(c_0 of the fields on this mesh, from below{sampled})"
     )
-    return SAMPLED if covered else UNKNOWN, why
+    return report | {"verdict": SAMPLED if covered else UNKNOWN, "why": why}
 
 
 def is_unique(summary: Mapping[str, Any]) -> bool:

@@ -158,8 +158,6 @@ def _admissible(
 
 # Reweighted steps, and the least weight over the largest.
 _STEPS, _LEAST = 8, 1e-4
-# The share of the displacements of the mean strain by which a held node may enter the foundation.
-_ADMISSIBLE = 1e-6
 # Rounding in the factor.
 _ROUNDING = 1e-8
 _LIMIT_PROVED = "proved for every displacement of the polygon of the mesh, up to rounding"
@@ -184,8 +182,10 @@ def limit_load(state: SolvedState) -> dict[str, Any] | None:
         if state.problem.element.degree != 1:
             raise NotApplicable("for linear elements")
         triangles = Triangles(state.problem.domain)
-        contacts = _pushing(state, triangles)
-        excluded = _excluded(state, triangles, contacts or [])
+        contacts = [contact_tractions(fields, triangles) for fields in state.contacts]
+        contacts = [replace(item, along=np.zeros_like(item.along)) for item in contacts]
+        require_exact_gaps(state, triangles, contacts)
+        excluded = _excluded(state, triangles, contacts)
     except NotApplicable as failure:
         reason = f"not applicable: {failure}"
         return {"infeasible": None, "load_factor": None, "reason": reason}
@@ -195,10 +195,10 @@ def limit_load(state: SolvedState) -> dict[str, Any] | None:
     elif state.report.admissible_factor is not None:
         confirmed = state.report.admissible_factor[0]
     nodal = confirmed * state.problem.u.x.array.reshape(-1, 2)
-    depth = [(item.split(nodal)[0] - item.gap)[item.fixed] for item in contacts or []]
+    depth = [(item.split(nodal)[0] - item.gap)[item.fixed] for item in contacts]
     deepest = max((item.max(initial=0.0) for item in depth), default=0.0)
-    allowed = _ADMISSIBLE * state.mean_strain * state.target.length
-    if contacts is None or maximum(state.comm, deepest) > allowed:
+    allowed = _TOLERANCE * state.mean_strain * state.target.length
+    if maximum(state.comm, deepest) > allowed:
         confirmed = 0.0
     return {
         "infeasible": bool(excluded * (1.0 + _ROUNDING) < 1.0),
@@ -257,16 +257,3 @@ def _excluded(state: SolvedState, triangles: Triangles, contacts: list[ContactTr
         best = min(best, factor(stress))
         size = np.sqrt(np.mean(np.sum(stress**2, axis=3), axis=(1, 2)))
     return best
-
-
-def _pushing(state: SolvedState, triangles: Triangles) -> list[ContactTractions] | None:
-    """Tractions without friction; None where no polynomial has the gap, which proves less.
-
-    Collective.
-    """
-    try:
-        found = [contact_tractions(fields, triangles) for fields in state.contacts]
-        require_exact_gaps(state, triangles, found)
-    except NotApplicable:
-        return None
-    return [replace(item, along=np.zeros_like(item.along)) for item in found]

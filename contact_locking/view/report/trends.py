@@ -185,7 +185,9 @@ def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
     compared: str = "the value at infinity" if limited else "the next value"
     differences: list[Differences] = []
     settles = quantity.trend in ("settles", "vanishes")
-    if axis.geometric and quantity.trend == "vanishes" and any(map(_falls, curves)):
+    # An error that changes enough along a curve has a rate.
+    falls = any(np.abs(c.y).max() >= _FALLS * np.abs(c.y).min() for c in curves)
+    if axis.geometric and quantity.trend == "vanishes" and falls:
         compared = "zero"
         differences = [_differences(curve, curve.x, np.abs(curve.y)) for curve in curves]
     elif axis.geometric and settles and limited:
@@ -196,11 +198,6 @@ def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
         differences = [_differences(c, c.x[:-1], np.abs(np.diff(c.y))) for c in curves]
     told = [difference for difference in differences if len(difference.x) > 1]
     return Trend(quantity, axis, curves, told, compared)
-
-
-def _falls(curve: Curve) -> bool:
-    """Whether an error changes enough along a curve to have a rate."""
-    return bool(np.abs(curve.y).max() >= _FALLS * np.abs(curve.y).min())
 
 
 def _differences(curve: Curve, x: FloatArray, y: FloatArray) -> Differences:
@@ -263,7 +260,8 @@ def _rates(figure: Figure, trend: Trend) -> None:
             axes.plot(x, y, label=label, **look)
             continue
         rate, factor = law
-        label, look = f"{label}: rate {_signed(rate)}", look | {"ls": ""}
+        signed = f"{rate:.2f}".replace("-", "\N{MINUS SIGN}")
+        label, look = f"{label}: rate {signed}", look | {"ls": ""}
         axes.plot(x[reliable], y[reliable], label=label, **look)
         axes.plot(x[~reliable], y[~reliable], markerfacecolor="none", **look)
         ends = x[reliable][[0, -1]]
@@ -287,7 +285,3 @@ def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
 def _label(trend: Trend) -> str:
     unit = trend.quantity.unit
     return trend.quantity.name if unit == "1" else f"{trend.quantity.name} [{unit}]"
-
-
-def _signed(rate: float) -> str:
-    return f"{rate:.2f}".replace("-", "\N{MINUS SIGN}")
