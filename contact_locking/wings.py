@@ -7,8 +7,8 @@ functions to the seams below; a seam imports the wings that are installed when i
 from __future__ import annotations
 
 import functools
-import importlib
 import importlib.util
+import pkgutil
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -24,18 +24,10 @@ class Seam:
         self._functions: list[Callable[..., Any]] = []
 
     def add(self, function: str, when: Callable[..., bool] = lambda *_: True) -> None:
-        """Add ``"module:name"``, whose module is imported at a call for which ``when`` is true.
-
-        Other calls return None.
-        """
-        module, _, name = function.partition(":")
-
-        def called(*arguments: Any) -> Any:
-            if when(*arguments):
-                return getattr(importlib.import_module(module), name)(*arguments)
-            return None
-
-        self._functions.append(called)
+        """Add ``"module:name"``, imported when it is called; None unless ``when`` is true."""
+        self._functions.append(
+            lambda *given: pkgutil.resolve_name(function)(*given) if when(*given) else None
+        )
 
     def __iter__(self) -> Iterator[Callable[..., Any]]:
         _load()
