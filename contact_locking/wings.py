@@ -7,15 +7,14 @@ functions to the seams below; a seam imports the wings that are installed when i
 from __future__ import annotations
 
 import functools
-import importlib
 import importlib.util
+import pkgutil
 from collections.abc import Callable, Iterator
-from typing import Any, TypeVar
+from typing import Any
 
 from contact_locking.errors import InputError
 
 NAMES = ("theory", "inverse", "view")
-_Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 class Seam:
@@ -24,10 +23,11 @@ class Seam:
     def __init__(self) -> None:
         self._functions: list[Callable[..., Any]] = []
 
-    def add(self, function: _Function) -> _Function:
-        """Add a function, as its decorator."""
-        self._functions.append(function)
-        return function
+    def add(self, function: str, when: Callable[..., bool] = lambda *_: True) -> None:
+        """Add ``"module:name"``, imported when it is called; None unless ``when`` is true."""
+        self._functions.append(
+            lambda *given: pkgutil.resolve_name(function)(*given) if when(*given) else None
+        )
 
     def __iter__(self) -> Iterator[Callable[..., Any]]:
         _load()

@@ -50,7 +50,6 @@ _MOVING = ("moved", "pushed by a force", "on a spring")
 #: Pairs that do not go together, with the key that the refusal names.
 EXCLUDED: dict[tuple[Item, Item], str | None] = {
     (("element", "Q1"), ("with", "adaptive meshes")): "adapt",
-    (("element", "Q1"), ("body", "axisymmetric")): "mesh.axisymmetric",
     (("body", "plane stress"), ("limit", "deviator")): "material.locking.0.norm",
     (("body", "plane stress"), ("limit", "volume")): "material.locking.0.norm",
     (("body", "axisymmetric"), ("contact", "cylinder")): "contact.foundation.cylinder",

@@ -138,7 +138,7 @@ def fit(arguments: argparse.Namespace) -> int:
     begun = _search(arguments, file)
     parameters = file.parameters if begun is None else begun.parameters
     comm = world_with_dolfinx(arguments)
-    from contact_locking.inverse.fit import session, words
+    from contact_locking.inverse.fit import session
     from contact_locking.results import output_folder
 
     directory = file.parameters.output.directory
@@ -156,7 +156,7 @@ def fit(arguments: argparse.Namespace) -> int:
     for text in [*found["words"], *found["undetermined"]]:
         terminal.complain(f"warning: {text}")
     if speaks:
-        print(terminal.columns(words.rows(found)))
+        print(terminal.columns(session.rows(found)))
         print(f"results in {directory}")
     if found["converged"] and solution.converged:
         return CONVERGED

@@ -235,6 +235,9 @@ Q1 = Element(
     boxes=True,
 )
 
+#: Q1 for bodies of revolution: no Gauss point lies on the axis.
+Q1_REVOLUTION = replace(Q1, kinematics=REVOLUTION)
+
 _ELEMENTS = {1: P1, 2: P2}
 _OF_REVOLUTION = {1: P1_REVOLUTION, 2: P2_REVOLUTION}
 
@@ -246,18 +249,12 @@ def element_of(degree: int, axisymmetric: bool = False, boxes: bool = False) -> 
     points for an axisymmetric body and in ``boxes``.  Raises InputError where there is no such
     element.
     """
-    cells = "quadrilaterals and hexahedra"
-    if boxes and axisymmetric:
-        raise InputError(
-            f"is for triangles so far, not for {cells}; mesh the half section with triangles",
-            "mesh.axisymmetric",
-        )
     if boxes and degree > 1:
         raise InputError(
-            f"must be 1 on {cells}; elements of degree 2 are for triangles and tetrahedra "
-            "(mesh.cells: simplex)",
+            "must be 1 on quadrilaterals and hexahedra; elements of degree 2 are for triangles and "
+            "tetrahedra (mesh.cells: simplex)",
             "discretisation.degree",
         )
     if boxes:
-        return Q1
+        return Q1_REVOLUTION if axisymmetric else Q1
     return (_OF_REVOLUTION if axisymmetric else _ELEMENTS)[degree]

@@ -2,46 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from contact_locking import wings
 
 if TYPE_CHECKING:
-    from contact_locking.process.problem_solver import ProblemSolver
-    from contact_locking.process.solving import Follower, SolvableStudy
-    from contact_locking.results.solution import Differentiable
-    from contact_locking.solver.task import SolverReport
     from contact_locking.study.assembly import StudyProblem
 
 
-# Modules are imported where they are used: most runs use none of them.
-@wings.DERIVATIVES.add
-def _derivatives(solver: ProblemSolver, report: SolverReport) -> Differentiable:
-    from contact_locking.inverse.sensitivities import LazyDerivatives
-
-    return LazyDerivatives(solver, report)
+def _derives(problem: StudyProblem, *_: Any) -> bool:
+    return problem.parameters.sensitivities is not None
 
 
-@wings.CHECKS.add
-def _check(problem: StudyProblem) -> None:
-    if problem.parameters.sensitivities is not None or problem.parameters.fit is not None:
-        from contact_locking.inverse.sensitivities import require_known
-
-        require_known(problem)
+def _asks(problem: StudyProblem) -> bool:
+    return _derives(problem) or problem.parameters.fit is not None
 
 
-@wings.FOLLOWERS.add
-def _sensitivities(study: SolvableStudy) -> Follower | None:
-    if study.parameters.sensitivities is None:
-        return None
-    from contact_locking.inverse.sensitivities import Sensitivities
-
-    return Sensitivities(study)
-
-
-@wings.TABLES.add
-def _table(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    from contact_locking.inverse.sensitivities import in_rows
-
-    return in_rows(summary)
+wings.DERIVATIVES.add(f"{__name__}.sensitivities:LazyDerivatives")
+wings.CHECKS.add(f"{__name__}.sensitivities:require_known", _asks)
+wings.FOLLOWERS.add(f"{__name__}.sensitivities:Sensitivities", _derives)
+wings.TABLES.add(f"{__name__}.sensitivities:in_rows")

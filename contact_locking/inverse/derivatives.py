@@ -52,16 +52,12 @@ def refresh(problem: DiscreteProblem, system: PenalisedSystem) -> None:
 
 
 class Parameter(Protocol):
-    """A number that the equations depend on smoothly."""
+    """A number, at present ``value``, that the equations depend on smoothly, with its name."""
 
     @property
-    def name(self) -> str:
-        """The name in tables."""
-
+    def name(self) -> str: ...
     @property
-    def value(self) -> float:
-        """The present value."""
-
+    def value(self) -> float: ...
     def equations_at(self, value: float, frozen: Frozen) -> AbstractContextManager[Equations]:
         """A context with the equations for another value; collective."""
 
@@ -244,7 +240,8 @@ class Derivatives:
 
     def quantities(self, names: Sequence[str]) -> list[Quantity]:
         """The quantities by their names."""
-        return [quantity_of(name, self.domain, self.linear.equations) for name in names]
+        equations = self.linear.equations
+        return [quantity_of(name, self.domain, equations.system).at(equations) for name in names]
 
     def rate(self, parameter: Parameter, quantities: Sequence[Quantity]) -> Residual:
         """The change of the residual, and of the quantities themselves, by a parameter."""

@@ -12,19 +12,10 @@ from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.source import assign
 
 # These sections have no number that the equations depend on smoothly.
-_NOT_SMOOTH = {
-    "mesh": "changes the mesh, on which the equations do not depend smoothly",
-    "discretisation": "changes the elements",
-    "solver": "changes how the equations are solved, and not the equations",
-    "steps": "changes the times at which the equations hold",
-    "adapt": "changes the mesh",
-    "certificate": "changes what is checked",
-    "output": "changes the files",
-    "study": "is no number of one solve",
-    "sensitivities": "is what asks for derivatives",
-    "fit": "is what asks for a fit",
-    "title": "is no number",
-}
+_NOT_SMOOTH = (
+    *("mesh", "discretisation", "solver", "steps", "adapt", "certificate", "output", "study"),
+    *("sensitivities", "fit", "title"),
+)
 
 
 def number_at(parameters: Parameters, key: str, asked: str = "sensitivities.to") -> float:
@@ -34,7 +25,8 @@ def number_at(parameters: Parameters, key: str, asked: str = "sensitivities.to")
     """
     section = key.partition(".")[0]
     if section in _NOT_SMOOTH:
-        raise InputError(f"{key} {_NOT_SMOOTH[section]}: there is no derivative by it", asked)
+        why = f"the equations do not depend smoothly on numbers of the section {section}"
+        raise InputError(f"{key}: {why}, so that there is no derivative by it", asked)
     value: Any = plain(parameters)
     for part in key.split("."):
         if isinstance(value, dict) and part in value:

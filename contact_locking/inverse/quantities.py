@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,17 +66,6 @@ class Quantity(ABC):
         return self
 
 
-def quantity_of(name: str, domain: Domain, equations: Equations) -> Quantity:
-    """The quantity with a name; collective.  Raises InputError for one without a derivative."""
-    return _named(name, domain, equations.system).at(equations)
-
-
-def require_quantities(names: Sequence[str], domain: Domain, system: PenalisedSystem) -> None:
-    """Raise InputError for a name without a derivative, also before a solve; collective."""
-    for name in names:
-        _named(name, domain, system)
-
-
 def scale_of(name: str, domain: Domain, system: PenalisedSystem) -> float:
     """The size of a quantity of this unit, by the energy and the displacement; collective."""
     length, energy = system.largest_displacement(), abs(system.elastic_energy())
@@ -88,7 +76,8 @@ def scale_of(name: str, domain: Domain, system: PenalisedSystem) -> float:
     return {"energy": energy, "force": force, "stress": force / face, "length": length}[unit]
 
 
-def _named(name: str, domain: Domain, system: PenalisedSystem) -> Quantity:
+def quantity_of(name: str, domain: Domain, system: PenalisedSystem) -> Quantity:
+    """The quantity with a name; collective.  Raises InputError for one without a derivative."""
     parts, dim = name.split("."), domain.dim
     registered = QUANTITIES.get(parts[-1])
     if registered is not None and registered.trend == "jumps":

@@ -25,7 +25,7 @@ from contact_locking.inverse.equations import Equations, require_settled, share_
 from contact_locking.inverse.fields import field
 from contact_locking.inverse.linearisation import Change, penalised_iterate
 from contact_locking.inverse.numbers import number_at, with_number
-from contact_locking.inverse.quantities import require_quantities
+from contact_locking.inverse.quantities import quantity_of
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.process.problem_solver import ProblemSolver, linear_solver
@@ -62,7 +62,8 @@ def require_derivatives(solver: ProblemSolver, names: Sequence[str] = ()) -> Non
             "auto; take direct",
             "solver.linear",
         )
-    require_quantities(names, solver.problem.domain, solver.system)
+    for name in names:
+        quantity_of(name, solver.problem.domain, solver.system)
 
 
 class LazyDerivatives:
@@ -144,8 +145,6 @@ class LazyDerivatives:
 def require_known(problem: StudyProblem) -> None:
     """Raise InputError, without a solve, for what sensitivities or a fit cannot ask; collective."""
     parameters = problem.parameters
-    if parameters.sensitivities is None and parameters.fit is None:
-        return
     solver = ProblemSolver(problem, settings_of(parameters))
     if (given := parameters.sensitivities) is not None:
         for name in given.to:
@@ -309,14 +308,10 @@ def in_words(shares: dict[str, float]) -> str:
     if not near:
         return "no point is near a change of its state: the derivatives hold on both sides"
     told = ", ".join(f"{100.0 * share:.2g} % of {name}" for name, share in near.items())
-    if max(near.values()) <= _MANY:
-        return (
-            f"few points are near a change of their state ({told}); sensitivities.check compares "
-            "with solves"
-        )
+    count = "few" if max(near.values()) <= _MANY else "many"
     return (
-        f"many points are near a change of their state ({told}): there derivatives differ from one "
-        "side to the other; sensitivities.check compares with solves"
+        f"{count} points are near a change of their state ({told}): there derivatives differ from "
+        "one side to the other; sensitivities.check compares with solves"
     )
 
 

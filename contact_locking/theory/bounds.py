@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from contextlib import closing
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from dolfinx import fem
-from ufl.core.expr import Expr
 
-from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import (
     EllipticProblem,
     Lifting,
@@ -20,13 +17,15 @@ from contact_locking.certificate.elliptic import (
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.certificate.verdict import Extras, Proofs
 from contact_locking.fem import compiled
-from contact_locking.parallel import maximum, on_any_rank
-from contact_locking.problem import forms
+from contact_locking.parallel import maximum
 from contact_locking.problem.rounding import ROUNDING
-from contact_locking.theory.constants import constant_supports, constants
-from contact_locking.theory.critical_friction import critical_friction
-from contact_locking.theory.eigenvalues import inner_product
-from contact_locking.theory.other_solutions import share_against_sliding
+from contact_locking.theory.constants import (
+    constant_supports,
+    constants,
+    inner_product,
+    require_held,
+)
+from contact_locking.theory.equilibria.search import critical_friction
 
 
 def proofs(state: SolvedState, lifting: Lifting, extras: Extras) -> Proofs:
@@ -37,7 +36,7 @@ def proofs(state: SolvedState, lifting: Lifting, extras: Extras) -> Proofs:
     reason = ""
     if extras.error_bound:
         # With the parts of SciPy that they use, these proofs take a while to import.
-        from contact_locking.theory.guaranteed import guaranteed_error, limit_load
+        from contact_locking.theory.guaranteed.energy_bound import guaranteed_error, limit_load
 
         limit = limit_load(state)
         entries |= {} if limit is None else {"limit_load": limit}
@@ -55,37 +54,11 @@ def proofs(state: SolvedState, lifting: Lifting, extras: Extras) -> Proofs:
         if entry["holds"] is False
     ]
     warnings = constant_supports(state) if extras.constants else ()
-    return Proofs(entries, errors, "; ".join(broken), reason, (*_about_friction(state), *warnings))
+    return Proofs(entries, errors, "; ".join(broken), reason, warnings)
 
 
-def _about_friction(state: SolvedState) -> list[str]:
-    """A warning where friction alone holds the body and much of it is needed; collective."""
-    contacts = state.problem.data.contacts
-    slides = any(contact.friction.depends_on_slip for contact in contacts)
-    if not state.report.converged or not state.problem.sliding or slides:
-        return []
-    if share_against_sliding(state) < _ALL_FRICTION:
-        return []
-    return [
-        "friction alone holds the body, and all of it is used: with a little more load along the "
-        "foundation, or less onto it, the body slides away"
-    ]
-
-
-# From this share of the friction bound on nothing is left to hold a body.
-_ALL_FRICTION = 1.0 - 1e-4
 # Rounding and the solver's tolerance may put a measured value this share above its bound.
 _SLACK = 1e-6
-
-
-@dataclass(frozen=True)
-class _Bounds:
-    """Bounds of ``|u|_V``, of the penalties of locking and contact, and of ``int M |Z|``."""
-
-    displacement_norm: float
-    locking_penalty: float
-    contact_penalty: float
-    locking_work: float
 
 
 def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, Any]]:
@@ -97,29 +70,33 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
 
     Each entry holds ``value``, ``bound`` and ``holds``.  If no bound is proved, ``bound`` and
     ``holds`` are None, and ``reason`` says why.  Collective; takes one linear solve, two with
-    ``w``.
+    ``w``.  There is none where contact alone holds a rigid motion: ``|.|_V`` is no norm then.
     """
     values = _measured(state)
     try:
         require_still_foundations(state)
-        if state.problem.sprung:
-            raise NotApplicable("springs hold a rigid motion, so |.|_V is not a norm")
-        w = lifting.admissible
-        proved = _pressed_bounds(state, w) if state.problem.free else _held_bounds(state, w)
+        require_held(state)
+        proved = _held_bounds(state, lifting.admissible)
     except NotApplicable as failure:
         return {name: _open(value, str(failure)) for name, value in values.items()}
     found, rounding = {}, _rounding(state)
     for name, value in values.items():
-        bound = getattr(proved, name)
+        bound = proved[name]
         if np.isfinite(bound):
-            holds = bool(value <= bound * (1.0 + _SLACK) + getattr(rounding, name))
+            holds = bool(value <= bound * (1.0 + _SLACK) + rounding[name])
             found[name] = {"value": value, "bound": bound, "holds": holds}
         else:
             found[name] = _open(value, "no admissible strain below the locking limit was found")
     return found
 
 
-def _rounding(state: SolvedState) -> _Bounds:
+def _named(displacement: float, penalty: float, work: float) -> dict[str, float]:
+    """Numbers for ``|u|_V``, the penalties of locking and contact, and ``int M |Z|``."""
+    names = ("displacement_norm", "locking_penalty", "contact_penalty", "locking_work")
+    return dict(zip(names, (displacement, penalty, penalty, work), strict=True))
+
+
+def _rounding(state: SolvedState) -> dict[str, float]:
     """The rounding of each value, from that of the displacement, by strains and by the penalty.
 
     A body that nothing strains is judged by its gaps and its limits: else a bound of zero would be
@@ -137,8 +114,7 @@ def _rounding(state: SolvedState) -> _Bounds:
     if state.contacts and epsilon > 0.0:
         strain += ROUNDING * moved / (epsilon * alpha)
     size = strain * float(np.sqrt(points.volume))
-    work = alpha * size**2
-    return _Bounds(size, work, work, work)
+    return _named(size, alpha * size**2, alpha * size**2)
 
 
 def _open(value: float, reason: str) -> dict[str, Any]:
@@ -169,8 +145,8 @@ def _measured(state: SolvedState) -> dict[str, float]:
     return values
 
 
-def _held_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
-    """The bounds for a body that the displacement conditions hold.
+def _held_bounds(state: SolvedState, w: fem.Function | None) -> dict[str, float]:
+    """The bounds, with an admissible field w or None for zero.
 
     Friction does the work ``-F`` at least (:func:`_remembered`); docs/certificate.md has F = 0.
     """
@@ -180,7 +156,7 @@ def _held_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     half = 0.5 * load / alpha
     largest = half + float(np.sqrt(half**2 + friction / alpha))
     most = 0.25 * load**2 / alpha + friction
-    return _Bounds(lift + largest, most, most, _locking_work(state, w, most))
+    return _named(lift + largest, most, _locking_work(state, w, most))
 
 
 def _remembered(state: SolvedState) -> float:
@@ -202,41 +178,6 @@ def _locking_work(state: SolvedState, w: fem.Function | None, most: float) -> fl
     return most / room if room > 0.0 else np.inf
 
 
-def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
-    """The bounds where contact alone stops a rigid motion, so that ``|.|_V`` is not a norm.
-
-    Springs on Gamma_C carry the load.  Friction adds F (:func:`_remembered`) to the B of
-    docs/certificate.md.
-    """
-    if state.problem.sliding:
-        raise NotApplicable("friction alone holds a rigid motion")
-    domain, alpha = state.problem.domain, state.problem.material.ellipticity
-    stiffness = alpha / state.target.length
-    constraints = state.problem.constraints
-    with closing(EllipticProblem(state, _on_springs(state, stiffness), constraints)) as problem:
-        z = problem.solve(_load(state, w))
-    carried, soft = _remembered(state), 0.0
-    for fields in state.contacts:
-        pressure = stiffness * fields.contact.split(z)[0]
-        if on_any_rank(domain.comm, pressure < 0.0):
-            raise NotApplicable(
-                "contact alone holds a rigid motion, and the load is not carried by a pressure all "
-                "over Gamma_C"
-            )
-        room = fields.gap if w is None else fields.gap - fields.contact.split(w)[0]
-        carried += float(fields.surface.integral(pressure * room))
-        soft += 0.25 * state.target.penalty.epsilon * float(fields.surface.integral(pressure**2))
-    quarter = 0.5 * state.system.forms.energy(z)
-    most = quarter + carried + soft
-    lift = 0.0 if w is None else state.system.forms.strain_norm(w)
-    return _Bounds(
-        lift + float((np.sqrt(quarter) + np.sqrt(most)) / np.sqrt(alpha)),
-        most,
-        float(np.sqrt(soft) + np.sqrt(most)) ** 2,
-        _locking_work(state, w, most),
-    )
-
-
 def dual_norm(state: SolvedState, w: fem.Function | None = None) -> float:
     """``|f_w|_V = |z|_V`` with ``(z, v)_V = (f, v) - a(w, v)`` (10), (13); collective.
 
@@ -244,21 +185,6 @@ def dual_norm(state: SolvedState, w: fem.Function | None = None) -> float:
     """
     product, constraints = inner_product(state), state.problem.constraints
     with closing(EllipticProblem(state, product, constraints)) as problem:
-        return state.system.forms.strain_norm(problem.solve(_load(state, w)))
-
-
-def _load(state: SolvedState, w: fem.Function | None) -> FloatArray:
-    """``(f, v) - a(w, v)``."""
-    forms = state.system.forms
-    return forms.loads() if w is None else forms.loads() - forms.elastic_forces(w)
-
-
-def _on_springs(state: SolvedState, stiffness: float) -> Expr:
-    """``a(w, v) + k int w_nu v_nu`` with the integral over Gamma_C."""
-    elastic, (v, w) = state.system.bilinear, state.system.bilinear.arguments()
-
-    def make() -> Expr:
-        k = fem.Constant(state.problem.domain.mesh, stiffness)
-        return elastic + forms.contact_stiffness(v, w, state.problem.contacts, k)
-
-    return state.system.kept(("on springs", stiffness), make)
+        forms = state.system.forms
+        load = forms.loads() if w is None else forms.loads() - forms.elastic_forces(w)
+        return forms.strain_norm(problem.solve(load))

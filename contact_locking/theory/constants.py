@@ -11,14 +11,17 @@ The proof is in docs/certificate.md.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import ufl
 from dolfinx import fem, la
+from dolfinx.fem import petsc
+from petsc4py import PETSc
+from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import (
@@ -29,12 +32,13 @@ from contact_locking.certificate.elliptic import (
 )
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.errors import raise_callback_error
+from contact_locking.fem import compiled
 from contact_locking.fem.joint_forms import JointForm, action
 from contact_locking.fem.trace import make_nodal
 from contact_locking.mesh.rank_sums import marked
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.supports.conditions import Constraints
-from contact_locking.theory.eigenvalues import inner_product, largest_eigenvalue, trace_norm
 from contact_locking.theory.other_solutions import without_friction
 
 # A condition that holds more of a unit normal than this holds more than rounding.
@@ -44,32 +48,13 @@ _MARGIN = 1e-4
 # mu(x, s) is sampled at the slip 0, and from this share of the extent of the body to the extent.
 _LEAST_SLIP = 1e-8
 _SLIPS = 400
-# Samples may exceed the constants of a friction law by this share because of rounding.
-_ROUNDING = 1e-9
 # The verdicts on uniqueness where there is friction.
 BY_KAPPA = "unique on this mesh"
 SAMPLED = "covered for the discrete problem, by sampled constants"
 UNKNOWN = "not known"
 
 
-@dataclass(frozen=True)
-class Kappa:
-    """``trace`` is c, and ``lift`` is rho, which has mu in it."""
-
-    trace: float
-    lift: float
-
-    @property
-    def value(self) -> float:
-        return self.trace * self.lift
-
-    @property
-    def is_small(self) -> bool:
-        """Whether kappa is below 1 by more than what the eigenvalue solver may lack."""
-        return self.value < 1.0 - _MARGIN
-
-
-def kappa(state: SolvedState, wanted: bool) -> Kappa:
+def kappa(state: SolvedState, wanted: bool) -> tuple[float, float]:
     """The constants c and rho of all contacts together, by two eigenvalue problems; collective.
 
     Both come from below, to the accuracy of the eigenvalue solver.  Raises NotApplicable with the
@@ -81,8 +66,7 @@ def kappa(state: SolvedState, wanted: bool) -> Kappa:
         raise NotApplicable("the body has an energy of the user's own")
     if problem.data.jumps:
         raise NotApplicable("two bodies touch")
-    if problem.free or problem.sprung:
-        raise NotApplicable("displacement conditions alone do not hold the body")
+    require_held(state)
     rubbing = [item for item in problem.contacts if not item.friction.frictionless]
     if not rubbing:
         raise NotApplicable("there is no friction")
@@ -96,7 +80,7 @@ def kappa(state: SolvedState, wanted: bool) -> Kappa:
     pairs = zip(rubbing, slips, strict=True)
     traces = sum(ufl.inner(*pair) * contact.surface.ds for contact, pair in pairs)
     trace = trace_norm(state, state.system.bilinear, traces)
-    return Kappa(trace, _lift_constant(state, rubbing, constraints))
+    return trace, _lift_constant(state, rubbing, constraints)
 
 
 def require_coulomb(state: SolvedState) -> None:
@@ -181,83 +165,52 @@ def _lift_constant(
         return math.sqrt(largest_eigenvalue(state.comm, len(root), apply))
 
 
-@dataclass(frozen=True)
-class Coefficient:
-    """``mu* = max mu`` and ``L_mu``, the Lipschitz constant of mu in s (12).
-
-    ``exact`` says that the friction law states both constants, which are sampled otherwise.
-    ``exceeded`` says that samples exceed a constant that the friction law states.
-    """
-
-    largest: float
-    lipschitz: float
-    exact: bool
-    exceeded: bool = False
-
-
 def constants(state: SolvedState, wanted: bool) -> dict[str, Any]:
     """``alpha``, ``c_0``, ``mu*``, ``L_mu``, ``|R|`` and the verdict on uniqueness; collective.
 
     c_0 takes an eigenproblem, as long as one or two elastic solves, and is None unless ``wanted``.
     """
     found: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
-    small: Kappa | NotApplicable
-    try:
-        small = kappa(state, wanted)
-    except NotApplicable as failure:
-        small = failure
     bounds = [contact.friction for contact in state.problem.contacts]
     if bounds:
-        coefficient = coefficient_range(state)
         try:
             found["c_0"] = _trace_constant(state, wanted)
         except NotApplicable as failure:
             found |= {"c_0": None, "c_0_reason": str(failure)}
-        found |= {
-            "friction_coefficient": coefficient.largest,
-            "friction_lipschitz": coefficient.lipschitz,
-            "friction_constants": "exact" if coefficient.exact else "sampled",
-            "smoothing_norm": max(bound.smoothing.norm() for bound in bounds),
-        }
+        found |= _coefficient_range(state)
+        found["smoothing_norm"] = max(bound.smoothing.norm() for bound in bounds)
     if all(bound.frictionless for bound in bounds):
         return found | {"uniqueness": without_friction(state)}
-    verdict, why = _uniqueness(state, found, coefficient, small)
-    report: dict[str, Any] = {"verdict": verdict, "why": why, "kappa": None}
-    if isinstance(small, Kappa):
-        report |= {"kappa": small.value, "c": small.trace, "rho": small.lift}
-    report["contraction"] = state.report.contraction
+    report = _uniqueness(state, found, wanted) | {"contraction": state.report.contraction}
     return found | {"uniqueness": report}
 
 
-def coefficient_range(state: SolvedState) -> Coefficient:
+def _coefficient_range(state: SolvedState) -> dict[str, Any]:
     """mu* and L_mu over all contacts, stated by the friction laws or sampled; collective.
 
     The samples are at the nodes of Gamma_C, as in the discrete problem, and at slips up to the
     extent of the body.  Samples prove nothing, except for a mu that does not depend on s.
     """
-    found, comm = [], state.comm
+    found, comm, all_exact = [], state.comm, True
     for contact in state.problem.contacts:
         law = contact.friction.law
-        if law.lipschitz == 0.0 and law.largest is not None:
-            found.append(Coefficient(law.largest, 0.0, True))
-            continue
-        shares = np.concatenate([[0.0], np.geomspace(_LEAST_SLIP, 1.0, _SLIPS)])
-        slips = (shares[:1] if law.lipschitz == 0.0 else shares) * state.target.length
-        everywhere = np.ones(len(contact.free))
-        values = np.stack([contact.friction.coefficient(slip * everywhere) for slip in slips])
-        steps = np.abs(np.diff(values, axis=0)) / np.diff(slips)[:, None]
-        largest, steepest = maximum(comm, values), maximum(comm, steps)
-        most = largest if law.largest is None else law.largest
-        lipschitz = steepest if law.lipschitz is None else law.lipschitz
-        exceeds = largest > most * (1 + _ROUNDING) or steepest > lipschitz * (1 + _ROUNDING)
-        exact = law.lipschitz is not None and (law.largest is not None or law.lipschitz == 0.0)
-        found.append(Coefficient(most, lipschitz, exact, exceeds))
-    return Coefficient(
-        max(item.largest for item in found),
-        max(item.lipschitz for item in found),
-        exact=all(item.exact for item in found),
-        exceeded=any(item.exceeded for item in found),
-    )
+        most, lipschitz = law.largest, law.lipschitz
+        all_exact &= lipschitz is not None and (most is not None or lipschitz == 0.0)
+        if most is None or lipschitz is None:
+            shares = np.concatenate([[0.0], np.geomspace(_LEAST_SLIP, 1.0, _SLIPS)])
+            slips = (shares[:1] if lipschitz == 0.0 else shares) * state.target.length
+            everywhere = np.ones(len(contact.free))
+            values = np.stack([contact.friction.coefficient(slip * everywhere) for slip in slips])
+            steps = np.abs(np.diff(values, axis=0)) / np.diff(slips)[:, None]
+            most = maximum(comm, values) if most is None else most
+            lipschitz = maximum(comm, steps) if lipschitz is None else lipschitz
+        found.append((most, lipschitz))
+    largest, steepest = np.max(found, axis=0)
+    return {
+        "friction_coefficient": float(largest),
+        "friction_lipschitz": float(steepest),
+        "friction_constants": "exact" if all_exact else "sampled",
+    }
 
 
 def _trace_constant(state: SolvedState, wanted: bool) -> float:
@@ -269,10 +222,7 @@ def _trace_constant(state: SolvedState, wanted: bool) -> float:
     upper bound of the constant in (11): the eigenvalue solver approaches from below, and V has more
     fields.
     """
-    if state.problem.free:
-        raise NotApplicable("contact alone holds a rigid motion, so |.|_V is not a norm")
-    if state.problem.sprung:
-        raise NotApplicable("springs hold a rigid motion, so |.|_V is not a norm")
+    require_held(state)
     if state.problem.data.jumps:
         raise NotApplicable("two bodies touch, and c_0 is for traces of one body")
     if not wanted:
@@ -285,12 +235,7 @@ def _trace_constant(state: SolvedState, wanted: bool) -> float:
     return trace_norm(state, inner_product(state), traces)
 
 
-def _uniqueness(
-    state: SolvedState,
-    found: dict[str, Any],
-    coefficient: Coefficient,
-    small: Kappa | NotApplicable,
-) -> tuple[str, str]:
+def _uniqueness(state: SolvedState, found: dict[str, Any], wanted: bool) -> dict[str, Any]:
     """Whether another solution is excluded, by kappa or, for eps > 0, by the condition below.
 
         mu* |R| c_0 < 2 sqrt(eps (alpha - L_mu |R sigma_nu|_inf c_0^2)),
@@ -298,39 +243,42 @@ def _uniqueness(
     the condition of Theorem 4.2 with an explicit constant (docs/certificate.md).  The norms on
     Gamma_C use the nodal weights, c_0 is the constant of the discrete fields, approached from
     below, and mu* and L_mu may be sampled.  The verdict is therefore about the discrete problem,
-    and as certain as these numbers, which ``found`` has.  Returns the verdict and the reason.
+    and as certain as these numbers, which ``found`` has.
     """
+    report: dict[str, Any] = {"verdict": UNKNOWN, "kappa": None}
     try:
         require_coulomb(state)
     except NotApplicable as failure:
-        return UNKNOWN, str(failure)
-    if coefficient.exceeded:
-        why = "the friction law exceeds the largest value or the Lipschitz constant that it states"
-        return UNKNOWN, why
-    why = f"there is no kappa, as {small}"
-    if isinstance(small, Kappa):
-        isnt = "" if small.is_small else "not "
-        why = f"kappa = mu rho c = {small.value:.3g} is {isnt}below 1 (eigenvalues to 1e-6)"
+        return report | {"why": str(failure)}
+    is_small = False
+    try:
+        c, rho = kappa(state, wanted)
+        report |= {"kappa": c * rho, "c": c, "rho": rho}
+        is_small = c * rho < 1.0 - _MARGIN
+        isnt = "" if is_small else "not "
+        why = f"kappa = mu rho c = {c * rho:.3g} is {isnt}below 1 (eigenvalues to 1e-6)"
+    except NotApplicable as failure:
+        why = f"there is no kappa, as {failure}"
     why = "; ".join([why, *constant_supports(state)])
-    if isinstance(small, Kappa) and small.is_small:
-        return BY_KAPPA, why
+    if is_small:
+        return report | {"verdict": BY_KAPPA, "why": why}
     trace = found["c_0"]
     if state.target.penalty.epsilon == 0.0:
-        return UNKNOWN, why
+        return report | {"why": why}
     if trace is None:
-        return UNKNOWN, f"{why}; c_0 is not known ({found['c_0_reason']})"
+        return report | {"why": f"{why}; c_0 is not known ({found['c_0_reason']})"}
     stress = max(maximum(state.comm, np.abs(fields.smoothed_stress)) for fields in state.contacts)
-    left = coefficient.largest * found["smoothing_norm"] * trace
-    slack = state.problem.material.ellipticity - coefficient.lipschitz * stress * trace**2
+    left = found["friction_coefficient"] * found["smoothing_norm"] * trace
+    slack = found["alpha"] - found["friction_lipschitz"] * stress * trace**2
     right = 2.0 * float(np.sqrt(state.target.penalty.epsilon * max(slack, 0.0)))
     covered = left < right
-    sampled = "" if coefficient.exact else ", mu* and L_mu sampled"
+    sampled = "" if found["friction_constants"] == "exact" else ", mu* and L_mu sampled"
     why += (
         f"; mu* |R| c_0 = {left:.3g} is {'' if covered else 'not '}below "
         f"2 sqrt(eps (alpha - L_mu |R sigma_nu| c_0^2)) = {right:.3g} "
         f"(c_0 of the fields on this mesh, from below{sampled})"
     )
-    return SAMPLED if covered else UNKNOWN, why
+    return report | {"verdict": SAMPLED if covered else UNKNOWN, "why": why}
 
 
 def is_unique(summary: Mapping[str, Any]) -> bool:
@@ -350,3 +298,93 @@ def constant_supports(state: SolvedState) -> tuple[str, ...]:
         f"displacements are prescribed at Gamma_C, as at {place}, and R keeps constants there, so "
         "that kappa grows without bound as the mesh is refined",
     )
+
+
+_PREFIX_OF_EIGENVALUES = "contact_locking_steklov_"
+# The relative accuracy of an eigenvalue; a bound needs no more.
+_ACCURACY = 1e-6
+
+# Forms of one problem are the same objects in each solve, by which their compiled forms are kept.
+
+
+def inner_product(state: SolvedState) -> Expr:
+    """``(w, v)_V = int eps(w) : eps(v)`` (10)."""
+    data, (v, w) = state.problem.data, state.system.bilinear.arguments()
+
+    def make() -> Expr:
+        return ufl.inner(data.strain(w), data.strain(v)) * data.element.elastic_dx(data.dx)
+
+    return state.system.kept("inner product", make)
+
+
+def require_held(state: SolvedState) -> None:
+    """Raise NotApplicable unless displacement conditions alone hold the body."""
+    if state.problem.free or state.problem.sprung:
+        raise NotApplicable("displacement conditions alone do not hold the body")
+
+
+def trace_norm(state: SolvedState, product: Expr, traces: ufl.Form) -> float:
+    """``max sqrt(t(v, v)/b(v, v))`` over the displacements that are zero on Gamma_D; collective.
+
+    ``product`` is b and ``traces`` is t, bilinear forms.  The result comes from below.  Raises
+    NotApplicable if the eigenvalue solver fails.
+    """
+    constraints = state.problem.constraints
+    surface = petsc.assemble_matrix(compiled.form(traces))
+    surface.assemble()
+    # The held part keeps the identity in the product and has no trace.
+    mask = surface.createVecLeft()
+    mask.array_w[:] = constraints.free_dofs()[: mask.getLocalSize()]
+    surface.diagonalScale(mask, mask)
+    constraints.supports.directions.eliminate(surface, holds=False)
+    try:
+        with closing(EllipticProblem(state, product, constraints)) as problem:
+            return float(_largest(surface, problem.matrix, problem.ksp) ** 0.5)
+    finally:
+        for item in (mask, surface):
+            item.destroy()
+
+
+def largest_eigenvalue(comm: Any, size: int, operator: Callable[[FloatArray], FloatArray]) -> float:
+    """The largest eigenvalue of a symmetric operator, from below; collective.
+
+    The operator maps the ``size`` values of each rank to as many.  Raises NotApplicable if the
+    eigenvalue solver fails.
+    """
+
+    def mult(matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        y.array_w[:] = operator(x.array_r)
+
+    sizes = ((size, None), (size, None))
+    matrix = PETSc.Mat().createPython(sizes, SimpleNamespace(mult=mult), comm)
+    matrix.setUp()
+    try:
+        return _largest(matrix)
+    finally:
+        matrix.destroy()
+
+
+def _largest(
+    matrix: PETSc.Mat, product: PETSc.Mat | None = None, inverse: PETSc.KSP | None = None
+) -> float:
+    from slepc4py import SLEPc
+
+    solver = SLEPc.EPS().create(matrix.getComm())
+    solver.setOptionsPrefix(_PREFIX_OF_EIGENVALUES)
+    kinds = SLEPc.EPS.ProblemType
+    solver.setOperators(matrix, product)
+    solver.setProblemType(kinds.HEP if product is None else kinds.GHEP)
+    solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_REAL)
+    solver.setTolerances(tol=_ACCURACY)
+    if inverse is not None:
+        solver.getST().setKSP(inverse)
+    try:
+        solver.solve()
+        if not solver.getConverged():
+            raise NotApplicable("the eigenvalue solver did not converge")
+        return float(solver.getEigenvalue(0).real)
+    except PETSc.Error as error:
+        raise_callback_error(error)
+        raise NotApplicable("the eigenvalue solver failed") from error
+    finally:
+        solver.destroy()

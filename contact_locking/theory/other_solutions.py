@@ -15,7 +15,6 @@ stress Z and the pressure p at n = inf need not be unique even if u is.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -41,14 +40,10 @@ _PRESSED = 1e-6
 _LEAST = 1e-6
 # Gaps of more displacements than this are as good as none.
 _FAR = 1e3
-# Normal components of unit motions below this are zero.
+# A part whose coefficients are below this is at rest.
 _ROUNDING = 1e-9
 # Work of the loads below this share of that of their sizes is rounding.
 _IDLE = 1e-13
-# Iterations for the motion that friction opposes most.
-_ITERATIONS = 20
-# A unit motion is at rest at a node where it moves by less.
-_AT_REST = 1e-9
 
 
 def without_friction(state: SolvedState) -> dict[str, Any]:
@@ -84,7 +79,7 @@ class _FreeMotions:
         problem, comm = state.problem, state.comm
         self._tools, domain = problem.data.loose_tools, problem.domain
         free, fields = problem.rigidity.loose()
-        self._part_names, self._dim = domain.part_names, domain.dim
+        self._part_names = domain.part_names
         self._coefficients = block_diag(*free, np.eye(len(self._tools)))
         self._box = domain.bounding_box
         count = self._coefficients.shape[1]
@@ -129,24 +124,15 @@ class _FreeMotions:
         motion = self._farthest(allowed)
         if motion is None:
             return None
-        first, several = 0, len(self._part_names) > 1
-        size = (len(self._coefficients) - len(self._tools)) // len(self._part_names)
-        for name in self._part_names:
-            of_part = f"{name}, " if several else ""
-            for axis in range(self._dim if size > 1 else 1):
-                reach = self._reach(allowed, first + axis)
-                if reach is not None:
-                    words = describe_motion(np.eye(size)[axis], self._box)
-                    return f"{of_part}{words}, {reach}"
-            first += size
-        for number, tool in enumerate(self._tools):
-            reach = self._reach(allowed, first + number)
-            if reach is not None:
-                on = ", ".join(tool.contact.on)
-                return f"the tool on {on} along {point(tool.direction, 1.0)}, {reach}"
-        of_parts = (self._coefficients @ motion)[:first].reshape(-1, size)
-        most = int(np.argmax(np.linalg.norm(of_parts, axis=1)))
-        of_part = f"{self._part_names[most]}, " if several else ""
+        parts, tools = len(self._part_names), len(self._tools)
+        coefficients = self._coefficients @ motion
+        of_parts = coefficients[: len(coefficients) - tools].reshape(parts, -1)
+        sizes = np.linalg.norm(of_parts, axis=1)
+        if not sizes.max(initial=0.0) > _ROUNDING:
+            tool = self._tools[int(np.argmax(np.abs(coefficients[-tools:])))]
+            return f"the tool on {', '.join(tool.contact.on)} along {point(tool.direction, 1.0)}"
+        most = int(np.argmax(sizes))
+        of_part = f"{self._part_names[most]}, " if parts > 1 else ""
         return f"{of_part}{describe_motion(of_parts[most], self._box)}"
 
     def _farthest(self, allowed: FloatArray) -> FloatArray | None:
@@ -166,60 +152,3 @@ class _FreeMotions:
             if found.status == 0 and -found.fun > most:
                 best, most = allowed @ (scale * found.x), -found.fun
         return best
-
-    def _reach(self, allowed: FloatArray, number: int) -> str | None:
-        """How far the motion with one coefficient goes to both sides, None if it is not allowed."""
-        wanted = np.eye(len(self._coefficients))[number]
-        columns = self._coefficients @ allowed
-        shares = np.linalg.lstsq(columns, wanted)[0]
-        if np.linalg.norm(columns @ shares - wanted) > _ROUNDING:
-            return None
-        rates = self._rows @ allowed @ shares
-        ends = []
-        for side in (-1.0, 1.0):
-            meets = side * rates > _ROUNDING
-            ends.append(float(np.min(self._room[meets] / np.abs(rates[meets]), initial=np.inf)))
-        if max(ends) <= _LEAST * self._length:
-            return None
-        if not all(map(math.isfinite, ends)):
-            return "without end"
-        return f"from {-ends[0] + 0.0:.3g} to {ends[1]:.3g}"
-
-
-def share_against_sliding(state: SolvedState) -> float:
-    """``max |int sigma_tau . c| / int G |c_tau|`` over the rigid motions c along the foundations.
-
-    It is 1 where the body is about to slide away along c.  Points that slide to different sides, as
-    the feet of an arch, hold each other, and the share is less.  0 without such a motion.
-    Collective.
-    """
-    problem, data, comm = state.problem, state.problem.data, state.comm
-    _, fields = problem.rigidity.loose()
-    everywhere = np.ones(fields.shape[1], dtype=bool)
-    tools = data.loose_tools
-    normals, moves, forces, bounds = [np.zeros((0, len(fields) + len(tools)))], [], [], []
-    for found in state.contacts:
-        at_nodes = MotionsAtContact(found.contact, fields, everywhere, tools)
-        normals += comm.allgather(at_nodes.normals)
-        if not found.contact.friction.frictionless:
-            tangents = at_nodes.tangents()
-            weights = found.contact.surface.weights * found.free
-            moves.append(tangents.reshape(len(weights), problem.domain.dim, tangents.shape[1]))
-            forces.append(weights[:, None] * found.traction)
-            bounds.append(weights * found.bound)
-    along = sliding_motions(np.concatenate(normals))
-    if not along.shape[1] or not moves:
-        return 0.0
-    slides = np.concatenate(moves) @ along
-    force, bound = np.concatenate(forces), np.concatenate(bounds)
-    work: FloatArray = comm.allreduce(np.einsum("kdj,kd->j", slides, force))
-    share, speed = 0.0, np.ones(len(bound))
-    # |c_tau| = |c_tau|^2 / |c_tau|, with the denominator of the motion before.
-    for _ in range(_ITERATIONS):
-        gram = np.einsum("kdi,kdj,k->ij", slides, slides, bound / speed)
-        motion = np.linalg.lstsq(comm.allreduce(gram), work)[0]
-        motion /= float(np.linalg.norm(motion)) or 1.0
-        speed = np.maximum(np.linalg.norm(slides @ motion, axis=1), _AT_REST)
-        most = float(comm.allreduce(bound @ speed))
-        share = max(share, float(abs(work @ motion)) / most if most > 0.0 else 0.0)
-    return share

@@ -28,21 +28,18 @@ _UNIQUENESS = {
 def rows(summary: Mapping[str, Any]) -> list[tuple[str, str | None]]:
     """What is known, in rows of a name and words; None where it was not asked for."""
     certificate = summary["certificate"]
-    critical, bound = certificate.get("critical_friction"), certificate["errors"].get("guaranteed")
+    bound, several = certificate["errors"].get("guaranteed"), summary.get("equilibria")
     is_bound = bound is None or bound.get("applicable", True)
+    critical = certificate.get("critical_friction")
     return [
         ("proved", _proved(summary) if "bounds" in summary else None),
         ("guaranteed bound", None if is_bound else bound["reason"]),
         ("limit load", _if_known(certificate.get("limit_load"), "load_factor", _limit_load)),
         ("critical friction", _if_known(critical, "share", _critical_friction)),
         ("uniqueness", _uniqueness(look_up(certificate, "constants.uniqueness"))),
-        ("solutions found", _several(summary.get("equilibria"))),
+        ("solutions found", several and f"{several['found']}; {several['missing']}"),
         ("branch of solutions", _branch(summary.get("branches"))),
     ]
-
-
-def _several(found: Mapping[str, Any] | None) -> str | None:
-    return None if found is None else f"{found['found']}; {found['missing']}"
 
 
 def _branch(found: Mapping[str, Any] | None) -> str | None:
@@ -83,10 +80,7 @@ def _if_known(
 
 def _critical_friction(found: Mapping[str, Any]) -> str:
     mu = "" if found["coefficient"] is None else f", the coefficient {found['coefficient']:.4g}"
-    return (
-        f"{found['share']:.4g} times the given friction{mu}: there the linearised problem is "
-        "singular"
-    )
+    return f"{found['share']:.4g} times the given friction{mu}: the linearised problem is singular"
 
 
 def _proved(summary: Mapping[str, Any]) -> str:

@@ -169,9 +169,8 @@ def test_a_mesh_of_boxes_that_is_no_body_is_refused(
     [
         ({"discretisation": {"degree": 2}}, "discretisation.degree", "must be 1"),
         ({"adapt": {}}, "adapt", "refines simplices only"),
-        ({"mesh": {"axisymmetric": True}}, "mesh.axisymmetric", "is for triangles so far"),
     ],
-    ids=["degree 2", "adapt", "axisymmetric"],
+    ids=["degree 2", "adapt"],
 )
 def test_what_boxes_do_not_do_is_refused(
     changes: dict[str, Any], key: str, words: str, tmp_path: Path

@@ -271,7 +271,7 @@ def test_curves_that_cannot_be_used_are_refused(folder: Folder, curve: str, said
     ("given", "said"),
     [
         ("data: nothing.csv", "there is no such file"),
-        ("parameters: {mesh.h: {start: 0.2}}", "mesh.h changes the mesh"),
+        ("parameters: {mesh.h: {start: 0.2}}", "mesh.h: the equations do not depend smoothly"),
         ("parameters: {material.elasticity.poisson: {start: 0.7}}", "does not take 0.7"),
         ("parameters: {material.young: {start: 1}}", "does not take 1"),
         ("quantities: {force: locked_fraction}", "count of points"),

@@ -27,8 +27,7 @@ from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.theory import words
 from contact_locking.theory.constants import BY_KAPPA
-from contact_locking.theory.equilibria.bound_map import BoundMap
-from contact_locking.theory.equilibria.branch import Branch, OverShare
+from contact_locking.theory.equilibria.bound_map import BoundMap, Branch, OverShare
 from contact_locking.theory.equilibria.search import (
     Equilibria,
     diagram,

@@ -51,13 +51,7 @@ def random_block(seed: int) -> Parameters:
         elasticity = {"stiffness": (young * diagonal).tolist()}
     side = str(random.choice(["left", "right"]))
     support: dict[str, Any] = {"on": side, "value": [0.0, 0.0]}
-    rolls = random.random() < 0.25
-    if rolls:
-        support = {"on": ["left", "right"], "value": [0.0, None]}
-    # On rollers the loads press the body onto its foundation.
     pull, force = (young * scale * random.uniform(-1.0, 1.0, 2) * size for size in (2.0, 0.5))
-    if rolls:
-        pull[1], force[1] = -abs(pull[1]), -abs(force[1])
     loads: dict[str, Any] = {
         "displacements": [support],
         "tractions": [{"on": "top", "value": pull.tolist()}],

@@ -51,16 +51,7 @@ def said(solution: StudySolution) -> tuple[str, str]:
 def test_a_block_with_play_between_two_foundations_has_other_solutions(n: float) -> None:
     verdict, why = said(solved(study({"displacements": [_LEFT]}, between(), penalty={"n": n})))
     assert verdict == OTHERS
-    assert why.endswith("translation along y, from -0.01 to 0.01")
-
-
-def test_the_play_is_what_the_deformation_leaves_of_the_gaps() -> None:
-    squeezed = {"displacements": [_LEFT, {"on": "right", "value": [-0.005, None]}]}
-    verdict, why = said(solved(study(squeezed, between())))
-    # Plane strain: the height grows by nu/(1 - nu) times the strain along x.
-    left = 0.01 - 0.5 * 0.005 * 0.3 / 0.7
-    assert verdict == OTHERS
-    assert f"to {left:.3g}" in why
+    assert why.endswith("translation along y")
 
 
 @pytest.mark.parametrize("n", [math.inf, 1e3])
@@ -83,7 +74,7 @@ def test_a_tool_that_no_force_pushes_may_travel() -> None:
     )
     *_, first, second = (said(solution) for solution in solve_steps(given))
     assert first[0] == OTHERS
-    assert first[1].endswith("the tool on top along (0, -1), without end")
+    assert first[1].endswith("the tool on top along (0, -1)")
     assert second[0] == UNIQUE
 
 
@@ -110,7 +101,7 @@ def test_an_axisymmetric_body_has_play_along_its_axis() -> None:
     mesh = {"builder": "block", "h": 0.25, "axisymmetric": True}
     verdict, why = said(solved(study({}, between(), mesh=mesh)))
     assert verdict == OTHERS
-    assert why.endswith("translation along y, the axis, from -0.01 to 0.01")
+    assert why.endswith("translation along y, the axis")
 
 
 @pytest.mark.parametrize(("gap", "verdict"), [(0.01, OWN_ENERGY), (-0.002, IF_CONVEX)])

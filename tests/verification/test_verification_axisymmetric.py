@@ -83,6 +83,7 @@ def deviator(n: float) -> tuple[float, float]:
     return (trace - 2.0 * apart) / 3.0, (trace + apart) / 3.0
 
 
+@pytest.mark.parametrize("cells", ["simplex", "box"])
 @pytest.mark.parametrize(
     ("exact", "locking", "n"),
     [
@@ -96,15 +97,18 @@ def test_v25_a_cylinder_under_pressure_has_the_radial_and_the_hoop_strain_of_its
     exact: Callable[[float], tuple[float, float]],
     locking: dict[str, Any],
     n: float,
+    cells: str,
     found: list[Row],
 ) -> None:
     method = "newton" if math.isfinite(n) else "auto"
-    solution = cylinder(material__locking=[locking], penalty__n=n, solver__method=method)
+    given = {"material__locking": [locking], "penalty__n": n, "solver__method": method}
+    solution = cylinder(mesh__cells=cells, **given)
     u, summary = solution.displacement, solution.summary
     x = u.function_space.tabulate_dof_coordinates()
     axial, radial = exact(n)
     nodal = u.x.array.reshape(-1, 2)
     where = f"cylinder under pressure, limit of {exact.__name__}, n = {n:g}"
+    where += ", quadrilaterals" if cells == "box" else ""
     outside = x[:, 0] > 1.0 - 1e-9
     width, height = float(nodal[outside, 0].max()), float(nodal[:, 1].min())
     found.append(Row("V25", where, "radial strain", width, radial, TEST))
@@ -145,7 +149,7 @@ def test_v25_a_cylinder_in_a_rigid_tube_touches_it_all_around(found: list[Row]) 
     assert force == pytest.approx([-2.0 * math.pi * thrust, 0.0], rel=1e-6, abs=1e-8)
 
 
-def ring(h: float, degree: int = 1) -> tuple[list[float], StudySolution]:
+def ring(h: float, degree: int, cells: str) -> tuple[list[float], StudySolution]:
     """V25: a hollow sphere, of which a quarter of an annulus is the half section.
 
     The relative errors of the strain and of the displacement.
@@ -154,7 +158,7 @@ def ring(h: float, degree: int = 1) -> tuple[list[float], StudySolution]:
     data: dict[str, Any] = {
         "mesh": {
             "builder": "annulus", "inner_radius": inner, "outer_radius": outer,
-            "quarter": True, "h": h, "axisymmetric": True,
+            "quarter": True, "h": h, "axisymmetric": True, "cells": cells,
         },
         "discretisation": {"degree": degree},
         "material": {"elasticity": {"young": YOUNG, "poisson": POISSON}},
@@ -184,19 +188,23 @@ def ring(h: float, degree: int = 1) -> tuple[list[float], StudySolution]:
 
 
 @pytest.mark.parametrize(
-    ("degree", "rates", "accuracy"),
-    [(1, (1.0, 2.0), (0.08, 0.01)),
-     pytest.param(2, (2.0, 2.0), (0.01, 0.004), marks=pytest.mark.slow)],
+    ("degree", "cells", "rates", "accuracy"),
+    [(1, "simplex", (1.0, 2.0), (0.08, 0.01)), (1, "box", (1.0, 2.0), (0.06, 0.01)),
+     pytest.param(2, "simplex", (2.0, 2.0), (0.01, 0.004), marks=pytest.mark.slow)],
 )  # fmt: skip
 def test_v25_a_hollow_sphere_under_pressure_has_lames_displacement(
-    degree: int, rates: tuple[float, float], accuracy: tuple[float, float], found: list[Row]
+    degree: int,
+    cells: str,
+    rates: tuple[float, float],
+    accuracy: tuple[float, float],
+    found: list[Row],
 ) -> None:
     sizes = (0.4, 0.2, 0.1)
-    results = [ring(h, degree) for h in sizes]
+    results = [ring(h, degree, cells) for h in sizes]
     for index, name in enumerate(("strain", "displacement")):
         errors = [result[0][index] for result in results]
         rate = fitted_rate(sizes, errors)
-        where = f"hollow sphere under pressure, P{degree}"
+        where = f"hollow sphere under pressure, {'Q' if cells == 'box' else 'P'}{degree}"
         found.append(Row("V25", where, f"rate of the {name}", rate, rates[index], TEST))
         found.append(Row("V25", where, f"error of the {name}, h = 0.1", errors[-1], None, TEST))
         assert rate > rates[index] - 0.15

@@ -55,12 +55,12 @@ def test_values_are_those_of_columns_and_of_expressions_of_columns() -> None:
 
 
 def test_a_chart_has_a_curve_for_each_case_and_a_wrong_column_is_named() -> None:
-    cases = [Process(HISTORY, f"mu = {mu}", f"{mu}") for mu in (0.1, 0.3)]
-    (drawn,) = wanted_charts([CURVE], cases, "mu", ["plate"], {"force": "N/mm", "length": "mm"})
+    cases = [Process(HISTORY, f"mu = {mu}") for mu in (0.1, 0.3)]
+    (drawn,) = wanted_charts([CURVE], cases, ["plate"], {"force": "N/mm", "length": "mm"})
     assert drawn.description == "-contact_force_plate_y over -motion_plate_y"
-    assert wanted_charts([CURVE], [Process(History(HISTORY.rows[:1]))], "", [], {}) == []
+    assert wanted_charts([CURVE], [Process(History(HISTORY.rows[:1]))], [], {}) == []
     with pytest.raises(InputError) as caught:
-        wanted_charts([{"x": "t", "y": "contact_force_top_y"}], cases, "mu", ["plate"], {})
+        wanted_charts([{"x": "t", "y": "contact_force_top_y"}], cases, ["plate"], {})
     assert caught.value.key == "output.charts.0.y"
 
 

@@ -23,7 +23,6 @@ from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.fit import Curve, FitParameters
 
 TIME, SIGMA = "t", "sigma"
-_MOST_ROWS = 100_000
 
 
 @dataclass(frozen=True)
@@ -155,8 +154,6 @@ def _read(curve: Curve, key: str, given: FitParameters) -> Experiment:
         for line, row in enumerate(rows, 2):
             if not any(cell.strip() for cell in row):
                 continue
-            if len(numbers) == _MOST_ROWS:
-                raise InputError(f"{path} has more than {_MOST_ROWS} rows", key)
             read = [number_at(place, row) for place in places]
             for name, (value, text) in zip(wanted, read, strict=True):
                 if not math.isfinite(value):

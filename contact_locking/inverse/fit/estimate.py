@@ -147,12 +147,7 @@ class _Intervals:
         reach = self.quantile * error
         if not math.isfinite(self._rise) or reach <= _LEAST_ERROR:
             return self._numbers(number, -reach, reach)
-        low, high = (self._end(number, side, reach, False) for side in (-1.0, 1.0))
-        # Where the linear model fails on one side, its end on the other side may be far too wide.
-        if low > reach == high:
-            high = self._end(number, 1.0, reach, True)
-        elif high > reach == low:
-            low = self._end(number, -1.0, reach, True)
+        low, high = (self._end(number, side, reach) for side in (-1.0, 1.0))
         return self._numbers(number, -low, high)
 
     def _numbers(self, number: int, low: float, high: float) -> tuple[float, float]:
@@ -160,10 +155,10 @@ class _Intervals:
         ends = [variable.number(x + step) if math.isfinite(step) else step for step in (low, high)]
         return ends[0], ends[1]
 
-    def _end(self, number: int, side: float, reach: float, is_sharp: bool) -> float:
+    def _end(self, number: int, side: float, reach: float) -> float:
         """The distance of the end on one side: the reach, or more where the misfit is flat.
 
-        A sharp end is searched within the reach, too, and so is one that a bound excludes.
+        An end that a bound excludes is searched within the reach.
         """
         far = self._far(number)
         bound = float(self._bounds[int(side > 0.0), number])
@@ -177,7 +172,7 @@ class _Intervals:
         place = self._at(number, side * first, self.best, goal)
         misfit = math.inf if place is None else place.misfit
         is_beyond = misfit > most
-        if misfit >= flat and not (is_beyond and (is_sharp or first < reach)):
+        if misfit >= flat and not (is_beyond and first < reach):
             return reach if reach <= far else math.inf
         if is_beyond or place is None:
             place, low, high = self.best, _NEAREST * first, first

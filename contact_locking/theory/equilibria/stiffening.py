@@ -104,26 +104,6 @@ class Stage:
         )
 
 
-def solve_by_penalties(task: Task, most_tangents: float = math.inf) -> Stiffening | None:
-    """Solve with soft penalties, then with stiffer and stiffer ones; collective.
-
-    The solution that is returned is in the system.  None where the penalties lead nowhere; the
-    system is then left as it was.  It takes about so many tangents at most.
-    """
-    if not task.system.rubbing or task.system.held_by_friction:
-        return None
-    task.monitor.message("following the solutions from softer penalties")
-    stiffening = Stiffening(task, most_tangents)
-    try:
-        with task.system.preserved(only_on_failure=True):
-            stiffening.growth = stiffening.followed()
-        return stiffening
-    except NotConverged:
-        return None
-    finally:
-        task.counts.add(stiffening.counts)
-
-
 class Stiffening:
     """The stages of a task, which end after ``most_tangents``; all methods are collective.
 
@@ -141,6 +121,21 @@ class Stiffening:
         if math.isfinite(penalty.n) and penalty.epsilon > 0.0:
             stiffest = max(penalty.n, task.target.length / penalty.epsilon)
             self._last = math.log10(stiffest / task.target.stiffness)
+
+    def tried(self) -> Stiffening | None:
+        """The stages, with the last solution in the system; None where the penalties lead nowhere.
+
+        The system is then left as it was.
+        """
+        self._task.monitor.message("following the solutions from softer penalties")
+        try:
+            with self._task.system.preserved(only_on_failure=True):
+                self.growth = self.followed()
+            return self
+        except NotConverged:
+            return None
+        finally:
+            self._task.counts.add(self.counts)
 
     def followed(self) -> str:
         """How forces grow over the stages, in words; "" for a solution; raises NotConverged."""
@@ -295,7 +290,9 @@ def rescue(task: Task, report: SolverReport, most_tangents: int) -> Rescue:
 
     Where forces grow with the penalty, that is the explanation.  Collective.
     """
-    stiffened = solve_by_penalties(task, most_tangents)
+    stiffened = None
+    if task.system.rubbing and not task.system.held_by_friction:
+        stiffened = Stiffening(task, most_tangents).tried()
     if stiffened is not None and stiffened.growth:
         known, reason = vars(stiffened.found), report.reason + stiffened.growth
         report = replace(report, **known, reason=reason, suggestion=_WEDGED_WAY_OUT)

@@ -1,26 +1,30 @@
-"""What the boundary prescribes to stresses in balance: displacements, gaps and tractions.
+"""What is prescribed to stresses in balance: displacements, gaps, loads and tractions.
 
 A traction ``-p nu + q`` on Gamma_C, from the forces of a solution, is admissible if ``p >= 0`` and
-``|q| <= G``.  The data must do no work along motions that no condition holds; otherwise no stress
-balances the data.
+``|q| <= G``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
+import basix
 import numpy as np
-from mpi4py import MPI
+import ufl
+from dolfinx import fem
+from ufl.algorithms.analysis import extract_arguments, extract_type
+from ufl.differentiation import Derivative
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.fem import compiled
 from contact_locking.parallel import maximum, on_any_rank
-from contact_locking.problem.discrete_problem import DiscreteProblem
-from contact_locking.problem.rigidity.motions import free_motions
+from contact_locking.problem.forms import ProblemData
 from contact_locking.results.derived import ContactFields
-from contact_locking.theory.guaranteed.data_oscillation import BalancedLoads
-from contact_locking.theory.guaranteed.hybrid_system import Forces
+from contact_locking.theory.constants import require_held
+from contact_locking.theory.guaranteed.body import Forces
 from contact_locking.theory.guaranteed.triangles import (
     FACET_ENDS,
     MacroElement,
@@ -29,7 +33,9 @@ from contact_locking.theory.guaranteed.triangles import (
     bernstein,
     between,
     control_values,
+    in_parts,
     lagrange,
+    legendre,
     legendre_moments,
     product_integral,
 )
@@ -62,7 +68,7 @@ class ContactTractions:
 
     @property
     def tangent(self) -> FloatArray:
-        return np.column_stack([-self.normal[:, 1], self.normal[:, 0]])
+        return _tangent(self.normal)
 
     def split(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """``u_nu`` and ``u_tau`` as control values (m, r + 1), from values at all nodes (k, 2)."""
@@ -85,6 +91,10 @@ class ContactTractions:
         opening = product_integral(self.pressure, gap - normal)
         friction = absolute_integral(self.bound, tangent) + product_integral(self.along, tangent)
         return np.asarray(self.lengths * (opening + friction))
+
+
+def _tangent(normal: FloatArray) -> FloatArray:
+    return np.column_stack([-normal[:, 1], normal[:, 0]])
 
 
 def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTractions:
@@ -114,7 +124,7 @@ def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTra
 
     fixed = surface.scalar_function((~contact.free).astype(float)).x.array[nodes] > 0.5
     normal = normals[:, 0]
-    tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
+    tangent = _tangent(normal)
     friction = surface.vector_function(fields.traction).x.array.reshape(-1, 2)
     along = controls(np.einsum("mri,mi->mr", friction[nodes], tangent))
     bound = np.maximum(of(fields.bound), 0.0)
@@ -162,6 +172,7 @@ def require_straight_triangles(state: SolvedState) -> None:
         raise NotApplicable("not for axisymmetric bodies, whose equilibrium has other terms")
     if element.boxes:
         raise NotApplicable("the stresses in equilibrium are for triangles, not quadrilaterals")
+    require_held(state)
 
 
 def held_components(state: SolvedState, triangles: Triangles) -> BoolArray:
@@ -209,121 +220,128 @@ def require_exact_gaps(
         raise NotApplicable("the gap is not met between the nodes of the mesh")
 
 
-# Pressures that balance the data differ from those of the solution by less than this share.
-_LARGEST_CHANGE = 0.5
-# A Gram matrix of the normal components of motions with a smaller eigenvalue is singular.
-_SINGULAR = 1e-10
+# A part of a load that is below this share of it is rounding.
+_NO_LOAD = 1e-12
+# The quadrature degree of loads.
+_DEGREE = 8
 
 
-def forces_in_balance(
-    problem: DiscreteProblem,
-    triangles: Triangles,
-    element: MacroElement,
-    held: BoolArray,
-    loads: BalancedLoads,
-    contacts: list[ContactTractions],
-) -> tuple[Forces, list[ContactTractions]]:
-    """The tractions of loads and contacts, and the contacts with pressures in balance; collective.
+@dataclass
+class BalancedLoads:
+    """Loads that stresses of degree k balance: polynomials of degree k - 1 inside, and k on sides.
 
-    ``held`` (n, 3, 2) marks the prescribed components.  Each control value of a pressure is
-    multiplied by ``1 + c . nu`` with one free motion c of the part, so that the data do no work
-    along free motions.  One facet of Gamma_C of each part has springs, as many as there are free
-    motions.  Raises NotApplicable if a factor would be far from 1, and where friction alone resists
-    a motion.
-    """
-    comm, size = triangles.domain.comm, 2 * (element.degree + 1)
-    turned = triangles.signs[:, :, None, None] ** np.arange(element.degree + 1)[:, None]
-    springs = np.zeros((len(triangles.areas), 3, size, size))
-    space, domain = problem.u.function_space, problem.domain
-    for number in range(len(domain.part_names)):
-        inside = domain.parts == number
-        mark = np.zeros((len(problem.u.x.array) // 2, 2), dtype=bool)
-        mark[space.dofmap.list[inside[: len(space.dofmap.list)]].reshape(-1)] = True
-        motions = free_motions(domain, space, problem.constraints, mark.reshape(-1))
-        if not motions.shape[1]:
-            continue
-        part = _FloatingPart(motions, inside[: len(triangles.areas)])
-        modes = part.on_facets(triangles, element.degree)
-        contacts = _balanced(part, modes, triangles, element, loads, contacts)
-        # As the data are balanced, no spring has a force.
-        mine = [
-            (int(cell), int(side))
-            for contact in contacts
-            for cell, side in zip(contact.cells, contact.sides, strict=True)
-            if part.cells[cell]
-        ]
-        first = comm.allreduce(comm.rank if mine else comm.size, op=MPI.MIN)
-        if comm.rank == first:
-            facet = mine[0]
-            shapes = (modes * turned)[:, *facet].reshape(len(modes), -1)
-            shapes /= np.linalg.norm(shapes, axis=1)[:, None]
-            springs[facet] += problem.material.stiffness * shapes.T @ shapes
-    moments = loads.moments.copy()
-    for contact in contacts:
-        np.add.at(moments, (contact.cells, contact.sides), contact.moments(element.degree))
-    return Forces(held, loads.body, moments * turned, springs), contacts
-
-
-@dataclass(frozen=True)
-class _FloatingPart:
-    """A connected part of the body with f free motions; ``motions`` (3, f) are coefficients.
-
-    ``cells`` (n,) marks the triangles of the part.
+    ``body`` (n, 3, l, 2) are values of the body force at the load points of the macro-element,
+    ``moments`` (n, 3, k + 1, 2) the moments of the tractions along the facets of the cells.
     """
 
-    motions: FloatArray
-    cells: BoolArray
+    body: FloatArray
+    moments: FloatArray
 
-    def at(self, points: FloatArray) -> FloatArray:
-        """The motions (f, ..., 2) at points (..., 2)."""
-        x, y = points[..., 0], points[..., 1]
-        one, zero = np.ones_like(x), np.zeros_like(x)
-        basis = np.stack([np.stack(v, axis=-1) for v in ((one, zero), (zero, one), (-y, x))])
-        return np.einsum("m...,mf->f...", basis, self.motions)
-
-    def on_facets(self, triangles: Triangles, degree: int) -> FloatArray:
-        """The Legendre coefficients (f, n, 3, k + 1, 2) of the motions on the facets of all cells.
-
-        They are zero in cells of other parts.
-        """
-        values = self.at(triangles.ends)
-        found = legendre_moments(values.reshape(-1, 2, 2), degree)
-        return found.reshape(*values.shape[:3], -1, 2) * self.cells[:, None, None, None]
+    @classmethod
+    def none(cls, triangles: Triangles, element: MacroElement) -> BalancedLoads:
+        """No loads."""
+        n, k = len(triangles.areas), element.degree
+        body = np.zeros((n, 3, element.load_points.shape[1], 2))
+        return cls(body, np.zeros((n, 3, k + 1, 2)))
 
 
-def _balanced(
-    part: _FloatingPart,
-    modes: FloatArray,
-    triangles: Triangles,
-    element: MacroElement,
-    loads: BalancedLoads,
-    contacts: list[ContactTractions],
-) -> list[ContactTractions]:
-    """The contacts with pressures that balance the data along the motions of a part; collective."""
-    comm, places = triangles.domain.comm, triangles.at(element.load_points)[part.cells]
-    weight = np.einsum("ij,n->nij", element.load_mass, triangles.areas[part.cells] / 3.0)
-    work = np.einsum("fntid,nij,ntjd->f", part.at(places), weight, loads.body[part.cells])
-    work += np.einsum("fnsjd,nsjd->f", modes, loads.moments)
-    gram, every = np.zeros((len(work), len(work))), []
+def balanced_loads(data: ProblemData, triangles: Triangles, element: MacroElement) -> BalancedLoads:
+    """The body force, tractions and pressures; collective.
+
+    Raises NotApplicable for a load that cannot be evaluated at points, or is no such polynomial.
+    """
+    found = BalancedLoads.none(triangles, element)
+    for integral in () if data.loads is None else data.loads.integrals():
+        kind, load = integral.integral_type(), _density(integral.integrand())
+        if integral.metadata().get("quadrature_rule") == "custom":
+            raise NotApplicable("a load changes too sharply inside of a cell or facet")
+        if kind == "cell":
+            if integral.subdomain_id() != "everywhere":
+                raise NotApplicable("a body force acts on a part of the body only")
+            _add_body_force(found, load, triangles, element)
+        elif kind == "exterior_facet":
+            tags, wanted = integral.subdomain_data(), integral.subdomain_id()
+            if tags is None or wanted == "everywhere":
+                raise NotApplicable("a traction acts on a part of the boundary without a name")
+            numbers = wanted if isinstance(wanted, tuple) else (wanted,)
+            facets = np.unique(np.concatenate([tags.find(number) for number in numbers]))
+            _add_traction(found, load, triangles, facets, element.degree)
+        else:
+            raise NotApplicable(f"a load acts on the measure {kind!r}")
+    return found
+
+
+def _density(integrand: Any) -> Any:
+    """The load f (2,) in ``f . v``; raises NotApplicable for other linear forms of v."""
+    (test,) = extract_arguments(integrand)
+    for derivative in extract_type(integrand, Derivative):
+        if extract_arguments(derivative):
+            raise NotApplicable("a load does work along strains")
+    units = [ufl.as_vector([float(i == j) for j in range(2)]) for i in range(2)]
+    return ufl.as_vector([ufl.replace(integrand, {test: unit}) for unit in units])
+
+
+def _add_body_force(
+    found: BalancedLoads, load: Any, triangles: Triangles, element: MacroElement
+) -> None:
+    points, _ = basix.make_quadrature(basix.CellType.triangle, _DEGREE)
+    cells, shapes = np.arange(len(triangles.areas)), lagrange(element.degree - 1, points)
+    body = _values(load, triangles, element.load_points, cells)
+    values = _values(load, triangles, in_parts(points), cells)
+    rest = values - np.einsum("qi,ntid->ntqd", shapes, body)
+    why = f"a body force is not of degree {element.degree - 1}"
+    _require_rounding(triangles, rest, values, why)
+    found.body += body
+
+
+def _add_traction(
+    found: BalancedLoads, load: Any, triangles: Triangles, facets: IndexArray, degree: int
+) -> None:
+    points, weights = basix.make_quadrature(basix.CellType.interval, _DEGREE + degree)
+    s = points[:, 0]
+    cells, sides = triangles.sides_on(facets)
+    places, values = between(FACET_ENDS, s), np.empty((len(cells), len(s), 2))
+    # Only integrals over facets know the outward normal.  Here it is a field for each side.
+    space = fem.functionspace(triangles.domain.mesh, ("DG", 0, (2,)))
+    normal, dofs = fem.Function(space), space.dofmap.list[: len(triangles.areas), 0]
+    in_cells = ufl.replace(load, dict.fromkeys(extract_type(load, ufl.FacetNormal), normal))
+    for side in range(3):
+        normal.x.array.reshape(-1, 2)[dofs] = triangles.normals[:, side]
+        here = sides == side
+        values[here] = _values(in_cells, triangles, places, cells[here])[:, side]
+    table = legendre(degree, s)
+    moments = np.einsum("q,qj,mqd->mjd", weights, table, values)
+    rest = values - np.einsum("qj,mjd->mqd", table, moments)
+    _require_rounding(triangles, rest, values, f"a traction is not of degree {degree}")
+    # A side of a cell occurs once in a measure.
+    found.moments[cells, sides] += triangles.lengths[cells, sides][:, None, None] * moments
+
+
+def _require_rounding(triangles: Triangles, rest: FloatArray, whole: FloatArray, why: str) -> None:
+    """Raise NotApplicable where a rest is more than rounding of the whole; collective."""
+    comm = triangles.domain.comm
+    if maximum(comm, np.abs(rest)) > _NO_LOAD * maximum(comm, np.abs(whole)):
+        raise NotApplicable(f"{why} in a cell")
+
+
+def _values(load: Any, triangles: Triangles, points: FloatArray, cells: IntArray) -> FloatArray:
+    """The load (m, 3, q, 2) in m cells at points (3, q, 2) of the reference; collective."""
+    try:
+        expression = compiled.expression(load, points.reshape(-1, 2))
+    except (ValueError, RuntimeError, TypeError) as error:
+        raise NotApplicable("a load cannot be evaluated at points") from error
+    if not len(cells):
+        return np.empty((0, *points.shape))
+    found = expression.eval(triangles.domain.mesh, cells.astype(np.int32))
+    return np.asarray(found).reshape(len(cells), *points.shape)
+
+
+def balanced_forces(
+    triangles: Triangles, held: BoolArray, loads: BalancedLoads, contacts: list[ContactTractions]
+) -> Forces:
+    """The tractions of loads and contacts; ``held`` (n, 3, 2) marks the prescribed components."""
+    moments, degree = loads.moments.copy(), loads.moments.shape[2] - 1
     for contact in contacts:
-        here, count = modes[:, contact.cells, contact.sides], contact.pressure.shape[1]
-        work += np.einsum("fmjd,mjd->f", here, contact.moments(element.degree))
-        ends = triangles.ends[contact.cells, contact.sides]
-        points = between(ends, np.arange(count) / (count - 1.0))
-        pushed = np.einsum("fmrd,md->fmr", part.at(points), contact.normal)
-        pushed *= part.cells[contact.cells][:, None]
-        every.append(pushed)
-        vectors = (contact.pressure * pushed)[..., None] * contact.normal[:, None]
-        moved = legendre_moments(vectors.reshape(-1, count, 2), element.degree).reshape(here.shape)
-        gram += np.einsum("m,fmjd,gmjd->fg", contact.lengths, here, moved)
-    work, gram = comm.allreduce(work), comm.allreduce(gram)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    scaled = gram * np.outer(scale, scale)
-    if not np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0] > _SINGULAR:
-        raise NotApplicable("friction alone holds a rigid motion")
-    factors = np.linalg.solve(gram, work)
-    changes = [np.einsum("f,fmr->mr", factors, pushed) for pushed in every]
-    if maximum(comm, max(np.abs(item).max(initial=0.0) for item in changes)) > _LARGEST_CHANGE:
-        raise NotApplicable("the contact pressures do not balance the loads")
-    pairs = zip(contacts, changes, strict=True)
-    return [replace(item, pressure=item.pressure * (1.0 + change)) for item, change in pairs]
+        np.add.at(moments, (contact.cells, contact.sides), contact.moments(degree))
+    turned = triangles.signs[:, :, None, None] ** np.arange(degree + 1)[:, None]
+    return Forces(held, loads.body, moments * turned)

@@ -1,75 +1,41 @@
 """A proved upper bound of the energy norm of the whole error, for the frozen friction bound.
 
-The problem of the bound, its proof and all choices are in docs/certificate.md.
+The problem of the bound, its proof and all choices are in docs/certificate.md.  So is the proof
+that no displacement of the body follows the prescribed values, on no mesh: no field follows the
+multiple f of them for ``f > (int M |s| + int p gap)/int s nu . u_D``, with any stress s in balance
+that has the traction ``-p nu``, ``p >= 0``, on Gamma_C.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from dolfinx import fem
 from scipy.optimize import minimize_scalar
 
-from contact_locking.arrays import BoolArray, FloatArray, flattened
+from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import Lifting, NotApplicable, require_still_foundations
 from contact_locking.certificate.penalty_error import admissible_neighbour, energy_distance
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.parallel import maximum, on_any_rank
-from contact_locking.theory.guaranteed.body import Body, Gap
+from contact_locking.theory.guaranteed.body import LARGEST_JUMP, Body, Gap, HybridSystem
 from contact_locking.theory.guaranteed.boundary import (
+    BalancedLoads,
     ContactTractions,
+    balanced_forces,
+    balanced_loads,
     contact_tractions,
-    forces_in_balance,
     held_components,
     require_exact_gaps,
     require_straight_triangles,
 )
-from contact_locking.theory.guaranteed.data_oscillation import BalancedLoads, balanced_loads
 from contact_locking.theory.guaranteed.triangles import (
-    MacroElement,
     Triangles,
-    lagrange,
-    lattice,
     macro_element,
+    product_integral,
 )
-
-# Singular values of the reference element below this share are zero.
-_RANK = 1e-10
-
-
-def finer_stress(
-    stress: FloatArray,
-    coarse: BalancedLoads,
-    fine: BalancedLoads,
-    held: BoolArray,
-    cells: Triangles,
-) -> tuple[FloatArray, MacroElement]:
-    """A stress that balances the loads ``fine`` of degree k + 1, and its element.
-
-    ``stress`` (n, 3, m, 3) balances the loads ``coarse`` of degree k, and ``held`` (n, 3, 2) marks
-    the components that are prescribed on a facet.  The rest of the loads does no work along rigid
-    motions of a triangle.  A stress on this triangle alone, with no traction on the inner facets,
-    can therefore balance the rest.  Of all stresses in a triangle that balance the
-    difference, the result has the least coefficients in the reference triangle.
-    """
-    low = macro_element(coarse.moments.shape[2] - 1)
-    high = macro_element(low.degree + 1)
-    raised = np.einsum("pq,ntqa->ntpa", lagrange(low.degree, lattice(high.degree)), stress)
-    at = lagrange(low.degree - 1, lattice(low.degree))
-    body = fine.body - np.einsum("lk,ntkd->ntld", at, coarse.body)
-    moments = np.where(held[:, :, None], 0.0, fine.moments)
-    moments[:, :, : low.degree + 1] = 0.0
-    back = np.swapaxes(np.linalg.inv(cells.maps), 1, 2)
-    wanted = flattened(-flattened(body, kept=1) @ back)
-    tractions = flattened(moments, kept=1) @ back / (2.0 * cells.areas[:, None, None])
-    rest = flattened(tractions) - wanted @ high.lift_moments.reshape(len(high.lifts), -1)
-    table = high.moments.reshape(len(high.basis), -1)
-    chosen = rest @ np.linalg.pinv(table, rcond=_RANK)
-    own = wanted @ high.lifts.reshape(len(high.lifts), -1)
-    own += chosen @ high.basis.reshape(len(high.basis), -1)
-    return raised + cells.moved(own.reshape(raised.shape)), high
-
 
 # The share of M, and of the displacements of the mean strain, by which a solution of the inequality
 # may exceed its limits: the tolerance of the solver.
@@ -111,38 +77,26 @@ def _bound(state: SolvedState, lifting: Lifting) -> float:
     loads = balanced_loads(problem.data, triangles, element)
     contacts = [contact_tractions(fields, triangles) for fields in state.contacts]
     require_exact_gaps(state, triangles, contacts)
-    forces, contacts = forces_in_balance(problem, triangles, element, held, loads, contacts)
+    forces = balanced_forces(triangles, held, loads, contacts)
     body = Body(state, triangles, element)
     w, apart = _admissible(state, lifting, body, contacts)
-    balanced = body.balanced(forces, w)
-    stress, bars = balanced.stress, balanced.bars
-    if maximum(state.comm, loads.body_rest) > 0.0 or maximum(state.comm, loads.rest) > 0.0:
-        finer = balanced_loads(problem.data, triangles, macro_element(element.degree + 1))
-        stress, element = finer_stress(stress, loads, finer, held, triangles)
-        loads = finer
-    gap = body.gap(stress, w, element)
-    along = bars.along(body.strains(w, body.element))
-    gaps = [gap.values, bars.gap(balanced.forces, along)]
-    nodal = w.x.array.reshape(-1, 2)
+    stress = body.balanced(forces, w)
+    gap = body.gap(stress, w)
+    gaps, nodal = [gap.values], w.x.array.reshape(-1, 2)
     for contact in contacts:
         normal, tangent = contact.split(nodal)
         gaps.append(contact.work(normal, tangent, np.maximum(contact.gap, normal)))
     square = max(state.sum(np.concatenate(gaps)), 0.0)
-    share, most = _sharpened(state, gap, square)
-    # The load of a component that is prescribed does no work.
-    loads.rest[held.all(axis=2)] = 0.0
-    oscillation = loads.oscillation(triangles) ** 2 / body.eigenvalues[:, 0]
-    rough = np.sqrt(state.sum(oscillation))
-    return float(share * rough + np.sqrt((share * rough) ** 2 + most) + apart)
+    return float(np.sqrt(_sharpened(state, gap, square)) + apart)
 
 
-def _sharpened(state: SolvedState, gap: Gap, square: float) -> tuple[float, float]:
-    """The t in (1/2, 1], and ``2 t eta^2 + sum t (1 - t) a b d^2/(t b - (1 - t) a)``; collective.
+def _sharpened(state: SolvedState, gap: Gap, square: float) -> float:
+    """The least ``2 t eta^2 + sum t (1 - t) a b d^2/(t b - (1 - t) a)`` for t in (1/2, 1].
 
-    For every t this number bounds ``x^2 - 2 t o x``, where x is the energy norm of u - w, and o the
-    oscillation.  a are the eigenvalues of A, b those of A + zeta, and d the differences
-    ``eps(w) - (A + zeta)^-1 s``.  The number is ``2 eta^2`` for t = 1, and less for a smaller t
-    where eta^2 consists of the slack of locking and contact.
+    For every t this number bounds the square of the energy norm of u - w.  a are the eigenvalues of
+    A, b those of A + zeta, and d the differences ``eps(w) - (A + zeta)^-1 s``.  The number is
+    ``2 eta^2`` for t = 1, and less for a smaller t where eta^2 consists of the slack of locking and
+    contact.  Collective.
     """
 
     def value(t: float) -> float:
@@ -152,7 +106,7 @@ def _sharpened(state: SolvedState, gap: Gap, square: float) -> tuple[float, floa
         return 2.0 * t * square + t * rest * float(state.comm.allreduce(float(local)))
 
     found = minimize_scalar(value, bounds=(0.5, 1.0), method="bounded", options={"xatol": 1e-3})
-    return min([(float(found.x), float(found.fun)), (1.0, 2.0 * square)], key=lambda pair: pair[1])
+    return min(float(found.fun), 2.0 * square)
 
 
 def _require_applicable(state: SolvedState) -> None:
@@ -200,3 +154,106 @@ def _admissible(
     if maximum(state.comm, local) > _TOLERANCE * state.mean_strain * state.target.length:
         raise NotApplicable("the displacement enters the foundation between the nodes")
     return w, apart
+
+
+# Reweighted steps, and the least weight over the largest.
+_STEPS, _LEAST = 8, 1e-4
+# Rounding in the factor.
+_ROUNDING = 1e-8
+_LIMIT_PROVED = "proved for every displacement of the polygon of the mesh, up to rounding"
+
+
+def limit_load(state: SolvedState) -> dict[str, Any] | None:
+    """``load_factor`` is [confirmed, excluded], and ``infeasible`` says whether excluded < 1.
+
+    The multiples of the prescribed displacements up to ``confirmed`` have an admissible field in
+    the body, that of this mesh, and those above ``excluded`` have none in the body.  The field of
+    the mesh is none of the body where it enters the foundation at held nodes of Gamma_C, at which
+    the solver asks nothing: ``confirmed`` is then 0.
+    ``excluded`` is None if no stress was found that excludes anything.  Returns None where no
+    displacement is prescribed that is not zero.  Takes about 8 solves with the
+    hybrid system.  Collective.
+    """
+    if state.problem.constraints.largest() == 0.0:
+        return None
+    try:
+        require_still_foundations(state)
+        require_straight_triangles(state)
+        if state.problem.element.degree != 1:
+            raise NotApplicable("for linear elements")
+        triangles = Triangles(state.problem.domain)
+        contacts = [contact_tractions(fields, triangles) for fields in state.contacts]
+        contacts = [replace(item, along=np.zeros_like(item.along)) for item in contacts]
+        require_exact_gaps(state, triangles, contacts)
+        excluded = _excluded(state, triangles, contacts)
+    except NotApplicable as failure:
+        reason = f"not applicable: {failure}"
+        return {"infeasible": None, "load_factor": None, "reason": reason}
+    confirmed = 0.0
+    if state.report.converged and state.target.penalty.is_inequality:
+        confirmed = 1.0
+    elif state.report.admissible_factor is not None:
+        confirmed = state.report.admissible_factor[0]
+    nodal = confirmed * state.problem.u.x.array.reshape(-1, 2)
+    depth = [(item.split(nodal)[0] - item.gap)[item.fixed] for item in contacts]
+    deepest = max((item.max(initial=0.0) for item in depth), default=0.0)
+    allowed = _TOLERANCE * state.mean_strain * state.target.length
+    if maximum(state.comm, deepest) > allowed:
+        confirmed = 0.0
+    return {
+        "infeasible": bool(excluded * (1.0 + _ROUNDING) < 1.0),
+        "load_factor": [confirmed, excluded if np.isfinite(excluded) else None],
+        "reason": _LIMIT_PROVED,
+    }
+
+
+def _excluded(state: SolvedState, triangles: Triangles, contacts: list[ContactTractions]) -> float:
+    """The least factor on u_D that a stress excludes, infinite if no stress excludes any."""
+    problem, element = state.problem, macro_element(1)
+    held = held_components(state, triangles)
+    loads = BalancedLoads.none(triangles, element)
+    forces = balanced_forces(triangles, held, loads, contacts)
+    material = Body(state, triangles, element)
+    strains, limit = material.strains(problem.u), material.limit
+    if on_any_rank(state.comm, ~np.isfinite(limit)):
+        raise NotApplicable("nothing limits the strain in a part of the body")
+    system = HybridSystem(triangles, element, forces, state.settings.linear)
+    # |Z| of the last iterate, raised by a share of its mean.
+    size = np.linalg.norm(state.points.locking_stress, axis=(1, 2))
+    size = size + (state.sum(size * triangles.areas) / state.points.volume or 1.0)
+    areas, mass = triangles.areas[:, None] / 3.0, element.mass
+    nodal = problem.u.x.array.reshape(-1, 2)
+
+    def factor(stress: FloatArray) -> float:
+        """``(int M |s| + int p gap)/int s nu . u_D``; infinite if the divisor is rounding.
+
+        ``|s|`` is convex, so that the mean of its values at the corners of a part is an upper
+        bound.
+        """
+        work = np.sum(np.sum(stress * (mass @ strains), axis=(2, 3)) * areas)
+        sizes = np.linalg.norm(stress, axis=3).mean(axis=2)
+        resistance = np.sum(limit[:, None] * sizes * areas)
+        for contact in contacts:
+            normal, _ = contact.split(nodal)
+            work += contact.lengths @ product_integral(contact.pressure, normal)
+            resistance += contact.lengths @ product_integral(contact.pressure, contact.gap)
+        work, resistance = (state.sum(np.asarray(value)) for value in (work, resistance))
+        resistance = max(resistance, 0.0)
+        return resistance / work if work > _ROUNDING * resistance else np.inf
+
+    best = np.inf
+    for _ in range(_STEPS):
+        weights = limit / np.maximum(size, _LEAST * maximum(state.comm, size))
+        soft = np.multiply.outer(weights, np.eye(3))[:, None, None]
+        soft = np.broadcast_to(soft, (len(weights), 3, 4, 3, 3))
+        stress, jump = system.solve(soft, strains)
+        whole = strains / weights[:, None, None, None]
+        largest, most = (maximum(state.comm, np.abs(values)) for values in (stress, whole))
+        if largest <= _ROUNDING * most:
+            # Nothing resists the prescribed displacements.
+            break
+        if jump > LARGEST_JUMP:
+            raise NotApplicable(f"rounding leaves jumps of {jump:.1e} in the tractions")
+        best = min(best, factor(stress))
+        size = np.sqrt(np.mean(np.sum(stress**2, axis=3), axis=(1, 2)))
+    return best

@@ -56,9 +56,9 @@ class MacroElement:
     m, 3) spans the divergence-free stresses with a continuous normal component.  ``lifts`` (f, 3,
     m, 3) are stresses whose divergence is one at one point of the degree k - 1, in one component,
     and zero at all others; f = 3 l 2 for l such points in each part, ``load_points`` (3, l, 2).
-    ``load_mass`` (l, l) is their mass matrix.  ``moments`` and ``lift_moments`` (., 3, k + 1, 2)
-    are the moments ``|F_i| int_0^1 P_j(s) (r nu)(s) ds`` of the reference tractions on the facet i
-    with Legendre's polynomials :func:`legendre`.
+    ``moments`` and ``lift_moments`` (., 3, k + 1, 2) are the moments
+    ``|F_i| int_0^1 P_j(s) (r nu)(s) ds`` of the reference tractions on the facet i with Legendre's
+    polynomials :func:`legendre`.
     """
 
     degree: int
@@ -70,7 +70,6 @@ class MacroElement:
     moments: FloatArray
     lift_moments: FloatArray
     load_points: FloatArray
-    load_mass: FloatArray
 
 
 @cache
@@ -92,7 +91,6 @@ def macro_element(degree: int) -> MacroElement:
         _moments(degree, basis),
         _moments(degree, lifts),
         in_parts(lattice(degree - 1)),
-        _quarters(degree - 1).sum(axis=0),
     )
 
 
@@ -231,11 +229,6 @@ class Triangles:
         """The cells (m,) and the columns (m,) of the facets on the boundary among the given."""
         cells, sides = np.nonzero(self._marked(facets) & self.outside)
         return cells.astype(np.int64), sides.astype(np.int64)
-
-    def at(self, points: FloatArray) -> FloatArray:
-        """The images (n, ..., 2) of points (..., 2) of the reference triangle."""
-        images = points.reshape(-1, 2) @ np.swapaxes(self.maps, 1, 2) + self.corners[:, :1]
-        return np.asarray(images.reshape(len(images), *points.shape))
 
     def moved(self, reference: FloatArray) -> FloatArray:
         """``F r F^T`` for reference stresses r as Mandel vectors; both are (n, 3, m, 3)."""

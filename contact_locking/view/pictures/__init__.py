@@ -17,6 +17,12 @@ if TYPE_CHECKING:
     from contact_locking.view.pictures.style import Units
 
 
+def pictures(solution: Solution, folder: Path) -> list[str]:
+    """Draw the picture of a solution; returns warnings; collective."""
+    problem = picture(solution, folder)
+    return [problem] if problem else []
+
+
 def picture(solution: Solution, folder: Path) -> str | None:
     """Draw ``solution`` into a PNG file in ``folder``; collective.
 
@@ -60,8 +66,6 @@ def _draw(body: Snapshot, units: Units, folder: Path) -> str | None:
         require_room(folder, TEXTS_BYTES)
     except NoRendering as reason:
         return f"no picture was drawn: {reason}\nFor pictures in 3D: {space.INSTALL}"
-    except ImportError as error:
-        return f"no picture was drawn: Matplotlib cannot be imported ({error})"
     except Exception as error:
         # An error of the picture must not lose the results of a long solve.
         target.unlink(missing_ok=True)

@@ -6,18 +6,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.fem import compiled
 from contact_locking.fem.trace import facet_places
-from contact_locking.laws.elasticity import strain
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.lagrange import lagrange
 from contact_locking.results.solution import Solution
 from contact_locking.view.pictures.snapshot import ContactMap, Snapshot, drawn_tool
 
@@ -55,20 +51,6 @@ class Pieces:
             for facet in (np.delete(piece, corner) for corner in range(self.nodes.shape[1]))
             if nodes.issuperset(facet)
         ]
-
-    def strain_norm(self, solution: Solution) -> FloatArray:
-        """|eps(u)| (k,) at the midpoints of the pieces of owned cells; collective.
-
-        For an axisymmetric body and in boxes these are the values of :meth:`at_points`.
-        """
-        is_affine = self.of_simplex and not solution.domain.axisymmetric
-        if len(self.nodes) == 1 or not is_affine:
-            return self.at_points(solution.strain_norm)
-        domain, eps = solution.domain, strain(solution.displacement)
-        midpoints = lagrange(domain.kind.name, 2).points[self.nodes].mean(axis=1)
-        norm = compiled.expression(ufl.sqrt(ufl.inner(eps, eps)), midpoints)
-        owned = np.arange(domain.mesh.topology.index_map(domain.dim).size_local, dtype=np.int32)
-        return np.asarray(norm.eval(domain.mesh, owned)).reshape(-1)
 
     def at_points(self, function: fem.Function) -> FloatArray:
         """The values (k,) of a scalar in the space of strains for the pieces of owned cells.
@@ -115,7 +97,7 @@ def gather(solution: Solution) -> Snapshot | None:
         "cells": whole(_numbers(node_map, piece_nodes)),
         "boundary": whole(_numbers(node_map, facet_nodes)),
         "boundary_cell": whole(_numbers(cell_map, facet_cells) * len(pieces.nodes) + facet_pieces),
-        "strain_norm": whole(pieces.strain_norm(solution)),
+        "strain_norm": whole(pieces.at_points(solution.strain_norm)),
         "locking_limit": whole(pieces.at_points(solution.locking_limit)),
         "locked": whole(pieces.at_points(solution.locked) >= 0.5),
     }

@@ -63,8 +63,6 @@ def draw_tractions(
         edges = np.concatenate([s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]])
         states = points.state[None, line]
         strip.pcolormesh(edges, [0.0, 1.0], states, cmap=style.STATES, vmin=-0.5, vmax=2.5)
-        # Matplotlib leaves labels that begin with an underscore out of the legend.
-        hidden = "_"
     all_values = (points.pressure, points.bound, points.traction)
     if max(np.abs(values).max() for values in all_values) < _UNTOUCHED * largest:
         axes.set_ylim(-0.5 * largest, largest)

@@ -103,35 +103,13 @@ def _run(words: list[str], folder: str) -> None:
         except subprocess.TimeoutExpired:
             raise NoRendering(f"VTK has not finished in {_SECONDS} seconds") from None
         finally:
-            if process.poll() is None:
-                _end(process)
+            # The first signal is a request, after which a hidden screen removes its lock.
+            for number in (signal.SIGTERM, signal.SIGKILL) if process.poll() is None else ():
+                with contextlib.suppress(subprocess.TimeoutExpired, ProcessLookupError):
+                    os.killpg(process.pid, number)
+                    process.wait(_GRACE_SECONDS)
         log.seek(0)
         if code:
-            raise NoRendering(_reason(code, log.read(), words))
-
-
-def _reason(code: int, told: str, words: list[str]) -> str:
-    """Why a program has ended, from its exit code and the text that it has written."""
-    lines = re.sub(r"\x1b\[[0-9;]*m", "", told).strip().splitlines()
-    said = f": {lines[-1].strip()}" if lines else ""
-    # The shell of xvfb-run adds 128 to the number of the signal.
-    number = -code if code < 0 else code - 128
-    if number not in set(signal.Signals):
-        return f"VTK ended with exit code {code}{said}"
-    # VTK from PyPI draws without a screen.
-    if sys.platform == "linux" and words[0] != XVFB[0] and not os.environ.get("DISPLAY"):
-        return "there is no screen, and no xvfb-run, which makes one for VTK"
-    return f"VTK was ended by {signal.Signals(number).name}{said}"
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a program and all programs that it has started.
-
-    The first signal is a request, after which a hidden screen removes its lock.
-    """
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(process.pid, signal.SIGTERM)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(_GRACE_SECONDS)
-        os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
+            # The program ends with a line about its error, in which VTK uses colours.
+            said = re.sub(r"\x1b\[[0-9;]*m", "", log.read()).strip().rpartition("\n")[-1]
+            raise NoRendering(f"VTK ended with exit code {code}: {said or 'is there a screen?'}")

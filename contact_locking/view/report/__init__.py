@@ -36,20 +36,20 @@ def write(directory: str | Path) -> list[Path]:
     from .folders import RunResults, read_all
     from .pages import run_page, study_page
 
-    # The errors of a page whose numbers are no numbers, or are not there.
-    missing = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
-    damage = (*missing, TemplateError, UnidentifiedImageError)
-    folder, pages = Path(directory), list[Path]()
+    # The errors of files that were cut off, and of numbers that are no numbers, or are not there.
+    missing = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
+    folder = Path(directory)
     with explained(f"no report can be written in {folder}", folder):
-        for results in read_all(folder):
-            name = _BESIDE_RUN if pages else CHARTS
-            try:
-                made = run_page(results) if isinstance(results, RunResults) else study_page(results)
-            except damage as error:
-                what = f"{folder}: its results are damaged: {defect(error)}; solve again"
-                raise InputError(what) from error
-            pages.append(_replace(folder, *made, name))
-    return pages
+        try:
+            pages = [
+                run_page(results) if isinstance(results, RunResults) else study_page(results)
+                for results in read_all(folder)
+            ]
+        except (*missing, TemplateError, UnidentifiedImageError) as error:
+            what = f"{folder}: its results are damaged: {defect(error)}; solve again"
+            raise InputError(what) from error
+        names = (CHARTS, _BESIDE_RUN)
+        return [_replace(folder, *made, name) for made, name in zip(pages, names, strict=False)]
 
 
 def _replace(folder: Path, html: str, charts: Sequence[Chart], name: str) -> Path:

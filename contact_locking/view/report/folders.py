@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,9 +17,6 @@ from contact_locking.results.quantities import look_up
 from contact_locking.running.studies.cases import case_folder, read_mapping
 
 Row = dict[str, Any]
-
-# The errors of a file that was cut off or changed.
-_DAMAGE = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 
 
 @dataclass(frozen=True)
@@ -59,7 +54,7 @@ class StudyResults:
 def read_all(folder: Path) -> list[RunResults | StudyResults]:
     """The results in a folder: of a run, of a study, or of both in this order.
 
-    Raises InputError if the folder has no results, damaged ones, or those of another version.
+    Raises InputError if the folder has no results, or those of another version.
     """
     if not folder.is_dir():
         there = "is no folder" if folder.exists() else "there is no such folder"
@@ -78,37 +73,30 @@ def read_all(folder: Path) -> list[RunResults | StudyResults]:
 
 
 def read_rows(path: Path) -> list[Row]:
-    """The rows of a table in JSON lines.  Raises InputError if it is damaged."""
-    with _intact(path):
-        rows = [json.loads(line) for line in path.read_text("utf-8").split("\n") if line]
-        return [dict(row) for row in rows]
+    """The rows of a table in JSON lines."""
+    return [dict(json.loads(line)) for line in path.read_text("utf-8").split("\n") if line]
 
 
 def history_in(folder: Path) -> History | None:
     """The steps of the run in a folder; None without steps."""
     path = folder / names.HISTORY
-    return read_history(_text(path), str(path)) if path.is_file() else None
+    return read_history(path.read_text("utf-8"), str(path)) if path.is_file() else None
 
 
 def _run(folder: Path) -> RunResults:
-    path = folder / names.SUMMARY
-    with _intact(path):
-        summary = dict(json.loads(_text(path)))
-        _require_version(summary, folder)
-        for key, text in summary.pop("not_finite", {}).items():
-            _restore(summary, key, float(text))
+    summary = dict(json.loads((folder / names.SUMMARY).read_text("utf-8")))
+    _require_version(summary, folder)
+    for key, text in summary.pop("not_finite", {}).items():
+        _restore(summary, key, float(text))
     contact, facets = folder / names.CONTACT, folder / names.FACETS
     picture, meshes = folder / names.PICTURE, folder / names.MESHES
-    with _intact(contact):
-        points = contact_table.read_points(_text(contact), str(contact))
-    with _intact(facets):
-        corners = contact_table.read_facets(_text(facets), str(facets), points.dim)
+    points = contact_table.read_points(contact.read_text("utf-8"), str(contact))
     return RunResults(
         folder,
         summary,
-        _text(folder / names.PARAMETERS),
+        (folder / names.PARAMETERS).read_text("utf-8"),
         points,
-        corners,
+        contact_table.read_facets(facets.read_text("utf-8"), str(facets), points.dim),
         picture if picture.is_file() else None,
         history_in(folder) or History(),
         meshes if meshes.is_file() else None,
@@ -121,27 +109,9 @@ def _study(folder: Path) -> StudyResults:
     for row in rows:
         if row.get("version") is not None:
             _require_version(row, folder)
-    with _intact(folder / names.TABLE_LINES):
-        states = {row["state"] for row in rows}
-    if states <= {"not run"}:
+    if {row["state"] for row in rows} <= {"not run"}:
         raise InputError(f"{folder}: no case of the study is finished; go on with the study first")
-    return StudyResults(folder, _text(folder / names.PARAMETERS), rows)
-
-
-def _text(path: Path) -> str:
-    with _intact(path):
-        return path.read_text(encoding="utf-8")
-
-
-@contextlib.contextmanager
-def _intact(path: Path) -> Iterator[None]:
-    """Raise InputError in place of the errors of a file that is not as it was written."""
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except _DAMAGE as error:
-        raise InputError(f"{path}: is damaged; solve again") from error
+    return StudyResults(folder, (folder / names.PARAMETERS).read_text("utf-8"), rows)
 
 
 def _require_version(record: dict[str, Any], folder: Path) -> None:

@@ -17,14 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
-import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -48,13 +45,6 @@ _RC: dict[str, Any] = {
     "ytick.color": style.BLACK,
     "axes.formatter.use_mathtext": True,
 }
-# Colours of the charts for which the page has variables, in its light and its dark scheme.
-_TEXT_COLOURS = {style.BLACK: "--ink", style.RC["axes.edgecolor"]: "--axis"}
-_PAGE_COLOURS = _TEXT_COLOURS | {
-    style.PALE: "--pale",
-    style.BLUE.lower(): "--blue",
-    style.VERMILION.lower(): "--vermilion",
-}
 
 
 @dataclass(frozen=True)
@@ -67,14 +57,10 @@ class Chart:
     png: bytes
 
     def inline(self) -> Markup:
-        """The SVG element without its size, in the colours of the page."""
+        """The SVG element without its size."""
         opening, _, inside = self.svg[self.svg.index("<svg") :].partition(">")
         (box,) = re.findall(r'viewBox="[^"]*"', opening)
         inside = re.sub(r"<metadata>.*?</metadata>", "", inside, count=1, flags=re.DOTALL)
-        # The pixels of an image keep their colours, so their legend has to keep them too.
-        names = _TEXT_COLOURS if "<image" in inside else _PAGE_COLOURS
-        for colour, name in names.items():
-            inside = inside.replace(colour, f"var({name}, {colour})")
         head = f'<svg {box} role="img" xmlns:xlink="http://www.w3.org/1999/xlink">'
         label = Markup("<title>{}</title>").format(self.description)
         return Markup(head) + label + Markup(inside)
@@ -102,22 +88,21 @@ def _rendered(drawing: Figure) -> tuple[str, bytes]:
 
 _COLOURS = (style.BLUE, style.VERMILION, "#009E73", "#CC79A7", style.ORANGE, style.SKY)
 _MARKS = "osD^vP"
-# The largest number of values at a bar of colours.
-_MOST_AT_BAR = 12
+# The most curves that a legend names; of more curves it names some.
+_MOST_NAMED = 12
 
 
 @dataclass(frozen=True)
 class Curve:
     """Values y over finite x, ascending in trends; ``limit`` is the value at x = inf.
 
-    ``label`` names the other keys with their values, ``values`` are these values alone.
+    ``label`` names the other keys with their values.
     """
 
     label: str
     x: FloatArray
     y: FloatArray
     limit: float | None = None
-    values: str = ""
 
 
 def gridded(figure: Figure, x_label: str, y_label: str) -> Axes:
@@ -128,43 +113,28 @@ def gridded(figure: Figure, x_label: str, y_label: str) -> Axes:
     return axes
 
 
-def has_bar(curves: Sequence[Curve]) -> bool:
-    """Whether a bar of colours names the curves, which are too many for a legend."""
-    return len(curves) > len(_COLOURS)
-
-
 def drawing(curves: Sequence[Curve], label: str) -> dict[str, Any]:
     """The colour and the mark of a curve, the same in all charts of these curves."""
     labels = [curve.label for curve in curves]
     number, count = labels.index(label), len(labels)
-    colour: Any = _scale(count)(number) if has_bar(curves) else _COLOURS[number]
+    scale = matplotlib.colormaps["viridis"]
+    colour: Any = _COLOURS[number] if count <= len(_COLOURS) else scale(0.93 * number / count)
     mark = _MARKS[number % len(_MARKS)]
     return {"color": colour, "lw": 1.4, "marker": mark, "ms": 4.0}
 
 
-def _scale(count: int) -> ListedColormap:
-    return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.93, count)))
+def name_curves(figure: Figure) -> None:
+    """Name the curves in a legend above the axes, of many curves some."""
+    pairs = zip(*figure.axes[0].get_legend_handles_labels(), strict=True)
+    named = [(handle, label) for handle, label in pairs if label]
+    if named:
+        some = named[:: -(-len(named) // _MOST_NAMED)]
+        figure.legend(*zip(*some, strict=True), loc="outside upper left")
 
 
-def name_curves(figure: Figure, curves: Sequence[Curve], varied: str) -> None:
-    """Name every curve in a legend, or many curves by their values at a bar of colours.
-
-    ``varied`` names what has these values.
-    """
-    axes = figure.axes[0]
-    if not has_bar(curves):
-        handles, labels = axes.get_legend_handles_labels()
-        named = [(handle, label) for handle, label in zip(handles, labels, strict=True) if label]
-        if named:
-            figure.legend(*zip(*named, strict=True), loc="outside upper left")
-        return
-    count = len(curves)
-    norm = BoundaryNorm(np.arange(count + 1) - 0.5, count)
-    bar = figure.colorbar(ScalarMappable(norm, _scale(count)), ax=axes, pad=0.02)
-    marked = range(0, count, -(-count // _MOST_AT_BAR))
-    bar.set_ticks(list(marked), labels=[plain(curves[number].values) for number in marked])
-    bar.minorticks_off()
-    bar.set_label(plain(varied))
+def legend_height(count: int) -> float:
+    """The height of the legend of so many curves, in inches."""
+    return 0.19 * min(count, _MOST_NAMED)
 
 
 def plain(text: str) -> str:

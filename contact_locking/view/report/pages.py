@@ -47,7 +47,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     parts = certificate(summary)
     holds = [entry["holds"] for part in parts for entry in part.judged.values()]
     derivatives, of_contacts = rows_of_derivatives(summary), contact_charts(run)
-    steps = wanted_charts(wanted, [Process(run.history)], "", contacts, units)
+    steps = wanted_charts(wanted, [Process(run.history)], contacts, units)
     charts = {
         "steps": steps + history_charts(run.history, contacts, units),
         "fit": [] if run.fit is None else [fit_chart(run.fit)],
@@ -163,13 +163,13 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
     for row, folder in ((row, study.case_folder(row)) for row in rows):
         label = texts.label(row, keys)
         if folder is not None and (history := history_in(folder)) is not None:
-            processes.append(Process(history, label, ", ".join(texts.of(row, keys))))
+            processes.append(Process(history, label))
         if folder is not None and (folder / PICTURE).is_file() and len(pictures) < _MOST_PICTURES:
             image = embedded(folder / PICTURE, _THUMBNAIL_WIDTH, _THUMBNAIL_COLOURS)
             state = "" if row["state"] == "converged" else f" ({row['state']})"
             pictures.setdefault(row["case"], (image, f"{label}{state}"))
-    wanted, varied = look_up(data, "output.charts") or [], ", ".join(texts.titles.values())
-    over_steps = wanted_charts(wanted, processes, varied, contacts, units)
+    wanted = look_up(data, "output.charts") or []
+    over_steps = wanted_charts(wanted, processes, contacts, units)
     drawn = [
         (trend, trend_charts(trend))
         for axis in axes(what, rows, texts.titles)

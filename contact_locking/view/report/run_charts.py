@@ -25,7 +25,7 @@ from contact_locking.view.pictures.snapshot import facets_within, nearest_parts
 from contact_locking.view.pictures.style import Units
 
 from .folders import RunResults
-from .page import WIDTH, Chart, Curve, chart, drawing, gridded, has_bar, name_curves, plain
+from .page import WIDTH, Chart, Curve, chart, drawing, gridded, legend_height, name_curves, plain
 
 
 def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
@@ -254,23 +254,21 @@ def _over_time(
 
 @dataclass(frozen=True)
 class Process:
-    """The steps of a case, whose ``label`` has the ``values`` that vary in a study."""
+    """The steps of a case, whose ``label`` has the values that vary in a study."""
 
     history: History
     label: str = ""
-    values: str = ""
 
 
 def wanted_charts(
     wanted: Sequence[Mapping[str, Any]],
     processes: Sequence[Process],
-    varied: str,
     contacts: Sequence[str],
     units: Units,
 ) -> list[Chart]:
     """The charts of ``output.charts``, each with a curve for each process.
 
-    ``varied`` names what the values are of.  Raises InputError for a column that there is not.
+    Raises InputError for a column that there is not.
     """
     found = []
     for number, one in enumerate(wanted):
@@ -283,14 +281,13 @@ def wanted_charts(
                     with_key(f"{key}.{axis}", partial(values_of, one[axis], history))
                     for axis in "xy"
                 )
-                curves.append(Curve(process.label, x, y, values=process.values))
+                curves.append(Curve(process.label, x, y))
         x_label, y_label = (_label(one[axis], contacts, units) for axis in "xy")
         if curves:
             stem = re.sub(r"[^A-Za-z0-9._-]+", "_", f"chart-{number}-{one['y']}-over-{one['x']}")
-            rows = 0 if has_bar(curves) else sum(bool(curve.label) for curve in curves)
+            height = 3.6 + legend_height(sum(bool(curve.label) for curve in curves))
             about = f"{one['y']} over {one['x']}"
-            labels = (x_label, y_label, varied)
-            found.append(chart(stem, about, 3.6 + 0.19 * rows, _over_column, curves, *labels))
+            found.append(chart(stem, about, height, _over_column, curves, x_label, y_label))
     return found
 
 
@@ -303,13 +300,12 @@ def _label(text: str, contacts: Sequence[str], units: Units) -> str:
     return sign + style.labelled(column.title, column.unit, units)
 
 
-def _over_column(
-    figure: Figure, curves: Sequence[Curve], x_label: str, y_label: str, varied: str
-) -> None:
+def _over_column(figure: Figure, curves: Sequence[Curve], x_label: str, y_label: str) -> None:
     axes = gridded(figure, plain(x_label), plain(y_label))
     for curve in curves:
-        axes.plot(curve.x, curve.y, **(drawing(curves, curve.label) | {"ms": 2.5}))
-    name_curves(figure, curves, varied)
+        look = drawing(curves, curve.label) | {"ms": 2.5}
+        axes.plot(curve.x, curve.y, label=plain(curve.label), **look)
+    name_curves(figure)
 
 
 _COLUMNS, _MOST = 3, 12

@@ -18,7 +18,7 @@ from contact_locking.study_file.parameters.wording import told_apart
 from contact_locking.view.pictures import style
 
 from .folders import Row
-from .page import Chart, Curve, chart, drawing, gridded, has_bar, name_curves, plain
+from .page import Chart, Curve, chart, drawing, gridded, legend_height, name_curves, plain
 from .words import shown
 
 _MOST_TEXTS = 12
@@ -66,8 +66,7 @@ _SCATTER = 0.3
 class Axis:
     """A key whose values are numbers; the ``others`` vary too, and distinguish the curves.
 
-    ``one_ratio`` says that all neighbouring values have the same quotient, ``varied`` names the
-    others.
+    ``one_ratio`` says that all neighbouring values have the same quotient.
     """
 
     key: str
@@ -75,7 +74,6 @@ class Axis:
     geometric: bool
     one_ratio: bool
     title: str
-    varied: str
 
 
 @dataclass(frozen=True)
@@ -133,8 +131,7 @@ def axes(study: StudyParameters, rows: Sequence[Row], titles: Mapping[str, str])
         enough = len(finite) >= _FEWEST and finite[0] > 0.0
         one_ratio = enough and _has_one_ratio(finite)
         geometric = enough and (one_ratio or finite[-1] / _WIDE >= finite[0])
-        named = ", ".join(titles[other] for other in others)
-        found.append(Axis(key, others, geometric, one_ratio, titles[key], named))
+        found.append(Axis(key, others, geometric, one_ratio, titles[key]))
     return sorted(found, key=lambda axis: not axis.geometric)
 
 
@@ -180,8 +177,7 @@ def _curve(axis: Axis, quantity: Quantity, rows: Sequence[Row], texts: VariedTex
             pairs[x] = y
     limit = pairs.pop(np.inf, None)
     array = np.array(sorted(pairs.items())).reshape(-1, 2)
-    label, values = texts.label(rows[0], axis.others), ", ".join(texts.of(rows[0], axis.others))
-    return Curve(label, array[:, 0], array[:, 1], limit, values)
+    return Curve(texts.label(rows[0], axis.others), array[:, 0], array[:, 1], limit)
 
 
 def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
@@ -189,7 +185,9 @@ def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
     compared: str = "the value at infinity" if limited else "the next value"
     differences: list[Differences] = []
     settles = quantity.trend in ("settles", "vanishes")
-    if axis.geometric and quantity.trend == "vanishes" and any(map(_falls, curves)):
+    # An error that changes enough along a curve has a rate.
+    falls = any(np.abs(c.y).max() >= _FALLS * np.abs(c.y).min() for c in curves)
+    if axis.geometric and quantity.trend == "vanishes" and falls:
         compared = "zero"
         differences = [_differences(curve, curve.x, np.abs(curve.y)) for curve in curves]
     elif axis.geometric and settles and limited:
@@ -200,11 +198,6 @@ def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
         differences = [_differences(c, c.x[:-1], np.abs(np.diff(c.y))) for c in curves]
     told = [difference for difference in differences if len(difference.x) > 1]
     return Trend(quantity, axis, curves, told, compared)
-
-
-def _falls(curve: Curve) -> bool:
-    """Whether an error changes enough along a curve to have a rate."""
-    return bool(np.abs(curve.y).max() >= _FALLS * np.abs(curve.y).min())
 
 
 def _differences(curve: Curve, x: FloatArray, y: FloatArray) -> Differences:
@@ -221,7 +214,7 @@ def _has_one_ratio(values: Sequence[float]) -> bool:
 _MOST_TICKS = 6
 # A shorter range has few powers of ten for marks, and values of equal ratio.
 _SHORT = 50.0
-_PLOT, _ROW = 2.5, 0.19
+_PLOT = 2.7
 
 
 def trend_charts(trend: Trend) -> list[Chart]:
@@ -229,12 +222,12 @@ def trend_charts(trend: Trend) -> list[Chart]:
     stem = re.sub(r"[^A-Za-z0-9._-]", "_", f"{trend.quantity.key}-over-{trend.axis.key}")
     about, found = f"{trend.quantity.name} over the {trend.axis.title}", []
     if not trend.differences or trend.compared != "zero":
-        rows = 0 if has_bar(trend.curves) else 1 + sum(bool(curve.label) for curve in trend.curves)
-        found.append(chart(stem, about, _PLOT + _ROW * rows, _values, trend))
+        height = _PLOT + legend_height(sum(bool(curve.label) for curve in trend.curves))
+        found.append(chart(stem, about, height, _values, trend))
     if trend.differences:
-        rows = 1 if has_bar(trend.curves) else 1 + len(trend.differences)
+        height = _PLOT + legend_height(len(trend.differences))
         about = f"{about}: distance from {trend.compared}"
-        found.append(chart(f"{stem}-rate", about, _PLOT + _ROW * rows, _rates, trend))
+        found.append(chart(f"{stem}-rate", about, height, _rates, trend))
     return found
 
 
@@ -252,14 +245,13 @@ def _values(figure: Figure, trend: Trend) -> None:
     if any(curve.limit is not None for curve in trend.curves):
         at = f"at {trend.axis.title} = ∞"
         axes.plot([], [], color=style.GREY, lw=1.0, ls=(0, (5, 3)), label=plain(at))
-    name_curves(figure, trend.curves, trend.axis.varied)
+    name_curves(figure)
 
 
 def _rates(figure: Figure, trend: Trend) -> None:
     of = f"distance from {trend.compared.removeprefix('the ')}"
     axes = _axes(figure, trend, _label(trend) if trend.compared == "zero" else of)
     axes.set_yscale("log")
-    rates = []
     for differences in trend.differences:
         look = drawing(trend.curves, differences.label)
         label, law = plain(differences.label) or trend.quantity.name, differences.power_law()
@@ -268,16 +260,13 @@ def _rates(figure: Figure, trend: Trend) -> None:
             axes.plot(x, y, label=label, **look)
             continue
         rate, factor = law
-        rates.append(rate)
-        label, look = f"{label}: rate {_signed(rate)}", look | {"ls": ""}
+        signed = f"{rate:.2f}".replace("-", "\N{MINUS SIGN}")
+        label, look = f"{label}: rate {signed}", look | {"ls": ""}
         axes.plot(x[reliable], y[reliable], label=label, **look)
         axes.plot(x[~reliable], y[~reliable], markerfacecolor="none", **look)
         ends = x[reliable][[0, -1]]
         axes.plot(ends, factor * ends**rate, color=look["color"], lw=1.2)
-    if rates and has_bar(trend.curves):
-        spread = f"rates {_signed(min(rates))} to {_signed(max(rates))}"
-        axes.set_title(f"{len(trend.differences)} curves, {spread}", loc="left", fontsize=8.5)
-    name_curves(figure, trend.curves, trend.axis.varied)
+    name_curves(figure)
 
 
 def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
@@ -296,7 +285,3 @@ def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
 def _label(trend: Trend) -> str:
     unit = trend.quantity.unit
     return trend.quantity.name if unit == "1" else f"{trend.quantity.name} [{unit}]"
-
-
-def _signed(rate: float) -> str:
-    return f"{rate:.2f}".replace("-", "\N{MINUS SIGN}")
