@@ -39,12 +39,13 @@ if TYPE_CHECKING:
     from contact_locking.errors import NotConverged as NotConverged
     from contact_locking.inverse.derivatives import Number as Number
     from contact_locking.laws.friction import FrictionLaw as FrictionLaw
-    from contact_locking.problem.elasticity import Elasticity as Elasticity
-    from contact_locking.problem.limits import Deviator as Deviator
-    from contact_locking.problem.limits import Direction as Direction
-    from contact_locking.problem.limits import StrainBall as StrainBall
-    from contact_locking.problem.limits import Volume as Volume
-    from contact_locking.problem.limits import Weighted as Weighted
+    from contact_locking.laws.limits import Deviator as Deviator
+    from contact_locking.laws.limits import Direction as Direction
+    from contact_locking.laws.limits import StrainBall as StrainBall
+    from contact_locking.laws.limits import Volume as Volume
+    from contact_locking.laws.limits import Weighted as Weighted
+    from contact_locking.laws.material import Eigenstrain as Eigenstrain
+    from contact_locking.laws.material import Elasticity as Elasticity
     from contact_locking.process.adaptive_meshes import adapt as adapt
     from contact_locking.process.loop import Process as Process
     from contact_locking.process.solving import check as check
@@ -83,8 +84,8 @@ _NAMES = {
     "contact_problem": "ContactProblem",
     "errors": "ContactLockingError InputError NotConverged",
     "laws.friction": "FrictionLaw",
-    "problem.elasticity": "Elasticity",
-    "problem.limits": "Deviator Direction StrainBall Volume Weighted",
+    "laws.limits": "Deviator Direction StrainBall Volume Weighted",
+    "laws.material": "Eigenstrain Elasticity",
     "process.adaptive_meshes": "adapt",
     "process.loop": "Process",
     "process.solving": "check solve solve_adaptively solve_assembled solve_steps",
@@ -105,11 +106,13 @@ __all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:
-    # A further shape needs no row here.
-    home = _HOME.get(name, "shapes.analytic" if name[:1].isupper() else "")
-    if not home:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{home}"), name)
+    # A further shape or limit of the strain needs no row here.
+    further = ("shapes.analytic", "laws.limits") if name[:1].isupper() else ()
+    for home in [_HOME[name]] if name in _HOME else further:
+        module = importlib.import_module(f"{__name__}.{home}")
+        if hasattr(module, name):
+            return getattr(module, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

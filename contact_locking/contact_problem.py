@@ -20,6 +20,7 @@ from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError, require_kind
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.fields.clock import Clock
+from contact_locking.laws.material import Elasticity
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.given_mesh import NamedFacets
@@ -27,9 +28,9 @@ from contact_locking.mesh.half_section import half_section
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_any_rank
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
-from contact_locking.problem.elasticity import Elasticity, elasticity_of, split
+from contact_locking.problem.elasticity import elasticity_of, split
 from contact_locking.problem.forms import require_energy
-from contact_locking.problem.limits import Limit
+from contact_locking.problem.points import Placed
 from contact_locking.problem.springs import OwnSupport
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
@@ -38,7 +39,7 @@ from contact_locking.solver.settings import Settings
 from contact_locking.solver.task import SolverReport
 from contact_locking.supports.conditions import constrain
 from contact_locking.supports.support import Support
-from contact_locking.values.concept import BodyKind, dimension_faults, dotted
+from contact_locking.values.concept import BodyKind, require_fitting
 
 Condition: TypeAlias = fem.DirichletBC | Support
 
@@ -53,9 +54,8 @@ class ContactProblem:
     form.  ``bcs`` are conditions of DOLFINx and :class:`Support`; ``limits`` are sets of strains
     whose intersection is K, and ``contacts`` are :class:`Contact`.  ``tags`` are mesh tags of
     facets whose values have the ``names`` that contacts and supports may use.  ``space`` is the
-    space of displacements of degree 1 or 2 on a
-    mesh of cells of one kind, where neither ``a`` nor ``L`` is a form.  ``n`` is a stress, and
-    ``compliance`` a length over a stress, None for 1/n.
+    space of displacements of degree 1 or 2 on a mesh of cells of one kind, where neither ``a`` nor
+    ``L`` is a form.  ``n`` is a stress, and ``compliance`` a length over a stress, None for 1/n.
     ``energy`` maps u to a convex and differentiable functional J(u), which adds to the energy.
     ``axisymmetric`` says that the mesh is the half section (r, z) of a body of revolution; ``a`` is
     then an :class:`Elasticity`.
@@ -70,7 +70,7 @@ class ContactProblem:
         a: ufl.Form | Elasticity,
         L: ufl.Form | None = None,
         bcs: Sequence[Condition] = (),
-        limits: Sequence[Limit] = (),
+        limits: Sequence[Any] = (),
         contacts: Sequence[Contact] = (),
         *,
         space: fem.FunctionSpace | None = None,
@@ -99,25 +99,27 @@ class ContactProblem:
         ]
         domain = places.domain()
         domain = half_section(domain, "axisymmetric") if axisymmetric else domain
+        form, others = (None, None) if isinstance(a, Elasticity) else split(a)
+        law = a if form is None else elasticity_of(form)
+        of_limits = [(f"limits.{number}", item) for number, item in enumerate(limits)]
+        body_kind = BodyKind(domain.dim, axisymmetric, law.plane == "stress")
         concepts: list[Contact | Support] = [*placed, *held]
-        for item in concepts:
-            for fault in dimension_faults(item, BodyKind(domain.dim, axisymmetric)):
-                raise InputError(fault.message, dotted(item.key, *fault.place))
+        for key, item in [*((one.key, one) for one in concepts), ("a", law), *of_limits]:
+            require_fitting(item, body_kind, key)
         if energy is not None:
             require_energy(energy, space)
         given = [item for item in bcs if not isinstance(item, Support)]
         clock = Clock(space.mesh)
-        form, others = (None, None) if isinstance(a, Elasticity) else split(a)
         body = Body(
             domain=domain,
             element=element,
             space=space,
-            elasticity=a if isinstance(a, Elasticity) else elasticity_of(form),
+            elasticity=[Placed(law, "a")],
             constraints=constrain(domain, space, [], held, given, clock),
             loads=L,
             form=form,
             springs=() if others is None else (OwnSupport(others),),
-            limits=limits,
+            limits=[Placed(item, key) for key, item in of_limits],
             own_energy=energy,
             supports=[name for support in held for name in support.on],
         )
@@ -226,8 +228,7 @@ def _check_lists(**lists: Any) -> None:
         require_kind(items, Sequence, "a list", key)
     for item in lists["limits"]:
         if not callable(getattr(item, "on", None)):
-            wanted = "limits of the strain, such as StrainBall(0.02)"
-            raise InputError(f"must be {wanted}, not {type(item).__name__}", "limits")
+            raise InputError(f"must be limits, such as StrainBall(0.02), not {item!r}", "limits")
 
 
 def _space_of(

@@ -26,9 +26,9 @@ from contact_locking.fields.plausibility import about_an_overlap_at_rest
 from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh.domain import Domain
 from contact_locking.problem import forms
-from contact_locking.problem.elasticity import Elasticity, Material
-from contact_locking.problem.limits import Limit, LimitsOnMesh
-from contact_locking.problem.points import Points
+from contact_locking.problem.elasticity import Material
+from contact_locking.problem.limits import LimitsOnMesh
+from contact_locking.problem.points import Placed, Points
 from contact_locking.problem.rigidity.rigidity import Held, Rigidity
 from contact_locking.problem.springs import ElasticSupport
 from contact_locking.supports.conditions import Constraints
@@ -38,22 +38,23 @@ from contact_locking.supports.conditions import Constraints
 class Body:
     """The body with its loads and supports, without contact.
 
-    ``space`` is the space of displacements of ``element``.  ``elasticity`` is A, or the A in the
-    bilinear ``form`` if one is given.  ``loads`` is the linear form (f, .), and ``own_energy`` maps
-    u to a convex and differentiable functional.  ``regions`` are cells whose stress may jump
-    against that of all others.  ``springs`` act on the boundary.  ``displacements`` and
-    ``supports`` name the boundary parts with prescribed displacements and with supports, for
-    messages.
+    ``space`` is the space of displacements of ``element``.  ``elasticity`` is A in cells, of which
+    the last counts, or the A in the bilinear ``form`` if one is given; ``eigenstrains`` in cells
+    add up.  ``loads`` is the linear form (f, .), and ``own_energy`` maps u to a convex and
+    differentiable functional.  ``regions`` are cells whose stress may jump against that of all
+    others.  ``springs`` act on the boundary.  ``displacements`` and ``supports`` name the boundary
+    parts with prescribed displacements and with supports, for messages.
     """
 
     domain: Domain
     element: Element
     space: fem.FunctionSpace
-    elasticity: Elasticity
+    elasticity: Sequence[Placed]
     constraints: Constraints
+    eigenstrains: Sequence[Placed] = ()
     loads: ufl.Form | None = None
     form: ufl.Form | None = None
-    limits: Sequence[Limit] = ()
+    limits: Sequence[Placed] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
     regions: Sequence[IndexArray] = ()
     springs: Sequence[ElasticSupport] = ()
@@ -86,8 +87,8 @@ class DiscreteProblem:
         self.clock = clock
         self.body, self.domain, self.element = body, domain, element
         self.constraints, self.regions = body.constraints, tuple(body.regions)
-        points = Points(domain, element)
-        self.material = Material(body.elasticity, points)
+        points = Points(domain, element, clock)
+        self.material = Material(points, body.elasticity, body.eigenstrains)
         self.limits = LimitsOnMesh.of(points, body.limits)
         epsilon = 1.0 / n if compliance is None else compliance
         self.follows_n = compliance is None

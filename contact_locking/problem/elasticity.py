@@ -20,8 +20,9 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import SMALLEST, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.laws import elasticity as law
-from contact_locking.mesh.domain import Domain
-from contact_locking.problem.points import Points, Sampler, Value, least
+from contact_locking.laws.material import Eigenstrain, Elasticity
+from contact_locking.problem.points import Placed, Points
+from contact_locking.problem.strain_sets import Sampler
 
 Stress = Callable[[Expr], Expr]
 
@@ -30,34 +31,7 @@ _ROUNDING = 1e-10
 
 
 @dataclass(frozen=True)
-class Elasticity:
-    """``sigma = A eps``, or ``sigma = A eps + sigma_0`` for a stress that is affine in the strain.
-
-    A is isotropic with ``young`` and ``poisson``, or with ``lame_lambda`` and ``lame_mu``; or it is
-    the Mandel matrix ``stiffness`` (s, s); or ``stress`` maps a UFL strain to a stress, as in
-    ``lambda e: C(e) - a*T*I``.  All data are numbers, constants or functions of DOLFINx,
-    expressions of UFL, or functions of points.  ``plane`` is "strain" or "stress".
-
-    ``eigenstrain`` is eps_0 of ``sigma = A (eps - eps_0)`` as (3, 3) tensors, beside A itself.  In
-    plane strain the entry across the plane counts, with an isotropic A; with ``stiffness`` it must
-    be zero.  In plane stress it has no effect.  ``rotational`` is a density that has to vanish, and
-    ``key`` names the elasticity in messages.
-    """
-
-    young: Value = None
-    poisson: Value = None
-    lame_lambda: Value = None
-    lame_mu: Value = None
-    stiffness: Value = None
-    stress: Stress | None = None
-    eigenstrain: Value = None
-    rotational: Expr | None = None
-    plane: str = "strain"
-    key: str = "elasticity"
-
-
-@dataclass(frozen=True)
-class Eigenstrain:
+class EigenstrainOnMesh:
     """``sigma = A (eps - eps_0)``: ``stress`` is ``-A eps_0``, ``energy`` is ``A eps_0 : eps_0/2``.
 
     ``values`` has eps_0 at the points of the strains.  Both are homogeneous in the values, of the
@@ -69,13 +43,13 @@ class Eigenstrain:
     energy: Expr
 
     @classmethod
-    def in_space(cls, points: Points, linear: Stress, size: int, across: bool) -> Eigenstrain:
-        """eps_0 as (3, 3) tensors for a body whose tensors have the given size; collective.
+    def of(cls, points: Points, linear: Stress, across: bool) -> EigenstrainOnMesh:
+        """eps_0 as (3, 3) tensors; collective.
 
         With ``across`` the strain across the plane of a body in plane strain counts: the law
         ``linear`` then maps tensors of space to those of space.
         """
-        values = points.function((3, 3))
+        values, size = points.function((3, 3)), points.size
         counted: Expr = values
         if size == 2 and not across:
             counted = ufl.as_tensor([[values[i, j] for j in range(2)] for i in range(2)])
@@ -91,8 +65,12 @@ class Material:
     ``eigenstrain`` has the rest, None if there is none.  ``ellipticity`` (alpha) and ``stiffness``
     are the smallest and the largest eigenvalue of A over the body, and ``young`` is the smallest
     Young's modulus.  ``largest_eigenvalue`` is the largest eigenvalue of A at each point, in the
-    space of strains.  The constructor, :meth:`refresh` and :meth:`advance` are collective and raise
-    InputError if A is not symmetric or not elliptic somewhere.
+    space of strains.
+
+    ``elasticity`` is A in cells, of which the last counts, and the first is that of the whole body;
+    ``eigenstrains`` in cells add up.  ``in_space`` says that the body is not in plane stress.
+    The constructor, :meth:`refresh` and :meth:`advance` are collective and raise InputError if A is
+    not symmetric or not elliptic somewhere.
     """
 
     ellipticity: float
@@ -102,15 +80,25 @@ class Material:
     _poisson: FloatArray | None = None
     _young: FloatArray | None = None
 
-    def __init__(self, given: Elasticity, points: Points) -> None:
-        self._given, self._points = given, points
+    def __init__(
+        self,
+        points: Points,
+        elasticity: Sequence[Placed],
+        eigenstrains: Sequence[Placed] = (),
+    ) -> None:
+        self._points, self._key = points, elasticity[-1].key
+        given: Elasticity = elasticity[0].given
+        self.in_space = given.plane != "stress"
+        if given.eigenstrain is not None:
+            eigenstrains = [Placed(given.eigenstrain, f"{self._key}.eigenstrain")]
+        self._eigenstrains = eigenstrains
         self.largest_eigenvalue = points.function()
-        self.eigenstrain: Eigenstrain | None = None
-        domain = points.domain
-        self._pairs = domain.kinematics.mandel_pairs(domain.dim)
-        self._size = domain.kinematics.tensor_size(domain.dim)
-        if given.stress is not None:
-            stress = given.stress
+        self.eigenstrain: EigenstrainOnMesh | None = None
+        self._pairs, self._size = points.pairs, points.size
+        self._own = given.stress
+        self._is_matrix = any(part.given.stiffness is not None for part in elasticity)
+        if self._own is not None:
+            stress = self._own
             initial = stress(ufl.classes.Zero((self._size, self._size)))
             self.stress = self.linear = stress
             if not isinstance(initial, ufl.classes.Zero):
@@ -119,41 +107,44 @@ class Material:
                 self.linear = partial(law.anisotropic_stress, stiffness=share)
                 values = points.function(initial.ufl_shape)
                 energy = 0.5 * ufl.inner(self.linear(values), values)
-                self.eigenstrain = Eigenstrain(values, initial, energy)
-                self._eigenstrain = points.sampler(initial, given.key, initial.ufl_shape)
+                self.eigenstrain = EigenstrainOnMesh(values, initial, energy)
+                self._present = points.sampler(initial, self._key, initial.ufl_shape)
             matrix = matrix_of(self.linear, self._pairs, self._size)
-            self._matrix = points.sampler(matrix, given.key, matrix.ufl_shape)
-            self._rotational = points.sampler(given.rotational or 0.0, given.key)
-        elif given.stiffness is not None:
-            key, shape = f"{given.key}.stiffness", (len(self._pairs),) * 2
-            self._matrix = points.sampler(given.stiffness, key, shape)
+            self._matrix = points.sampler(matrix, self._key, matrix.ufl_shape)
+            self._rotational = points.sampler(given.rotational or 0.0, self._key)
+        elif self._is_matrix:
+            shape = (len(self._pairs),) * 2
+            self._matrix = points.joined(elasticity, self._matrix_in, shape)
             self._field = points.function(shape)
             self.stress = self.linear = partial(law.anisotropic_stress, stiffness=self._field)
         else:
-            self._lame = self._lame_sampler()
-            in_plane = self._of_plane(self._lame())
-            self._lame_fields = [self._constant_or_field(row) for row in in_plane]
+            self._lame = points.joined(elasticity, _lame_in, (2,))
+            in_plane = self._of_plane(self._lame().T)
+            data = [
+                getattr(part.given, name) for part in elasticity for name in part.given.lame_names
+            ]
+            # Data of scripts may differ later where they are the same everywhere at first.
+            may_vary = any(value.number is None and value.expression is None for value in data)
+            self._lame_fields = [self._constant_or_field(row, may_vary) for row in in_plane]
             of_lame = dict(zip(("lame_lambda", "lame_mu"), self._lame_fields, strict=True))
             self.stress = self.linear = partial(law.isotropic_stress, **of_lame)
-        if given.eigenstrain is not None:
-            key = f"{given.key}.eigenstrain"
-            self._eigenstrain = points.sampler(given.eigenstrain, key, (3, 3))
-            across = given.stiffness is None and given.plane == "strain"
-            eigenstrain = Eigenstrain.in_space(points, self.linear, self._size, across)
+        if eigenstrains:
+            self._present = points.joined(eigenstrains, Eigenstrain.sampler, (3, 3), adds=True)
+            across = self.in_space and not self._is_matrix
+            eigenstrain = EigenstrainOnMesh.of(points, self.linear, across)
             self.eigenstrain, linear = eigenstrain, self.linear
             self.stress = lambda eps: linear(eps) + eigenstrain.stress
         self.refresh()
 
     def refresh(self) -> None:
         """Take the present values of the data; collective."""
-        domain, given = self._points.domain, self._given
-        if given.stress is None and given.stiffness is None:
-            in_space = self._lame()
+        if self._own is None and not self._is_matrix:
+            in_space = self._lame().T
             lame = self._of_plane(in_space)
             rows: list[FloatArray] = list(lame)
             for field, row in zip(self._lame_fields, rows, strict=True):
                 if isinstance(field, fem.Constant):
-                    field.value = least(domain, row)
+                    field.value = self._points.least(row)
                 else:
                     self._points.write(field, row)
             with np.errstate(all="ignore"):  # the eigenvalues tell whether A is elliptic
@@ -162,16 +153,22 @@ class Material:
             eigenvalues = np.array(law.isotropic_eigenvalues(lame[0], lame[1], self._size))
         else:
             matrices = self._matrix()
-            require_symmetric(domain, matrices, f"{given.key}.stiffness")
-            if given.stress is not None:
-                self._require_strains(matrices)
+            if self._own is not None:
+                _require_symmetric(self._points, matrices, self._key)
+                rotational = self._points.largest(self._rotational())
+                if rotational > _ROUNDING * self._points.largest(matrices):
+                    raise InputError(
+                        "has an energy of rotations, which no stress has: write it with "
+                        "ufl.sym(ufl.grad(u))",
+                        self._key,
+                    )
             else:
                 self._points.write(self._field, matrices)
             eigenvalues = np.asarray(np.linalg.eigvalsh(matrices), dtype=float).T
             with np.errstate(all="ignore"):
                 young = law.mean_young(matrices, self._size)
-        self.ellipticity, self.stiffness = _eigenvalue_range(self._points, eigenvalues, given.key)
-        self.young = least(domain, young)
+        self.ellipticity, self.stiffness = _eigenvalue_range(self._points, eigenvalues, self._key)
+        self.young = self._points.least(young)
         self._points.write(self.largest_eigenvalue, eigenvalues.max(axis=0))
         self.advance()
 
@@ -179,23 +176,19 @@ class Material:
         """Take the present eigenstrain; collective."""
         if self.eigenstrain is None:
             return
-        given, values = self._given, self._eigenstrain()
-        if given.stress is not None:
+        values = self._present()
+        if self._own is not None:
             vectors = law.mandel_values(values, self._pairs)
             strains = -np.asarray(np.linalg.solve(self._matrix(), vectors[..., None]))[..., 0]
             values = law.tensor_values(strains, self._pairs, self._size)
-        elif self._size == 2 and given.stiffness is not None and self._has(values[:, 2, 2]):
+        elif self._size == 2 and self._is_matrix and self._points.largest(values[:, 2, 2]) > 0.0:
             raise InputError(
                 "the eigenstrain has a part across the plane, and a stiffness matrix of the plane "
                 "does not tell its stress; give the components in the plane alone, as in "
                 "[0.01, 0.01]",
-                given.key,
+                self._eigenstrains[0].key,
             )
         self._points.write(self.eigenstrain.values, values)
-
-    def _has(self, values: FloatArray, rounding: float = 0.0) -> bool:
-        """Whether a value of any rank is larger than rounding; collective."""
-        return largest(self._points.domain, values) > rounding
 
     def across(self, stress: FloatArray) -> FloatArray | None:
         """The stress (k,) across the plane beside elastic stresses (k, 2, 2) in the plane.
@@ -203,7 +196,7 @@ class Material:
         It is ``nu (sigma_xx + sigma_yy) - E eps_0,zz`` in plane strain, 0 in plane stress, and None
         where it is not known.
         """
-        if self._given.plane == "stress":
+        if not self.in_space:
             return np.zeros(len(stress))
         if self._poisson is None or self._young is None:
             return None
@@ -212,63 +205,54 @@ class Material:
             found -= self._young * self._points.values(self.eigenstrain.values)[:, 2, 2]
         return np.asarray(found)
 
-    def _require_strains(self, matrices: FloatArray) -> None:
-        if self._has(self._rotational(), _ROUNDING * largest(self._points.domain, matrices)):
-            raise InputError(
-                "has an energy of rotations, which no stress has: write it with "
-                "ufl.sym(ufl.grad(u))",
-                self._given.key,
-            )
+    def _matrix_in(self, given: Elasticity, points: Points) -> Sampler:
+        """Mandel matrices (k, s, s)."""
+        if given.stiffness is not None:
+            shape = (len(self._pairs),) * 2
+            check = partial(_require_symmetric, points)
+            return points.sampler(given.stiffness, "stiffness", shape, check)
+        lame, dim = _lame_in(given, points), points.domain.dim
 
-    def _lame_sampler(self) -> Sampler:
-        """Both Lame coefficients (2, k) in space."""
-        given, sampler = self._given, self._points.sampler
-        are_moduli = given.young is not None and given.poisson is not None
-        names = ("young", "poisson") if are_moduli else ("lambda", "mu")
-        data = (given.young, given.poisson) if are_moduli else (given.lame_lambda, given.lame_mu)
-        if any(item is None for item in data):
-            raise InputError(
-                "needs young and poisson, lame_lambda and lame_mu, stiffness, or stress", given.key
-            )
-        first, second = (
-            sampler(item, f"{given.key}.{name}") for item, name in zip(data, names, strict=True)
-        )
+        def stiffness() -> FloatArray:
+            first, second = lame().T
+            return law.isotropic_stiffness(first, second, dim, self._pairs)
 
-        def lame() -> FloatArray:
-            values = first(), second()
-            with np.errstate(all="ignore"):
-                return np.array(law.lame_from_young(*values) if are_moduli else values)
-
-        return lame
+        return stiffness
 
     def _of_plane(self, lame: FloatArray) -> FloatArray:
         """Both Lame coefficients (2, k), lambda that of the plane."""
-        if self._given.plane != "stress":
+        if self.in_space:
             return lame
         with np.errstate(all="ignore"):
             return np.array([law.plane_stress_lambda(lame[0], lame[1]), lame[1]])
 
-    def _constant_or_field(self, values: FloatArray) -> Any:
+    def _constant_or_field(self, values: FloatArray, may_vary: bool) -> Any:
         """A constant for data that are the same everywhere, and cannot differ later; collective."""
-        given = self._given
-        data = (given.young, given.poisson, given.lame_lambda, given.lame_mu)
-        varies = any(isinstance(item, Expr) and not isinstance(item, fem.Constant) for item in data)
-        domain = self._points.domain
-        low, high = least(domain, values), -least(domain, -values)
-        if low == high and not varies and not any(callable(item) for item in data):
-            return fem.Constant(domain.mesh, low)
-        return self._points.function()
+        points = self._points
+        low, high = points.least(values), -points.least(-values)
+        if low == high and not may_vary:
+            return fem.Constant(points.domain.mesh, low)
+        return points.function()
 
 
-def largest(domain: Domain, values: FloatArray) -> float:
-    """The largest magnitude over all ranks; NaN counts as inf; collective."""
-    return -least(domain, -np.abs(values))
+def _lame_in(given: Elasticity, points: Points) -> Sampler:
+    """Both Lame coefficients (k, 2) in space."""
+    names = given.lame_names
+    first, second = (points.sampler(getattr(given, name), given.key_of(name)) for name in names)
+
+    def lame() -> FloatArray:
+        values = first(), second()
+        with np.errstate(all="ignore"):
+            found = law.lame_from_young(*values) if names[0] == "young" else values
+            return np.stack(found, axis=1)
+
+    return lame
 
 
-def require_symmetric(domain: Domain, matrices: FloatArray, key: str) -> None:
+def _require_symmetric(points: Points, matrices: FloatArray, key: str) -> None:
     """Raise InputError for Mandel matrices (k, s, s) that are not symmetric; collective."""
-    skew = np.abs(matrices - np.swapaxes(matrices, 1, 2))
-    if largest(domain, skew) > _ROUNDING * largest(domain, matrices):
+    skew = matrices - np.swapaxes(matrices, 1, 2)
+    if points.largest(skew) > _ROUNDING * points.largest(matrices):
         raise InputError("the stiffness matrix is not symmetric", key)
 
 
@@ -347,7 +331,7 @@ def elasticity_of(a: ufl.Form) -> Elasticity:
 
     turns = [_turn(i, j, size) for i in range(size) for j in range(i)]
     rotational = sum(density_at(turn, turn) for turn in turns)
-    return Elasticity(stress=stress, rotational=rotational, key="a")
+    return Elasticity(stress=stress, rotational=rotational)
 
 
 def _density(integral: Any) -> Expr:
@@ -374,7 +358,7 @@ def _on_subdomain(integral: Any, mesh: Any) -> Expr:
 
 
 def _eigenvalue_range(points: Points, eigenvalues: FloatArray, key: str) -> tuple[float, float]:
-    lowest, highest = least(points.domain, eigenvalues), -least(points.domain, -eigenvalues)
+    lowest, highest = points.least(eigenvalues), -points.least(-eigenvalues)
     if lowest > 0.0 and not np.isfinite(highest):
         raise InputError("the elasticity is not finite: Poisson's ratio must be below 0.5", key)
     if not lowest > 0.0:

@@ -24,7 +24,7 @@ from contact_locking.laws.friction import (
     friction_energy,
     friction_traction,
 )
-from contact_locking.problem.elasticity import Eigenstrain
+from contact_locking.problem.elasticity import EigenstrainOnMesh
 from contact_locking.problem.springs import ElasticSupport
 from contact_locking.problem.strain_sets import NormSet, StrainSet
 
@@ -62,7 +62,7 @@ class ProblemData:
     limits: tuple[StrainSet, ...] = ()
     tools: tuple[Travel, ...] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
-    eigenstrain: Eigenstrain | None = None
+    eigenstrain: EigenstrainOnMesh | None = None
     springs: tuple[ElasticSupport, ...] = ()
 
     def strain(self, u: Expr) -> Expr:

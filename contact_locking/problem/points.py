@@ -1,44 +1,88 @@
-"""The points of the strains in all cells, and the values of data there."""
+"""The points of the strains in all cells, the values of data there, and limits of the strain."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import copy
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.arrays import AXES, SMALLEST, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
 from contact_locking.fem.spaces import Element
+from contact_locking.fields.clock import Clock
+from contact_locking.fields.values import PresentValue
 from contact_locking.mesh.domain import Domain
-from contact_locking.parallel import minimum
+from contact_locking.parallel import minimum, on_any_rank
+from contact_locking.problem.strain_sets import HalfSpaceSet, Limited, NormSet, Sampler
+from contact_locking.values.concept import dotted
+from contact_locking.values.value import Value
 
-#: A number, a constant or function of DOLFINx, an expression of UFL, or a function of points
-#: (d, k) with values (k, ...); or an object whose method ``at`` gives the values at `Points`.
-Value = Any
+Check = Callable[[FloatArray, str], None]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Data in some local cells, in all if None, with their key.
+
+    ``short`` is the key of the only value, if that is written without the concept that has it.
+    """
+
+    given: Any
+    key: str
+    cells: IndexArray | None = None
+    short: str = ""
+
+    def key_of(self, *place: str | int) -> str:
+        """The key of a value of a concept."""
+        return self.short or dotted(self.key, *place)
+
+
+@dataclass(frozen=True)
+class InCells:
+    """Values in cells, of which the last counts, and ``elsewhere``."""
+
+    parts: Sequence[Placed]
+    elsewhere: float
 
 
 class Points:
     """The points of the strains in all local cells, numbered cell by cell.
 
     ``places`` (d, k) are the coordinates of the points, ``dofs`` (k,) are the degrees of freedom of
-    the points in ``space``, and ``all`` (k,) are the numbers of the points.
+    the points in ``space``, and ``all`` (k,) are the numbers of the points.  Strains are tensors of
+    the ``size`` with the Mandel ``pairs``.  Data are taken in ``cells`` at the time of ``clock``;
+    ``root`` is the key of what has them, and ``name`` its name in results.
     """
 
-    def __init__(self, domain: Domain, element: Element) -> None:
-        self.domain, self.element = domain, element
+    root, name = "", ""
+    cells: IndexArray | None = None
+
+    def __init__(self, domain: Domain, element: Element, clock: Clock) -> None:
+        self.domain, self.element, self.clock = domain, element, clock
+        self.size = domain.kinematics.tensor_size(domain.dim)
+        self.pairs = domain.kinematics.mandel_pairs(domain.dim)
         self.places = element.strain_places(domain.mesh)
         self.all = np.arange(self.places.shape[1], dtype=np.int32)
         self.space = element.strain_space(domain.mesh)
         self.in_cell = self.space.dofmap.list.shape[1]
         self.dofs = self.space.dofmap.list.reshape(-1)
 
-    def of(self, cells: IndexArray) -> IndexArray:
-        """The numbers of the points in the given cells."""
-        return self.all.reshape(-1, self.in_cell)[cells].reshape(-1)
+    def seen(self, root: str, cells: IndexArray | None = None) -> Points:
+        """The same points for data with a key and in some cells."""
+        found = copy.copy(self)
+        found.root, found.name, found.cells = root, root.removeprefix("material."), cells
+        return found
+
+    def of(self, cells: IndexArray | None) -> IndexArray:
+        """The numbers of the points in the given cells, or in all cells."""
+        return self.all if cells is None else self.all.reshape(-1, self.in_cell)[cells].reshape(-1)
 
     def function(self, shape: tuple[int, ...] = ()) -> fem.Function:
         """A function in the space of strains, with values of the given shape; collective."""
@@ -55,47 +99,172 @@ class Points:
         dofs = function.function_space.dofmap.list.reshape(-1)
         return np.asarray(function.x.array.reshape(-1, *function.ufl_shape)[dofs])
 
-    def sampler(self, value: Value, key: str, shape: tuple[int, ...] = ()) -> Sampler:
-        """A function that returns the present values (k, ...) of data at the points.
+    def sampler(
+        self, value: Any, name: str = "", shape: tuple[int, ...] = (), check: Check | None = None
+    ) -> Sampler:
+        """A function that returns the present values (k, ...) of data at the points in ``cells``.
 
-        Their evaluation is compiled once.  The function raises InputError with the
-        key for a value that is not a number; both are collective.
+        The data are a :class:`Value` or what it is of, tuples of these, or `InCells`.  Their
+        evaluation is compiled once.  The function raises InputError with the key and the ``name``
+        for a value that is not a number, and what ``check`` of values and key raises; both are
+        collective.
         """
-        count = len(self.all)
+        data = value.data if isinstance(value, Value) else value
+        if isinstance(data, InCells):
 
-        def full(values: Any) -> FloatArray:
-            return np.broadcast_to(np.asarray(values, dtype=float), (count, *shape)).copy()
+            def of_part(given: Any, there: Points) -> Sampler:
+                return there.sampler(given, "", shape, check)
 
-        if hasattr(value, "at"):
-            return lambda: value.at(self)
-        if isinstance(value, fem.Constant):
-            return lambda: self._checked(full(value.value), key)
-        if isinstance(value, Expr):
-            if value.ufl_shape != shape:
-                raise InputError(f"has the shape {value.ufl_shape}; it must be {shape}", key)
+            return self.joined(data.parts, of_part, shape, data.elsewhere)
+        key = dotted(*filter(None, (self.root, name)))
+        if isinstance(data, tuple):
+            items = [
+                self.sampler(item, f"{name}.{index}".lstrip("."), shape[1:])
+                for index, item in enumerate(data)
+            ]
+            read: Sampler = partial(_stacked, items, (len(self.of(self.cells)), *shape))
+        else:
+            given = value if isinstance(value, Value | str) else Value(data)
+            read = self._reader(Value.of(given), key, shape)
+        return read if check is None else partial(_checked, read, check, key)
+
+    def _reader(self, value: Value, key: str, shape: tuple[int, ...]) -> Sampler:
+        """`sampler` for one value."""
+        inside, data = self.of(self.cells), value.data
+        places = self.places[:, inside]
+
+        def present(values: Any) -> FloatArray:
+            full = np.broadcast_to(np.asarray(values, dtype=float), (len(inside), *shape)).copy()
+            self.refuse(np.isnan(full), "is not a number somewhere in the body", key)
+            return full
+
+        if value.number is not None:
+            return partial(present, value.number)
+        if value.expression is not None:
+            for unknown in value.expression.names.intersection(AXES[self.domain.dim :]):
+                raise InputError(f"unknown name '{unknown}' in the expression '{value}'", key)
+            return partial(PresentValue(self.domain.comm, value, key, self.clock), places)
+        if isinstance(data, fem.Constant):
+            return lambda: present(data.value)
+        if isinstance(data, Expr):
+            if data.ufl_shape != shape:
+                raise InputError(f"has the shape {data.ufl_shape}; it must be {shape}", key)
             function = self.function(shape)
-            expression = compiled.interpolation(value, function.function_space)
+            expression = compiled.interpolation(data, function.function_space)
 
             def interpolated() -> FloatArray:
                 function.interpolate(expression)
-                return self._checked(self.values(function), key)
+                return present(self.values(function)[inside])
 
             return interpolated
-        if callable(value):
-            return lambda: self._checked(full(value(self.places)), key)
-        fixed = full(value)
-        return lambda: self._checked(fixed, key)
+        return lambda: present(data(places) if callable(data) else data)
 
-    def _checked(self, values: FloatArray, key: str) -> FloatArray:
-        """The values; raises InputError if one of any rank is not a number; collective."""
-        if minimum(self.domain.comm, np.where(np.isnan(values), -1.0, 1.0)) < 0.0:
-            raise InputError("is not a number somewhere in the body", key)
-        return values
+    def joined(
+        self,
+        parts: Sequence[Placed],
+        of: Callable[[Any, Points], Sampler],
+        shape: tuple[int, ...] = (),
+        elsewhere: float = 0.0,
+        adds: bool = False,
+    ) -> Sampler:
+        """Values (k, ...) ``of`` each part in its cells, of which the last counts, or their sum."""
+        there = [(self.of(p.cells), of(p.given, self.seen(p.key, p.cells))) for p in parts]
+
+        def joined() -> FloatArray:
+            found = np.full((len(self.all), *shape), elsewhere)
+            for where, read in there:
+                found[where] = found[where] + read() if adds else read()
+            return found
+
+        return joined
+
+    def positive(
+        self,
+        value: Any,
+        name: str,
+        told: str = "the limit",
+        sign: float = 1.0,
+        over: FloatArray | float = 1.0,
+    ) -> Sampler:
+        """Limits ``sign M/over > 0``; collective.
+
+        The sampler raises InputError for limits that do not keep 0 inside of the set.
+        """
+
+        def check(values: FloatArray, key: str) -> None:
+            smallest = self.least(sign * values)
+            if not smallest > 0.0:
+                raise InputError(
+                    f"{told} must be positive, so that the body without strain is inside of the "
+                    f"set; it reaches {smallest:g}",
+                    key,
+                )
+            if smallest < SMALLEST:
+                message = f"{told} must be at least {SMALLEST:g}, it reaches {smallest:g}"
+                raise InputError(message, key)
+
+        read = self.sampler(value, name, check=check)
+
+        def limits() -> FloatArray:
+            with np.errstate(divide="ignore"):
+                found = np.asarray(sign * read() / over)
+            if np.ndim(over):
+                check(sign * found, f"{self.root}.{name}")
+            return found
+
+        return limits
+
+    def norm_set(
+        self, name: str, limits: Sampler, always: bool = False, **made: Any
+    ) -> list[Limited]:
+        """``|L eps| <= M``, if any point of any rank has a limit, or ``always``; collective.
+
+        ``made`` is for `NormSet`.
+        """
+        return self._where_any(limits, partial(NormSet, name, **made), always)
+
+    def half_space(self, name: str, limits: Sampler, normal: Expr) -> list[Limited]:
+        """``N : eps <= M`` with the ``normal`` N, if any point of any rank has a limit."""
+        return self._where_any(limits, partial(HalfSpaceSet, name, normal=normal))
+
+    def between(self, limit: Any, name: str, normal: Expr, root: float = 1.0) -> list[Limited]:
+        """``m <= root N : eps <= M`` with ``at_least`` and ``at_most`` of a limit; collective."""
+        upper = self.positive(limit.at_most, "at_most", over=root)
+        lower = self.positive(limit.at_least, "at_least", "minus the lower limit", -1.0, root)
+        return [
+            *self.half_space(f"{name} at_most", upper, normal),
+            *self.half_space(f"{name} at_least", lower, -normal),
+        ]
+
+    def _where_any(
+        self, limits: Sampler, make: Callable[..., Any], always: bool = False
+    ) -> list[Limited]:
+        is_one = always or on_any_rank(self.domain.comm, np.isfinite(limits()))
+        return [Limited(self, limits, make)] if is_one else []
+
+    def refuse(self, marks: BoolArray, told: str, key: str) -> None:
+        """Raise InputError if any point of any rank is marked; collective."""
+        if on_any_rank(self.domain.comm, marks):
+            raise InputError(told, key)
+
+    def least(self, values: FloatArray) -> float:
+        """The minimum over all ranks; NaN counts as -inf; collective."""
+        return minimum(self.domain.comm, np.where(np.isnan(values), -np.inf, values))
+
+    def largest(self, values: FloatArray) -> float:
+        """The largest magnitude over all ranks; NaN counts as inf; collective."""
+        return -self.least(-np.abs(values))
 
 
-Sampler = Callable[[], FloatArray]
+def _stacked(items: Sequence[Sampler], shape: tuple[int, ...]) -> FloatArray:
+    """The values of the entries; those that are left out are zero."""
+    found = np.zeros(shape)
+    for index, read in enumerate(items):
+        found[:, index] = read()
+    return found
 
 
-def least(domain: Domain, values: FloatArray) -> float:
-    """The minimum over all ranks; NaN counts as -inf; collective."""
-    return minimum(domain.comm, np.where(np.isnan(values), -np.inf, values))
+def _checked(read: Sampler, check: Check, key: str) -> FloatArray:
+    values = read()
+    check(values, key)
+    return values

@@ -15,13 +15,15 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import dolfinx
+import numpy as np
 import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
+from contact_locking.arrays import FloatArray
 from contact_locking.fem.compiled import Kept
 from contact_locking.fem.spaces import Element
 from contact_locking.laws.locking import (
@@ -32,6 +34,7 @@ from contact_locking.laws.locking import (
 )
 
 StrainMap = Callable[[Expr], Expr]
+Sampler = Callable[[], FloatArray]
 
 
 def _identity(eps: Expr) -> Expr:
@@ -136,3 +139,22 @@ class HalfSpaceSet(StrainSet):
 
     def size(self, measured: Expr) -> Expr:
         return measured
+
+
+class Limited:
+    """A set of strains on the mesh, whose limit M is read anew by :meth:`refresh`.
+
+    ``sampler`` gives M (k,) at the points, inf where there is no limit, and ``limits`` is M as it
+    was read last.  ``strain_set`` is the set in the forms, which ``make`` gives for 1/M.
+    """
+
+    def __init__(self, points: Any, sampler: Sampler, make: Callable[..., StrainSet]) -> None:
+        self._points, self._sampler = points, sampler
+        self._inverse = points.function()
+        self.strain_set = make(self._inverse)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Take the present limits; collective."""
+        self.limits = self._sampler()
+        self._points.write(self._inverse, np.reciprocal(self.limits))

@@ -149,9 +149,8 @@ class BodyFields:
         size, stress = elastic.shape[1], np.zeros((len(elastic), 3, 3))
         stress[:, :size, :size] = elastic + points.values(self.locking_stress)
         if size == 2:
-            in_space = problem.body.elasticity.plane != "stress"
             across = problem.material.across(elastic)
-            if across is None or (in_space and not self.system.data.only_ball):
+            if across is None or (problem.material.in_space and not self.system.data.only_ball):
                 return None
             stress[:, 2, 2] = across
         stress -= np.trace(stress, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3.0

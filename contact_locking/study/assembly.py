@@ -30,7 +30,7 @@ from contact_locking.mesh.named_parts import Place, Test, with_parts
 from contact_locking.mesh.skins import area_normals
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.study.loads import build_loads, open_pressures, springs_of
-from contact_locking.study.material import MaterialOfStudy
+from contact_locking.study.material import material_in_cells, material_warnings
 from contact_locking.study.probe_points import locate
 from contact_locking.study_file import require_parameters
 from contact_locking.study_file.parameters import HOLD_ALONG, Parameters
@@ -38,7 +38,7 @@ from contact_locking.study_file.parameters.boundary import LoadParameters
 from contact_locking.study_file.parameters.mesh import BoundaryPart, MeshParameters
 from contact_locking.supports.conditions import ComponentCondition, constrain
 from contact_locking.supports.support import Support
-from contact_locking.values.concept import BodyKind, dimension_faults, dotted
+from contact_locking.values.concept import BodyKind, dotted, require_fitting
 from contact_locking.values.value import Value
 
 
@@ -60,7 +60,7 @@ class StudyProblem(DiscreteProblem):
         steps = parameters.steps
         times = (0.0,) if steps is None else steps.planned
         self.clock = clock = Clock(domain.mesh, times[0], times)
-        given = MaterialOfStudy(domain, parameters.material, clock)
+        material = material_in_cells(domain, parameters.material)
         conditions, supports, of_values = _held(domain, parameters.loads, clock)
         told += of_values
         constraints = constrain(domain, space, conditions, supports, [], clock)
@@ -72,19 +72,17 @@ class StudyProblem(DiscreteProblem):
             domain=domain,
             element=element,
             space=space,
-            elasticity=given.elasticity,
             constraints=constraints,
             loads=self.loads.work(v),
-            limits=given.limits,
-            regions=given.regions,
             springs=springs,
             displacements=[name for item in parameters.loads.displacements for name in item.on],
             supports=[name for item in parameters.loads.supports for name in item.on],
+            **material,
         )
         penalty = parameters.penalty
         super().__init__(body, contacts, penalty.n, penalty.epsilon, clock)
         self.rigidity.require_held()
-        told += given.warnings() + of_springs
+        told += material_warnings(body, clock) + of_springs
         for item in parameters.contacts:
             told += friction_warnings(domain, item)
         told += self.loads.warnings(self.material.stiffness)
@@ -309,8 +307,7 @@ def with_placed_parts(domain: Domain, given: MeshParameters) -> Domain:
     """
     if not given.parts:
         return domain
-    for fault in dimension_faults(given, BodyKind(domain.dim)):
-        raise InputError(fault.message, dotted("mesh", *fault.place))
+    require_fitting(given, BodyKind(domain.dim), "mesh")
     rounding = _ROUNDING * float(np.ptp(domain.bounding_box, axis=0).max())
     places = {
         name: Place(_tests(part, domain.dim, rounding), part.on, part.facing, part.skin)

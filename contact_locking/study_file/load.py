@@ -14,7 +14,7 @@ from contact_locking.errors import InputError, require_kind
 from contact_locking.study_file.parameters import Parameters, removed
 from contact_locking.study_file.parameters.keys import known_keys
 from contact_locking.study_file.parameters.wording import labels, unknown_key
-from contact_locking.values.concept import MOST_FAULTS, Fault, dotted, faults_of
+from contact_locking.values.concept import MOST_FAULTS, Fault, Place, dotted, faults_of
 from contact_locking.values.wording import show
 
 from .dump import dump
@@ -22,17 +22,12 @@ from .schema import rows
 from .source import MAX_BYTES, Source, assign, read, tell
 
 
-def _instead_of_removed(details: Any) -> str | None:
-    """What to do instead of a value that has gone."""
-    given = str(details["input"])
-    messages = (removed.VALUES.get((str(key), given)) for key in details["loc"])
-    return next(filter(None, messages), None)
-
-
-def _message(details: Any, place: tuple[str | int, ...]) -> str | None:
-    if (told := _instead_of_removed(details)) is not None:
-        return told
+def _message(details: Any, place: Place) -> str | None:
+    """The message for an error at a key, if it is not that of the value alone."""
     given = show(details["input"])
+    gone = (removed.VALUES.get((str(key), str(details["input"]))) for key in details["loc"])
+    if instead := next(filter(None, gone), None):
+        return instead
     match details["type"]:
         # A key without a value comes of a decimal comma: {gap: 0,1}.
         case "extra_forbidden" if (

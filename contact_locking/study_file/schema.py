@@ -10,10 +10,11 @@ from itertools import groupby
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel, TypeAdapter
+from pydantic.fields import FieldInfo
 
 from contact_locking.meshes import BUILDERS
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.keys import section_in, visible_fields
+from contact_locking.study_file.parameters.keys import sections_in, visible_fields
 from contact_locking.study_file.parameters.mesh import MeshParameters, builder_types
 from contact_locking.study_file.parameters.study import MAX_CASES
 from contact_locking.values.concept import unit_of
@@ -45,7 +46,7 @@ def rows() -> list[Row]:
 
     Where a section has the same keys as an earlier one, its description says so in their place.
     """
-    return list(_rows(Parameters, "", {}))
+    return list(_rows((Parameters,), "", {}))
 
 
 def schema_text() -> str:
@@ -69,23 +70,33 @@ def schema_text() -> str:
     return head + "\n" + "\n\n".join(parts) + "\n"
 
 
-def _rows(model: type[BaseModel], prefix: str, known: dict[type[BaseModel], str]) -> Iterator[Row]:
-    """The keys below a section; ``known`` are the sections that were listed before."""
-    for name, field in visible_fields(model).items():
+Sections = tuple[type[BaseModel], ...]
+
+
+def _rows(models: Sections, prefix: str, known: dict[Sections, str]) -> Iterator[Row]:
+    """The keys below a section, or below what is one of several sections.
+
+    ``known`` are the sections that were listed before.
+    """
+    having: dict[str, list[FieldInfo]] = {}
+    for model in models:
+        for name, field in visible_fields(model).items():
+            having.setdefault(name, []).append(field)
+    for name, fields_ in having.items():
         key = f"{prefix}{name}"
-        path, section = section_in(field.annotation)
-        default = "required" if field.is_required() else _shown(field.default)
-        row = Row(key, default, unit_of(field), field.description or "")
-        if section in known:
-            yield row._replace(
-                description=f"{row.description}; its keys: those of {known[section]}"
-            )
+        path, found = sections_in(fields_[0].annotation)
+        defaults = {"required" if one.is_required() else _shown(one.default) for one in fields_}
+        default = defaults.pop() if len(defaults) == 1 else "required"
+        told = "; ".join(dict.fromkeys(one.description or "" for one in fields_))
+        row = Row(key, default, unit_of(fields_[0]), told)
+        if found in known:
+            yield row._replace(description=f"{told}; its keys: those of {known[found]}")
             continue
         yield row
-        if section is not None:
-            known[section] = key
-            yield from _rows(section, ".".join((key, *path, "")), known)
-    if model is MeshParameters:
+        if found:
+            known[found] = key
+            yield from _rows(found, ".".join((key, *path, "")), known)
+    if models == (MeshParameters,):
         yield from _builder_rows(prefix)
 
 
@@ -194,13 +205,13 @@ def _object(properties: dict[str, Any], required: list[str]) -> dict[str, Any]:
 
 
 def _json(value: Any, names: bool = False) -> Any:
-    """Plain JSON without pydantic's titles; ``names`` says that the keys are names of keys."""
+    """Plain JSON without pydantic's titles, and fields of scripts; ``names`` are those of keys."""
     match value:
         case dict():
             return {
                 key: _json(item, names=key == "properties" and not names)
                 for key, item in value.items()
-                if names or key != "title"
+                if (names or key != "title") and not key.startswith("<")
             }
         case list() | tuple():
             return [_json(item) for item in value]

@@ -67,13 +67,14 @@ def faults_of(
     """
     found: list[Fault] = []
     for details in itertools.islice(error.errors(include_url=False), MOST_FAULTS):
-        place = tuple(part for part in details["loc"] if part not in CHOICES)
+        # Tags of kinds.OneOf begin so.
+        parts = [part for part in details["loc"] if not str(part).startswith("<one ")]
+        place = tuple(part for part in parts if part not in CHOICES)
         cause = details.get("ctx", {}).get("error")
         if isinstance(cause, FaultsError):
             found += [Fault((*place, *fault.place), fault.message) for fault in cause.faults]
-            continue
-        usual = str(cause) if cause else value_message(details)
-        found.append(Fault(place, tell(details, place) or usual))
+        else:
+            found.append(Fault(place, tell(details, place) or value_message(details)))
     return found
 
 
@@ -128,6 +129,8 @@ class Concept(BaseModel, metaclass=_Kind):
 
     def __init__(self, *values: Any, **named: Any) -> None:
         fields = type(self).model_fields
+        if len(values) > len(fields):
+            raise InputError(f"takes {len(fields)} values at most", type(self).__name__)
         named |= dict(zip(fields, values, strict=False))
         try:
             # Pydantic knows a field by its key in a study file.
@@ -139,7 +142,7 @@ class Concept(BaseModel, metaclass=_Kind):
             )
         except ValidationError as error:
             fault = faults_of(error)[0]
-            key = dotted(type(self).__name__, *fault.place)
+            key = dotted(type(self).__name__, *fault.place).replace("<", "").replace(">", "")
             raise InputError(fault.message, key) from None
 
     # Pydantic reads mappings of a study file without this constructor.
@@ -233,7 +236,7 @@ def leaves(value: Any, place: Place) -> Iterator[tuple[Place, Any]]:
 def place_of(place: Place, section: Concept, name: str) -> Place:
     """The place of a field; what a concept is made of alone has the place of the concept."""
     key = section.key_of(name)
-    return place if key in CHOICES else (*place, key)
+    return place if key in CHOICES else (*place, key.strip("<>"))
 
 
 def sections(section: Concept, place: Place = ()) -> Iterator[tuple[Place, Concept]]:
@@ -243,6 +246,12 @@ def sections(section: Concept, place: Place = ()) -> Iterator[tuple[Place, Conce
         for inner, value in leaves(getattr(section, name), place_of(place, section, name)):
             if isinstance(value, Concept):
                 yield from sections(value, inner)
+
+
+def require_fitting(whole: Any, body: BodyKind, key: str) -> None:
+    """Raise InputError for a concept with a value that does not fit a body."""
+    for fault in dimension_faults(whole, body) if isinstance(whole, Concept) else ():
+        raise InputError(fault.message, dotted(key, *fault.place))
 
 
 def dimension_faults(whole: Concept, body: BodyKind) -> Iterator[Fault]:

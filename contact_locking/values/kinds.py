@@ -24,10 +24,12 @@ from pydantic import (
     Discriminator,
     Field,
     PlainValidator,
+    Tag,
     TypeAdapter,
     ValidationInfo,
     WithJsonSchema,
 )
+from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import core_schema
 
 from contact_locking.arrays import SMALLEST
@@ -36,7 +38,7 @@ from contact_locking.expressions import POSITION, TIME, Table, parse
 from contact_locking.files.readable import require_size, similar
 
 from .concept import LIST as LIST
-from .concept import PER_AXIS
+from .concept import PER_AXIS, Concept, Fault, refuse_if
 from .concept import SECTION as SECTION
 from .concept import TEXT as TEXT
 from .value import Value
@@ -165,16 +167,25 @@ SCOPE: ContextVar[Scope] = ContextVar("SCOPE", default=Scope())  # noqa: B039
 _NAME = re.compile(r"[A-Za-z_]\w*")
 
 
+def _of_script(value: Any) -> Value:
+    """A whole vector or matrix that a script gives where a file has a list."""
+    if isinstance(value, Real | str | dict | None):
+        raise ValueError(f"must be a list, not {show(value)}")
+    return value if isinstance(value, Value) else Value(value)
+
+
 class ScalarRule(NamedTuple):
     """Reads a number or an expression; ``bound`` is the one infinite number that it accepts.
 
-    A number is ``above`` a bound, ``least`` or more, and ``below`` another bound.
+    A number is ``above`` a bound, ``least`` or more, and ``below`` another bound.  Constants of
+    DOLFINx, functions of points, and UFL with ``has_ufl`` pass as they are.
     """
 
     variables: tuple[str, ...]
     infinite: bool = False
     bound: float | None = None
     has_tables: bool = False
+    has_ufl: bool = False
     above: float = -math.inf
     least: float = -math.inf
     below: float = math.inf
@@ -184,8 +195,9 @@ class ScalarRule(NamedTuple):
             return value
         if isinstance(value, float) and value == self.bound:
             return Value(value)
-        if hasattr(value, "value") or (callable(value) and not hasattr(value, "ufl_shape")):
-            return Value(value)  # a constant of DOLFINx, or a function
+        is_ufl = hasattr(value, "ufl_shape") and not hasattr(value, "value")
+        if self.has_ufl if is_ufl else hasattr(value, "value") or callable(value):
+            return Value(value)  # an expression of UFL, a constant of DOLFINx, or a function
         value = plain(value)
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError(f"must be a number or an expression, not {show(value)}")
@@ -232,6 +244,52 @@ class ScalarRule(NamedTuple):
         return {"anyOf": [{**kept, "type": "number"}, {"type": "string"}]}
 
 
+class OneOf(NamedTuple):
+    """Marks the choice between the subclasses of a concept by their values of the key ``tag``."""
+
+    tag: str
+
+    def among(self, base: type[Concept]) -> dict[str, type[Concept]]:
+        """The subclasses by their tags; a class of a script may have none."""
+        tagged = [one for one in base.__subclasses__() if self.tag in one.model_fields]
+        return {one.model_fields[self.tag].default: one for one in tagged}
+
+    def __get_pydantic_core_schema__(self, base: Any, handler: Any) -> core_schema.CoreSchema:
+        known = self.among(base)
+        choices = {f"<one {name}>": handler.generate_schema(one) for name, one in known.items()}
+        anything = core_schema.typed_dict_field(core_schema.any_schema(), required=False)
+        fields = {key: anything for one in known.values() for key in one.model_fields}
+        fields[self.tag] = core_schema.typed_dict_field(core_schema.literal_schema([*known]))
+        choices["<one of them>"] = core_schema.typed_dict_schema(fields, extra_behavior="forbid")
+
+        def name_of(value: Any) -> str:
+            found = value.get(self.tag) if isinstance(value, dict) else getattr(value, self.tag, "")
+            return found if isinstance(found, str) and found in known else "of them"
+
+        def belonging(value: Any) -> Any:
+            """The keys of a mapping that are not null; those of other choices are refused."""
+            if not isinstance(value, dict):
+                return value
+            name, given = name_of(value), {k: v for k, v in value.items() if v is not None}
+            for key in given if name in known else ():
+                having = [one for one, other in known.items() if key in other.model_fields]
+                if having and name not in having:
+                    told = f"belongs to {self.tag}: {' or '.join(having)}, and not to {name}"
+                    refuse_if([Fault((key,), told)])
+            return given
+
+        union = core_schema.tagged_union_schema(choices, lambda value: f"<one {name_of(value)}>")
+        return core_schema.no_info_before_validator_function(belonging, union)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        choices = schema["schema"]["choices"]
+        found = [handler(one) for name, one in choices.items() if name != "<one of them>"]
+        for one in found:
+            section = handler.resolve_ref_schema(one)
+            section["required"] = [*{self.tag: None, **dict.fromkeys(section.get("required", ()))}]
+        return {"oneOf": found}
+
+
 def _along(value: Any) -> Literal["normal"] | tuple[float, ...]:
     value = plain(value)
     if value is None or value == "normal":
@@ -266,6 +324,14 @@ def components(value: Any) -> Any:
     if np.ndim(getattr(value, "value", 0.0)) == 1:
         return tuple(Component(value, number) for number in range(len(value.value)))
     return plain(value)
+
+
+def _square(rows: tuple[tuple[T, ...], ...]) -> tuple[tuple[T, ...], ...]:
+    lengths = [len(row) for row in rows]
+    if len(rows) not in (3, 4, 6) or set(lengths) != {len(rows)}:
+        given = f"rows of the lengths {show(lengths)}" if rows else "nothing"
+        raise ValueError(f"must be a 3x3, 4x4 or 6x6 matrix (a list of rows), not {given}")
+    return rows
 
 
 def list_or(tag: str) -> Discriminator:
@@ -310,15 +376,35 @@ def _rule(*variables: str, **more: Any) -> ScalarRule:
     return ScalarRule((*POSITION, *variables), **more)
 
 
-Scalar = Annotated[Value, _rule()]
+Scalar = Annotated[Value, _rule(has_ufl=True)]
 TimedScalar = Annotated[Value, _rule(TIME, has_tables=True)]
 TimeScalar = Annotated[Value, ScalarRule((TIME,), has_tables=True)]
-PositiveScalar = Annotated[Value, _rule(above=0.0)]
-PositiveScalarOrInfinite = Annotated[Value, _rule(above=0.0, infinite=True)]
-NegativeScalarOrInfinite = Annotated[Value, _rule(below=0.0, bound=-math.inf)]
-PoissonScalar = Annotated[Value, _rule(above=-1.0, below=0.5)]
+PositiveScalar = Annotated[Value, _rule(above=0.0, has_ufl=True)]
+PositiveScalarOrInfinite = Annotated[Value, _rule(above=0.0, infinite=True, has_ufl=True)]
+NegativeScalarOrInfinite = Annotated[Value, _rule(below=0.0, bound=-math.inf, has_ufl=True)]
+PoissonScalar = Annotated[Value, _rule(above=-1.0, below=0.5, has_ufl=True)]
 NonNegativeSlipScalar = Annotated[Value, _rule("s", has_tables=True, least=0.0)]
-ScalarDirection = Annotated[tuple[Scalar, ...], AfterValidator(_not_zero)]
+_Whole = Annotated[SkipJsonSchema[Value], BeforeValidator(_of_script), Tag(SECTION)]
+ScalarDirection = Annotated[
+    Annotated[tuple[Scalar, ...], AfterValidator(_not_zero), Tag(LIST)] | _Whole,
+    list_or(SECTION),
+    BeforeValidator(plain),
+]
+MandelMatrix = Annotated[
+    Annotated[tuple[tuple[Scalar, ...], ...], AfterValidator(_square), Tag(LIST)] | _Whole,
+    list_or(SECTION),
+    BeforeValidator(plain),
+]
+Strain = Annotated[Value, _rule(TIME, has_tables=True, has_ufl=True)]
+_Row = Annotated[
+    Annotated[tuple[Strain, ...], Tag(LIST)] | Annotated[Strain, Tag(SECTION)], list_or(SECTION)
+]
+#: A number for the strain ``value I``, a list of normal strains, or the rows of a tensor.
+Tensor = Annotated[
+    Annotated[tuple[_Row, ...], Tag(LIST)] | Annotated[Strain, Tag(SECTION)],
+    list_or(SECTION),
+    BeforeValidator(plain),
+]
 TimedVector = Annotated[tuple[TimedScalar, ...], PER_AXIS]
 TimeVector = Annotated[tuple[TimeScalar, ...], BeforeValidator(components), PER_AXIS]
 PositiveNumber = Annotated[Value, ScalarRule((), above=0.0)]

@@ -99,6 +99,9 @@ class Value:
     def __hash__(self) -> int:
         return hash(self.data)
 
+    def __float__(self) -> float:
+        return float(self.data if self.number is None else self.number)
+
     def __str__(self) -> str:
         return str(self.data)
 

@@ -28,6 +28,7 @@ _MESSAGES = {
     "list_type": "must be a list{how_to_list}, not {given}",
     "tuple_type": "must be a list{how_to_list}, not {given}",
     "missing": "is missing",
+    "extra_forbidden": "is not known here",
 }
 
 
@@ -69,6 +70,8 @@ def entry(value: Any) -> str:
 
 def value_message(details: Any) -> str:
     """The message for an error of pydantic about one value."""
+    if cause := details.get("ctx", {}).get("error"):
+        return str(cause)
     given = details["input"]
     if details["type"] == "literal_error":
         allowed = details["ctx"]["expected"].replace("'", "")

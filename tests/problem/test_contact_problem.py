@@ -148,7 +148,7 @@ SIDES: dict[str, tuple[Any, Make]] = {
         ),
         own(
             limits=[
-                cl.Deviator(0.03),
+                cl.Deviator("0.03 + 0*x"),
                 cl.Volume(at_most=0.01, at_least=-0.02),
                 cl.Direction((1.0, 1.0), at_most=0.02),
                 cl.Weighted(np.diag([1.0, 2.0, 1.0]), 0.05),
@@ -308,9 +308,7 @@ def test_an_affine_stress_expands_the_body_without_a_load() -> None:
     """``sigma = C(eps - a T I)``: a body that nothing holds back has the strain ``a T I``."""
     space = square(4)
     heat = fem.Constant(space.mesh, 0.004)
-    thermal = cl.Elasticity(
-        stress=lambda eps: stress(eps) - heat * stress(ufl.Identity(2)), key="thermal"
-    )
+    thermal = cl.Elasticity(stress=lambda eps: stress(eps) - heat * stress(ufl.Identity(2)))
     rollers = [cl.Support(side(space.mesh, 0, 0.0)), cl.Support(side(space.mesh, 1, 0.0))]
     problem = cl.ContactProblem(thermal, bcs=rollers, space=space, limits=[cl.StrainBall(1.0)])
     for warm in (0.004, 0.008):
@@ -347,6 +345,26 @@ def test_a_form_on_subdomains_is_the_elasticity_of_all_of_them() -> None:
     assert np.allclose(one, other, rtol=0.0, atol=1e-9)
     energies = [solution.summary["certificate"]["constants"]["alpha"] for solution in found]
     assert energies == pytest.approx([1.0 / 1.3] * 2)
+
+
+@pytest.mark.serial
+def test_data_of_a_body_are_numbers_texts_functions_or_ufl() -> None:
+    """In all of these forms an eigenstrain and the moduli give one displacement."""
+    space = square(4)
+    x = ufl.SpatialCoordinate(space.mesh)
+    warm = cl.Eigenstrain(expansion=fem.Constant(space.mesh, 0.02), temperature=lambda x: x[0])
+    wholes = [0.02 * x[0], 0.02 * x[0] * ufl.Identity(3), "0.02*x", ["0.02*x"] * 3, warm]
+    wholes.append(lambda x: np.multiply.outer(0.02 * x[0], np.eye(3)))
+    moduli = [1.0 + x[1], "1 + y", lambda x: 1.0 + x[1], lambda x: 1.0 + x[1], "1+y", "y + 1"]
+    rollers = [cl.Support(side(space.mesh, 0, 0.0)), cl.Support(side(space.mesh, 1, 0.0))]
+    found = []
+    for young, whole in zip(moduli, wholes, strict=True):
+        law = cl.Elasticity(young, 0.3, eigenstrain=whole)
+        problem = cl.ContactProblem(law, bcs=rollers, space=space, limits=[cl.StrainBall(0.02)])
+        found.append(problem.solve(certificate=False).displacement.x.array)
+        problem.close()
+    assert np.abs(found[0]).max() > 0.005
+    assert all(np.allclose(one, found[0], atol=1e-9) for one in found)
 
 
 @pytest.mark.serial

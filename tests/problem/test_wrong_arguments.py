@@ -151,7 +151,38 @@ WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str]] = {
         lambda space: {"foundation": cl.HalfSpace((0.0, 0.0), (0.0, 0.0))},
         "HalfSpace.normal",
     ),
-    "incompressible": (lambda space: {"a": cl.Elasticity(young=1.0, poisson=0.5)}, "elasticity"),
+    "incompressible": (
+        lambda space: {"a": cl.Elasticity(young=1.0, poisson=0.5)},
+        "Elasticity.poisson",
+    ),
+    "E below zero somewhere": (lambda space: {"a": cl.Elasticity("x - 0.5", 0.3)}, "a"),
+    "E at no coordinate": (lambda space: {"a": cl.Elasticity("1 + z", 0.3)}, "a.young"),
+    "no ellipticity": (
+        lambda space: {"a": cl.Elasticity(lame_lambda=-3.0, lame_mu=1.0)},
+        "a.lambda",
+    ),
+    "an eigenstrain of four numbers": (
+        lambda space: {"a": cl.Elasticity(1.0, 0.3, eigenstrain=[0.1] * 4)},
+        "a.eigenstrain.value",
+    ),
+    "two laws": (lambda space: {"a": cl.Elasticity(young=1.0, lame_mu=1.0)}, "Elasticity"),
+    "plane of another name": (
+        lambda space: {"a": cl.Elasticity(1.0, 0.3, plane="strains")},
+        "Elasticity.plane",
+    ),
+    "M below zero": (lambda space: {"limits": [cl.StrainBall(-0.1)]}, "StrainBall.at_most"),
+    "M below zero somewhere": (
+        lambda space: {"limits": [cl.Deviator(0.1), cl.Volume(at_least=lambda x: x[0] - 0.5)]},
+        "limits.1.at_least",
+    ),
+    "a limit of too many values": (
+        lambda space: {"limits": [cl.StrainBall(0.1, "strain", 3)]},
+        "StrainBall",
+    ),
+    "a direction in space": (
+        lambda space: {"limits": [cl.Direction([0.0, 0.0, 1.0], 0.1)]},
+        "limits.0.along",
+    ),
     "space of another mesh": (
         lambda space: {"L": ufl.TestFunction(elsewhere())[1] * ufl.dx},
         "space",

@@ -25,7 +25,7 @@ BAD: dict[str, tuple[Any, str, str]] = {
     "lower limit of a norm": (
         {"norm": "strain", "at_most": 1, "at_least": -1},
         "0.at_least",
-        "never negative",
+        "belongs to norm: volume",
     ),
     "no direction": ({"norm": "direction", "at_most": 1}, "0.along", "is missing"),
     "zero direction": (

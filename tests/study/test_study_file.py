@@ -116,7 +116,7 @@ def test_overrides_replace_and_add(file: Path) -> None:
         ("loads.spread=rigid", "for a rigid plate see contact.foundation.force"),
         (
             "material.regions={soft: {locking: [{limit: 1}]}}",
-            "known here: norm, at_most, at_least, along, matrix",
+            "known here: at_most, norm, at_least, along, matrix",
         ),
         ("penalty.n=[1", "--set penalty.n: is not valid YAML"),
         ("penalty.n=&a 1\n--- 2", "--set penalty.n: is not valid YAML"),

@@ -21,10 +21,10 @@ from contact_locking.contact import contact as concepts
 from contact_locking.contact.pairing import Side, pair
 from contact_locking.expressions import parse
 from contact_locking.laws.elasticity import mean_young
+from contact_locking.laws.material import Elasticity
 from contact_locking.mesh.domain import Domain
 from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.material import Elasticity
 
 from .boxes import Boxes
 from .geometry import Geometry

@@ -12,6 +12,7 @@ from pydantic.fields import FieldInfo
 
 from contact_locking.meshes import BUILDERS
 from contact_locking.values.concept import ONLY
+from contact_locking.values.kinds import OneOf
 
 from .mesh import MeshParameters, builder_types
 
@@ -27,10 +28,10 @@ def visible_fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
     }
 
 
-def section_in(annotation: Any) -> tuple[Path, type[BaseModel] | None]:
-    """The section that a type contains, if any, and the steps to it: INDEX of a list, NAME."""
-    found = (choice for choice in _choices(annotation) if choice[1] is not None)
-    return next(found, ((), None))
+def sections_in(annotation: Any) -> tuple[Path, tuple[type[BaseModel], ...]]:
+    """The sections that a type chooses from, and the steps to them: INDEX of a list, NAME."""
+    found = [(path, section) for path, section in _choices(annotation) if section is not None]
+    return found[0][0] if found else (), tuple(dict.fromkeys(section for _, section in found))
 
 
 def _choices(annotation: Any) -> Iterator[tuple[Path, type[BaseModel] | None]]:
@@ -43,7 +44,9 @@ def _choices(annotation: Any) -> Iterator[tuple[Path, type[BaseModel] | None]]:
         step, inside = ("INDEX", arguments[0]) if origin is tuple else ("NAME", arguments[1])
         yield from (((step, *path), model) for path, model in _choices(inside))
     elif origin in (Annotated, Union, types.UnionType):
-        for choice in arguments[:1] if origin is Annotated else arguments:
+        marks = [mark for mark in arguments[1:] if isinstance(mark, OneOf)]
+        choices = arguments[:1] if origin is Annotated else arguments
+        for choice in marks[0].among(choices[0]).values() if marks else choices:
             yield from _choices(choice)
     else:
         yield (), None

@@ -199,9 +199,7 @@ def _geometry(builder: type, values: dict[Any, Any]) -> Any:
             checked[key] = types_[key].validate_python(value)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
-            cause = first.get("ctx", {}).get("error")
-            message = str(cause) if cause else value_message(first)
-            faults.append(Fault((key, *first["loc"]), message))
+            faults.append(Fault((key, *first["loc"]), value_message(first)))
     refuse_if(faults)
     try:
         return builder(**checked)
