@@ -1,9 +1,9 @@
 """The steps of a process, one solution after the other.
 
 1. Put the problem to the next time: loads, prescribed displacements, gaps.
-2. Solve the problem of the step, from the state before if that helps.
-   Where the solve fails, and a proof says that nothing is admissible a little later, the limit of
-   the strain is the cause: no other way of solving is tried, nor a time that failed before.
+2. Solve it, from the state before if that helps.  Where this fails, and a proof says that nothing
+   is admissible a little later, the limit of the strain is the cause: no other way of solving is
+   tried, nor a time that failed before.
 3. Judge the solution: the certificate, and the energy balance of the step.  If the solve or a
    criterion fails, or if a foundation has moved to where none can be, go back to 1 with half the
    step, down to the least step.  There the process fails, or stops with the last solution.
@@ -141,8 +141,7 @@ class Process(Iterator[S]):
         where the least step fails: "fail" ends with the state that it reached, and "stop" with the
         last step that was solved
     restart
-        a folder with a checkpoint of a step, which is judged again, and from which the process
-        goes on
+        a folder with a checkpoint of a step, from which, judged again, the process goes on
     """
 
     def __init__(

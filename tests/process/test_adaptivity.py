@@ -22,7 +22,6 @@ from contact_locking.meshes import write as write_mesh
 from contact_locking.process import adaptive_meshes, solving
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.results import adapted_meshes
-from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.view import report
 

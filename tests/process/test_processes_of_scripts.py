@@ -136,10 +136,8 @@ def test_a_process_of_a_script_goes_on_from_a_saved_step(tmp_path: Path) -> None
 def test_the_files_of_a_process_of_a_script_are_read_back(tmp_path: Path) -> None:
     folder = Path(MPI.COMM_WORLD.bcast(tmp_path))
     process = Block().process()
-    solution = next(process)
-    cl.write(solution, folder)
-    solution = next(process)
-    cl.write(solution, folder)
+    cl.write(next(process), folder)
+    solution, _ = cl.write_steps(process, folder)
     MPI.COMM_WORLD.Barrier()
     names = {path.name for path in folder.iterdir()} - {"picture.png"}
     texts = {"summary.json", "contact.csv", "contact_facets.csv", "history.csv"}
