@@ -164,8 +164,7 @@ class Process(Iterator[S]):
         self._halved: tuple[str, ...] = ()
         self._is_unbalanced, self._follows_branch, self._seconds = False, True, 0.0
         self._probes: tuple[ProbeSample, ...] = ()
-        self._saved = [] if restart is None else saved_steps(Path(restart))
-        self._solutions = self._solve()
+        self._solutions = self._solve([] if restart is None else saved_steps(Path(restart)))
 
     def __next__(self) -> S:
         return next(self._solutions)
@@ -175,13 +174,13 @@ class Process(Iterator[S]):
         self._set_time(at)
         self.problem.refresh()
 
-    def _solve(self) -> Generator[S]:
+    def _solve(self, paths: Sequence[Path]) -> Generator[S]:
         timeline, discrete = self._timeline, self._solver.problem
         solution: S | None = None
         last: State | None = None
         before: Moment | None = None
         discrete.enter(discrete.at_rest())
-        for path in self._saved:
+        for path in paths:
             saved, step = checkpoint.saved_step(path, discrete)
             self._put(step.time)
             self._halved, self.history = step.halved, step.history
