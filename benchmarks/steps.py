@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 from contact_locking import load
-from contact_locking.running.process import run_steps
+from contact_locking.running.run import run
 
 DEMO = Path(__file__).resolve().parent.parent / "demos" / "cyclic_slip.yml"
 
@@ -27,7 +27,7 @@ def main(count: int) -> None:
     before = os.getloadavg()[0]
     began, spent = time.perf_counter(), time.process_time()
     with tempfile.TemporaryDirectory() as folder:
-        last, warnings = run_steps(parameters, folder)
+        last, warnings = run(parameters, folder)
     elapsed, spent = time.perf_counter() - began, time.process_time() - spent
     after = os.getloadavg()[0]
     assert last.converged, last.summary["reason"]

@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from contact_locking.results.solution import Solution as Solution
     from contact_locking.results.solution import State as State
     from contact_locking.results.solution import StudySolution as StudySolution
+    from contact_locking.running.run import write_steps as write_steps
     from contact_locking.running.writing import save as save
     from contact_locking.running.writing import write as write
     from contact_locking.shapes.analytic import Cylinder as Cylinder
@@ -90,6 +91,7 @@ _NAMES = {
     "process.loop": "Process",
     "process.solving": "check solve solve_adaptively solve_assembled solve_steps",
     "results.solution": "Solution State StudySolution",
+    "running.run": "write_steps",
     "running.writing": "save write",
     "inverse.derivatives": "Number",
     "shapes.analytic": "Cylinder HalfSpace LevelSet Sphere",

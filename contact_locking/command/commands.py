@@ -72,10 +72,8 @@ def run(arguments: argparse.Namespace) -> int:
     with _importing() if arguments.program else contextlib.nullcontext():
         study = _load(arguments.file, _overrides(arguments))
         comm = world_with_dolfinx(arguments)
-        from contact_locking.process import solving
         from contact_locking.results import in_words, output_folder
-        from contact_locking.running import writing
-        from contact_locking.running.process import run_steps
+        from contact_locking.running.run import run as solve_and_write
 
     parameters, restart = study.parameters, arguments.restart
     directory = parameters.output.directory
@@ -89,13 +87,9 @@ def run(arguments: argparse.Namespace) -> int:
         if speaks and parameters.study is not None:
             print("The file describes a study; run solves its base case.")
         with _monitor(arguments, comm, speaks) as monitor, petsc_complaints():
-            if parameters.steps is None:
-                solution = solving.solve(parameters, comm, monitor, arguments.petsc, restart)
-                warnings = writing.write(solution, directory, save_state)
-            else:
-                solution, warnings = run_steps(
-                    parameters, directory, comm, monitor, arguments.petsc, restart, save_state
-                )
+            solution, warnings = solve_and_write(
+                parameters, directory, comm, monitor, arguments.petsc, restart, save_state
+            )
     if arguments.quiet:
         warnings = [*solution.summary["warnings"], *warnings]
     for warning in warnings:

@@ -1,9 +1,9 @@
 """The steps of a process, one solution after the other.
 
 1. Put the problem to the next time: loads, prescribed displacements, gaps.
-2. Solve the problem of the step, from the state before if that helps.
-   Where the solve fails, and a proof says that nothing is admissible a little later, the limit of
-   the strain is the cause: no other way of solving is tried, nor a time that failed before.
+2. Solve it, from the state before if that helps.  Where this fails, and a proof says that nothing
+   is admissible a little later, the limit of the strain is the cause: no other way of solving is
+   tried, nor a time that failed before.
 3. Judge the solution: the certificate, and the energy balance of the step.  If the solve or a
    criterion fails, or if a foundation has moved to where none can be, go back to 1 with half the
    step, down to the least step.  There the process fails, or stops with the last solution.
@@ -142,8 +142,7 @@ class Process(Iterator[S]):
         where the least step fails: "fail" ends with the state that it reached, and "stop" with the
         last step that was solved
     restart
-        a folder with a checkpoint of a step, which is judged again, and from which the process
-        goes on
+        a folder with a checkpoint of a step, from which, judged again, the process goes on
     """
 
     def __init__(
@@ -167,8 +166,7 @@ class Process(Iterator[S]):
         self._halved: tuple[str, ...] = ()
         self._is_unbalanced, self._follows_branch, self._seconds = False, True, 0.0
         self._probes: tuple[ProbeSample, ...] = ()
-        self._saved = [] if restart is None else saved_steps(Path(restart))
-        self._solutions = self._solve()
+        self._solutions = self._solve([] if restart is None else saved_steps(Path(restart)))
 
     def __next__(self) -> S:
         return next(self._solutions)
@@ -180,13 +178,13 @@ class Process(Iterator[S]):
             self._set_time(at)
         self.problem.refresh()
 
-    def _solve(self) -> Generator[S]:
+    def _solve(self, paths: Sequence[Path]) -> Generator[S]:
         timeline, discrete = self._timeline, self._solver.problem
         solution: S | None = None
         last: State | None = None
         before: Moment | None = None
         discrete.enter(discrete.at_rest())
-        for path in self._saved:
+        for path in paths:
             saved, step = checkpoint.saved_step(path, discrete)
             self._put(step.time)
             self._halved, self.history = step.halved, step.history

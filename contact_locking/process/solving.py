@@ -243,7 +243,10 @@ def solve_steps(
     told = set[str]()
     with contextlib.closing(SolvableStudy(problem, monitor, petsc_options)) as study:
         for solution in study.solutions(restart):
-            _require_columns(solution)
+            for number, chart in enumerate(parameters.output.charts):
+                for key, text in (("x", chart.x), ("y", chart.y)):
+                    key = f"output.charts.{number}.{key}"
+                    with_key(key, partial(values_of, text, solution.history))
             for warning in solution.summary["warnings"]:
                 # Steps differ in the numbers of a warning; those in keys, as contact.1, tell it
                 # apart.
@@ -260,14 +263,6 @@ def solve_steps(
             entries["wall_seconds"] = time.perf_counter() - start
             others = tuple(other.telling(**entries) for other in solution.others)
             yield dataclasses.replace(solution.telling(**entries), others=others)
-
-
-def _require_columns(solution: StudySolution) -> None:
-    """Raise InputError for charts of columns that the history has not."""
-    for number, chart in enumerate(solution.parameters.output.charts):
-        for key, text in (("x", chart.x), ("y", chart.y)):
-            key = f"output.charts.{number}.{key}"
-            with_key(key, partial(values_of, text, solution.history))
 
 
 def solve_assembled(

@@ -22,16 +22,17 @@ class Timeline:
 
     ``done`` is the time of the last solution, at first the ``start``: 0, or the first of the
     ``times`` if that is earlier.  A failure halves the step, down to ``least``; a success between
-    two planned times lets the next step be twice as long.
-    ``refused`` is the earliest time, since the last planned one, at which a proof shows that no
-    displacement is admissible, with the report that says so.  ``failed`` has the reasons by the
-    times that failed near it.  Raises InputError for times that do not ascend.
+    two planned times lets the next step be twice as long.  ``refused`` is the earliest time, since
+    the last planned one, at which a proof shows that no displacement is admissible, with the report
+    that says so.  ``failed`` has the reasons by the times that failed near it.
     """
 
     def __init__(self, times: Sequence[float], least: float | None = None) -> None:
         self._planned = deque(map(float, times))
         if not self._planned or not all(a < b for a, b in itertools.pairwise(times)):
             raise InputError("must be numbers that ascend, one at least", "times")
+        if least is not None and not least > 0.0:
+            raise InputError(f"must be None or > 0, not {least}", "least")
         self.start = min(0.0, self.planned)
         self._interval_start, self.done, self._least = self.start, self.start, least
         self._longest = math.inf

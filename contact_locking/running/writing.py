@@ -107,8 +107,7 @@ def write(
             except NoRoom as error:
                 refused.append(str(error))
         if checkpoint and (problem := _checkpoint(solution, target, staging)) is not None:
-            is_possible = checkpoints.unavailable() is None
-            is_possible = is_possible and checkpoints.has_cells_everywhere(solution.domain)
+            is_possible = checkpoints.is_possible(solution.domain)
             (refused if is_possible else warnings).append(f"no checkpoint was saved: {problem}")
         told = [*solution.summary.get("warnings", []), *warnings, *refused]
         complete = solution.telling(warnings=told)
@@ -141,10 +140,7 @@ def save(solution: Solution, directory: str | Path) -> None:
 
 
 def save_as(solution: Solution, directory: Path, name: str) -> None:
-    """Save a checkpoint as ``directory``/``name``, whole or not at all; collective.
-
-    Raises as :func:`save`.
-    """
+    """Save a checkpoint as ``directory``/``name``, whole or not at all, as :func:`save` does."""
     comm = solution.domain.comm
     with _staging(comm, directory) as staging:
         folder = staging / name

@@ -8,7 +8,7 @@ from .fingerprint import (
     mesh_identity,
     problem_fingerprint,
 )
-from .load import StudyFile, from_mapping, load, require_parameters
+from .reading import StudyFile, from_mapping, load, require_parameters
 from .schema import schema, schema_text
 
 __all__ = [

@@ -9,7 +9,7 @@ from dataclasses import MISSING, fields
 from itertools import groupby
 from typing import Any, NamedTuple
 
-from pydantic import BaseModel, TypeAdapter
+from pydantic import TypeAdapter
 from pydantic.fields import FieldInfo
 
 from contact_locking.meshes import BUILDERS
@@ -17,7 +17,7 @@ from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.keys import sections_in, visible_fields
 from contact_locking.study_file.parameters.mesh import MeshParameters, builder_types
 from contact_locking.study_file.parameters.study import MAX_CASES
-from contact_locking.values.concept import unit_of
+from contact_locking.values.concept import Concept, unit_of
 from contact_locking.values.wording import show
 
 
@@ -70,7 +70,7 @@ def schema_text() -> str:
     return head + "\n" + "\n\n".join(parts) + "\n"
 
 
-Sections = tuple[type[BaseModel], ...]
+Sections = tuple[type[Concept], ...]
 
 
 def _rows(models: Sections, prefix: str, known: dict[Sections, str]) -> Iterator[Row]:
@@ -132,7 +132,7 @@ def _merged(having: dict[str, Row]) -> Row:
 
 
 def _shown(value: Any) -> str:
-    return "" if isinstance(value, BaseModel) else show(value)
+    return "" if isinstance(value, Concept) else show(value)
 
 
 # The language servers of editors know this version best; nothing in the schema takes a later one.

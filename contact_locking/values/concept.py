@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import (
+    TYPE_CHECKING,
     Any,
+    ClassVar,
     NamedTuple,
     Self,
     TypeVar,
-    dataclass_transform,
     get_args,
     get_origin,
     get_type_hints,
 )
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic._internal._model_construction import ModelMetaclass
 from pydantic.config import JsonDict
 from pydantic.fields import FieldInfo
 
@@ -110,12 +110,27 @@ def dotted(*place: str | int) -> str:
     return ".".join(map(str, place))
 
 
-@dataclass_transform(kw_only_default=False, frozen_default=True)
-class _Kind(ModelMetaclass):
-    """Lets type checkers know that constructors take their fields in order."""
+if TYPE_CHECKING:
+
+    class _Model:
+        """BaseModel, whose constructors take what the types of the fields are made of."""
+
+        model_fields: ClassVar[dict[str, FieldInfo]]
+        model_fields_set: set[str]
+
+        def __init__(self, *values: Any, **named: Any) -> None: ...
+        def model_copy(self, *, update: Mapping[str, Any] | None = None) -> Self: ...
+        def model_dump(self, **options: Any) -> dict[str, Any]: ...
+        @classmethod
+        def model_validate(cls, data: Any, **options: Any) -> Self: ...
+        @classmethod
+        def model_json_schema(cls, **options: Any) -> dict[str, Any]: ...
+
+else:
+    _Model = BaseModel
 
 
-class Concept(BaseModel, metaclass=_Kind):
+class Concept(_Model):
     """One concept of a contact problem, for scripts and study files alike.
 
     A script makes it by its fields, in order or by name.  In a study file it is a mapping: unknown
@@ -205,7 +220,7 @@ _Mark = TypeVar("_Mark")
 
 
 @cache
-def marked(model: type[BaseModel], kind: type[_Mark]) -> dict[str, tuple[int, _Mark]]:
+def marked(model: type[Concept], kind: type[_Mark]) -> dict[str, tuple[int, _Mark]]:
     """The fields whose type has a mark of a kind, with the number of lists around it."""
     hints = get_type_hints(model, include_extras=True)
     found = {name: next(_marks(hints[name], kind), None) for name in model.model_fields}

@@ -17,7 +17,7 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.smoothing import ConvolutionOperator
 from contact_locking.laws.convex import positive_part, unit_ball_excess
 from contact_locking.problem import forms, strain_sets
-from contact_locking.process import of_study, solving
+from contact_locking.process import solving
 from contact_locking.results import derived
 
 Tamper = Callable[[SolvedState], None]
@@ -78,7 +78,7 @@ def test_a_tampered_solution_is_not_converged_and_the_reason_names_what_failed(
         tamper(state)
         return certify(state, *more)
 
-    monkeypatch.setattr(of_study, "certify", tampered)
+    monkeypatch.setattr(solving, "certify", tampered)
     summary = solving.solve(block(penalty__n=n)).summary
     criteria = summary["certificate"]["criteria"]
     failed = {name for name, entry in criteria.items() if not entry["holds"]}

@@ -14,7 +14,7 @@ from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.process.timeline import Timeline
 from contact_locking.results.in_words import verdict
 from contact_locking.results.solution import StudySolution
-from contact_locking.running.process import run_steps
+from contact_locking.running.run import run
 from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem
 
@@ -65,7 +65,7 @@ def test_a_run_that_stops_has_the_last_solution_in_its_files(
     monkeypatch.setattr(ProblemSolver, "solve", solved)
     steps = {"to": 1, "count": 2, "least": 0.2, "on_failure": "stop"}
     output = {"picture": False, "fields": False}
-    last, _ = run_steps(seal(steps=steps, output=output), tmp_path)
+    last, _ = run(seal(steps=steps, output=output), tmp_path)
     assert isinstance(last, StudySolution) and last.converged and last.time == 0.5
     assert len(last.history) == 1 and "it is late" in last.summary["steps"]["ended"]
     assert (tmp_path / "history.csv").read_text().count("\n") == 2

@@ -86,6 +86,10 @@ def test_a_constant_is_the_time_of_a_process() -> None:
     process = cl.Process(block.problem, [0.5, 1.0], block.t)
     forces = [solution.summary["friction_force"][0] for solution in process]
     assert forces[1] == pytest.approx(2.0 * forces[0]) and abs(forces[0]) > 1e-4
+    for key, given in (("times", ([1.0, 0.5], block.t)), ("least", ([1.0], block.t, 0.0))):
+        with pytest.raises(cl.InputError) as caught:
+            cl.Process(block.problem, *given)
+        assert caught.value.key == key
 
 
 @pytest.fixture
@@ -136,10 +140,8 @@ def test_a_process_of_a_script_goes_on_from_a_saved_step(tmp_path: Path) -> None
 def test_the_files_of_a_process_of_a_script_are_read_back(tmp_path: Path) -> None:
     folder = Path(MPI.COMM_WORLD.bcast(tmp_path))
     process = Block().process()
-    solution = next(process)
-    cl.write(solution, folder)
-    solution = next(process)
-    cl.write(solution, folder)
+    cl.write(next(process), folder)
+    solution, _ = cl.write_steps(process, folder)
     MPI.COMM_WORLD.Barrier()
     names = {path.name for path in folder.iterdir()} - {"picture.png"}
     texts = {"summary.json", "contact.csv", "contact_facets.csv", "history.csv"}

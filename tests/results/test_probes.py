@@ -15,7 +15,7 @@ from problems import block
 from contact_locking import InputError, Parameters, solve, study_file
 from contact_locking.monitor import Monitor
 from contact_locking.results import probe_table
-from contact_locking.running.process import run_steps
+from contact_locking.running.run import run
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 
@@ -125,8 +125,8 @@ def test_a_process_has_a_row_for_each_step_and_point(tmp_path: Path, stopped: bo
     parameters = square(loads=loads, steps={"times": [0.5, 1.0]}, output=output)
     if stopped:
         with pytest.raises(KeyboardInterrupt):
-            run_steps(parameters, folder, monitor=_Stopping())
-    solution, _ = run_steps(parameters, folder)
+            run(parameters, folder, monitor=_Stopping())
+    solution, _ = run(parameters, folder)
     found = table((folder / "probes.csv").read_text())
     assert found["step"] == [1] * 9 + [2] * 9
     assert found["t"] == [0.5] * 9 + [1.0] * 9

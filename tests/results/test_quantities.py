@@ -18,7 +18,7 @@ from contact_locking import solve
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.results import in_words
 from contact_locking.results.quantities import QUANTITIES, quantity, touches
-from contact_locking.running.process import run_steps
+from contact_locking.running.run import run
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.view import report
 from contact_locking.view.report.folders import read_all
@@ -163,7 +163,7 @@ def test_the_centre_of_pressure_is_not_known_before_the_body_touches(tmp_path: P
     steps, output = {"times": [0.5, 1.0]}, {"directory": "r", "picture": False, "fields": False}
     touching = {"on": "bottom", "gap": 0.03}
     given = pressed(contact=touching, loads=down, steps=steps, output=output)
-    solution, _ = run_steps(given, tmp_path)
+    solution, _ = run(given, tmp_path)
     assert solution.summary["pressure_centre"] == pytest.approx([0.5, 0.0], abs=1e-3)
     (results,) = read_all(tmp_path)
     history = results.history  # type: ignore[union-attr]
@@ -221,7 +221,7 @@ def own() -> Iterator[str]:
 @pytest.mark.serial
 def test_a_quantity_of_five_lines_is_everywhere(own: str, tmp_path: Path) -> None:
     parameters = sheared(2, output={"directory": "r", "picture": False, "fields": False})
-    solution, _ = run_steps(parameters, tmp_path)
+    solution, _ = run(parameters, tmp_path)
     mean = solution.summary[own]
     assert mean == pytest.approx(solution.summary["contact_force"][1], rel=1e-6) and mean > 0.0
     assert solution.history.column(own)[-1] == mean

@@ -58,7 +58,7 @@ def test_a_timeline_reaches_every_planned_time_whatever_fails() -> None:
     random = np.random.default_rng(1)
     for _ in range(50):
         planned = [float(time) for time in np.cumsum(random.uniform(0.01, 1.0, 5))]
-        timeline = Timeline(StepParameters(times=tuple(planned)))
+        timeline = Timeline(planned)
         most, reached, tries = random.uniform(0.1, 1.0), [], 0
         while not timeline.is_over and tries < 500:
             tries += 1

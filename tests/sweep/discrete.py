@@ -259,7 +259,7 @@ def _springs(parameters: Parameters, geometry: Geometry) -> Matrix:
             unit = normals if spring.along == "normal" else np.tile(spring.along, (len(facets), 1))
             unit = unit / np.linalg.norm(unit, axis=1)[:, None]
             along = np.einsum("fi,fj->fij", unit, unit)
-        measures = float(spring.stiffness) * geometry.measures(facets)
+        measures = float(spring.stiffness.data) * geometry.measures(facets)
         blocks = np.einsum("fab,fij->faibj", measures, along)
         dofs = (facets[:, :, None] * dim + np.arange(dim)).reshape(len(facets), -1)
         rows = np.repeat(dofs, dofs.shape[1], axis=1).ravel()

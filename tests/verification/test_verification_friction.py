@@ -15,7 +15,7 @@ from problems import with_changes
 from verification_table import Row
 
 import contact_locking as cl
-from contact_locking import assemble, solve
+from contact_locking import FrictionLaw, assemble, solve
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate import Extras
 from contact_locking.process.solving import SolvableStudy

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from problems import with_changes
 from verification_table import Row
 
-from contact_locking import assemble, solve_steps
+from contact_locking import FrictionLaw, assemble, solve_steps
 from contact_locking.arrays import FloatArray
 from contact_locking.process.solving import SolvableStudy
 from contact_locking.results.solution import StudySolution

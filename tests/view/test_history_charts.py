@@ -10,7 +10,7 @@ from seal import seal
 
 from contact_locking import InputError, solve
 from contact_locking.results.history import History, values_of
-from contact_locking.running.process import run_steps
+from contact_locking.running.run import run
 from contact_locking.running.studies.cases import Case, Outcome, row_of
 from contact_locking.study_file import from_mapping
 from contact_locking.study_file.parameters.numerics import UnitLabels
@@ -97,7 +97,7 @@ def test_a_run_of_two_contacts_has_their_charts_and_units(tmp_path: Path) -> Non
         "charts": [CURVE],
     }
     parameters = seal(output=output)
-    last, _ = run_steps(parameters, tmp_path)
+    last, _ = run(parameters, tmp_path)
     (page,) = report.write(tmp_path)
     charts = {path.stem for path in (tmp_path / "report").glob("*.svg")}
     assert {"history-contact-force", "history-friction-force", "history-share"} <= charts

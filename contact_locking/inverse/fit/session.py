@@ -22,12 +22,10 @@ from contact_locking.files import atomic
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
 from contact_locking.plain_text import count, per_cent
-from contact_locking.process.solving import solve
 from contact_locking.results.names import FIT, FIT_PICTURE
 from contact_locking.results.output_folder import on_root_of, reserved
 from contact_locking.results.solution import StudySolution, summary_text
-from contact_locking.running import writing
-from contact_locking.running.process import run_steps
+from contact_locking.running.run import run
 from contact_locking.study_file.parameters import Parameters
 
 from .curves import Experiment, read_experiments
@@ -100,11 +98,7 @@ def _final_runs(
         wanted = plain.model_copy(update={"sensitivities": model.parameters.sensitivities})
         folder = target / f"{number}-{case.experiment.path.stem}" if number else target
         with reserved(folder, comm) if number else nullcontext():
-            if wanted.steps is not None:
-                solutions.append(run_steps(wanted, folder, comm, monitor)[0])
-            else:
-                solutions.append(solve(wanted, comm, monitor))
-                writing.write(solutions[-1], folder)
+            solutions.append(run(wanted, folder, comm, monitor)[0])
     return solutions[0]
 
 

@@ -66,10 +66,10 @@ def unfinished(directory: Path, fingerprint: str) -> list[Path]:
     return []
 
 
-def remove_before(directory: Path, number: int) -> None:
-    """Remove the saved steps before a step; for rank 0."""
+def keep(directory: Path, first: int, last: int) -> None:
+    """Remove all saved steps but these; for rank 0."""
     for record in _records(directory / FOLDER):
-        if record.parent.name < name_of(number):
+        if not name_of(first) <= record.parent.name <= name_of(last):
             shutil.rmtree(record.parent, ignore_errors=True)
 
 

@@ -198,9 +198,10 @@ def unavailable() -> str | None:
     return None
 
 
-def has_cells_everywhere(domain: Domain) -> bool:
-    """Whether each rank has cells, which the library takes for granted; collective."""
-    return on_every_rank(domain.comm, domain.mesh.topology.index_map(domain.dim).size_local > 0)
+def is_possible(domain: Domain) -> bool:
+    """Whether the library is there, and each rank has cells, which it takes for granted."""
+    cells = domain.mesh.topology.index_map(domain.dim).size_local
+    return unavailable() is None and on_every_rank(domain.comm, cells > 0)
 
 
 def size(solution: Solution) -> int:
@@ -385,7 +386,7 @@ def _fields(solution: Solution) -> dict[str, fem.Function]:
 
 
 def _require_cells(domain: Domain) -> None:
-    if not has_cells_everywhere(domain):
+    if not is_possible(domain):
         raise ContactLockingError(
             "the mesh has so few cells that a rank has none, which checkpoints cannot have; take "
             "fewer ranks"

@@ -7,11 +7,10 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import Annotated, Any, Union, get_args, get_origin
 
-from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from contact_locking.meshes import BUILDERS
-from contact_locking.values.concept import ONLY
+from contact_locking.values.concept import ONLY, Concept
 from contact_locking.values.kinds import OneOf
 
 from .mesh import MeshParameters, builder_types
@@ -19,7 +18,7 @@ from .mesh import MeshParameters, builder_types
 Path = tuple[str, ...]
 
 
-def visible_fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
+def visible_fields(model: type[Concept]) -> dict[str, FieldInfo]:
     """The fields of a section by their names in a file."""
     return {
         field.alias or name: field
@@ -28,15 +27,15 @@ def visible_fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
     }
 
 
-def sections_in(annotation: Any) -> tuple[Path, tuple[type[BaseModel], ...]]:
+def sections_in(annotation: Any) -> tuple[Path, tuple[type[Concept], ...]]:
     """The sections that a type chooses from, and the steps to them: INDEX of a list, NAME."""
     found = [(path, section) for path, section in _choices(annotation) if section is not None]
     return found[0][0] if found else (), tuple(dict.fromkeys(section for _, section in found))
 
 
-def _choices(annotation: Any) -> Iterator[tuple[Path, type[BaseModel] | None]]:
+def _choices(annotation: Any) -> Iterator[tuple[Path, type[Concept] | None]]:
     """The sections and values that a type contains, with the steps to each."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+    if isinstance(annotation, type) and issubclass(annotation, Concept):
         yield (), annotation
         return
     origin, arguments = get_origin(annotation), get_args(annotation)
@@ -53,7 +52,7 @@ def _choices(annotation: Any) -> Iterator[tuple[Path, type[BaseModel] | None]]:
 
 
 @cache
-def key_patterns(model: type[BaseModel], above: Path = ()) -> tuple[Path, ...]:
+def key_patterns(model: type[Concept], above: Path = ()) -> tuple[Path, ...]:
     """All keys below a section by their parts, and their entries as INDEX of a list or NAME."""
     found: dict[Path, None] = {}
     for name, field in visible_fields(model).items():
@@ -68,7 +67,7 @@ def key_patterns(model: type[BaseModel], above: Path = ()) -> tuple[Path, ...]:
     return tuple(found)
 
 
-def known_keys(model: type[BaseModel], place: Sequence[str | int]) -> list[str]:
+def known_keys(model: type[Concept], place: Sequence[str | int]) -> list[str]:
     """The keys of a mapping at ``place`` below ``model``; empty if no mapping can be there.
 
     Raises KeyError with the index of the first part of ``place`` that does not exist.

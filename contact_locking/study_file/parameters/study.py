@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator
+from pydantic import BeforeValidator
 
 from contact_locking.values.concept import Concept, Fault, entry
 from contact_locking.values.wording import show
@@ -89,7 +89,7 @@ class StudyParameters(Concept):
         if number > MAX_CASES:
             yield Fault((), f"has {number} cases; at most {MAX_CASES} are allowed")
 
-    def key_faults(self, model: type[BaseModel]) -> Iterator[Fault]:
+    def key_faults(self, model: type[Concept]) -> Iterator[Fault]:
         """The keys that ``model`` does not have, and keys that must not vary."""
         for kind, entries in (("vary", self.vary), ("zip", self.zip)):
             for key in entries:
