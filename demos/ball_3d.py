@@ -40,8 +40,7 @@ assert solution.converged, summary["reason"]
 
 # %%
 P, T = summary["contact_force"][2], -summary["friction_force"][0]
-mu = parameters.friction.coefficient
-assert isinstance(mu, float)
+mu = float(parameters.friction.coefficient or 0)
 if comm.rank == 0:
     print(f"P = {P:.5f}, T = {T:.5f}, T/(mu P) = {T / (mu * P):.2f}")
 assert 0 < T < mu * P

@@ -129,7 +129,7 @@ assert np.isclose(sum(parts.values()), summary["compliance"], rtol=1e-6)
 excess, penetration = [], []
 for n in (1e2, 1e3, 1e4):
     case = solve(load(FILE, [*CHANGES, f"penalty.n={n:g}"]).parameters, comm)
-    excess.append(case.summary["strain_norm_max"] / parameters.material.locking_limit - 1)
+    excess.append(case.summary["strain_norm_max"] / float(parameters.material.locking_limit) - 1)
     penetration.append(case.summary["penetration_max"])
     if comm.rank == 0:
         print(f"n = {n:7g}  max|eps|/M - 1 = {excess[-1]:.1e}  penetration {penetration[-1]:.1e}")

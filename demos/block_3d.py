@@ -43,8 +43,7 @@ _, _, push = summary["contact_force"]
 drag = summary["friction_force"]
 assert push > 0 and drag[0] < 0 and drag[1] < 0
 ratio = float(np.hypot(*drag[:2])) / push
-mu = parameters.friction.coefficient
-assert isinstance(mu, float)
+mu = float(parameters.friction.coefficient or 0)
 assert 0.5 * mu < ratio < mu
 if comm.rank == 0:
     print(f"friction force : contact force = {ratio:.3f}, coefficient {mu:g}")

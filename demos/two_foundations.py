@@ -32,7 +32,7 @@ comm = MPI.COMM_WORLD
 parameters = load(FILE, CHANGES).parameters
 if comm.rank == 0:
     for contact in parameters.contacts:
-        print(f"{contact.key} on {', '.join(contact.on)}: mu = {contact.friction.coefficient}")
+        print(f"{contact.key} on {', '.join(contact.on)}: {contact.friction}")
 solution = solve(parameters, comm)
 write(solution, parameters.output.directory)
 assert solution.converged, solution.summary["reason"]

@@ -59,7 +59,7 @@ class Mollifier(Concept, Kernel):
 
     def over(self, common: Mollifier) -> Mollifier:
         """``common``, with what this one says itself."""
-        return common.model_copy(update={name: item for name, item in self if item is not None})
+        return common.model_copy(update=self.stated())
 
     def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
         from contact_locking.contact.coulomb import operator_of
@@ -123,7 +123,7 @@ class Coulomb(Concept):
 
     def over(self, common: Coulomb) -> Coulomb:
         """``common``, with what this one says itself."""
-        own = {name: item for name, item in self if item is not None}
+        own = self.stated()
         if isinstance(self.smoothing, Mollifier):
             own["smoothing"] = self.smoothing.over(common.smoothing or Mollifier())
         return common.model_copy(update=own)

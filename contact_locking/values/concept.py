@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from abc import ABCMeta
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -112,19 +113,22 @@ def dotted(*place: str | int) -> str:
 
 if TYPE_CHECKING:
 
-    class _Model:
+    class _Model(metaclass=ABCMeta):
         """BaseModel, whose constructors take what the types of the fields are made of."""
 
         model_fields: ClassVar[dict[str, FieldInfo]]
         model_fields_set: set[str]
 
-        def __init__(self, *values: Any, **named: Any) -> None: ...
-        def model_copy(self, *, update: Mapping[str, Any] | None = None) -> Self: ...
-        def model_dump(self, **options: Any) -> dict[str, Any]: ...
+        def __init__(self, *values: Any, **named: Any) -> None: ...  # noqa: B027
+        def model_copy(self, *, update: Mapping[str, Any] | None = None) -> Self: ...  # noqa: B027
+        def model_dump(self, **options: Any) -> dict[str, Any]: ...  # noqa: B027
         @classmethod
-        def model_validate(cls, data: Any, **options: Any) -> Self: ...
+        def model_validate(cls, data: Any, **options: Any) -> Self:
+            raise NotImplementedError
+
         @classmethod
-        def model_json_schema(cls, **options: Any) -> dict[str, Any]: ...
+        def model_json_schema(cls, **options: Any) -> dict[str, Any]:
+            raise NotImplementedError
 
 else:
     _Model = BaseModel
@@ -178,6 +182,11 @@ class Concept(_Model):
         refuse_if(self._faults())
         return self
 
+    def stated(self) -> dict[str, Any]:
+        """The fields that are not None."""
+        fields = ((name, getattr(self, name)) for name in type(self).model_fields)
+        return {name: value for name, value in fields if value is not None}
+
     def _faults(self) -> Iterator[Fault]:
         """The faults of the values of the section together."""
         return iter(())
@@ -220,7 +229,7 @@ _Mark = TypeVar("_Mark")
 
 
 @cache
-def marked(model: type[Concept], kind: type[_Mark]) -> dict[str, tuple[int, _Mark]]:
+def marked(model: type[Any], kind: type[_Mark]) -> dict[str, tuple[int, _Mark]]:
     """The fields whose type has a mark of a kind, with the number of lists around it."""
     hints = get_type_hints(model, include_extras=True)
     found = {name: next(_marks(hints[name], kind), None) for name in model.model_fields}

@@ -56,7 +56,8 @@ def test_settings_change_the_file_and_are_saved(folder: Path, comm: MPI.Intracom
     assert cli.main([*words, str(folder / "study.yml"), "--output", str(folder / "a b: [c]")]) == 0
     comm.Barrier()
     saved = study_file.load(folder / "a b: [c]" / "parameters.yaml").parameters
-    assert (saved.penalty.n, saved.friction.coefficient) == (50.0, 0.1)
+    assert saved.penalty.n == 50.0
+    assert saved.friction.coefficient == 0.1
 
 
 def test_a_run_that_does_not_converge_returns_3_and_saves_what_it_reached(

@@ -6,24 +6,16 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from dolfinx import fem
-from mpi4py import MPI
 from tool_files import binary_stl, box
 
 from contact_locking import (
-    Contact,
-    ContactProblem,
-    Elasticity,
     NotConverged,
-    Sphere,
     StudySolution,
     solve_steps,
 )
 from contact_locking.inverse.fit import session
 from contact_locking.process.solving import solve
-from contact_locking.study.assembly import mesh_of
 from contact_locking.study_file import from_mapping
 
 # The top of a strip [10, 3] has a node at each whole number, and a block in space at each half.
@@ -71,22 +63,6 @@ def test_a_finer_mesh_of_the_contact_sees_a_tool() -> None:
     assert not solve(given(STRIP, ROLLER)).converged
     fine = solve(given(STRIP | {"structured": False, "h_contact": 0.05}, ROLLER))
     assert fine.converged and fine.summary["warnings"] == []
-
-
-@pytest.mark.serial
-def test_a_script_is_told_to_refine_its_own_mesh() -> None:
-    domain = mesh_of(given(STRIP, {}), MPI.COMM_WORLD)
-    space = fem.functionspace(domain.mesh, ("Lagrange", 1, (2,)))
-    foot = fem.locate_dofs_topological(space, 1, domain.facets(("bottom",)))
-    contact = Contact(domain.facets(("top",)), Sphere((5.53, 3.18), 0.2))
-    held = [fem.dirichletbc(np.zeros(2), foot, space)]
-    problem = ContactProblem(Elasticity(5.0, 0.45), None, held, [], [contact], space=space)
-    found = problem.solve()
-    problem.close()
-    assert not found.converged
-    assert "depth of a foundation that the nodes miss" in found.summary["reason"]
-    wanted = "Refine the mesh where the foundation enters: smaller cells; or take a rounder"
-    assert wanted in found.summary["suggestion"]
 
 
 @pytest.mark.serial

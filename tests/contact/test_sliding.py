@@ -147,7 +147,7 @@ def test_a_script_pairs_where_the_solution_before_has_come_to() -> None:
     with pytest.raises(InputError, match="must be once or each_step"):
         cl.ContactProblem(
             cl.Elasticity(young=YOUNG, poisson=POISSON),
-            contacts=[cl.Contact("a", against="b", pair="always")],  # type: ignore[arg-type]
+            contacts=[cl.Contact("a", against="b", pair="always")],
             space=study.body.space,
             names={"a": 1, "b": 2},
             tags=tags,

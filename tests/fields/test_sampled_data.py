@@ -92,8 +92,12 @@ def test_a_load_that_is_mostly_lost_is_refused(load: str) -> None:
 _POLES: dict[str, tuple[str, Any, str]] = {
     "a gap": ("contact__gap", "1/(x - 0.23)", "contact.gap"),
     "a small pole of a gap": ("contact__gap", "0.1 + 1e-3/(x - 0.23)", "contact.gap"),
-    "friction": ("friction__coefficient", "0.3/abs(x - 0.5)", "friction.coefficient"),
-    "friction at a node": ("friction__coefficient", "0.3/abs(x - 0.39)", "friction.coefficient"),
+    "friction": ("friction__coefficient", "0.3/abs(x - 0.5)", "contact.friction.coefficient"),
+    "friction at a node": (
+        "friction__coefficient",
+        "0.3/abs(x - 0.39)",
+        "contact.friction.coefficient",
+    ),
     "a limit": ("material__locking_limit", "0.02/abs(x - 0.5)", "material.locking_limit"),
     "an elasticity": (
         "material__elasticity",
@@ -138,13 +142,13 @@ _JUMPS: dict[str, tuple[str, Any, str, str]] = {
     "friction": (
         "friction__coefficient",
         "0.3 if x < 0.43 else 0.1",
-        "friction.coefficient",
+        "contact.friction.coefficient",
         "facet",
     ),
     "friction in a spot": (
         "friction__coefficient",
         "0.3*exp(-((x - 0.5)/0.01)**2)",
-        "friction.coefficient",
+        "contact.friction.coefficient",
         "facet",
     ),
     "a limit": (
@@ -237,8 +241,8 @@ def test_a_pulse_between_two_steps_is_warned_of(
 @pytest.mark.parametrize(
     ("contact", "friction", "told"),
     [
-        ({"on": []}, 0.3, "friction.coefficient: has no effect, as contact.on is empty"),
-        ([], "0.1*x", "friction.coefficient: has no effect, as contact is empty"),
+        ({"on": []}, 0.3, "friction.coefficient: has no effect"),
+        ([], "0.1*x", "friction.coefficient: has no effect"),
         ([{"on": "bottom"}, {"on": []}], 0.3, ""),
         ({"on": []}, 0, ""),
         (

@@ -58,7 +58,7 @@ def test_a_run_that_stops_has_the_last_solution_in_its_files(
     solve_one = ProblemSolver.solve
 
     def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
-        if solver.problem.clock.now > 0.6:  # type: ignore[attr-defined]
+        if solver.problem.clock.now > 0.6:
             return SolverReport(reason="it is late", suggestion="be quick")
         return solve_one(solver, *given)
 

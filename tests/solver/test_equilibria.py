@@ -19,7 +19,7 @@ from contact_locking.process import solving
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.process.solving import SolvableStudy
 from contact_locking.results import in_words
-from contact_locking.results.solution import StudySolution
+from contact_locking.results.solution import Solution
 from contact_locking.running import writing
 from contact_locking.solver.strategy import solve
 from contact_locking.solver.task import Outcome, Task
@@ -52,7 +52,7 @@ def _weakening(n: float = math.inf, length: float = 1e-4, **sections: Any) -> St
     return found | {"penalty": {"n": n}} | sections
 
 
-def _solutions(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> list[StudySolution]:
+def _solutions(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> list[Solution]:
     found = solving.solve(parameters, comm)
     return [found, *found.others]
 

@@ -37,7 +37,8 @@ def file(tmp_path: Path) -> Path:
 def test_the_block_of_the_specification_is_read(file: Path) -> None:
     parameters = load(file).parameters
     assert parameters.mesh.geometry.h == 0.05
-    assert parameters.loads.displacements[0].value == (0.0, None)
+    first, second = parameters.loads.displacements[0].value
+    assert first == 0.0 and second is None
     assert parameters.friction.coefficient == "0.3 + 0.1*exp(-s)"
     assert parameters.solver.petsc == {"snes_monitor": None}
     assert parameters.study is not None
@@ -94,7 +95,7 @@ def test_overrides_replace_and_add(file: Path) -> None:
         load(file, overrides)
     overrides[3] = "title=new"
     parameters = load(file, overrides).parameters
-    assert parameters.loads.tractions[0].value == (0.0, -1.0)
+    assert [part.data for part in parameters.loads.tractions[0].value] == [0.0, -1.0]
     assert parameters.material.regions["body"].locking_limit == 0.5
     assert parameters.contacts[0].foundation is None
     assert parameters.title == "new"

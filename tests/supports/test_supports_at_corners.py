@@ -180,4 +180,3 @@ def test_a_guaranteed_bound_is_not_given_where_a_direction_is_held() -> None:
     given = pressed(2, turn(2), "given", certificate__error_bound=True, penalty__n=math.inf)
     errors = solve_assembled(turned(given, turn(2))).summary["certificate"]["errors"]
     assert not errors["guaranteed"]["applicable"]
-    assert "no axis" in errors["guaranteed"]["reason"]

@@ -111,7 +111,7 @@ def exported(solution: StudySolution, state: State) -> str:
 def is_unique(parameters: Parameters) -> bool:
     """Whether one solution is to be expected: friction neither large nor dependent on the slip."""
     mu = parameters.friction.coefficient
-    return isinstance(mu, float) and mu <= 0.5
+    return mu is None or (mu.number is not None and mu.number <= 0.5)
 
 
 def against_reference(discrete: Discrete, state: State) -> str:

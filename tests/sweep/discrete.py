@@ -271,7 +271,8 @@ def _springs(parameters: Parameters, geometry: Geometry) -> Matrix:
 def _stiffness(given: Elasticity, x: FloatArray) -> FloatArray:
     dim = x.shape[1]
     if given.stiffness is not None:
-        rows = np.array([[at(entry, x) for entry in row] for row in given.stiffness])
+        entries: Any = given.stiffness
+        rows = np.array([[at(entry, x) for entry in row] for row in entries])
         # A study file has the order yz, xz, xy in 3D, the strains here xy, xz, yz.
         order = [0, 1, 2] if dim == 2 else [0, 1, 2, 5, 4, 3]
         return np.moveaxis(rows[order][:, order], 2, 0)
@@ -351,7 +352,8 @@ def _between(
     The patch tests have judged the pairing, and nodes against segments (by_segments.py).
     """
     dim, domain = geometry.x.shape[1], geometry.domain
-    among = set(part.on) == set(part.against)
+    against: tuple[str, ...] = part.against or ()
+    among = set(part.on) == set(against)
 
     def side(names: tuple[str, ...]) -> tuple[Side, IntArray]:
         corners = geometry.facets(names)
@@ -363,7 +365,7 @@ def _between(
         numbers = numbers.reshape(corners.shape)
         return Side(geometry.x[nodes], domain.kind.facet, numbers, outward, bodies), nodes
 
-    (one, nodes), (two, theirs) = side(part.on), side(part.against)
+    (one, nodes), (two, theirs) = side(part.on), side(against)
     moved = np.zeros_like(geometry.x) if frame is None else frame.reshape(geometry.x.shape)
     if frame is not None:
         one, two = one.moved(moved[nodes]), two.moved(moved[theirs])

@@ -284,8 +284,9 @@ def own_bound(
     assert contact is not None
     x = discrete.geometry.x[contact.nodes]
     # No friction acts at nodes that are held.
-    mu = np.maximum(at(parameters.friction.coefficient, x, s=slip), 0.0) * contact.decides
-    if parameters.friction.smoothing.kernel != "none":
+    mu = np.maximum(at(parameters.friction.coefficient or 0.0, x, s=slip), 0.0) * contact.decides
+    smoothing = parameters.friction.smoothing
+    if smoothing is None or smoothing.kernel != "none":
         return mu * np.abs(state.smoothed), 0.0
     peak = float(np.abs(state.pressure).max(initial=0.0))
     wrong = _ratio(float(np.abs(state.pressure + state.smoothed).max()), 1e-12 * peak)

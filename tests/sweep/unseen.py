@@ -65,7 +65,7 @@ def complaint(
     wrong += _varies("M", limits, len(discrete.geometry.cells))
     for contact in given.contacts:
         facets = discrete.geometry.facets(contact.on)
-        if contact.friction.coefficient:
+        if contact.friction is not None and not contact.friction.is_zero:
             places = _inside(x[facets])
             mu = at(contact.friction.coefficient, places, s=np.zeros(len(places)))
             wrong += _varies("mu", mu, len(facets))

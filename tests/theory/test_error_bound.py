@@ -137,7 +137,8 @@ def pressed_column(pressure: float, n: float) -> dict[str, Any]:
         {"on": ["left", "right"], "value": [0.0, None]},
         {"on": "bottom", "value": [None, 0]},
     ]
-    given = {"loads__displacements": rollers, "contact": {"on": []}, "penalty": {"n": n}}
+    given: dict[str, Any] = {"loads__displacements": rollers, "contact": {"on": []}}
+    given["penalty"] = {"n": n}
     return bound(column(pressure=pressure, certificate__error_bound=True, **given))
 
 

@@ -123,9 +123,9 @@ def test_v26_partial_slip_of_a_sphere(found: list[Row]) -> None:
         c = radius(contact.bound - np.linalg.norm(contact.traction, axis=1))
         sticks = solution.summary["contact_area"] - solution.summary["slip_area"]
         stick = math.sqrt(2.0 * sticks / math.pi)
-        problem = f"Cattaneo-Mindlin, 3D, P2, Q = {share:.2f} mu P"
-        found.append(Row("V26", problem, "c/a by moments", c / a, exact, TEST))
-        found.append(Row("V26", problem, "c/a by areas", stick / by_area, exact, TEST))
+        case = f"Cattaneo-Mindlin, 3D, P2, Q = {share:.2f} mu P"
+        found.append(Row("V26", case, "c/a by moments", c / a, exact, TEST))
+        found.append(Row("V26", case, "c/a by areas", stick / by_area, exact, TEST))
         assert c / a == pytest.approx(exact, rel=0.02)
         # Some ten nodes are along the radius.
         assert stick / by_area == pytest.approx(exact, rel=0.04)

@@ -145,7 +145,7 @@ class Model:
                 return found
 
     def _solved(self, parameters: Parameters, names: Sequence[str]) -> Evaluation | None:
-        mesh = f"{parameters.mesh.model_dump_json()} {parameters.refined_names}"
+        mesh = f"{parameters.mesh.model_dump()} {parameters.refined_names}"
         times: list[float] = []
         values: list[list[float]] = []
         slopes: list[list[list[float]]] = []

@@ -52,7 +52,7 @@ def _choices(annotation: Any) -> Iterator[tuple[Path, type[Concept] | None]]:
 
 
 @cache
-def key_patterns(model: type[Concept], above: Path = ()) -> tuple[Path, ...]:
+def key_patterns(model: type[Any], above: Path = ()) -> tuple[Path, ...]:
     """All keys below a section by their parts, and their entries as INDEX of a list or NAME."""
     found: dict[Path, None] = {}
     for name, field in visible_fields(model).items():

@@ -36,7 +36,7 @@ def picture(solution: Solution, folder: Path) -> str | None:
     outcome: str | NoRoom | None = None
     if snapshot is not None:
         try:
-            outcome = _draw(snapshot, solution.summary["units"], folder)
+            outcome = _draw(snapshot, solution.summary.get("units", {}), folder)
         except NoRoom as error:
             outcome = error
     outcome = solution.domain.comm.bcast(outcome, root=0)
