@@ -77,7 +77,7 @@ BUDGETS = {
     "process": 2260,
     "results": 2400,
     "running": 1190,
-    "shapes": 1230,
+    "shapes": 1220,
     "solver": 7490,
     "study": 910,
     "study_file": 2570,

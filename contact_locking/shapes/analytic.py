@@ -70,14 +70,12 @@ class Sphere(Shape):
         return ball(centre, self.radius, box)
 
 
-class Cylinder(Shape):
+class Cylinder(Sphere):
     """The distance to the line through ``centre`` along ``axis``, less ``radius``; a disc in 2D."""
 
     key = "cylinder"
     text = "a cylinder, in 2D a disc"
 
-    centre: Point = entry(..., "a point of its axis", "length")
-    radius: Positive = entry(..., "its radius", "length")
     axis: Annotated[Direction, Components(3)] | None = entry(
         None, "its direction, in 3D only; null: [0, 1, 0]", "1"
     )
@@ -90,18 +88,14 @@ class Cylinder(Shape):
             yield Fault((), message)
 
     def _radial(self, x: FloatArray) -> FloatArray:
-        radial = x - np.asarray(self.centre, dtype=float)[:, None]
+        radial = super()._radial(x)
         if len(x) == 2:
             return radial
         axis = _unit(self.axis or (0.0, 1.0, 0.0))
         return radial - np.outer(axis, axis @ radial)
 
-    def gap(self, x: FloatArray) -> FloatArray:
-        return np.asarray(np.linalg.norm(self._radial(x), axis=0) - self.radius)
-
-    def contact_normal(self, x: FloatArray) -> FloatArray:
-        radial = self._radial(x)
-        return -radial / np.maximum(np.linalg.norm(radial, axis=0), np.finfo(float).tiny)
+    def outline(self, motion: RigidMotion, box: FloatArray) -> FloatArray:
+        return Shape.outline(self, motion, box)
 
 
 #: Maps points (d, k) to f (k,) and its gradient (d, k).

@@ -171,7 +171,7 @@ class Polyline(FacetedFoundation):
         found: Polyline = self
         if self.file is not None:
             path = Path(self.file)
-            found = _line(on_root(comm, lambda: read_corners(path, MOST_CORNERS)))
+            found = Polyline(on_root(comm, lambda: read_corners(path, MOST_CORNERS)))
         if len(found.corners) < 2:
             raise InputError("has no segment: give at least two corners at different places")
         if (crossing := found.crossing()) is not None:
@@ -207,7 +207,7 @@ class Polyline(FacetedFoundation):
         return np.asarray(self.corners[inside])
 
     def reversed(self) -> Polyline:
-        return _line(self.corners[::-1])
+        return Polyline(self.corners[::-1])
 
     def gap(self, x: FloatArray) -> FloatArray:
         return self._signed(x)[0]
@@ -261,11 +261,6 @@ class Polyline(FacetedFoundation):
         on = distance <= 1e-14 * size
         direction = (sign / np.where(on, 1.0, distance))[:, None] * away
         return sign * distance, np.where(on[:, None], pseudo, direction).T
-
-
-def _line(corners: Any) -> Polyline:
-    """The polyline of corners (m, 2)."""
-    return Polyline(corners)
 
 
 class TriangulatedSurface(FacetedFoundation):

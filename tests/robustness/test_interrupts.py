@@ -166,7 +166,7 @@ def test_ctrl_c_keeps_the_steps_and_says_how_to_go_on(
 
 
 def test_ctrl_c_before_the_end_of_a_static_solve_says_that_nothing_is_saved(tmp_path: Path) -> None:
-    study = SMALL_BLOCK.replace("h: 0.25", "h: 0.01") + "solver: {linear: iterative}\n"
+    study = SMALL_BLOCK.replace("h: 0.25", "h: 0.006") + "solver: {linear: iterative}\n"
     process, _ = _interrupted_run(tmp_path, study, "--checkpoint", until="  stage")
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130 and "interrupted" in errors

@@ -52,7 +52,6 @@ WRONG = [
         "loads.displacements",
         [{"on": "top", "value": [0, None]}, {"on": ["left", "top"], "value": [1, 1]}],
     ),
-    ("loads.displacements", [{"on": "bottom", "value": [None, 0]}]),
     ("output.directory", "d" * 3901),
     ("study", {"vary": {f"k{k}": [1] for k in range(101)}}),
     ("contact.on", "botom"),
