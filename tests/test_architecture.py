@@ -173,6 +173,25 @@ def lines_of(folder: Path) -> int:
     return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files)
 
 
+def test_a_shape_is_known_by_its_class_alone() -> None:
+    """No module beside its own names it, so that a further shape is one class in one file."""
+    shapes = {
+        node.name
+        for node in ast.walk(tree_of("contact_locking.shapes.analytic"))
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("LevelSet")
+    }
+    assert {"HalfSpace", "Sphere", "Cylinder"} == shapes
+    others = [name for name in FILES if name.startswith("contact_locking.")]
+    found = {
+        (name, node.id)
+        for name in others
+        if name != "contact_locking.shapes.analytic"
+        for node in ast.walk(tree_of(name))
+        if isinstance(node, ast.Name) and node.id in shapes
+    }
+    assert found == set()
+
+
 def test_no_folder_grows_beyond_its_budget() -> None:
     lines = {path.name: lines_of(path) for path in PACKAGE.iterdir() if path.is_dir()}
     lines = {name: count for name, count in lines.items() if count}

@@ -92,6 +92,37 @@ def test_a_constant_is_the_time_of_a_process() -> None:
         assert caught.value.key == key
 
 
+def test_expressions_of_t_move_foundations_push_and_hold_in_scripts_as_in_study_files() -> None:
+    """A tool that moves along the body and is pressed on it by a force, and a top that slides."""
+    floor = {"point": [0, 0], "normal": [0, 1]}
+    tool = {"half_space": floor, "motion": ["0.01*t", 0], "force": [0, "0.02*min(2*t, 1)"]}
+    contact = {"on": "bottom", "foundation": tool}
+    held = [{"on": "top", "value": ["-0.01*t", 0]}]
+    friction = {"coefficient": "0.3/(1 + s)", "smoothing": {"radius": 0.25}}
+    study = sheared(contact=contact, loads={"displacements": held}, friction=friction)
+    expected = all_of(study)
+    domain, space = expected[0].domain, expected[0].displacement.function_space
+    plane = cl.Foundation(cl.HalfSpace((0, 0), (0, 1)), motion=tool["motion"], force=tool["force"])
+    top = domain.facets(("top",))
+    problem = cl.ContactProblem(
+        cl.Elasticity(young=1.0, poisson=0.3),
+        bcs=[cl.Support(top, (1.0, 0.0), "-0.01*t"), cl.Support(top, (0.0, 1.0))],
+        limits=[cl.StrainBall(0.04)],
+        contacts=[
+            cl.Contact(
+                domain.facets(("bottom",)),
+                plane,
+                cl.Coulomb("0.3/(1 + s)", cl.Convolution(0.25)),
+            )
+        ],
+        space=space,
+    )
+    process = cl.Process(problem, TIMES)
+    found = list(process)
+    assert_same(process.history, expected[-1].history)
+    assert abs(found[-1].summary["friction_force"][0]) > 1e-3
+
+
 @pytest.fixture
 def late(monkeypatch: pytest.MonkeyPatch) -> Fail:
     """Lets the step from t = 0.375 to 0.5 fail."""
