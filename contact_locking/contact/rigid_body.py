@@ -141,7 +141,7 @@ class Foundation(_Shapes):
     def __init__(self, shape: Distance | None = None, **named: Any) -> None:
         if shape is not None:
             key = shape.key if isinstance(shape, Shape) else ""
-            named[key if key in SHAPES else "own"] = shape
+            named[key if key in _FIELDS else "own"] = shape
         super().__init__(**named)
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
@@ -149,7 +149,8 @@ class Foundation(_Shapes):
     @property
     def shape(self) -> Distance:
         """The shape at rest."""
-        return self.own or next(filter(None, (getattr(self, key) for key in SHAPES)))
+        shapes = (getattr(self, key) for key in ("own", *_FIELDS))
+        return next(shape for shape in shapes if shape is not None)
 
     @property
     def shape_key(self) -> str:
@@ -172,9 +173,9 @@ class Foundation(_Shapes):
         return self.force is not None or self.spring is not None
 
     def _faults(self) -> Iterator[Fault]:
-        given = [key for key in (*SHAPES, "own") if getattr(self, key) is not None]
+        given = [key for key in (*_FIELDS, "own") if getattr(self, key) is not None]
         if len(given) != 1:
-            listed = ", ".join(SHAPES)
+            listed = ", ".join(_FIELDS)
             message = f"give exactly one of {listed}, not {' and '.join(given) or 'none'}"
             yield Fault((), message)
         methods = ("gap", "contact_normal")

@@ -13,10 +13,18 @@ from mpi4py import MPI
 from problems import block
 from slow import slow
 
-from contact_locking import Foundation, StudySolution, solve
+from contact_locking import (
+    Contact,
+    Foundation,
+    InputError,
+    StudySolution,
+    from_mapping,
+    solve,
+)
 from contact_locking.arrays import FloatArray
 from contact_locking.results.contact_points import OPEN
 from contact_locking.shapes.distance import Distance
+from contact_locking.shapes.shape import Shape
 
 pytestmark = pytest.mark.serial
 
@@ -141,3 +149,21 @@ def test_an_edge_of_an_own_foundation_carries_the_load(
         touching = points.x[points.state != OPEN, 0]
         assert len(touching) > 0
         assert touching == pytest.approx(0.5, abs=0.11)
+
+
+def test_a_shape_of_a_script_is_one_without_a_key_in_study_files() -> None:
+    class Floor(Shape):
+        key = "floor"
+        height: float = 0.0
+
+        def gap(self, x: FloatArray) -> FloatArray:
+            return x[1] - self.height
+
+        def contact_normal(self, x: FloatArray) -> FloatArray:
+            return np.stack([0.0 * x[0], 0.0 * x[0] - 1.0])
+
+    placed = Contact("bottom", Floor(-1.0)).foundation
+    assert placed is not None and isinstance(placed.shape, Floor)
+    assert from_mapping({"contact": {"foundation": {"sphere": {"centre": [0, -1], "radius": 1}}}})
+    with pytest.raises(InputError, match="unknown key"):
+        from_mapping({"contact": {"foundation": {"floor": {"height": 0}}}})
