@@ -21,10 +21,11 @@ def check_friction(contact: NodalContact) -> None:
     """
     law, points, comm = contact.friction.law, contact.surface.points, contact.surface.domain.comm
     key, mu = f"{contact.key}.friction.coefficient", np.zeros(len(points))
+    given = contact.given.friction and contact.given.friction.coefficient
 
     def evaluate() -> None:
-        # A rank without points has no values whose shape could tell.
-        if len(points):
+        # A rank without points has no values whose shape could tell, but for an expression.
+        if len(points) or (given is not None and given.expression is not None):
             mu[:] = with_key(key, lambda: law(points, np.zeros(len(points))))
 
     agree(comm, evaluate)

@@ -149,8 +149,7 @@ class Foundation(_Shapes):
     @property
     def shape(self) -> Distance:
         """The shape at rest."""
-        shapes = (getattr(self, key) for key in ("own", *_FIELDS))
-        return next(shape for shape in shapes if shape is not None)
+        return next(x for key in ("own", *_FIELDS) if (x := getattr(self, key)) is not None)
 
     @property
     def shape_key(self) -> str:
