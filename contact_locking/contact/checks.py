@@ -21,7 +21,7 @@ def check_friction(contact: NodalContact) -> None:
     """
     law, points, comm = contact.friction.law, contact.surface.points, contact.surface.domain.comm
     key, mu = f"{contact.key}.friction.coefficient", np.zeros(len(points))
-    given = contact.given.friction and contact.given.friction.coefficient
+    given = None if (friction := contact.given.friction) is None else friction.coefficient
 
     def evaluate() -> None:
         # A rank without points has no values whose shape could tell, but for an expression.
