@@ -20,11 +20,10 @@ from contact_locking.fields.values import PresentValue
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
-from contact_locking.shapes.analytic import LevelSet, LevelSetAt
+from contact_locking.shapes.analytic import LevelSetAt
 from contact_locking.shapes.distance import Distance, MovedDistance
 from contact_locking.shapes.faceted import FacetedFoundation
-from contact_locking.shapes.outline import zero_line
-from contact_locking.shapes.shape import Shape
+from contact_locking.shapes.shape import OwnShape, Shape
 from contact_locking.values.value import Value
 
 _TOO_FAR = "its distance is not a finite number: the foundation is too far away or too large"
@@ -207,30 +206,24 @@ class RigidFoundation(PlacedFoundation):
     def __init__(self, domain: Domain, given: Foundation, key: str, clock: Clock) -> None:
         super().__init__(domain.comm, domain.dim, key)
         self._place = f"{key}.{given.shape_key}".removesuffix(".")
-        self._given, self._clock, self._moved = given, clock, given.moved
-        shape = given.shape
-        self._shape = shape if isinstance(shape, Shape) else None
-        if self._shape is not None:
-            try:
-                shape = self._shape = self._shape.read(domain.comm)
-            except InputError as error:
-                # A file may be read as that of a mesh, so that its key is replaced.
-                raise InputError(str(error), self._place) from error
-        self._at_rest: Distance = shape
-        self.is_plane = self._shape is not None and self._shape.is_plane
-        self.is_distance = self._shape is not None and self._shape.is_distance
-        is_timed = self._shape is not None and self._shape.is_timed
-        self.is_timed = self.moves = is_timed or self._moved is not None
+        self._clock, self._moved, shape = clock, given.moved, given.shape
+        shape = shape if isinstance(shape, Shape) else OwnShape(shape)
+        try:
+            self._shape: Shape = shape.read(domain.comm)
+        except InputError as error:
+            # A file may be read as that of a mesh, so that its key is replaced.
+            raise InputError(str(error), self._place) from error
+        self.is_plane, self.is_distance = self._shape.is_plane, self._shape.is_distance
+        self.is_timed = self.moves = self._shape.is_timed or self._moved is not None
         # A body is judged once, at its first place, whether its orientation fits that of the
         # deformable body.
         self._is_oriented = False
-        told = [] if self._shape is None else self._shape.warnings
-        self._shape_warnings = [f"{self._place}: {text}" for text in told]
+        self._shape_warnings = [f"{self._place}: {text}" for text in self._shape.warnings]
 
     @property
     def _body(self) -> Distance:
         """The body at rest, as it is at present."""
-        return self._at_rest if self._shape is None else self._shape.at(self._clock.now)
+        return self._shape.at(self._clock.now)
 
     def gap(self, x: FloatArray) -> FloatArray:
         return self._evaluated(self.now.gap, x)
@@ -263,7 +256,7 @@ class RigidFoundation(PlacedFoundation):
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         body, points, comm = self.now, surface.places.T, self._comm
-        if self._shape is None:
+        if isinstance(self._shape, OwnShape):
             at_rest = self.motion().origin(points)
             agree(comm, lambda: with_key(self._place, lambda: _check_own(self._body, at_rest)))
         gap = self._evaluated(body.gap, points)
@@ -271,7 +264,9 @@ class RigidFoundation(PlacedFoundation):
         gap = np.where(np.abs(gap) <= _TOUCH * maximum(comm, np.abs(points)), 0.0, gap)
         normals = self._evaluated(body.contact_normal, points).T
         if not on_every_rank(comm, np.isfinite(gap) & np.isfinite(normals).all(axis=1)):
-            raise InputError(_NO_GRADIENT if self._is_level_set else _TOO_FAR, self._key)
+            raise InputError(
+                _NO_GRADIENT if isinstance(self._body, LevelSetAt) else _TOO_FAR, self._key
+            )
         if isinstance(self._body, LevelSetAt):
             low, high = self._slopes(self._body, surface)
             if low <= _ROUNDING * high:
@@ -283,7 +278,7 @@ class RigidFoundation(PlacedFoundation):
             if self._is_reversed(surface, gap, facing):
                 self._reverse()
                 return self.at_nodes(surface)
-        turn, inside = "" if self._shape is None else self._shape.turn, gap < 0.0
+        turn, inside = self._shape.turn, gap < 0.0
         # Only a part of Gamma_C need face the foundation; the rest, as the top of a ball, is
         # outside of the foundation and never gets there, but keeps the distance as well.
         if turn and _most(surface, facing < -_SIDEWAYS, inside):
@@ -300,22 +295,12 @@ class RigidFoundation(PlacedFoundation):
                 self._body, surface, points[:, sideways], outward[sideways]
             )
         elif on_any_rank(comm, inside & (facing <= 0.0)):
-            raise Misplaced(_TOO_DEEP + self._turn_normal, self._key)
+            raise Misplaced(_TOO_DEEP + self._shape.turn_normal, self._key)
         # A foundation with several sides may come from where nothing faces it yet.
         if not turn and on_every_rank(comm, facing <= _ALONG):
             behind = _BEHIND.format(on=self._key.removesuffix("foundation") + "on")
-            raise Misplaced(behind + self._turn_normal, self._key)
+            raise Misplaced(behind + self._shape.turn_normal, self._key)
         return gap, normals
-
-    @property
-    def _is_level_set(self) -> bool:
-        return isinstance(self._shape, LevelSet)
-
-    @property
-    def _turn_normal(self) -> str:
-        if self._shape is None:
-            return ", or turn its contact_normal, which points into the foundation"
-        return self._shape.turn_normal
 
     def _is_reversed(self, surface: ContactSurface, gap: FloatArray, facing: FloatArray) -> bool:
         """Whether a closed shape is a die by its orientation, but not around the body; collective.
@@ -404,7 +389,7 @@ class RigidFoundation(PlacedFoundation):
                     f"{high:.3g} on Gamma_C, and that of a distance is 1; the expression was "
                     "divided by the length, which is the distance near its zeros only"
                 )
-        if self._shape is None:
+        if isinstance(self._shape, OwnShape):
             # Where the foundation is far away the body does not get to it.
             near = surface.points[np.abs(gap) <= surface.domain.extent].T
             at_rest, step = self.motion().origin(near), _STEP * surface.domain.extent
@@ -426,12 +411,7 @@ class RigidFoundation(PlacedFoundation):
         return found + about_the_distance(surface.domain, gap, self._key)
 
     def outline(self, box: FloatArray) -> FloatArray:
-        motion = self.motion()
-        if self._shape is not None:
-            return self._shape.outline(motion, box)
-        if self._dim == 2:
-            return zero_line(MovedDistance(self._at_rest, motion), box)
-        return super().outline(box)
+        return self._shape.outline(self.motion(), box)
 
     def _slopes(self, body: LevelSetAt, surface: ContactSurface) -> tuple[float, float]:
         """The least and the largest ``|grad f|`` at the nodes at present; collective."""

@@ -6,7 +6,7 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import ValidationInfo, model_validator
 
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.rigid_motion import RigidMotion
@@ -46,10 +46,11 @@ class Shape(Concept):
 
     @model_validator(mode="before")
     @classmethod
-    def _from_value(cls, data: Any) -> Any:
+    def _from_value(cls, data: Any, info: ValidationInfo) -> Any:
         """A shape that is one value stands in a study file without a mapping."""
         is_short = ONLY in {field.alias for field in cls.model_fields.values()}
-        return {ONLY: data} if is_short and not isinstance(data, dict) else data
+        is_value = info.context is not None or not isinstance(data, dict)
+        return {ONLY: data} if is_short and is_value and not isinstance(data, cls) else data
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: Any, handler: Any) -> Any:
@@ -95,3 +96,18 @@ class Shape(Concept):
         if box.shape[1] == 2:
             return zero_line(MovedDistance(self, motion), box)
         return np.empty((0, 3, 3))
+
+
+class OwnShape(Shape):
+    """The signed distance of an object that a script defines."""
+
+    is_distance = False
+    turn_normal = ", or turn its contact_normal, which points into the foundation"
+
+    distance: Any
+
+    def gap(self, x: FloatArray) -> FloatArray:
+        return self.distance.gap(x)
+
+    def contact_normal(self, x: FloatArray) -> FloatArray:
+        return self.distance.contact_normal(x)

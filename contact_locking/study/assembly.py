@@ -276,23 +276,22 @@ def _held(
     """
     warnings: list[str] = []
 
-    def prescribed(on: tuple[str, ...], value: Value, key: str) -> PresentValue:
-        field = PresentValue(domain.comm, value, key, clock)
+    def look_at(on: tuple[str, ...], value: Value, key: str) -> None:
         facets = Entities.of(domain, domain.dim - 1, domain.facets(on, key))
         advice, times = "refine the mesh there", clock.some_times
         warnings.extend(features(facets, value, key, advice, times=times))
-        return field
 
     conditions, supports = [], []
     for i, condition in enumerate(loads.displacements):
         for j, value in enumerate(condition.value):
             if value is not None:
                 key = f"loads.displacements.{i}.value.{j}"
-                field = prescribed(condition.on, value, key)
+                look_at(condition.on, value, key)
+                field = PresentValue(domain.comm, value, key, clock)
                 conditions.append(ComponentCondition(condition.on, j, field, key, value.is_timed))
     for i, support in enumerate(loads.supports):
         supports.append(support.model_copy(update={"at": f"loads.supports.{i}"}))
-        prescribed(support.on, support.value, f"loads.supports.{i}.value")
+        look_at(support.on, support.value, f"loads.supports.{i}.value")
     return conditions, supports, warnings
 
 

@@ -62,15 +62,13 @@ class Value:
         not finite.
         """
         values: Any = self.number
-        if values is not None:
-            pass
-        elif self.expression is not None:
+        if values is None and self.expression is not None:
             places = dict(zip(AXES, points, strict=False))
             values = self.expression.numpy(**places, **more, **{TIME: time})
-        elif hasattr(self.data, "value"):  # a constant of DOLFINx, which can be called as well
-            values = self.data.value
-        else:
-            values = self.data(points)
+        elif values is None:
+            # A constant of DOLFINx can be called as well.
+            is_constant = hasattr(self.data, "value")
+            values = self.data.value if is_constant else self.data(points)
         return np.broadcast_to(np.asarray(values, dtype=float), points.shape[1:]).copy()
 
     def unchecked(self, points: FloatArray, time: float = 0.0, **more: Any) -> FloatArray:
