@@ -7,11 +7,13 @@ from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
-from pydantic import BeforeValidator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Field, Tag
 
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.limits import size_faults
 from contact_locking.values.concept import (
+    LIST,
+    SECTION,
     BodyKind,
     Concept,
     Fault,
@@ -22,8 +24,6 @@ from contact_locking.values.concept import (
     refuse_if,
 )
 from contact_locking.values.kinds import (
-    LIST,
-    SECTION,
     MandelMatrix,
     Names,
     PoissonScalar,
@@ -181,12 +181,8 @@ class Elasticity(Concept):
         """The names of the two numbers of an isotropic A."""
         return ("lame_lambda", "lame_mu") if self.young is None else ("young", "poisson")
 
-    @model_validator(mode="before")
     @classmethod
-    def _prepare(cls, data: Any) -> Any:
-        data = {} if data is None else data
-        if not isinstance(data, dict):
-            return data
+    def _completed(cls, data: dict[str, Any]) -> dict[str, Any]:
         given = {key for key, value in data.items() if value is not None}
         chosen = [choice for choice in _CHOICES if given & set(choice)]
         if len(chosen) > 1:

@@ -19,7 +19,14 @@ from typing import (
     get_type_hints,
 )
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
 from pydantic.config import JsonDict
 from pydantic.fields import FieldInfo
 
@@ -174,8 +181,19 @@ class Concept(_Model):
 
     @model_validator(mode="before")
     @classmethod
-    def _prepare(cls, data: Any) -> Any:
-        return {} if data is None else data
+    def _prepare(cls, data: Any, info: ValidationInfo) -> Any:
+        data = {} if data is None else data
+        if not isinstance(data, dict):
+            return data
+        if info.context is not None:  # a study file is read
+            hidden_keys = {field.alias for field in cls.model_fields.values() if field.exclude}
+            refuse_if(Fault((key,), "unknown key") for key in data if key in hidden_keys)
+        return cls._completed(data)
+
+    @classmethod
+    def _completed(cls, data: dict[str, Any]) -> dict[str, Any]:
+        """The mapping of a concept, with what follows from its keys."""
+        return data
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -25,9 +25,7 @@ from pydantic import (
     Field,
     PlainValidator,
     Tag,
-    TypeAdapter,
     ValidationInfo,
-    WithJsonSchema,
 )
 from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import core_schema
@@ -37,10 +35,7 @@ from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, TIME, Table, parse
 from contact_locking.files.readable import require_size, similar
 
-from .concept import LIST as LIST
-from .concept import PER_AXIS, Concept, Fault, refuse_if
-from .concept import SECTION as SECTION
-from .concept import TEXT as TEXT
+from .concept import LIST, PER_AXIS, SECTION, Concept, Fault, refuse_if
 from .value import Value
 from .wording import show
 
@@ -140,11 +135,9 @@ def _places(value: Any, info: ValidationInfo) -> Any:
     if info.context is not None:
         return _names(value)
     if isinstance(value, list | tuple):
-        is_of_facets = value and not any(isinstance(name, str) for name in value)
-        is_of_facets = is_of_facets and not any(isinstance(x, dict | None) for x in value)
-        return value if is_of_facets else _names(value)
-    is_of_file = value is None or isinstance(value, str | dict | bool | float | int)
-    return _names(value) if is_of_file else value
+        are_names = not value or any(isinstance(x, str | dict | None) for x in value)
+        return _names(value) if are_names else value
+    return _names(value) if isinstance(value, str | dict | Real | None) else value
 
 
 def _condition(value: Any) -> str:
@@ -363,7 +356,7 @@ Names = Annotated[
     tuple[str, ...],
     BeforeValidator(_names, json_schema_input_type=_Name | tuple[_Name, ...]),
 ]
-Places = Annotated[Any, BeforeValidator(_places), WithJsonSchema(TypeAdapter(Names).json_schema())]
+Places = Annotated[Any, BeforeValidator(_places, json_schema_input_type=_Name | tuple[_Name, ...])]
 Along = Annotated[
     Literal["normal"] | tuple[float, ...],
     PER_AXIS,

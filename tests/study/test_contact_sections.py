@@ -118,6 +118,10 @@ WRONG: list[tuple[Any, str]] = [
         r"contact.1.gapp: unknown key (did you mean 'gap'?); known here: on, foundation",
     ),
     ([{}, {"on": "botom"}], "contact.1.on: no part of the boundary is named 'botom' (did you"),
+    # What only scripts give has no key.
+    ([{"at": "a"}], "contact.0.at: unknown key"),
+    ([{"<at>": "a"}], "contact.0.<at>: unknown key"),
+    ({"foundation": {"polyline": {"<only>": [[0, 0], [1, 0]]}}}, "contact.foundation.polyline: "),
     ([{}, {"gap": "z"}], "contact.1.gap: in the expression 'z': unknown name 'z'"),
     ([{}, {"gap": 1, "foundation": SPHERE}], "contact.1.gap: the foundation defines the gap"),
     (

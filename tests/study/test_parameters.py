@@ -95,6 +95,8 @@ def test_schema_is_json_with_defaults_and_units() -> None:
     builders = [kind["properties"].get("builder", {}).get("const") for kind in kinds]
     assert builders == [None, *BUILDERS]
     assert "unit" in kinds[1]["properties"]["h"]
+    on = [definition["$defs"][name]["properties"]["on"] for name in ("Contact", "Support")]
+    assert on[0]["default"] == ["bottom"] and "default" not in on[1]
 
 
 def test_the_json_schema_has_the_bounds_of_numbers() -> None:

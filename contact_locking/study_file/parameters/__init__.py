@@ -30,6 +30,8 @@ from contact_locking.expressions import POSITION, Table
 from contact_locking.plain_text import nearest
 from contact_locking.solver.settings import Settings
 from contact_locking.values.concept import (
+    LIST,
+    SECTION,
     BodyKind,
     Concept,
     Fault,
@@ -45,16 +47,7 @@ from contact_locking.values.concept import (
     refuse_if,
     sections,
 )
-from contact_locking.values.kinds import (
-    LIST,
-    SCOPE,
-    SECTION,
-    Number,
-    ScalarRule,
-    Scope,
-    Text,
-    list_or,
-)
+from contact_locking.values.kinds import SCOPE, Number, ScalarRule, Scope, Text, list_or
 from contact_locking.values.table_file import TableFile
 from contact_locking.values.value import Value
 

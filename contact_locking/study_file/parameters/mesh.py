@@ -8,7 +8,7 @@ from dataclasses import asdict, fields
 from functools import cache
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from pydantic import TypeAdapter, ValidationError, model_serializer, model_validator
+from pydantic import TypeAdapter, ValidationError, model_serializer
 
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, parse
@@ -114,12 +114,8 @@ class MeshParameters(Concept):
         """Dimension of the body; None for a mesh file, which is read later."""
         return None if self.geometry is None else self.geometry.dim
 
-    @model_validator(mode="before")
     @classmethod
-    def _prepare(cls, data: Any) -> Any:
-        data = {} if data is None else data
-        if not isinstance(data, dict):
-            return data
+    def _completed(cls, data: dict[str, Any]) -> dict[str, Any]:
         own = {key: value for key, value in data.items() if key not in _SHARED}
         shared = {key: value for key, value in data.items() if key in _SHARED}
         builder = data.get("builder")
