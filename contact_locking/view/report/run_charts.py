@@ -17,9 +17,9 @@ from contact_locking.arrays import AXES, FloatArray, IntArray
 from contact_locking.errors import with_key
 from contact_locking.results.adapted_meshes import AdaptedMesh, load
 from contact_locking.results.contact_points import ContactPoints
-from contact_locking.results.history import History, values_of
 from contact_locking.results.ordering import curves as ordered
 from contact_locking.results.quantities import QUANTITIES, Quantity
+from contact_locking.results.table import Table
 from contact_locking.view.pictures import plane, style
 from contact_locking.view.pictures.snapshot import facets_within, nearest_parts
 from contact_locking.view.pictures.style import Units
@@ -201,12 +201,12 @@ def column_of(name: str, contacts: Sequence[str]) -> Column:
     return Column(name.replace("_", " "), unit)
 
 
-def history_charts(history: History, contacts: Sequence[str], units: Units) -> list[Chart]:
+def history_charts(history: Table, contacts: Sequence[str], units: Units) -> list[Chart]:
     """The charts of a process over the time; none without two steps that converged.
 
     Of several ``contacts`` each has its own curves.
     """
-    history, several = history.converged(), len(contacts) > 1
+    history, several = _converged(history), len(contacts) > 1
     if len(history) < 2:
         return []
     drawn: dict[tuple[str, str], dict[str, str]] = {}
@@ -237,8 +237,13 @@ def history_charts(history: History, contacts: Sequence[str], units: Units) -> l
     ]
 
 
+def _converged(history: Table) -> Table:
+    """The steps without one that did not converge."""
+    return Table.of([row for row in history if row.get("converged", 1)])
+
+
 def _over_time(
-    figure: Figure, history: History, label: str, time_label: str, lines: Mapping[str, str]
+    figure: Figure, history: Table, label: str, time_label: str, lines: Mapping[str, str]
 ) -> None:
     axes = figure.add_subplot()
     time = history.column("t")
@@ -256,7 +261,7 @@ def _over_time(
 class Process:
     """The steps of a case, whose ``label`` has the values that vary in a study."""
 
-    history: History
+    history: Table
     label: str = ""
 
 
@@ -274,12 +279,11 @@ def wanted_charts(
     for number, one in enumerate(wanted):
         curves = []
         for process in processes:
-            history = process.history.converged()
+            history = _converged(process.history)
             if len(history) > 1:
                 key = f"output.charts.{number}"
                 x, y = (
-                    with_key(f"{key}.{axis}", partial(values_of, one[axis], history))
-                    for axis in "xy"
+                    with_key(f"{key}.{axis}", partial(history.values, one[axis])) for axis in "xy"
                 )
                 curves.append(Curve(process.label, x, y))
         x_label, y_label = (_label(one[axis], contacts, units) for axis in "xy")
