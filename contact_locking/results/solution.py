@@ -13,7 +13,6 @@ import numpy as np
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
 from contact_locking.problem.distance import distance
-from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.table import Table
 
@@ -106,7 +105,6 @@ class Solution:
     summary: Mapping[str, Any]
     differentiable: Differentiable | None = None
     data: ProblemData | None = None
-    meshes: tuple[AdaptedMesh, ...] = ()  # the adapted meshes up to this one, on rank 0
     time: float = 0.0  # the time of the step, 0 without steps
     history: Table = field(default_factory=Table)  # the steps up to this one, none without
     probes: tuple[ProbeSample, ...] = ()  # the probes of the steps up to this one, none without

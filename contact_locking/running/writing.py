@@ -17,7 +17,7 @@ from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, requi
 from contact_locking.files import atomic
 from contact_locking.files.lock import make_folders
 from contact_locking.process.checkpoint import stored as checkpoints
-from contact_locking.results import adapted_meshes, fields, names, probe_table, xdmf
+from contact_locking.results import fields, names, probe_table, xdmf
 from contact_locking.results.contact_points import facets_table
 from contact_locking.results.output_folder import explained_in, on_root_of
 from contact_locking.results.solution import Solution, StudySolution, summary_text
@@ -69,8 +69,8 @@ def write(
 ) -> list[str]:
     """Write all files of a solution and return the warnings, the same on all ranks; collective.
 
-    The files are summary.json, contact.csv and contact_facets.csv, parameters.yaml for a study, and
-    meshes.npz for adapted meshes.  The section ``output`` of a study, or its defaults, adds
+    The files are summary.json, contact.csv and contact_facets.csv, and parameters.yaml for a
+    study.  The section ``output`` of a study, or its defaults, adds
     fields.bp or fields.xdmf, and picture.png; ``checkpoint`` adds the folder checkpoint.  A step of
     a process adds history.csv.  ``series``, the file of a `FieldSeries`, is fields.bp in place of
     the fields of this step.  The files are written into a staging folder and moved when all are
@@ -115,7 +115,6 @@ def write(
 
         def finish() -> None:
             _write_texts(complete, staging)
-            adapted_meshes.save(solution.meshes, staging / names.MESHES)
             for name in names.FILES_OF_RUN:
                 atomic.put_in_place(staging / name, target / name)
 

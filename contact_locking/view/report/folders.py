@@ -35,7 +35,6 @@ class RunResults:
     facets: IntArray
     picture: Path | None
     history: Table
-    meshes: Path | None = None
     fit: dict[str, Any] | None = None
 
 
@@ -91,7 +90,7 @@ def _run(folder: Path) -> RunResults:
     for key, text in summary.pop("not_finite", {}).items():
         _restore(summary, key, float(text))
     contact, facets = folder / names.CONTACT, folder / names.FACETS
-    picture, meshes = folder / names.PICTURE, folder / names.MESHES
+    picture = folder / names.PICTURE
     points = ContactPoints.of(Table.read(contact.read_text("utf-8"), str(contact), ["state"]))
     corners = Table.read(facets.read_text("utf-8"), str(facets))
     return RunResults(
@@ -102,7 +101,6 @@ def _run(folder: Path) -> RunResults:
         np.column_stack([corners.whole(name) for name in corners.columns]),
         picture if picture.is_file() else None,
         history_in(folder) or Table(),
-        meshes if meshes.is_file() else None,
         read_mapping(folder / names.FIT),
     )
 
