@@ -14,7 +14,6 @@ from pydantic import BeforeValidator, Field, Tag, model_validator
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.shapes.shape import Shape
 from contact_locking.shapes.tool_files import MOST_CORNERS, read_corners, read_surface
 from contact_locking.values.concept import (
@@ -69,10 +68,6 @@ class FacetedFoundation(Shape):
     @abstractmethod
     def at_open_end(self, x: FloatArray) -> BoolArray:
         """(k,) whether the rim of an open surface is nearest to each point (d, k)."""
-
-    def outline(self, motion: RigidMotion, box: FloatArray) -> FloatArray:
-        dim = self.facets.shape[2]
-        return motion.place(self.facets.reshape(-1, dim).T).T.reshape(self.facets.shape)
 
     @property
     def extent(self) -> float:

@@ -177,9 +177,9 @@ class _Deck:
     def _add_nodes(self, card: Card) -> None:
         if card.options.get("SYSTEM", "R").upper() != "R":
             raise ValueError("its coordinates are cylindrical or spherical; write Cartesian ones")
-        points = np.zeros((len(card.rows), 3))
-        for point, row in zip(points, card.rows, strict=True):
-            point[: len(row[1:4])] = [float(entry or 0.0) for entry in row[1:4]]
+        points: FloatArray = np.zeros((len(card.rows), 3))
+        for number, row in enumerate(card.rows):
+            points[number, : len(row[1:4])] = [float(entry or 0.0) for entry in row[1:4]]
         if card.place:
             points = points + np.asarray(card.place[0][:3])
         if len(card.place) > 1:
