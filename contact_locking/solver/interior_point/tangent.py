@@ -17,7 +17,9 @@ from contact_locking.fem import compiled
 from contact_locking.fem.joint_forms import JointForm
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.solver.interior_point.contact_nodes import OnContact
 from contact_locking.solver.interior_point.family import Family, Reaction
+from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.border import Border
 from contact_locking.solver.linear.filtered_multigrid import StiffPart
@@ -102,18 +104,21 @@ class Tangent:
         self.energy = self.force_scale = self.acting = 0.0
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         elastic = system.bilinear
-        terms = [family.tangent_term(v, du) for family in families]
+        self._touching = [family for family in families if isinstance(family, OnContact)]
+        strained = [family for family in families if isinstance(family, LimitsOfStrain)]
+        operators = {id(family.nodes): family.nodes.operator for family in self._touching}
+        terms = [family.tangent_term(v, du) for family in strained]
         compiled_elastic = system.kept.form(elastic)
 
         def compile_form(part: ufl.Form) -> fem.Form:
             return compiled_elastic if part.equals(elastic) else compiled.form(part)
 
-        self._form = JointForm(sum(terms, start=elastic), data.jumps, compile_form)
+        self._form = JointForm(sum(terms, start=elastic), compile_form)
         # In blocks products are fast, but a factorisation needs none.
         if self.comm.size == 1 and is_direct(task.settings.linear, system.dim, system.size):
-            self.matrix = self._form.create_shared_matrix()
+            self.matrix = self._form.create_shared_matrix(list(operators.values()))
         else:
-            self.matrix = self._form.create_matrix(IN_BLOCKS)
+            self.matrix = self._form.create_matrix(list(operators.values()), IN_BLOCKS)
         self._near_nullspace = system.near_nullspace()
         self.matrix.setNearNullSpace(self._near_nullspace)
         self.elasticity = petsc.assemble_matrix(compiled_elastic)
@@ -372,7 +377,8 @@ class Tangent:
         return nodes[is_free[nodes]].astype(np.int32)
 
     def _assemble(self, matrix: PETSc.Mat) -> None:
-        self.system.constraints.assemble_matrix(self._form, matrix)
+        touching = (family.nodes.stiffness(family.tangent_block) for family in self._touching)
+        self.system.constraints.assemble_matrix(self._form, matrix, touching)
 
     def _refresh_border(self) -> None:
         """Solve for the response to each travel; collective."""

@@ -120,7 +120,7 @@ def gather(solution: Solution) -> Snapshot | None:
             np.concatenate([np.empty(0), *smoothed]),
             names,
             tuple(drawn_tool(solution.contacts[number].outline, x) for number in numbers),
-            tuple(solution.contacts[number].surface.jump is not None for number in numbers),
+            tuple(solution.contacts[number].surface.is_paired for number in numbers),
         ),
         title=solution.summary.get("title", ""),
         dofs=solution.summary["dofs"],
