@@ -124,10 +124,7 @@ class Equations:
         In the space V^h of continuous, piecewise affine displacements (section 3.2) it is that of
         (26), where ``epsilon = 1/n``.
         """
-        form = self.a(u, v) + self.locking(u, v) + self.contact(u, v) + self.dj(u, v)
-        if self.data.own_energy is not None:
-            form += forms.own_forces(u, v, self.data)
-        return form - self.load(v)
+        return self.a(u, v) + self.locking(u, v) + self.contact(u, v) + self.dj(u, v) - self.load(v)
 
     def tangent(self, u: fem.Function, v: Expr, du: Expr) -> ufl.Form:
         """The derivative of :meth:`residual` in the direction ``du``, at a fixed bound G."""

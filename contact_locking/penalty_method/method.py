@@ -19,7 +19,6 @@ _SHARE_OF_CHANGE, _FIRST, _SHARPEST = 1e-2, 1e-3, 0.1
 _FROM_SAVED = 30
 
 _WAY_OUT = "Try solver.method: auto, lower penalty.n or raise penalty.epsilon."
-_ENERGY_WAY_OUT = "Check that the energy is convex, lower penalty.n or raise penalty.epsilon."
 _BOUND_WAY_OUT = (
     "If the friction bound does not settle, lower friction.coefficient or enlarge "
     "friction.smoothing.radius."
@@ -50,8 +49,7 @@ def solve(task: Task, saved: SavedState | None = None) -> SolverReport:
         if isinstance(failure, Unsettled):
             reached = reached.settled(failure.change, failure.contraction)
         known = vars(reached) | vars(task.counts)
-        way_out = _WAY_OUT if task.system.data.own_energy is None else _ENERGY_WAY_OUT
-        way_out += f"  {_BOUND_WAY_OUT}" if task.system.rubbing else ""
+        way_out = f"{_WAY_OUT}  {_BOUND_WAY_OUT}" if task.system.rubbing else _WAY_OUT
         return SolverReport(**known, reason=str(failure), suggestion=way_out, stages=stages)
     return SolverReport.solved(outcome, task.counts, stages=stages)
 

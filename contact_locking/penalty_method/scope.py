@@ -28,6 +28,8 @@ def _others(problem: DiscreteProblem) -> Iterator[tuple[str, str]]:
         yield "material.locking", "a limit beside |eps| <= M"
     if problem.free + problem.sliding > 0:
         yield "loads.displacements", "a body that contact or friction alone holds"
+    if problem.data.own_energy is not None:
+        yield "energy", "an energy of your own"
     for contact in problem.contacts:
         if contact.against:
             yield f"{contact.key}.against", "a second body"

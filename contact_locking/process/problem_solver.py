@@ -10,7 +10,6 @@ from numpy.linalg import norm
 
 from contact_locking import wings
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
@@ -39,8 +38,7 @@ class ProblemSolver:
     """The solver of a discrete problem, for as many solves as there are steps; collective.
 
     Mesh, compiled forms and spaces are made once.  Before each solve the caller puts the problem to
-    its time, or to its new data.  Raises InputError for an ``own_energy`` with a method other than
-    ``penalty``, and for what the method of the paper does not serve.
+    its time, or to its new data.  Raises InputError for what ``method: penalty`` does not serve.
     """
 
     def __init__(
@@ -48,7 +46,7 @@ class ProblemSolver:
     ) -> None:
         self.problem, self.monitor = problem, monitor or Monitor()
         self._derivatives: tuple[SolverReport, Differentiable] | None = None
-        self._method = _method(problem, settings.method)
+        self._method = settings.method
         if self._method == "penalty":
             require_served(problem)
         linear = linear_solver(problem, settings.linear)
@@ -191,14 +189,3 @@ def linear_solver(problem: DiscreteProblem, linear: str) -> str:
     domain, size = problem.domain, problem.constraints.space.dofmap.index_map.size_global
     compact = domain.compact_size(size * domain.dim, problem.element.degree)
     return chosen(linear, domain.dim, compact)
-
-
-def _method(problem: DiscreteProblem, method: str) -> str:
-    if problem.data.own_energy is None:
-        return method
-    if method == "interior_point":
-        raise InputError(
-            "interior_point does not know an energy of the user's own; take penalty, or auto",
-            "solver.method",
-        )
-    return "penalty"
