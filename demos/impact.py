@@ -87,7 +87,7 @@ def throw(body: Any, skin: Any, velocity: Any, times: Any, floor: Any, limits: A
 # has been at the far end and is back, at $t = 2L/c$. Then it leaves with the speed $v$.
 
 # %%
-width, times = 0.05, 2 / cells * np.arange(1, 1.4 * cells)
+width, times = 0.05, np.arange(1.0, 1.4 * cells) * 2 / cells
 bar = mesh.create_rectangle(comm, [[0, 0], [width, 1]], [1, cells])
 end = mesh.locate_entities_boundary(bar, 1, lambda x: np.isclose(x[1], 0))
 wall = cl.Contact(end, cl.HalfSpace((0, 0), (0, 1)))
@@ -106,12 +106,12 @@ assert abs(last - 2.0) < 3 * times[0] and 0.9 < rebound <= 1.0
 
 # %%
 radii, angle = np.array([0.8, 0.89, 0.98, 1.0]), 2 * np.pi * np.arange(cells) / cells
-x = np.stack([np.outer(radii, np.sin(angle)), 1 - np.outer(radii, np.cos(angle))], axis=-1)
+nodes = np.stack([np.outer(radii, np.sin(angle)), 1 - np.outer(radii, np.cos(angle))], axis=-1)
 layer, i = np.divmod(np.arange(3 * cells), cells)
 a, b = layer * cells + i, layer * cells + (i + 1) % cells
 ring = np.stack([a, b, b + cells, a, b + cells, a + cells], axis=1).reshape(-1, 3)
 element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
-body = mesh.create_mesh(comm, cells=ring, x=x.reshape(-1, 2), e=element)
+body = mesh.create_mesh(comm, cells=ring, x=nodes.reshape(-1, 2), e=element)
 
 
 def in_skin(x: Any) -> Any:
@@ -120,7 +120,7 @@ def in_skin(x: Any) -> Any:
 
 sole = mesh.locate_entities_boundary(body, 1, lambda x: in_skin(x) & (x[1] < 0.6))
 floor = cl.Contact(sole, cl.HalfSpace((0, -0.04), (0, 1)), cl.Coulomb(0.4, cl.Convolution(0.1)))
-M, times = SPEED / 2, 9.6 / cells * np.arange(1, 3 * cells)
+M, times = SPEED / 2, np.arange(1, 3 * cells) * 9.6 / cells
 runs = {
     name: throw(body, in_skin, (SPEED, -SPEED), times, floor, limits)
     for name, limits in (("no limit", ()), (f"|ε| ≤ {M:g}", [cl.StrainBall(M)]))
