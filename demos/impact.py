@@ -11,7 +11,7 @@
 #
 # **Energy is never gained.** Test with $u_1 - u_0 = \frac\tau2(v_1 + v_0)$: as $v_1 - v_0$ is
 # $\frac2\tau(u_1 - u_0 - \tau v_0)$, the left side is the gain of energy, or more for
-# $\theta \ge \frac12$. The right side is not positive: $u_0$ lay above the floor,
+# $\theta \ge \frac{1}{2}$. The right side is not positive: $u_0$ lay above the floor,
 # $\varepsilon(u_0)$ within the limit, and friction acts against the slip of the step.
 #
 # Mass on the contact makes its force jump from step to step. So a thin skin has no mass (as in
