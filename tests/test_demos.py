@@ -53,7 +53,7 @@ COARSE = {
 # Scripts without a study file: size and mesh.  They assert closed forms.
 ALONE = {
     **{"impact": ("0.06", "16"), "viscous": ("0.15", "16"), "wear": ("0.1", "40")},
-    **{"stiffening_laws": ("0.08", "16"), "finite_strain": ("0.2", "10")},
+    **{"stiffening_laws": ("0.08", "16"), "finite_strain": ("0.2", "10"), "design": ("0.05", "16")},
 }
 
 # The demos with a finite n; the study files of the others are solved for n = .inf already.
