@@ -51,7 +51,10 @@ COARSE = {
     "cyclic_slip": ("mesh.h=0.2", "mesh.h_contact=0.05", "steps.count=6", *PLAIN),
 }
 # Scripts without a study file: size and mesh.  They assert closed forms.
-ALONE = {"impact": ("0.06", "16"), "viscous": ("0.15", "16"), "wear": ("0.1", "40")}
+ALONE = {
+    **{"impact": ("0.06", "16"), "viscous": ("0.15", "16"), "wear": ("0.1", "40")},
+    **{"stiffening_laws": ("0.08", "16"), "finite_strain": ("0.2", "10"), "design": ("0.05", "16")},
+}
 
 # The demos with a finite n; the study files of the others are solved for n = .inf already.
 PENALISED = ("block", "block_3d", "slip_friction", "anisotropic_regions", "stiffening")
