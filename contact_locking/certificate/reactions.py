@@ -39,11 +39,11 @@ def shares_by_part(
     dim = domain.dim
     owned = _held_dofs(domain, constraints, len(reaction))
     shares = {name: np.zeros_like(reaction) for name in owned}
-    for placed in constraints.supports.placed:
-        shares |= {name: np.zeros_like(reaction) for name in placed.support.on}
+    for placed in constraints.oblique:
+        shares |= {name: np.zeros_like(reaction) for name in placed.on}
     rest = reaction.copy()
-    if constraints.supports.placed:
-        oblique = constraints.supports.directions.nodes
+    if constraints.oblique:
+        oblique = constraints.directions.nodes
         oblique = oblique[oblique < len(reaction) // dim]
         forces = reaction.reshape(-1, dim)[oblique]
         rest.reshape(-1, dim)[oblique] = 0.0
@@ -91,11 +91,11 @@ def are_held(
 def _held_dofs(domain: Domain, constraints: Constraints, count: int) -> dict[str, IndexArray]:
     """The dofs below ``count`` that each boundary part holds by components; collective."""
     dim, held = domain.dim, dict[str, list[IndexArray]]()
-    for condition in constraints.wanted:
-        for name in condition.on:
-            facets = domain.facets((name,), condition.key)
+    for placed in constraints.components:
+        for name in placed.on:
+            facets = domain.facets((name,), placed.key)
             nodes = fem.locate_dofs_topological(constraints.space, dim - 1, facets)
-            held.setdefault(name, []).append(dim * nodes + condition.component)
+            held.setdefault(name, []).append(dim * nodes + int(placed.component or 0))
     for number, own in enumerate(constraints.given):
         held[f"bcs.{number}"] = [np.asarray(own.dof_indices()[0], dtype=np.int32)]
     every = {name: np.unique(np.concatenate(dofs)) for name, dofs in held.items()}
@@ -111,9 +111,9 @@ def _rows(
         for axis in range(dim):
             places = np.flatnonzero(np.isin(dim * nodes + axis, dofs)).astype(np.int32)
             yield name, places, np.tile(np.eye(dim)[axis], (len(places), 1))
-    for placed in constraints.supports.placed:
-        for name in placed.support.on:
-            facets = domain.facets((name,), placed.support.key)
+    for placed in constraints.oblique:
+        for name in placed.on:
+            facets = domain.facets((name,), placed.key)
             on_part = fem.locate_dofs_topological(constraints.space, dim - 1, facets)
             places, directions = placed.rows_at(nodes)
             here = np.isin(nodes[places], on_part)

@@ -11,7 +11,7 @@ from dolfinx import fem
 
 from contact_locking.arrays import AXES, FloatArray
 from contact_locking.files.csv_file import csv_text
-from contact_locking.study.probe_points import ProbePoints
+from contact_locking.results.probe_points import ProbePoints
 
 
 @dataclass(frozen=True)

@@ -336,7 +336,7 @@ def trace_norm(state: SolvedState, product: Expr, traces: ufl.Form) -> float:
     mask = surface.createVecLeft()
     mask.array_w[:] = constraints.free_dofs()[: mask.getLocalSize()]
     surface.diagonalScale(mask, mask)
-    constraints.supports.directions.eliminate(surface, holds=False)
+    constraints.directions.eliminate(surface, holds=False)
     try:
         with closing(EllipticProblem(state, product, constraints)) as problem:
             return float(_largest(surface, problem.matrix, problem.ksp) ** 0.5)

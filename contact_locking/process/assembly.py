@@ -7,39 +7,30 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import ufl
 from mpi4py import MPI
 
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.friction import Mollifier
-from contact_locking.contact.surface import PRESCRIBED
 from contact_locking.errors import InputError
 from contact_locking.expressions import parse
 from contact_locking.fem.spaces import Element, element_of
-from contact_locking.fields.between_steps import unseen_peaks
-from contact_locking.fields.clock import Clock
-from contact_locking.fields.sampling import Entities, features
-from contact_locking.fields.values import PresentValue
+from contact_locking.fields.present import Clock
 from contact_locking.mesh import domain as domains
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file.xdmf_grids import is_xdmf
 from contact_locking.mesh.groups import groups
-from contact_locking.mesh.half_section import half_section, require_surface
+from contact_locking.mesh.half_section import half_section
 from contact_locking.mesh.named_parts import Place, Test, with_parts
-from contact_locking.mesh.skins import area_normals
-from contact_locking.problem.discrete_problem import Body, DiscreteProblem
-from contact_locking.study.loads import build_loads, open_pressures, springs_of
-from contact_locking.study.material import material_in_cells, material_warnings
-from contact_locking.study.probe_points import locate
+from contact_locking.problem.body import Body
+from contact_locking.problem.discrete_problem import DiscreteProblem
+from contact_locking.problem.points import Placed
+from contact_locking.results.probe_points import locate
 from contact_locking.study_file import require_parameters
-from contact_locking.study_file.parameters import HOLD_ALONG, Parameters
-from contact_locking.study_file.parameters.boundary import LoadParameters
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters.material import MaterialParameters, Region
 from contact_locking.study_file.parameters.mesh import BoundaryPart, MeshParameters
-from contact_locking.supports.conditions import ComponentCondition, constrain
-from contact_locking.supports.support import Support
 from contact_locking.values.concept import BodyKind, dotted, require_fitting
-from contact_locking.values.value import Value
 
 
 class StudyProblem(DiscreteProblem):
@@ -54,42 +45,22 @@ class StudyProblem(DiscreteProblem):
         self.parameters = parameters
         told = [f"{domain.origin}: {warning}" for warning in domain.warnings]
         parameters.check_dimension(domain.dim)
-        space = element.displacement_space(domain.mesh)
-        _check_parts(domain, parameters)
         self.probes = locate(domain, parameters.output.probes)
-        steps = parameters.steps
-        times = (0.0,) if steps is None else steps.planned
-        self.clock = clock = Clock(domain.mesh, times[0], times)
-        material = material_in_cells(domain, parameters.material)
-        conditions, supports, of_values = _held(domain, parameters.loads, clock)
-        told += of_values
-        constraints = constrain(domain, space, conditions, supports, [], clock)
-        contacts = [_with_radius(domain, item) for item in parameters.contacts]
-        self.loads = build_loads(domain, parameters.loads, element, clock)
-        springs, of_springs = springs_of(domain, parameters.loads.springs)
-        v = ufl.TestFunction(space)
+        steps, loads, penalty = parameters.steps, parameters.loads, parameters.penalty
+        clock = Clock(domain.mesh, () if steps is None else steps.planned)
         body = Body(
-            domain=domain,
-            element=element,
-            space=space,
-            constraints=constraints,
-            loads=self.loads.work(v),
-            springs=springs,
-            displacements=[name for item in parameters.loads.displacements for name in item.on],
-            supports=[name for item in parameters.loads.supports for name in item.on],
-            **material,
+            domain,
+            element,
+            element.displacement_space(domain.mesh),
+            held=loads.held,
+            loads=loads.acting,
+            springs=loads.of("springs"),
+            **_material(domain, parameters.material),
         )
-        penalty = parameters.penalty
+        contacts = [_with_radius(domain, item) for item in parameters.contacts]
+        body.require_free(contacts)
         super().__init__(body, contacts, penalty.n, penalty.epsilon, clock)
         self.rigidity.require_held()
-        told += material_warnings(body, clock) + of_springs
-        for item in parameters.contacts:
-            told += friction_warnings(domain, item)
-        told += self.loads.warnings(self.material.stiffness)
-        told += open_pressures(domain, parameters.loads.pressures)
-        told += parameters.idle_friction()
-        for key, value in parameters.timed():
-            told += unseen_peaks(value, key, clock, domain.bounding_box)
         # Two contacts may have one section of friction.
         self.warnings = list(dict.fromkeys([*told, *self.warnings]))
 
@@ -99,9 +70,7 @@ class StudyProblem(DiscreteProblem):
         Raises InputError for a value that is not finite, and for a force that turns.
         """
         self.clock.set(time)
-        self.material.advance()
-        self.warnings += self.loads.advance()
-        self.place()
+        self.refresh()
 
     def facts(self) -> dict[str, Any]:
         """The facts that ``contact-locking check`` prints; collective."""
@@ -137,23 +106,41 @@ def _with_radius(domain: Domain, contact: Contact) -> Contact:
     return contact.model_copy(update={"friction": friction})
 
 
-# A slip, as a share of the size of the body.
-_SOME_SLIP = 1e-3
+def _material(domain: Domain, given: MaterialParameters) -> dict[str, Any]:
+    """The entries of a `Body` about its material; collective.
 
-
-def friction_warnings(domain: Domain, contact: Contact) -> list[str]:
-    """Features of the friction coefficient between the nodes; collective.  Raises for a pole."""
-    mu = None if contact.friction is None else contact.friction.coefficient
-    if mu is None or mu.expression is None:
-        return []
-    key = f"{contact.key}.friction.coefficient"
-    facets = Entities.of(domain, domain.dim - 1, domain.facets(contact.on))
-    # Friction may begin with the slip; from the size of the body on the slip is as good as endless.
-    slips = [0.0, _SOME_SLIP * domain.extent, domain.extent]
-    for slip in slips if "s" in mu.expression.names else slips[:1]:
-        if found := features(facets, mu, key, "refine the mesh there", s=slip):
-            return found
-    return []
+    Raises InputError for a region that the mesh does not have.
+    """
+    index_map = domain.mesh.topology.index_map(domain.dim)
+    everywhere: IndexArray = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    law = given.elasticity.model_copy(update={"plane": given.plane})
+    elasticity = [Placed(law, "material.elasticity", everywhere)]
+    limited: list[tuple[str, Region]] = [("material", given)]
+    # The limits of a region replace those of the material and of regions before it.
+    owner, regions = np.zeros(len(everywhere), dtype=np.int32), []
+    for name, region in given.regions.items():
+        key = f"material.regions.{name}"
+        regions.append(domain.cells(name, key))
+        if region.elasticity is not None:
+            elasticity.append(Placed(region.elasticity, f"{key}.elasticity", regions[-1]))
+        if region.limits() is not None:
+            owner[regions[-1]] = len(limited)
+            limited.append((key, region))
+    limits = []
+    for number, (above, section) in enumerate(limited):
+        inside = np.flatnonzero(owner == number).astype(np.int32)
+        for place, limit in section.limits() or ():
+            key = dotted(above, *place)
+            limits.append(Placed(limit, key, inside, key if "locking_limit" in place else ""))
+    eigenstrains = []
+    for place, item in given.eigenstrains:
+        key, inside = dotted("material", *place), everywhere
+        if item.on is not None:
+            parts = [domain.cells(name, f"{key}.on") for name in item.on]
+            inside = np.unique(np.concatenate(parts)).astype(np.int32)
+            regions.append(inside)
+        eigenstrains.append(Placed(item, key, inside))
+    return dict(elasticity=elasticity, eigenstrains=eigenstrains, limits=limits, regions=regions)
 
 
 def check(
@@ -216,83 +203,6 @@ def _given_mesh(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
     from contact_locking.mesh.xdmf_mesh import from_xdmf
 
     return from_xdmf(path, comm)
-
-
-def _check_parts(domain: Domain, parameters: Parameters) -> None:
-    """Raise InputError for unknown boundary parts, and where a condition holds Gamma_C across."""
-    contacts = [domain.facets(part.on, f"{part.key}.on") for part in parameters.contacts]
-    loads = parameters.loads
-    surfaces = [(part.on, f"{part.key}.on") for part in parameters.contacts]
-    for kind in ("tractions", "pressures", "forces", "springs"):
-        items = enumerate(getattr(loads, kind))
-        surfaces += [(item.on, f"loads.{kind}.{i}.on") for i, item in items]
-    for on, key in surfaces:
-        require_surface(domain, on, key)
-    for part, facets in zip(parameters.contacts, contacts, strict=True):
-        if part.against and set(part.on) == set(part.against):
-            _require_bodies(domain, part.on, facets, f"{part.key}.against")
-    for place, condition in parameters.loads.held():
-        key = dotted("loads", *place, "on")
-        facets = domain.facets(condition.on, key)
-        both = np.intersect1d(facets, np.concatenate([facets[:0], *contacts]))
-        normals, areas = area_normals(domain, both)
-        values = condition.value if isinstance(condition.value, tuple) else [condition.value]
-        is_held = [value is not None for value in values]
-        if domain.comm.allreduce(np.sum(np.abs(normals) * is_held > PRESCRIBED * areas[:, None])):
-            raise InputError(
-                "Gamma_C and Gamma_D overlap: contact and a displacement across it share facets of "
-                f"{', '.join(map(repr, condition.on))}; {HOLD_ALONG}",
-                key,
-            )
-
-
-def _require_bodies(domain: Domain, on: tuple[str, ...], facets: IndexArray, key: str) -> None:
-    """Raise InputError for parts of one body that are to touch each other; collective."""
-    comm, name = domain.comm, ", ".join(on)
-    if len(set().union(*comm.allgather(domain.parts[domain.owners(facets)].tolist()))) > 1:
-        return
-    owned = domain.mesh.topology.index_map(domain.dim - 1).size_local
-    normals, _ = area_normals(domain, facets[facets < owned])
-    across = np.linalg.eigh(comm.allreduce(normals.T @ normals))[1][:, -1]
-    across *= np.sign(across[np.argmax(np.abs(across))])
-    lips = [
-        f"{on[0]}_{number}: {{on: [{name}], facing: {(np.round(way, 2) + 0.0).tolist()}}}"
-        for number, way in enumerate((across, -across), start=1)
-    ]
-    raise InputError(
-        f"{name} belongs to one body, so that it holds both lips of a cut, which need a name each: "
-        f"mesh.parts: {{{', '.join(lips)}}} and contact: {{on: {on[0]}_1, against: {on[0]}_2}}",
-        key,
-    )
-
-
-def _held(
-    domain: Domain, loads: LoadParameters, clock: Clock
-) -> tuple[list[ComponentCondition], list[Support], list[str]]:
-    """The prescribed components, the supports, and warnings about them; collective.
-
-    The warnings are about values that change sharply inside of a facet.  Raises InputError for a
-    pole there.
-    """
-    warnings: list[str] = []
-
-    def look_at(on: tuple[str, ...], value: Value, key: str) -> None:
-        facets = Entities.of(domain, domain.dim - 1, domain.facets(on, key))
-        advice, times = "refine the mesh there", clock.some_times
-        warnings.extend(features(facets, value, key, advice, times=times))
-
-    conditions, supports = [], []
-    for i, condition in enumerate(loads.displacements):
-        for j, value in enumerate(condition.value):
-            if value is not None:
-                key = f"loads.displacements.{i}.value.{j}"
-                look_at(condition.on, value, key)
-                field = PresentValue(domain.comm, value, key, clock)
-                conditions.append(ComponentCondition(condition.on, j, field, key, value.is_timed))
-    for i, support in enumerate(loads.supports):
-        supports.append(support.model_copy(update={"at": f"loads.supports.{i}"}))
-        look_at(support.on, support.value, f"loads.supports.{i}.value")
-    return conditions, supports, warnings
 
 
 # A point is on a plane, or in a box, up to this share of the size of the body.
