@@ -28,7 +28,7 @@ from contact_locking.mesh.domain import Domain, about, diagnosed
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.diagnosis import check_arrays
-from contact_locking.mesh.file.xdmf_grids import Grid, Grids, data_file, read_grids
+from contact_locking.mesh.file.xdmf_grids import Grid, data_file, read_grids
 from contact_locking.parallel import agree, on_root
 
 
@@ -47,19 +47,22 @@ def from_xdmf(path: Path, comm: MPI.Intracomm) -> Domain:
 
 
 def _read(path: Path, comm: MPI.Intracomm) -> Domain:
-    grids = on_root(comm, lambda: read_grids(path))
+    of_cells, grids = on_root(comm, lambda: read_grids(path))
     with _explained(path), io.XDMFFile(comm, path, "r") as file:
-        mesh = _mesh(file, grids)
+        mesh = _mesh(file, of_cells)
         cells = DistributedCells(mesh)
-        regions = _regions(file, grids, mesh)
-        named = [group for grid in grids.boundary_parts for group in _groups(file, grid, mesh)]
+        inside, on_facets = (
+            [group for grid in grids if grid.dim == dim for group in _groups(file, grid, mesh)]
+            for dim in (of_cells.dim, of_cells.dim - 1)
+        )
+        regions = _regions(inside, of_cells, mesh)
     with about(str(path)):
-        return diagnosed(mesh, cells, regions, named, str(path))
+        return diagnosed(mesh, cells, regions, on_facets, str(path))
 
 
-def _mesh(file: io.XDMFFile, grids: Grids) -> dmesh.Mesh:
+def _mesh(file: io.XDMFFile, grid: Grid) -> dmesh.Mesh:
     """The mesh, distributed; collective."""
-    comm, kind, name = file.comm, grids.cells.kind, grids.cells.name
+    comm, kind, name = file.comm, grid.kind, grid.name
     cells = np.asarray(file.read_topology_data(name), dtype=np.int64)
     points = np.asarray(file.read_geometry_data(name), dtype=float)
     if not comm.allreduce(len(cells)):
@@ -110,13 +113,12 @@ def _groups(file: io.XDMFFile, grid: Grid, mesh: dmesh.Mesh) -> list[EntityGroup
     return [EntityGroup(str(value), tags.find(value), missing) for value in values]
 
 
-def _regions(file: io.XDMFFile, grids: Grids, mesh: dmesh.Mesh) -> Regions:
+def _regions(found: list[EntityGroup], body: Grid, mesh: dmesh.Mesh) -> Regions:
     """The regions, one for each cell; collective."""
-    index_map = mesh.topology.index_map(grids.dim)
+    index_map = mesh.topology.index_map(body.dim)
     count = index_map.size_local + index_map.num_ghosts
-    if not grids.regions:
-        return Regions(np.ones(count, dtype=np.int32), {grids.cells.name: 1})
-    found = [group for grid in grids.regions for group in _groups(file, grid, mesh)]
+    if not found:
+        return Regions(np.ones(count, dtype=np.int32), {body.name: 1})
     require_different([group.name for group in found], "cells")
     names = {group.name: number for number, group in enumerate(found, start=1)}
     numbers = np.zeros(count, dtype=np.int32)

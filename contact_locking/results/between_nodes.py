@@ -130,7 +130,7 @@ class _Facets:
         self._kind = surface.domain.kind.facet.name, degree
         halves = _HALVES[self._kind]
         nodes = np.concatenate([surface.facet_nodes[:, list(half)] for half in halves])
-        blocks = surface.limited.blocks[nodes]
+        blocks = surface.controls.blocks[nodes]
         self._x = surface.scalar_space.tabulate_dof_coordinates()[nodes, :dim]
         self._u = u.x.array.reshape(-1, dim)[blocks]
         normals = contact.normal.x.array.reshape(-1, dim)[blocks]

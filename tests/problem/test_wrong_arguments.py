@@ -191,10 +191,6 @@ WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str]] = {
         lambda space: {"L": ufl.TestFunction(elsewhere())[1] * ufl.dx},
         "space",
     ),
-    "a traction in space": (
-        lambda space: {"loads": [cl.Traction(top(space), (0.0, 0.0, 0.1))]},
-        "loads.0.value",
-    ),
     "a load at no coordinate": (
         lambda space: {"loads": [cl.BodyForce((0.0, "0.1*z"))]},
         "loads.0.1",
@@ -207,7 +203,6 @@ WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str]] = {
         lambda space: {"loads": [cl.Pressure("top", None)]},
         "Pressure.value",
     ),
-    "one load alone": (lambda space: {"loads": cl.BodyForce((0.0, 0.1))}, "loads"),
     "a spring that pushes": (
         lambda space: {"springs": [cl.Spring(top(space), "x - 0.5")]},
         "springs.0.stiffness",

@@ -235,8 +235,6 @@ class Parameters(Concept):
             raise InputError(fault.message, dotted(*fault.place))
 
     def _faults(self) -> Iterator[Fault]:
-        if self.solver.method == "newton":
-            yield from self._newton_faults()
         named = [(place, item.name) for place, item in self._contact_sections() if item.name]
         for number, (place, name) in enumerate(named):
             if name in [other for _, other in named[:number]]:
@@ -286,18 +284,6 @@ class Parameters(Concept):
                 given.against and has_steps and not given.pair
             )
             yield (*place, "pair"), derived and turns, f"{facing}: take once"
-
-    def _newton_faults(self) -> Iterator[Fault]:
-        """What only the interior point method solves."""
-        instead = (
-            "cannot be solved by Newton's method; take solver.method: interior_point (or auto)"
-        )
-        if self.penalty.n == math.inf:
-            yield Fault(("penalty", "n"), f".inf {instead}, or a finite n such as 1e6")
-        for contact in self.contacts:
-            if contact.friction is not None and contact.friction.regularisation == 0.0:
-                place = (*contact.key.split("."), "friction", "regularisation")
-                yield Fault(place, f"0, without a smooth law, {instead}, or a positive length")
 
     def _contact_sections(self) -> list[tuple[Place, Contact]]:
         if isinstance(self.contact, tuple):

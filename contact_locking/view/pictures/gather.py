@@ -15,6 +15,7 @@ from contact_locking.fem.trace import facet_places
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.domain import Domain
 from contact_locking.results.solution import Solution
+from contact_locking.view.pictures.outline import outline
 from contact_locking.view.pictures.snapshot import ContactMap, Snapshot, drawn_tool
 
 # Nodes of a cell of degree 2: first the corners, then the middles of the edges in the order of
@@ -111,6 +112,7 @@ def gather(solution: Solution) -> Snapshot | None:
     listed = solution.summary["contacts"]
     numbers = np.unique(points.contact)
     names = tuple(listed[number]["name"] for number in numbers)
+    touching = [solution.contacts[number] for number in numbers]
     return Snapshot(
         **fields,
         contact=ContactMap(
@@ -119,8 +121,8 @@ def gather(solution: Solution) -> Snapshot | None:
             _nearest(points.x, x),
             np.concatenate([np.empty(0), *smoothed]),
             names,
-            tuple(drawn_tool(solution.contacts[number].outline, x) for number in numbers),
-            tuple(solution.contacts[number].surface.jump is not None for number in numbers),
+            tuple(drawn_tool(outline(one.tool, one.travel, domain), x) for one in touching),
+            tuple(one.surface.is_paired for one in touching),
         ),
         title=solution.summary.get("title", ""),
         dofs=solution.summary["dofs"],
