@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
+from contact_locking.arrays import IndexArray
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.friction import Mollifier
 from contact_locking.errors import InputError
-from contact_locking.expressions import parse
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.fields.present import Clock
 from contact_locking.mesh import domain as domains
@@ -21,7 +20,7 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file.xdmf_grids import is_xdmf
 from contact_locking.mesh.groups import groups
 from contact_locking.mesh.half_section import half_section
-from contact_locking.mesh.named_parts import Place, Test, with_parts
+from contact_locking.mesh.named_parts import with_parts
 from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.body import Body
 from contact_locking.problem.discrete_problem import DiscreteProblem
@@ -30,7 +29,6 @@ from contact_locking.results.probe_points import locate
 from contact_locking.study_file import require_parameters
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.material import MaterialParameters, Region
-from contact_locking.study_file.parameters.mesh import BoundaryPart, MeshParameters
 from contact_locking.values.concept import BodyKind, dotted, require_fitting
 
 
@@ -186,63 +184,21 @@ def assemble(
 
 
 def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
-    """The mesh of the study, which is the first mesh where meshes are adapted; collective."""
-    domain = _given_mesh(parameters, comm)
-    if parameters.mesh.axisymmetric:
-        domain = half_section(domain)
-    return with_placed_parts(domain, parameters.mesh)
+    """The mesh of the study, which is the first mesh where meshes are adapted; collective.
 
-
-def _given_mesh(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
-    """The mesh of a builder, or the mesh in a file; collective."""
-    geometry = parameters.mesh.geometry
-    if geometry is not None:
-        return domains.from_geometry(geometry, comm, parameters.refined_names)
-    assert parameters.mesh.file is not None
-    path = Path(parameters.mesh.file)
-    if not is_xdmf(path):
-        return domains.from_file(path, comm, parameters.touching)
-    # SciPy, which these meshes need, would take a tenth of the time of `check` for others.
-    from contact_locking.mesh.xdmf_mesh import from_xdmf
-
-    return from_xdmf(path, comm)
-
-
-# A point is on a plane, or in a box, up to this share of the size of the body.
-_ROUNDING = 1e-6
-
-
-def with_placed_parts(domain: Domain, given: MeshParameters) -> Domain:
-    """The domain with ``mesh.parts``; collective.
-
-    Raises InputError for a value that does not fit the mesh, and for a part without facets.
+    Raises InputError for parts of ``mesh.parts`` that do not fit the mesh or have no facets.
     """
-    if not given.parts:
-        return domain
+    given = parameters.mesh
+    if given.geometry is not None:
+        domain = domains.from_geometry(given.geometry, comm, parameters.refined_names)
+    elif is_xdmf(path := Path(given.file or "")):
+        # SciPy, which these meshes need, would take a tenth of the time of `check` for others.
+        from contact_locking.mesh.xdmf_mesh import from_xdmf
+
+        domain = from_xdmf(path, comm)
+    else:
+        domain = domains.from_file(path, comm, parameters.touching)
+    if given.axisymmetric:
+        domain = half_section(domain)
     require_fitting(given, BodyKind(domain.dim), "mesh")
-    rounding = _ROUNDING * float(np.ptp(domain.bounding_box, axis=0).max())
-    places = {
-        name: Place(_tests(part, domain.dim, rounding), part.on, part.facing, part.skin)
-        for name, part in given.parts.items()
-    }
-    return with_parts(domain, places, "mesh.parts")
-
-
-def _tests(part: BoundaryPart, dim: int, rounding: float) -> list[Test]:
-    tests: list[Test] = []
-    if part.plane is not None:
-        point, normal = np.array(part.plane.point), np.array(part.plane.normal)
-        unit = normal / np.linalg.norm(normal)
-        tests.append(lambda x: np.abs(unit @ x - unit @ point) <= rounding)
-    if part.box is not None:
-        low, high = np.array(part.box)[:, :, None]
-        tests.append(lambda x: np.all((x >= low - rounding) & (x <= high + rounding), axis=0))
-    if part.expression is not None:
-        condition = parse(part.expression, AXES[:dim], condition=True)
-
-        def holds(x: FloatArray) -> BoolArray:
-            values = condition.numpy(**dict(zip(AXES, x, strict=False)))
-            return np.broadcast_to(np.asarray(values) > 0.0, x.shape[1:])
-
-        tests.append(holds)
-    return tests
+    return with_parts(domain, given.parts, "mesh.parts") if given.parts else domain
