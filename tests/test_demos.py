@@ -51,7 +51,7 @@ COARSE = {
     "cyclic_slip": ("mesh.h=0.2", "mesh.h_contact=0.05", "steps.count=6", *PLAIN),
 }
 # Scripts without a study file: size and mesh.  They assert closed forms.
-ALONE = {"impact": ("0.06", "16"), "viscous": ("0.15", "16")}
+ALONE = {"impact": ("0.06", "16"), "viscous": ("0.15", "16"), "wear": ("0.1", "40")}
 
 # The demos with a finite n; the study files of the others are solved for n = .inf already.
 PENALISED = ("block", "block_3d", "slip_friction", "anisotropic_regions", "stiffening")

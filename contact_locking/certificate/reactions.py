@@ -36,31 +36,20 @@ def shares_by_part(
     prescribe there.  Parts that prescribe the same component of the same node have equal shares of
     its reaction, so that the resultants add up to the sum of all reactions.
     """
-    dim = domain.dim
-    owned = _held_dofs(domain, constraints, len(reaction))
-    shares = {name: np.zeros_like(reaction) for name in owned}
-    for placed in constraints.oblique:
-        shares |= {name: np.zeros_like(reaction) for name in placed.on}
-    rest = reaction.copy()
-    if constraints.oblique:
-        oblique = constraints.directions.nodes
-        oblique = oblique[oblique < len(reaction) // dim]
-        forces = reaction.reshape(-1, dim)[oblique]
-        rest.reshape(-1, dim)[oblique] = 0.0
-        rows = list(_rows(domain, constraints, owned, oblique))
-        # The forces ``c_i m_i`` with ``sum c_i m_i = r`` and the least ``sum c_i^2``.
-        gram = np.zeros((len(oblique), dim, dim))
-        for _, places, directions in rows:
-            np.add.at(gram, places, np.einsum("ki,kj->kij", directions, directions))
-        solved = np.einsum("kij,kj->ki", np.linalg.pinv(gram, rcond=1e-12), forces)
-        for name, places, directions in rows:
-            sizes = np.sum(directions * solved[places], axis=1)
-            np.add.at(shares[name].reshape(-1, dim), oblique[places], sizes[:, None] * directions)
-    holders = np.zeros(len(reaction))
-    for dofs in owned.values():
-        holders[dofs] += 1.0
-    for name, dofs in owned.items():
-        shares[name][dofs] += rest[dofs] / holders[dofs]
+    dim, nodes = domain.dim, np.arange(len(reaction) // domain.dim, dtype=np.int32)
+    rows = list(_rows(domain, constraints, nodes))
+    nodes = np.unique(np.concatenate([nodes[:0], *(places for _, places, _ in rows)]))
+    # The forces ``c_i m_i`` with ``sum c_i m_i = r`` and the least ``sum c_i^2``.
+    gram = np.zeros((len(nodes), dim, dim))
+    for _, places, m in rows:
+        np.add.at(gram, np.searchsorted(nodes, places), np.einsum("ki,kj->kij", m, m))
+    inverse = np.linalg.pinv(gram, rcond=1e-12, hermitian=True)
+    solved = np.einsum("kij,kj->ki", inverse, reaction.reshape(-1, dim)[nodes])
+    shares: dict[str, FloatArray] = {}
+    for name, places, m in rows:
+        share = shares.setdefault(name, np.zeros_like(reaction)).reshape(-1, dim)
+        sizes = np.sum(m * solved[np.searchsorted(nodes, places)], axis=1)
+        np.add.at(share, places, sizes[:, None] * m)
     return shares
 
 
@@ -74,11 +63,8 @@ def are_held(
     constraints of the solver are not used.  Collective.
     """
     dim, space = domain.dim, constraints.space
-    count = space.dofmap.index_map.size_local * dim
     spans = np.zeros((len(nodes), dim, dim))
-    for _, places, directions in _rows(
-        domain, constraints, _held_dofs(domain, constraints, count), nodes
-    ):
+    for _, places, directions in _rows(domain, constraints, nodes):
         np.add.at(spans, places, np.einsum("ki,kj->kij", directions, directions))
     if domain.axisymmetric:
         points = space.tabulate_dof_coordinates()[nodes]
@@ -88,33 +74,20 @@ def are_held(
     return np.asarray(np.linalg.norm(left, axis=1) <= _ALONG)
 
 
-def _held_dofs(domain: Domain, constraints: Constraints, count: int) -> dict[str, IndexArray]:
-    """The dofs below ``count`` that each boundary part holds by components; collective."""
-    dim, held = domain.dim, dict[str, list[IndexArray]]()
-    for placed in constraints.components:
-        for name in placed.on:
-            facets = domain.facets((name,), placed.key)
-            nodes = fem.locate_dofs_topological(constraints.space, dim - 1, facets)
-            held.setdefault(name, []).append(dim * nodes + int(placed.component or 0))
-    for number, own in enumerate(constraints.given):
-        held[f"bcs.{number}"] = [np.asarray(own.dof_indices()[0], dtype=np.int32)]
-    every = {name: np.unique(np.concatenate(dofs)) for name, dofs in held.items()}
-    return {name: dofs[dofs < count] for name, dofs in every.items()}
-
-
 def _rows(
-    domain: Domain, constraints: Constraints, owned: dict[str, IndexArray], nodes: IndexArray
+    domain: Domain, constraints: Constraints, nodes: IndexArray
 ) -> Iterator[tuple[str, IndexArray, FloatArray]]:
     """For each part, the positions in ``nodes`` (m,) and the directions (m, d) that it holds."""
     dim = domain.dim
-    for name, dofs in owned.items():
-        for axis in range(dim):
-            places = np.flatnonzero(np.isin(dim * nodes + axis, dofs)).astype(np.int32)
-            yield name, places, np.tile(np.eye(dim)[axis], (len(places), 1))
-    for placed in constraints.oblique:
+    for placed in (*constraints.components, *constraints.oblique):
         for name in placed.on:
             facets = domain.facets((name,), placed.key)
             on_part = fem.locate_dofs_topological(constraints.space, dim - 1, facets)
             places, directions = placed.rows_at(nodes)
             here = np.isin(nodes[places], on_part)
             yield name, places[here], directions[here]
+    for number, own in enumerate(constraints.given):
+        dofs = own.dof_indices()[0]
+        for axis, direction in enumerate(np.eye(dim)):
+            places = np.flatnonzero(np.isin(dim * nodes + axis, dofs)).astype(np.int32)
+            yield f"bcs.{number}", places, np.tile(direction, (len(places), 1))

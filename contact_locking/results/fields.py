@@ -1,4 +1,4 @@
-"""The fields of a solution as a VTX file (ADIOS2) for ParaView."""
+"""The fields of a solution as a VTX file (ADIOS2) for ParaView, and as XDMF for other tools."""
 
 from __future__ import annotations
 
@@ -140,3 +140,26 @@ def _explained(file: io.VTXWriter, path: Path) -> Iterator[None]:
         full = shutil.disk_usage(path.parent).free < _NO_ROOM_BYTES
         number = int(told[1]) if told else errno.ENOSPC if full else errno.EIO
         raise OSError(number, os.strerror(number), str(path)) from error
+
+
+def write_xdmf(solution: Solution, path: Path, comm: MPI.Intracomm) -> None:
+    """Write all fields to ``path`` and to the file beside it that ends with .h5; collective.
+
+    Fields of strains and stresses are constant in each cell, and the others have the values at the
+    corners of the cells.  Raises OSError where HDF5 fails.
+    """
+    mesh = solution.domain.mesh
+    try:
+        with io.XDMFFile(comm, path, "w") as file:
+            file.write_mesh(mesh)
+            for name in FIELD_NAMES:
+                function = getattr(solution, name)
+                if function is not None:
+                    jumps = function.function_space.element.basix_element.discontinuous
+                    element = ("DG", 0) if jumps else ("P", 1)
+                    space = fem.functionspace(mesh, (*element, function.ufl_shape))
+                    copy = fem.Function(space, name=name)
+                    copy.interpolate(function)
+                    file.write_function(copy, 0.0)
+    except RuntimeError as error:
+        raise OSError(f"HDF5 cannot write {path.name}: {error}") from error

@@ -56,6 +56,10 @@ class Table:
         """The value of a column in the last row, 0 before the first row."""
         return self.columns[name][-1] if self.columns else 0.0
 
+    def converged(self) -> Table:
+        """The steps of a history without one that did not converge."""
+        return Table.of([row for row in self if row.get("converged", 1)])
+
     def values(self, text: str) -> FloatArray:
         """The values (k,) of a column, or of an expression of columns.  Raises InputError."""
         # Scripts have no expressions.

@@ -17,7 +17,7 @@ from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, requi
 from contact_locking.files import atomic
 from contact_locking.files.lock import make_folders
 from contact_locking.process.checkpoint import stored as checkpoints
-from contact_locking.results import fields, names, probe_table, xdmf
+from contact_locking.results import fields, names, probe_table
 from contact_locking.results.contact_points import facets_table
 from contact_locking.results.output_folder import explained_in, on_root_of
 from contact_locking.results.solution import Solution, StudySolution, summary_text
@@ -101,7 +101,7 @@ def write(
                 on_root_of(comm, target, partial(made.rename, staging / names.FIELDS))
         if wanted.fields and "xdmf" in wanted.formats:
             with _explained_alone(target, comm):
-                xdmf.write(solution, staging / names.XDMF, comm)
+                fields.write_xdmf(solution, staging / names.XDMF, comm)
         for draw in wings.PICTURES if wanted.picture else ():
             try:
                 warnings += draw(solution, staging)

@@ -219,7 +219,9 @@ def place(
     for axis, sign in itertools.product(range(domain.dim), (-1.0, 1.0)):
         away = np.abs(along - sign * axes[axis]).max(initial=0.0)
         if on_every_rank(domain.comm, bool(away <= _ALONG_AXIS)):
-            held = replace(held, directions=sign * along, component=axis, sign=sign)
+            # Without the rounding of normals.
+            exact = np.tile(axes[axis], (len(nodes), 1))
+            held = replace(held, directions=exact, component=axis, sign=sign)
     yield held
 
 

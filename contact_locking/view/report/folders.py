@@ -89,15 +89,15 @@ def _run(folder: Path) -> RunResults:
     _require_version(summary, folder)
     for key, text in summary.pop("not_finite", {}).items():
         _restore(summary, key, float(text))
-    contact, facets = folder / names.CONTACT, folder / names.FACETS
-    picture = folder / names.PICTURE
-    points = ContactPoints.of(Table.read(contact.read_text("utf-8"), str(contact), ["state"]))
+    contact, facets, picture = (
+        folder / name for name in (names.CONTACT, names.FACETS, names.PICTURE)
+    )
     corners = Table.read(facets.read_text("utf-8"), str(facets))
     return RunResults(
         folder,
         summary,
         (folder / names.PARAMETERS).read_text("utf-8"),
-        points,
+        ContactPoints.of(Table.read(contact.read_text("utf-8"), str(contact), ["state"])),
         np.column_stack([corners.whole(name) for name in corners.columns]),
         picture if picture.is_file() else None,
         history_in(folder) or Table(),

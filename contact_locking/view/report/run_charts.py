@@ -205,7 +205,7 @@ def history_charts(history: Table, contacts: Sequence[str], units: Units) -> lis
 
     Of several ``contacts`` each has its own curves.
     """
-    history, several = _converged(history), len(contacts) > 1
+    history, several = history.converged(), len(contacts) > 1
     if len(history) < 2:
         return []
     drawn: dict[tuple[str, str], dict[str, str]] = {}
@@ -234,11 +234,6 @@ def history_charts(history: Table, contacts: Sequence[str], units: Units) -> lis
         )
         for (about, unit), lines in drawn.items()
     ]
-
-
-def _converged(history: Table) -> Table:
-    """The steps without one that did not converge."""
-    return Table.of([row for row in history if row.get("converged", 1)])
 
 
 def _over_time(
@@ -278,7 +273,7 @@ def wanted_charts(
     for number, one in enumerate(wanted):
         curves = []
         for process in processes:
-            history = _converged(process.history)
+            history = process.history.converged()
             if len(history) > 1:
                 key = f"output.charts.{number}"
                 x, y = (
@@ -324,8 +319,7 @@ def adapt_charts(run: RunResults) -> list[Chart]:
 def _errors(figure: Figure, errors: list[tuple[float, float]], tolerance: float) -> None:
     axes, label = gridded(figure, "unknowns", "relative error"), "estimate, by recovery"
     axes.loglog(*zip(*errors, strict=True), color=style.BLUE, marker="o", ms=4, label=label)
-    dashes = (0, (5, 3))
-    axes.axhline(tolerance, color=style.GREY, lw=1.0, ls=dashes, label="tolerance", zorder=0.5)
+    axes.axhline(tolerance, color=style.GREY, lw=1.0, ls="--", label="tolerance", zorder=0.5)
     axes.legend()
 
 
