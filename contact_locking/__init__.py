@@ -46,7 +46,12 @@ if TYPE_CHECKING:
     from contact_locking.laws.limits import Weighted as Weighted
     from contact_locking.laws.material import Eigenstrain as Eigenstrain
     from contact_locking.laws.material import Elasticity as Elasticity
+    from contact_locking.problem.loads import BodyForce as BodyForce
+    from contact_locking.problem.loads import Pressure as Pressure
+    from contact_locking.problem.loads import TotalForce as TotalForce
+    from contact_locking.problem.loads import Traction as Traction
     from contact_locking.process.adaptive_meshes import adapt as adapt
+    from contact_locking.process.assembly import assemble as assemble
     from contact_locking.process.loop import Process as Process
     from contact_locking.process.solving import check as check
     from contact_locking.process.solving import solve as solve
@@ -66,10 +71,11 @@ if TYPE_CHECKING:
     from contact_locking.shapes.faceted import Polyline as Polyline
     from contact_locking.shapes.faceted import TriangulatedSurface as TriangulatedSurface
     from contact_locking.solver.settings import Settings as Settings
-    from contact_locking.study.assembly import assemble as assemble
     from contact_locking.study_file import from_mapping as from_mapping
     from contact_locking.study_file import load as load
     from contact_locking.study_file.parameters import Parameters as Parameters
+    from contact_locking.supports.support import Displacement as Displacement
+    from contact_locking.supports.support import Spring as Spring
     from contact_locking.supports.support import Support as Support
     from contact_locking.theory.solutions import branch as branch
     from contact_locking.theory.solutions import equilibria as equilibria
@@ -87,7 +93,9 @@ _NAMES = {
     "laws.friction": "FrictionLaw",
     "laws.limits": "Deviator Direction StrainBall Volume Weighted",
     "laws.material": "Eigenstrain Elasticity",
+    "problem.loads": "BodyForce Pressure TotalForce Traction",
     "process.adaptive_meshes": "adapt",
+    "process.assembly": "assemble",
     "process.loop": "Process",
     "process.solving": "check solve solve_adaptively solve_assembled solve_steps",
     "results.solution": "Solution State StudySolution",
@@ -97,10 +105,9 @@ _NAMES = {
     "shapes.analytic": "Cylinder HalfSpace LevelSet Sphere",
     "shapes.faceted": "Polyline TriangulatedSurface",
     "solver.settings": "Settings",
-    "study.assembly": "assemble",
     "study_file": "from_mapping load",
     "study_file.parameters": "Parameters",
-    "supports.support": "Support",
+    "supports.support": "Displacement Spring Support",
     "theory.solutions": "branch equilibria",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}

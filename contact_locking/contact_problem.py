@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar, get_args
 
 import numpy as np
 import ufl
@@ -19,7 +19,7 @@ from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError, require_kind
 from contact_locking.fem.spaces import Element, element_of
-from contact_locking.fields.clock import Clock
+from contact_locking.fields.present import Clock
 from contact_locking.laws.material import Elasticity
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.domain import Domain
@@ -27,21 +27,24 @@ from contact_locking.mesh.given_mesh import NamedFacets
 from contact_locking.mesh.half_section import half_section
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_any_rank
-from contact_locking.problem.discrete_problem import Body, DiscreteProblem
+from contact_locking.problem.body import Body
+from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.elasticity import elasticity_of, split
 from contact_locking.problem.forms import require_energy
+from contact_locking.problem.loads import Load
 from contact_locking.problem.points import Placed
-from contact_locking.problem.springs import OwnSupport
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Differentiable, Solution
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.task import SolverReport
-from contact_locking.supports.conditions import constrain
-from contact_locking.supports.support import Support
-from contact_locking.values.concept import BodyKind, require_fitting
+from contact_locking.supports.support import Displacement, Spring, Support
+from contact_locking.values.concept import BodyKind, Concept, require_fitting
 
-Condition: TypeAlias = fem.DirichletBC | Support
+Condition: TypeAlias = fem.DirichletBC | Support | Displacement
+T = TypeVar("T", bound=Concept)
+
+_WANTED = {"contacts": "a Contact", "springs": "a Spring", "loads": "a load, such as a Traction"}
 
 
 class ContactProblem:
@@ -51,14 +54,16 @@ class ContactProblem:
     finite ``n`` it is the penalised problem (25)/(26).
 
     ``a`` is a symmetric elliptic bilinear form of UFL, or :class:`Elasticity`.  ``L`` is a linear
-    form.  ``bcs`` are conditions of DOLFINx and :class:`Support`; ``limits`` are sets of strains
-    whose intersection is K, and ``contacts`` are :class:`Contact`.  ``tags`` are mesh tags of
-    facets whose values have the ``names`` that contacts and supports may use.  ``space`` is the
-    space of displacements of degree 1 or 2 on a mesh of cells of one kind, where neither ``a`` nor
-    ``L`` is a form.  ``n`` is a stress, and ``compliance`` a length over a stress, None for 1/n.
-    ``energy`` maps u to a convex and differentiable functional J(u), which adds to the energy.
-    ``axisymmetric`` says that the mesh is the half section (r, z) of a body of revolution; ``a`` is
-    then an :class:`Elasticity`.
+    form, to which ``loads`` add: :class:`BodyForce`, :class:`Traction`, :class:`Pressure` and
+    :class:`TotalForce`.  ``bcs`` are conditions of DOLFINx, :class:`Displacement` and
+    :class:`Support`, and ``springs`` are :class:`Spring`; ``limits`` are sets of strains whose
+    intersection is K, and ``contacts`` are :class:`Contact`.  ``tags`` are mesh tags of facets
+    whose values have the ``names`` that all these may use.  ``space`` is the space of displacements
+    of degree 1 or 2 on a mesh of cells of one kind, where neither ``a`` nor ``L`` is a form.  ``n``
+    is a stress, and ``compliance`` a length over a stress, None for 1/n.  ``energy`` maps u to a
+    convex and differentiable functional J(u), which adds to the energy.  ``axisymmetric`` says that
+    the mesh is the half section (r, z) of a body of revolution; ``a`` is then an
+    :class:`Elasticity`.
 
     The problem is made once.  Each solve reads the present values of the constants and functions
     in the data.  The constructor is collective, as all methods are, and raises InputError for data
@@ -73,6 +78,8 @@ class ContactProblem:
         limits: Sequence[Any] = (),
         contacts: Sequence[Contact] = (),
         *,
+        loads: Sequence[Load] = (),
+        springs: Sequence[Spring] = (),
         space: fem.FunctionSpace | None = None,
         tags: dmesh.MeshTags | None = None,
         names: Mapping[str, int] | None = None,
@@ -84,18 +91,19 @@ class ContactProblem:
         monitor: Monitor | None = None,
     ) -> None:
         _check(a, L, n, compliance, settings)
-        _check_lists(bcs=bcs, limits=limits, contacts=contacts)
+        _check_lists(bcs=bcs, limits=limits, contacts=contacts, loads=loads, springs=springs)
         space = _space_of(a, L, space)
         if axisymmetric and not isinstance(a, Elasticity):
             raise InputError("must be an Elasticity for an axisymmetric body", "a")
         element = _element_of(space, axisymmetric)
         places = NamedFacets(space.mesh, tags, names)
-        placed = [_contact(item, places, number) for number, item in enumerate(contacts)]
-        supports = [item for item in bcs if isinstance(item, Support)]
+        contacts = _placed("contacts", contacts, Contact, places)
+        loads = _placed("loads", loads, get_args(Load), places)
+        springs = _placed("springs", springs, Spring, places)
         held = [
-            item.model_copy(update={"on": places.add(item.on, key), "at": key})
-            for number, item in enumerate(supports)
-            for key in (f"supports.{number}",)
+            item
+            for key, kind in (("supports", Support), ("displacements", Displacement))
+            for item in _placed(key, [one for one in bcs if isinstance(one, kind)], kind, places)
         ]
         domain = places.domain()
         domain = half_section(domain, "axisymmetric") if axisymmetric else domain
@@ -103,27 +111,27 @@ class ContactProblem:
         law = a if form is None else elasticity_of(form)
         of_limits = [(f"limits.{number}", item) for number, item in enumerate(limits)]
         body_kind = BodyKind(domain.dim, axisymmetric, law.plane == "stress")
-        concepts: list[Contact | Support] = [*placed, *held]
-        for key, item in [*((one.key, one) for one in concepts), ("a", law), *of_limits]:
+        concepts = [(item.key, item) for item in (*contacts, *held, *loads, *springs)]
+        for key, item in [*concepts, ("a", law), *of_limits]:
             require_fitting(item, body_kind, key)
         if energy is not None:
             require_energy(energy, space)
-        given = [item for item in bcs if not isinstance(item, Support)]
-        clock = Clock(space.mesh)
         body = Body(
-            domain=domain,
-            element=element,
-            space=space,
-            elasticity=[Placed(law, "a")],
-            constraints=constrain(domain, space, [], held, given, clock),
-            loads=L,
-            form=form,
-            springs=() if others is None else (OwnSupport(others),),
+            domain,
+            element,
+            space,
+            [Placed(law, "a")],
             limits=[Placed(item, key) for key, item in of_limits],
+            held=held,
+            bcs=[item for item in bcs if not isinstance(item, Support | Displacement)],
+            loads=loads,
+            springs=springs,
+            work=L,
+            form=form,
+            others=others,
             own_energy=energy,
-            supports=[name for support in held for name in support.on],
         )
-        self._discrete = DiscreteProblem(body, placed, n, compliance, clock)
+        self._discrete = DiscreteProblem(body, contacts, n, compliance, Clock(space.mesh))
         for contact in self._discrete.contacts:
             contact_checks.check_friction(contact)
         #: What solves the problem, for what is built on top of it.
@@ -197,7 +205,7 @@ class ContactProblem:
         system.assemble_loads()
         # The linear programmes of rigid motions do not take NaN.
         if on_any_rank(self.domain.comm, not np.all(np.isfinite(system.load))):
-            raise InputError("is not finite somewhere", "L")
+            raise InputError("is not finite somewhere", "L" if problem.body.work else "loads")
         problem.rigidity.require_held()
         for contact in problem.contacts:
             contact_checks.check_friction(contact)
@@ -262,10 +270,16 @@ def _element_of(space: fem.FunctionSpace, axisymmetric: bool) -> Element:
     return element_of(degree, axisymmetric, boxes=not kind.is_simplex)
 
 
-def _contact(given: Contact, places: NamedFacets, number: int) -> Contact:
-    """A contact on boundary parts; collective."""
-    key = f"contacts.{number}"
-    require_kind(given, Contact, "a Contact", key)
-    on = places.add(given.on, key)
-    against = None if given.against is None else places.add(given.against, f"{key}.against")
-    return given.model_copy(update={"on": on, "against": against, "at": key})
+def _placed(name: str, items: Sequence[T], kind: Any, places: NamedFacets) -> list[T]:
+    """The concepts of a list with their keys, on boundary parts; collective."""
+    found = []
+    for number, item in enumerate(items):
+        key = f"{name}.{number}"
+        require_kind(item, kind, _WANTED.get(name, name), key)
+        placed = {
+            side: places.add(where, key if side == "on" else f"{key}.{side}")
+            for side in ("on", "against")
+            if (where := getattr(item, side, None)) is not None
+        }
+        found.append(item.model_copy(update={**placed, "at": key}))
+    return found

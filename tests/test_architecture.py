@@ -41,7 +41,6 @@ LAYERS = (
     ("solver",),
     ("penalty_method",),
     ("study_file",),
-    ("study",),
     ("results",),
     ("certificate",),
     ("process",),
@@ -56,40 +55,39 @@ FORBIDDEN = (
     *(
         (core, user)
         for core in ("supports", "contact", "problem", "solver", "certificate", "contact_problem")
-        for user in ("study_file", "study", "expressions")
+        for user in ("study_file", "expressions")
     ),
 )
 MOST_AT_THE_ROOT = 12
 # The most lines of each folder, which only shrink.
 BUDGETS = {
-    "": 1140,
-    "certificate": 1780,
+    "": 1155,
+    "certificate": 1765,
     "command": 1140,
-    "contact": 3920,
+    "contact": 3910,
     "expressions": 700,
     "fem": 920,
-    "fields": 790,
+    "fields": 710,
     "files": 350,
     "inverse": 3330,
     "laws": 990,
-    "mesh": 3440,
+    "mesh": 3415,
     "meshes": 1560,
     "penalty_method": 760,
-    "problem": 3020,
-    "process": 2230,
-    "results": 2220,
+    "problem": 3490,
+    "process": 2435,
+    "results": 2330,
     "running": 1190,
     "shapes": 1010,
     "solver": 7370,
-    "study": 890,
-    "study_file": 2550,
-    "supports": 810,
+    "study_file": 2435,
+    "supports": 765,
     "theory": 3630,
-    "values": 1000,
+    "values": 1045,
     "view": 3050,
 }
 # The core has its mesh builders beside it, in meshes/.
-MOST_IN_THE_CORE, MOST_IN_WINGS, MOST_IN_TESTS = 38_130, 10_000, 40_000
+MOST_IN_THE_CORE, MOST_IN_WINGS, MOST_IN_TESTS = 37_815, 10_000, 40_000
 
 
 def module(path: Path) -> str:
@@ -323,7 +321,7 @@ def test_study_files_and_reports_are_read_without_dolfinx() -> None:
 
 def test_contact_problems_are_imported_without_the_study_file() -> None:
     script = "import sys, contact_locking.contact_problem\n"
-    script += "names = ('study', 'study_file', 'process.checkpoint', 'running')\n"
+    script += "names = ('study_file', 'process.checkpoint', 'running')\n"
     script += "print({n for n in names if f'contact_locking.{n}' in sys.modules})"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert (done.stdout, done.stderr) == ("set()\n", "")

@@ -184,7 +184,7 @@ def test_the_guide_to_meshes_makes_a_mesh_that_is_solved(
 def test_the_guide_to_laws_stiffens_tissue(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     names: dict[str, Any] = {}
-    script = blocks("docs/guides/script.md", "python")[4]
+    script = blocks("docs/guides/script.md", "python")[5]
     exec(script, names)
     own = names["solution"].summary["elastic_energy"]
     exec(script.replace("2000.0", "1e-9"), names)
@@ -194,14 +194,14 @@ def test_the_guide_to_laws_stiffens_tissue(monkeypatch: pytest.MonkeyPatch) -> N
 def test_the_guide_to_laws_adds_sets_of_strains(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     names: dict[str, Any] = {}
-    exec(blocks("docs/guides/script.md", "python")[3], names)
+    exec(blocks("docs/guides/script.md", "python")[4], names)
     used = [entry["utilisation_max"] for entry in names["solution"].summary["strain_sets"]]
     assert used == pytest.approx([1.0], abs=1e-6)
 
 
 def test_the_guide_to_laws_caps_friction() -> None:
     names: dict[str, Any] = {}
-    exec(blocks("docs/guides/script.md", "python")[2], names)
+    exec(blocks("docs/guides/script.md", "python")[3], names)
     points = names["solution"].contact_points
     strength = names["CappedBound"].strength
     if MPI.COMM_WORLD.rank == 0:

@@ -122,7 +122,7 @@ def with_contacts_fixed(state: SolvedState, dofs: FloatArray | float = 0.0) -> C
     ones = [np.ones_like(fields.normal) for fields in state.contacts]
     marks = on_contacts(space, surfaces, ones).x.array + dofs
     nodes = np.flatnonzero(marks.reshape(-1, state.dim)[:, 0] > 0.0).astype(np.int32)
-    return state.problem.constraints.with_fixed(nodes, fem.Function(space))
+    return state.problem.constraints.with_fixed(nodes)
 
 
 # Rounding in strains and displacements, relative to the limit and to the body.

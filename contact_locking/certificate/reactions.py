@@ -37,8 +37,7 @@ def shares_by_part(
     its reaction, so that the resultants add up to the sum of all reactions.
     """
     dim, nodes = domain.dim, np.arange(len(reaction) // domain.dim, dtype=np.int32)
-    held = _held_dofs(domain, constraints, len(reaction))
-    rows = list(_rows(domain, constraints, held, nodes))
+    rows = list(_rows(domain, constraints, nodes))
     nodes = np.unique(np.concatenate([nodes[:0], *(places for _, places, _ in rows)]))
     # The forces ``c_i m_i`` with ``sum c_i m_i = r`` and the least ``sum c_i^2``.
     gram = np.zeros((len(nodes), dim, dim))
@@ -64,11 +63,8 @@ def are_held(
     constraints of the solver are not used.  Collective.
     """
     dim, space = domain.dim, constraints.space
-    count = space.dofmap.index_map.size_local * dim
     spans = np.zeros((len(nodes), dim, dim))
-    for _, places, directions in _rows(
-        domain, constraints, _held_dofs(domain, constraints, count), nodes
-    ):
+    for _, places, directions in _rows(domain, constraints, nodes):
         np.add.at(spans, places, np.einsum("ki,kj->kij", directions, directions))
     if domain.axisymmetric:
         points = space.tabulate_dof_coordinates()[nodes]
@@ -78,33 +74,20 @@ def are_held(
     return np.asarray(np.linalg.norm(left, axis=1) <= _ALONG)
 
 
-def _held_dofs(domain: Domain, constraints: Constraints, count: int) -> dict[str, IndexArray]:
-    """The dofs below ``count`` that each boundary part holds by components; collective."""
-    dim, held = domain.dim, dict[str, list[IndexArray]]()
-    for condition in constraints.wanted:
-        for name in condition.on:
-            facets = domain.facets((name,), condition.key)
-            nodes = fem.locate_dofs_topological(constraints.space, dim - 1, facets)
-            held.setdefault(name, []).append(dim * nodes + condition.component)
-    for number, own in enumerate(constraints.given):
-        held[f"bcs.{number}"] = [np.asarray(own.dof_indices()[0], dtype=np.int32)]
-    every = {name: np.unique(np.concatenate(dofs)) for name, dofs in held.items()}
-    return {name: dofs[dofs < count] for name, dofs in every.items()}
-
-
 def _rows(
-    domain: Domain, constraints: Constraints, owned: dict[str, IndexArray], nodes: IndexArray
+    domain: Domain, constraints: Constraints, nodes: IndexArray
 ) -> Iterator[tuple[str, IndexArray, FloatArray]]:
     """For each part, the positions in ``nodes`` (m,) and the directions (m, d) that it holds."""
     dim = domain.dim
-    for name, dofs in owned.items():
-        for axis in range(dim):
-            places = np.flatnonzero(np.isin(dim * nodes + axis, dofs)).astype(np.int32)
-            yield name, places, np.tile(np.eye(dim)[axis], (len(places), 1))
-    for placed in constraints.supports.placed:
-        for name in placed.support.on:
-            facets = domain.facets((name,), placed.support.key)
+    for placed in (*constraints.components, *constraints.oblique):
+        for name in placed.on:
+            facets = domain.facets((name,), placed.key)
             on_part = fem.locate_dofs_topological(constraints.space, dim - 1, facets)
             places, directions = placed.rows_at(nodes)
             here = np.isin(nodes[places], on_part)
             yield name, places[here], directions[here]
+    for number, own in enumerate(constraints.given):
+        dofs = own.dof_indices()[0]
+        for axis, direction in enumerate(np.eye(dim)):
+            places = np.flatnonzero(np.isin(dim * nodes + axis, dofs)).astype(np.int32)
+            yield f"bcs.{number}", places, np.tile(direction, (len(places), 1))

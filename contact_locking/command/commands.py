@@ -196,9 +196,9 @@ def check(arguments: argparse.Namespace) -> int:
     comm = world_with_dolfinx(arguments)
     # The modules of the solvers and of the results take a third of the time of this command.
     from contact_locking.mesh import groups
+    from contact_locking.process import assembly
     from contact_locking.results import output_folder
     from contact_locking.solver.linear.factorised import estimated_memory
-    from contact_locking.study import assembly
 
     with _explained(study):
         output_folder.prepare(parameters.output.directory, comm)
@@ -276,7 +276,7 @@ def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
         comm = world_with_dolfinx(arguments)
         from contact_locking.mesh import xdmf_mesh
         from contact_locking.parallel import on_root
-        from contact_locking.study import assembly
+        from contact_locking.process import assembly
 
         on_root(comm, require_new)
 

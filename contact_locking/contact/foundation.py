@@ -13,10 +13,9 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.contact.rigid_body import Foundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, Misplaced, with_key
-from contact_locking.fields.clock import Clock
 from contact_locking.fields.plausibility import about_the_distance, about_the_size
+from contact_locking.fields.present import Clock, PresentValue
 from contact_locking.fields.sampling import Entities, features
-from contact_locking.fields.values import PresentValue
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
@@ -135,7 +134,7 @@ class GivenGap(PlacedFoundation):
     def __init__(self, domain: Domain, value: Value, key: str, clock: Clock) -> None:
         super().__init__(domain.comm, domain.dim, key)
         self._value, self._clock = value, clock
-        self._present = PresentValue(domain.comm, value, key, clock)
+        self._present = PresentValue(value, key, clock)
         self.is_timed = value.is_timed
 
     def gap(self, x: FloatArray) -> FloatArray:

@@ -15,8 +15,8 @@ from contact_locking.contact.friction import Coulomb
 from contact_locking.contact.smoothing import Identity
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.clock import Clock
 from contact_locking.fields.plausibility import about_the_gap
+from contact_locking.fields.present import Clock
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, on_any_rank

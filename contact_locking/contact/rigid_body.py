@@ -39,7 +39,7 @@ from contact_locking.values.value import Value, vector_at
 from contact_locking.values.wording import show
 
 if TYPE_CHECKING:
-    from contact_locking.fields.clock import Clock
+    from contact_locking.fields.present import Clock
 
 _Rotation = Annotated[
     Annotated[tuple[TimeScalar, ...], Components(3), Tag(LIST)]
@@ -215,8 +215,6 @@ def radial_faults(place: Place, vector: Sequence[object] | None) -> Iterator[Fau
 
 # A force below this share of the largest force is zero with rounding, as in sin(pi*t) at t = 1.
 _ROUNDING = 1e-12
-# Where the times of the steps are not known yet, a force is looked at so often up to t = 1.
-_SOME_TIMES = 9
 # The share of the largest force by which the force may leave its line.
 _STRAIGHT = 1e-9
 
@@ -235,10 +233,8 @@ class Push:
         self._translation: Sequence[Value] = () if moved is None else moved.translation or ()
         self._force: Sequence[Value] = foundation.force or ()
         self.key, self._clock = key, clock
-        times = clock.planned or (clock.now,)
-        if not clock.planned and any(value.expression and value.is_timed for value in self._force):
-            # A script tells the times of its steps later.
-            times = tuple(clock.now + share for share in np.linspace(0.0, 1.0, _SOME_TIMES))
+        is_timed = any(value.expression and value.is_timed for value in self._force)
+        times = clock.planned or (clock.some_times if is_timed else [clock.now])
         forces = np.array([self._vector(self._force, time) for time in times])
         sizes = np.linalg.norm(forces, axis=1)
         self.largest = float(sizes.max())

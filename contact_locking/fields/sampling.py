@@ -32,9 +32,8 @@ _POINTS, _CHUNK = 400_000, 200_000
 # An entity is halved so many times at most: 128 parts of an edge, 1024 of a triangle, 512 of a
 # tetrahedron.
 _MOST_HALVINGS = {1: 7, 2: 5, 3: 3}
-# Inside of an entity data may differ from an affine function by this share of their size, and the
-# mean over all entities may differ from that of the values in use.
-_BENDS, _MEAN = 0.2, 0.15
+# Inside of an entity data may differ from an affine function by this share of their size.
+_BENDS = 0.2
 # Data that change by less than this share of their size do so by rounding.
 _ROUNDING = 1e-12
 # A pole is looked for in so many entities, which are halved around the largest value so often.
@@ -168,7 +167,7 @@ def _features(
     left = np.eye(len(inner)) - inner @ np.linalg.pinv(inner)
     used = rule(dim, 0, 1)[0] if entities.name == "cell" else np.eye(dim + 1)
     count = len(entities.corners)
-    low, high, sizes, bend, missed, mean = np.zeros((6, count))
+    low, high, sizes, bend = np.zeros((4, count))
     ends = [np.inf, -np.inf]
     place = np.zeros((count, entities.domain.dim))
     with np.errstate(all="ignore"):
@@ -182,12 +181,9 @@ def _features(
             rest = np.abs(found @ left)
             bend[chunk] = rest.max(axis=1)
             place[chunk] = x[np.arange(len(x)), rest.argmax(axis=1)]
-            mean[chunk] = found.mean(axis=1)
             ends = [at_used.min(initial=ends[0]), at_used.max(initial=ends[1])]
-            missed[chunk] = at_used.mean(axis=1) - mean[chunk]
     least = -maximum(comm, -np.minimum(low, ends[0]), -np.inf)
     most = maximum(comm, np.maximum(high, ends[1]), -np.inf)
-    offset = least if relative_to == "range" else 0.0
     size = most - least if relative_to == "range" else max(abs(least), abs(most))
     if relative_to == "range" and size <= _ROUNDING * max(abs(least), abs(most)):
         return []
@@ -195,10 +191,6 @@ def _features(
     suspects = np.argsort(-share, kind="stable")[:_SUSPECTS].astype(np.int32)
     suspects = suspects[share[suspects] > _BENDS]
     agree(comm, lambda: refuse_poles(entities, suspects, values, key))
-    weights = entities.sizes
-    sums = [weights @ np.abs(missed), weights @ np.abs(mean - offset), weights @ mean]
-    sums += [weights.sum(), weights @ (mean + missed)]
-    lost, whole, total, measure, used_mean = comm.allreduce(np.array(sums))
     worst = int(np.argmax(share)) if count else 0
     mine = (0.0, "", 0.0, 0.0)
     if count:
@@ -208,12 +200,6 @@ def _features(
         return [
             f"{key}: changes from {top[2]:.3g} to {top[3]:.3g} inside a {entities.name} near "
             f"{top[1]}, where the mesh sees it at few points only; {advice}"
-        ]
-    if lost > _MEAN * whole and whole > 0.0:
-        points = "midpoints of the cells" if entities.name == "cell" else "nodes"
-        return [
-            f"{key}: its mean is {total / measure:.3g}, and {used_mean / measure:.3g} at the "
-            f"{points}, where the mesh sees it; {advice}"
         ]
     return []
 

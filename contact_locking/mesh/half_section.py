@@ -8,7 +8,7 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import on_any_rank
@@ -47,13 +47,10 @@ def is_on_axis(domain: Domain, x: FloatArray) -> BoolArray:
     return np.asarray(np.abs(x[0]) <= _ON_AXIS * domain.bounding_box[1, 0])
 
 
-def axis_condition(domain: Domain, space: fem.FunctionSpace) -> fem.DirichletBC:
-    """``u_r = 0`` on the axis; collective."""
-    sub = space.sub(0)
-    scalar = _compat.collapse(sub)[0]
-    small = _ON_AXIS * float(domain.bounding_box[1, 0])
-    dofs = fem.locate_dofs_geometrical((sub, scalar), lambda x: np.abs(x[0]) <= small)
-    return fem.dirichletbc(fem.Function(scalar), dofs, sub)
+def axis_dofs(domain: Domain, space: fem.FunctionSpace) -> IndexArray:
+    """The local dofs of u_r on the axis; collective."""
+    on_axis = is_on_axis(domain, space.tabulate_dof_coordinates().T)
+    return np.flatnonzero(on_axis).astype(np.int32) * np.int32(domain.dim)
 
 
 def require_surface(domain: Domain, names: tuple[str, ...], key: str) -> None:

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from dolfinx import mesh as dmesh
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.boundary_parts import marked, tags_of
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.skins import Skins, area_normals
 from contact_locking.parallel import on_any_rank
 
-#: Which points (d, k) are at a place, as (k,).
-Test = Callable[[FloatArray], BoolArray]
-
+# A point is on a plane, or in a box, up to this share of the size of the body.
+_ROUNDING = 1e-6
 # The points of a facet are its centre and its corners, which are pulled towards the centre by this
 # share: a facet up to x = 1 is in x < 1.
 _PULLED = 1e-6
@@ -32,24 +29,12 @@ _NO_SKIN = (
 )
 
 
-@dataclass(frozen=True)
-class Place:
-    """The facets of the boundary that hold every test at their corners and their centre.
-
-    ``on`` names boundary parts that the facets belong to; empty for the whole boundary.  The mean
-    outward normal of a facet has a positive component along ``facing`` (d,), and the facet lies on
-    an inner or an outer ``skin`` of a body, if these are given.
-    """
-
-    tests: Sequence[Test]
-    on: tuple[str, ...] = ()
-    facing: tuple[float, ...] | None = None
-    skin: Literal["inner", "outer"] | None = None
-
-
-def with_parts(domain: Domain, places: Mapping[str, Place], key: str) -> Domain:
+def with_parts(domain: Domain, places: Mapping[str, Any], key: str) -> Domain:
     """The domain with more boundary parts, each of which may name those before it; collective.
 
+    A place ``holds`` points (d, k), the corners and the centre of its facets, up to a rounding.  It
+    may be ``on`` named parts, have a vector ``facing`` along which the mean outward normals have a
+    positive component, and be on the inner or outer ``skin`` of a body.
     Raises InputError, with the name behind ``key``, for a part without facets and for a name that
     the mesh has already.
     """
@@ -61,14 +46,13 @@ def with_parts(domain: Domain, places: Mapping[str, Place], key: str) -> Domain:
     corners = mesh.geometry.x[_compat.entities_to_geometry(mesh, dim - 1, every), :dim]
     centres = corners.mean(axis=1, keepdims=True)
     points = np.concatenate([corners + _PULLED * (centres - corners), centres], axis=1)
+    rounding = _ROUNDING * float(np.ptp(domain.bounding_box, axis=0).max())
     for name, place in places.items():
         own = f"{key}.{name}"
         if name in marks:
             raise InputError(f"{domain.origin} has a boundary part with this name already", own)
-        found = np.ones(len(every), dtype=bool)
-        for test in place.tests:
-            flat = test(points.reshape(-1, dim).T)
-            found &= flat.reshape(len(every), -1).all(axis=1)
+        held = place.holds(points.reshape(-1, dim).T, rounding)
+        found = held.reshape(points.shape[:2]).all(axis=1)
         if place.facing is not None:
             normals, areas = area_normals(domain, every)
             found &= normals @ place.facing > _ALONG * np.linalg.norm(place.facing) * areas

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.contact.contact import Contact, named
 from contact_locking.contact.foundation import GivenGap
 from contact_locking.contact.nodal_contact import (
@@ -20,46 +19,19 @@ from contact_locking.contact.nodal_contact import (
     place_of,
 )
 from contact_locking.contact.travel import Travel
-from contact_locking.fem.spaces import Element
-from contact_locking.fields.clock import Clock
 from contact_locking.fields.plausibility import about_an_overlap_at_rest
+from contact_locking.fields.present import Clock
 from contact_locking.laws.penalty import Penalty
-from contact_locking.mesh.domain import Domain
 from contact_locking.problem import forms
+from contact_locking.problem.body import Body
 from contact_locking.problem.elasticity import Material
 from contact_locking.problem.limits import LimitsOnMesh
-from contact_locking.problem.points import Placed, Points
+from contact_locking.problem.loads_on_mesh import Loads
+from contact_locking.problem.points import Points
 from contact_locking.problem.rigidity.rigidity import Held, Rigidity
-from contact_locking.problem.springs import ElasticSupport
+from contact_locking.problem.springs import ElasticSupport, OwnSupport, Springs
 from contact_locking.supports.conditions import Constraints
-
-
-@dataclass(frozen=True)
-class Body:
-    """The body with its loads and supports, without contact.
-
-    ``space`` is the space of displacements of ``element``.  ``elasticity`` is A in cells, of which
-    the last counts, or the A in the bilinear ``form`` if one is given; ``eigenstrains`` in cells
-    add up.  ``loads`` is the linear form (f, .), and ``own_energy`` maps u to a convex and
-    differentiable functional.  ``regions`` are cells whose stress may jump against that of all
-    others.  ``springs`` act on the boundary.  ``displacements`` and ``supports`` name the boundary
-    parts with prescribed displacements and with supports, for messages.
-    """
-
-    domain: Domain
-    element: Element
-    space: fem.FunctionSpace
-    elasticity: Sequence[Placed]
-    constraints: Constraints
-    eigenstrains: Sequence[Placed] = ()
-    loads: ufl.Form | None = None
-    form: ufl.Form | None = None
-    limits: Sequence[Placed] = ()
-    own_energy: Callable[[fem.Function], Expr] | None = None
-    regions: Sequence[IndexArray] = ()
-    springs: Sequence[ElasticSupport] = ()
-    displacements: Sequence[str] = ()
-    supports: Sequence[str] = ()
+from contact_locking.supports.support import Displacement, Support
 
 
 class DiscreteProblem:
@@ -84,9 +56,15 @@ class DiscreteProblem:
         clock: Clock,
     ) -> None:
         domain, element, space = body.domain, body.element, body.space
+        body.require_parts(contacts)
         self.clock = clock
         self.body, self.domain, self.element = body, domain, element
-        self.constraints, self.regions = body.constraints, tuple(body.regions)
+        self.constraints = Constraints(domain, space, body.held, body.bcs, clock)
+        self.regions = tuple(body.regions)
+        self.loads = Loads(domain, element, body.loads, clock)
+        springs: list[ElasticSupport] = [*Springs.of(domain, body.springs, clock)]
+        if body.others is not None:
+            springs.append(OwnSupport(body.others))
         points = Points(domain, element, clock)
         self.material = Material(points, body.elasticity, body.eigenstrains)
         self.limits = LimitsOnMesh.of(points, body.limits)
@@ -98,7 +76,7 @@ class DiscreteProblem:
         contacts = named(contacts)
         places = [place_of(item, domain, space, element) for item in contacts]
         nodal = tuple(
-            NodalContact(item, place, body.constraints, slip, clock)
+            NodalContact(item, place, self.constraints, slip, clock)
             for item, place in zip(contacts, places, strict=True)
         )
         self.warnings = [
@@ -112,7 +90,7 @@ class DiscreteProblem:
             largest_eigenvalue=self.material.largest_eigenvalue,
             inverse_limit=self.limits.ball.strain_set.inverse_limit,
             dx=domain.dx(),
-            loads=_loads(body, self.material),
+            loads=self._work(),
             contacts=nodal,
             bounds=BoundsInForce(nodal),
             n=fem.Constant(domain.mesh, n),
@@ -122,11 +100,18 @@ class DiscreteProblem:
             tools=tuple(Travel(item) for item in nodal if item.is_free),
             own_energy=body.own_energy,
             eigenstrain=self.material.eigenstrain,
-            springs=tuple(body.springs),
+            springs=tuple(springs),
         )
         self.u = fem.Function(space, name="displacement")
         self.rigidity = Rigidity(domain, space, self.data, self.constraints)
-        self.held: list[Held] = self.rigidity.held(body.displacements, body.supports)
+        self.held: list[Held] = self.rigidity.held(
+            *(
+                [name for item in body.held if isinstance(item, kind) for name in item.on]
+                for kind in (Displacement, Support)
+            )
+        )
+        self.warnings += self.loads.warnings(self.material.stiffness)
+        self.warnings += body.features(contacts, clock)
 
     @property
     def contacts(self) -> tuple[NodalContact, ...]:
@@ -179,13 +164,27 @@ class DiscreteProblem:
         return any([contact.go_along(self.u, touches) for contact, touches in pairs])
 
     def refresh(self) -> None:
-        """Take the present values of all data but loads; collective.
+        """Take the present values of all data; collective.
 
         Raises InputError as at first, but for parts that are free to move.
         """
         self.material.refresh()
         self.limits.refresh()
+        self.warnings += self.loads.advance()
         self.place()
+
+    def _work(self) -> ufl.Form | None:
+        """The loads, less the work of the stress of the body without strain."""
+        body, material = self.body, self.material
+        v = ufl.TestFunction(body.space)
+        parts = [self.loads.work(v)]
+        if body.work is not None:
+            parts.append(ufl.replace(body.work, {body.work.arguments()[0]: v}))
+        if material.eigenstrain is not None:
+            density = ufl.inner(material.eigenstrain.stress, body.element.strain(v))
+            parts.append(-density * body.element.elastic_dx(body.domain.dx()))
+        forms = [form for form in parts if form is not None]
+        return sum(forms) if forms else None
 
     def close(self) -> None:
         """Destroy the PETSc objects; collective."""
@@ -230,13 +229,3 @@ def _elastic(body: Body, material: Material) -> Callable[[Expr, Expr], ufl.Form]
         return ufl.replace(form, {trial: u, test: w})
 
     return of_form
-
-
-def _loads(body: Body, material: Material) -> ufl.Form | None:
-    """The loads, less the work of the stress of the body without strain."""
-    if material.eigenstrain is None:
-        return body.loads
-    element = body.element
-    strain = element.strain(ufl.TestFunction(body.space))
-    work = -ufl.inner(material.eigenstrain.stress, strain) * element.elastic_dx(body.domain.dx())
-    return work if body.loads is None else body.loads + work

@@ -12,12 +12,11 @@ import numpy as np
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import AXES, SMALLEST, BoolArray, FloatArray, IndexArray
+from contact_locking.arrays import SMALLEST, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.clock import Clock
-from contact_locking.fields.values import PresentValue
+from contact_locking.fields.present import Clock, PresentValue
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import minimum, on_any_rank
 from contact_locking.problem.strain_sets import HalfSpaceSet, Limited, NormSet, Sampler
@@ -131,33 +130,20 @@ class Points:
     def _reader(self, value: Value, key: str, shape: tuple[int, ...]) -> Sampler:
         """`sampler` for one value."""
         inside, data = self.of(self.cells), value.data
-        places = self.places[:, inside]
+        if not isinstance(data, Expr) or isinstance(data, fem.Constant):
+            return partial(PresentValue(value, key, self.clock, shape), self.places[:, inside])
+        if data.ufl_shape != shape:
+            raise InputError(f"has the shape {data.ufl_shape}; it must be {shape}", key)
+        function = self.function(shape)
+        expression = compiled.interpolation(data, function.function_space)
 
-        def present(values: Any) -> FloatArray:
-            full = np.broadcast_to(np.asarray(values, dtype=float), (len(inside), *shape)).copy()
-            self.refuse(np.isnan(full), "is not a number somewhere in the body", key)
-            return full
+        def interpolated() -> FloatArray:
+            function.interpolate(expression)
+            found = self.values(function)[inside]
+            self.refuse(np.isnan(found), "is not a number somewhere in the body", key)
+            return found
 
-        if value.number is not None:
-            return partial(present, value.number)
-        if value.expression is not None:
-            for unknown in value.expression.names.intersection(AXES[self.domain.dim :]):
-                raise InputError(f"unknown name '{unknown}' in the expression '{value}'", key)
-            return partial(PresentValue(self.domain.comm, value, key, self.clock), places)
-        if isinstance(data, fem.Constant):
-            return lambda: present(data.value)
-        if isinstance(data, Expr):
-            if data.ufl_shape != shape:
-                raise InputError(f"has the shape {data.ufl_shape}; it must be {shape}", key)
-            function = self.function(shape)
-            expression = compiled.interpolation(data, function.function_space)
-
-            def interpolated() -> FloatArray:
-                function.interpolate(expression)
-                return present(self.values(function)[inside])
-
-            return interpolated
-        return lambda: present(data(places) if callable(data) else data)
+        return interpolated
 
     def joined(
         self,

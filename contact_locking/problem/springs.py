@@ -12,8 +12,17 @@ from dolfinx import fem, la
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
+from contact_locking.errors import InputError
 from contact_locking.fem.joint_forms import JointForm
+from contact_locking.fields.present import Clock, PresentValue
+from contact_locking.fields.sampling import Entities, rule
+from contact_locking.mesh.domain import Domain
+from contact_locking.parallel import minimum
 from contact_locking.problem.rigidity.motions import null_motions
+from contact_locking.supports.support import Spring
+
+# The rule of integration of an expression on a facet, beside two displacements.
+_DEGREE = 6
 
 
 class ElasticSupport(ABC):
@@ -46,6 +55,33 @@ class Springs(ElasticSupport):
     stiffness: Expr
     along: Expr | None
     measure: ufl.Measure
+
+    @classmethod
+    def of(cls, domain: Domain, given: Sequence[Spring], clock: Clock) -> list[Springs]:
+        """The springs of each boundary part; collective.
+
+        Raises InputError for a stiffness that is not positive somewhere.
+        """
+        found = []
+        for item in given:
+            value = PresentValue(item.stiffness, f"{item.key}.stiffness", clock)
+            stiffness, along = value.ufl(_DEGREE), None
+            if item.along == "normal":
+                along = ufl.FacetNormal(domain.mesh)
+            elif item.along is not None:
+                along = ufl.as_vector(list(np.array(item.along) / np.linalg.norm(item.along)))
+            facets = Entities.of(domain, domain.dim - 1, domain.facets(item.on, f"{item.key}.on"))
+            if item.stiffness.expression is not None and not item.stiffness.is_constant:
+                points, _ = rule(facets.dim, 0, _DEGREE)
+                places = np.einsum("qc,kcd->dkq", points, facets.corners)
+                least = minimum(domain.comm, value(places.reshape(domain.dim, -1)))
+                if not least > 0.0:
+                    told = f"must be positive everywhere, and is {least:g} somewhere"
+                    raise InputError(told, value.key)
+            for name in item.on:
+                measure = domain.ds((name,), quadrature_degree=_DEGREE)
+                found.append(cls(name, stiffness, along, measure))
+        return found
 
     def form(self, u: Expr, v: Expr) -> ufl.Form:
         if self.along is None:

@@ -24,7 +24,9 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.problem.distance import distance
+from contact_locking.process import assembly
 from contact_locking.process.adaptive_meshes import adapted
+from contact_locking.process.assembly import StudyProblem, assemble, mesh_of
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.judgement import solution_of
@@ -34,8 +36,6 @@ from contact_locking.results.probe_table import sample
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.task import SolverReport
-from contact_locking.study import assembly
-from contact_locking.study.assembly import StudyProblem, assemble, mesh_of
 from contact_locking.study_file import problem_fingerprint, require_parameters
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.numerics import AdaptParameters

@@ -10,8 +10,8 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import AXES, FloatArray
+from contact_locking.results.probe_points import ProbePoints
 from contact_locking.results.table import Table
-from contact_locking.study.probe_points import ProbePoints
 
 
 @dataclass(frozen=True)

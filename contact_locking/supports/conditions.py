@@ -1,134 +1,208 @@
-"""Displacement conditions by components, and supports along other directions."""
+"""The displacement conditions: components at nodes, and supports along other directions."""
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
 
-from contact_locking import _compat
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.fem.contact_operator import PointStiffness
 from contact_locking.fem.joint_forms import JointForm
-from contact_locking.fields.clock import Clock
+from contact_locking.fields.present import Clock
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.half_section import axis_condition
+from contact_locking.mesh.half_section import axis_dofs
 from contact_locking.parallel import agree, maximum, minimum
-from contact_locking.supports.support import Support
+from contact_locking.supports.support import Displacement, Support
 from contact_locking.supports.supports import (
-    AGREES,
-    Supports,
-    axis_of,
+    SAME,
+    SMOOTH,
+    HeldDirections,
     place,
+    pseudo_inverse,
 )
 
+# The sine of the angle between two directions that are too close to each other to be held both.
+_TOO_CLOSE = 1e-2
+# Two conditions for one direction agree up to this share of the largest prescribed value.
+_AGREES = 1e-9
 
-@dataclass(frozen=True)
-class ComponentCondition:
-    """``u_i = value(x)`` on the named boundary parts; ``value`` maps (d, k) to (k,).
 
-    ``timed`` says that the values depend on the time.
-    """
+class _Condition(NamedTuple):
+    """Directions (k, d) at nodes (k,), axes if there are ``dofs`` (k,), and how to read values."""
 
-    on: tuple[str, ...]
-    component: int
-    value: Callable[[FloatArray], FloatArray]
     key: str
-    timed: bool = False
-
-    def write(self, function: fem.Function) -> None:
-        """Interpolate the present values; collective."""
-        dim = function.function_space.mesh.geometry.dim
-        function.interpolate(lambda x: self.value(x[:dim]))
+    nodes: IndexArray
+    directions: FloatArray
+    dofs: IndexArray | None
+    read: Callable[[], FloatArray]
 
 
-@dataclass(frozen=True)
+def _along_axes(key: str, dofs: IndexArray, read: Callable[[], FloatArray], dim: int) -> _Condition:
+    return _Condition(key, dofs // dim, np.eye(dim)[dofs % dim], dofs, read)
+
+
 class Constraints:
-    """The conditions for DOLFINx, and the local dofs, ghosts included, that the conditions fix.
+    """The displacement conditions of a space of displacements.
 
-    ``wanted`` are the conditions for single components, and ``given`` those that were made as
-    conditions of DOLFINx.  ``supports`` hold directions that are no axes.  ``timed`` pairs each
-    condition that may change with the function of its values.
+    ``dofs`` are the local dofs, ghosts included, that are fixed by components: by those of ``held``
+    along an axis, ``components``, by the conditions of DOLFINx ``given``, and u_r on the axis of an
+    axisymmetric body, which is zero.  ``oblique`` are those of ``held`` along other directions,
+    which ``directions`` has node by node.  The values are read anew by :meth:`advance`.  The
+    constructor is collective and, as :meth:`advance`, raises InputError for conditions that
+    contradict each other or are too close to each other, and for one that moves the axis.
     """
 
-    space: fem.FunctionSpace
-    conditions: list[fem.DirichletBC]
-    dofs: IndexArray
-    supports: Supports
-    wanted: Sequence[ComponentCondition] = ()
-    timed: Sequence[tuple[ComponentCondition, fem.Function]] = ()
-    given: Sequence[fem.DirichletBC] = ()
+    def __init__(
+        self,
+        domain: Domain,
+        space: fem.FunctionSpace,
+        held: Sequence[Support | Displacement],
+        given: Sequence[fem.DirichletBC],
+        clock: Clock,
+    ) -> None:
+        self.domain, self.space, self.given = domain, space, tuple(given)
+        placed = [found for item in held for found in place(domain, space, item, clock)]
+        self.components = tuple(item for item in placed if item.component is not None)
+        self.oblique = tuple(item for item in placed if item.component is None)
+        self._is_timed = bool(given) or any(item.present.value.is_timed for item in placed)
+        self._prescribed = [
+            _Condition(item.key, item.nodes, item.directions, item.dofs, item.read)
+            for item in (*self.oblique, *self.components)
+        ]
+        for number, condition in enumerate(given):
+            dofs = np.asarray(condition.dof_indices()[0], dtype=np.int32)
+            read = partial(self._read, condition, dofs)
+            self._prescribed.append(_along_axes(f"bcs.{number}", dofs, read, domain.dim))
+        if domain.axisymmetric:
+            dofs = axis_dofs(domain, space)
+            zero = np.zeros_like(dofs, dtype=float).copy
+            self._prescribed.append(_along_axes("", dofs, zero, domain.dim))
+        empty, dim = np.empty(0, dtype=np.int32), domain.dim
+        fixed = [empty, *(item.dofs for item in self._prescribed if item.dofs is not None)]
+        self.dofs: IndexArray = np.unique(np.concatenate(fixed)).astype(np.int32)
+        self._values = fem.Function(space)
+        nodes = np.unique(np.concatenate([empty, *(item.nodes for item in self.oblique)]))
+        # Every row of a node is the direction of one support or of one component condition.
+        count, axes = len(self.oblique), np.arange(dim)
+        self._rows = np.zeros((len(nodes), count + dim, dim))
+        for number, item in enumerate(self.oblique):
+            self._rows[np.searchsorted(nodes, item.nodes), number] = item.directions
+        self._rows[:, count + axes, axes] = self._mask.reshape(-1, dim)[nodes] == 0.0
+        agree(domain.comm, lambda: self._refuse_close(nodes))
+        projections, self._inverse = pseudo_inverse(self._rows)
+        owned = space.dofmap.index_map.size_local
+        self.directions = HeldDirections(domain.comm, nodes, owned, projections)
+        self._combine()
 
     def advance(self) -> None:
         """Evaluate the prescribed values at the present time; collective."""
-        for condition, values in self.timed:
-            condition.write(values)
-        if self.timed or self.given or self.supports.timed:
-            self.combine()
+        if self._is_timed:
+            self._combine()
 
-    def combine(self) -> None:
-        """Find the displacements that supports and component conditions prescribe; collective.
+    def _read(self, condition: fem.DirichletBC, dofs: IndexArray) -> FloatArray:
+        values = np.zeros(self._points.size)
+        condition.set(values)
+        return values[dofs]
 
-        Raises InputError for two values of one direction.
-        """
-        u = fem.Function(self.space)
-        for condition in self.conditions:
-            condition.set(u.x.array)
-        comm = self.space.mesh.comm
-        most = AGREES * maximum(comm, np.abs(u.x.array))
-        agree(comm, lambda: self._refuse_conflict(u.x.array, most))
-        self.supports.advance(u)
+    @cached_property
+    def _points(self) -> FloatArray:
+        return np.asarray(self.space.tabulate_dof_coordinates()[:, : self.domain.dim])
 
-    def _refuse_conflict(self, held: FloatArray, most: float) -> None:
-        """Raise InputError where a condition prescribes another value than ``held`` (k,)."""
-        for number, condition in enumerate(self.conditions):
-            key = self._name(number)
-            if not key:
-                continue
-            dofs, own = condition.dof_indices()[0], np.zeros_like(held)
-            condition.set(own)
-            defect = np.abs(own - held)[dofs]
+    def _combine(self) -> None:
+        """Find the displacements that all conditions prescribe; collective."""
+        values, u = [item.read() for item in self._prescribed], self._values.x.array
+        for condition, own in zip(self._prescribed, values, strict=True):
+            if condition.dofs is not None:
+                u[condition.dofs] = own
+        nodes, comm = self.directions.nodes, self.domain.comm
+        wanted = np.zeros(self._rows.shape[:2])
+        for number, item in enumerate(self.oblique):
+            wanted[np.searchsorted(nodes, item.nodes), number] = values[number]
+        nodal, count = u.reshape(-1, self.domain.dim), len(self.oblique)
+        fixed = self._mask.reshape(nodal.shape)[nodes] == 0.0
+        wanted[:, count:] = np.where(fixed, nodal[nodes], 0.0)
+        self.directions.values = np.einsum("kir,kr->ki", self._inverse, wanted)
+        whole = u.copy()
+        self.directions.apply(whole)
+        largest = maximum(comm, np.abs(np.concatenate([np.zeros(1), whole, *values])))
+        agree(comm, lambda: self._refuse_conflict(whole, values, _AGREES * largest))
+
+    def _refuse_conflict(self, u: FloatArray, values: Sequence[FloatArray], most: float) -> None:
+        """Raise InputError where a condition prescribes another value than that of ``u``."""
+        nodal = u.reshape(-1, self.domain.dim)
+        for item, own in zip(self._prescribed, values, strict=True):
+            defect = np.abs(np.sum(item.directions * nodal[item.nodes], axis=1) - own)
             if not np.any(defect > most):
                 continue
-            dof = dofs[np.argmax(defect)]
-            dim = self.space.dofmap.index_map_bs
-            points = self.space.tabulate_dof_coordinates()
-            where = self.supports.domain.where(points[dof // dim, :dim])
-            others = [dof in other.dof_indices()[0] for other in self.conditions]
-            last = len(others) - 1 - others[::-1].index(True)
-            if last >= len(self.wanted) + len(self.given):
-                raise InputError(f"moves the axis x = 0 along x at {where}, where u_r is zero", key)
+            number = int(np.argmax(defect))
+            node, way = item.nodes[number], item.directions[number]
+            where = self.domain.where(self._points[node])
+            there = [
+                (other, other_values[place])
+                for other, other_values in zip(self._prescribed, values, strict=True)
+                for place in np.flatnonzero(other.nodes == node)
+                if other is not item and abs(other.directions[place] @ way) > SAME
+            ]
+            other, value = there[-1]
+            if not other.key:
+                told = f"moves the axis x = 0 along x at {where}, where u_r is zero"
+                raise InputError(told, item.key)
+            axis = f"component {AXES[np.argmax(np.abs(way))]} of the "
             raise InputError(
-                f"prescribes {own[dof]:.6g} for the component {AXES[dof % dim]} of the "
+                f"prescribes {own[number]:.6g} for the {'' if item.dofs is None else axis}"
                 f"displacement at {where}, where another condition prescribes another value: "
-                f"{self._name(last)} prescribes {held[dof]:.6g}; give both conditions the "
-                "same value there",
-                key,
+                f"{other.key} prescribes {value:.6g}; give both conditions the same value there",
+                item.key,
             )
 
-    def _name(self, number: int) -> str:
-        """The key of a condition; empty for that of the axis of revolution."""
-        keys = [item.key for item in self.wanted]
-        keys += [f"bcs.{own}" for own in range(len(self.given))]
-        return keys[number] if number < len(keys) else ""
+    def _refuse_close(self, nodes: IndexArray) -> None:
+        """Raise InputError for two directions at a node that are almost the same."""
+        for second, item in enumerate(self.oblique):
+            for first in range(len(self._rows[0]) if len(nodes) else 0):
+                if second <= first < len(self.oblique):
+                    continue
+                rows, others = self._rows[:, second], self._rows[:, first]
+                held = np.any(rows != 0.0, axis=1) & np.any(others != 0.0, axis=1)
+                cosine = np.sum(rows * others, axis=1)
+                sine = np.linalg.norm(rows - cosine[:, None] * others, axis=1)
+                close = (sine > SAME) & (sine < _TOO_CLOSE)
+                is_normal = first < len(self.oblique) and self.oblique[first].is_normal
+                if is_normal and item.is_normal:
+                    close |= (sine > SAME) & (np.abs(cosine) > SMOOTH)
+                if np.any(held & close):
+                    where = self.domain.where(self._points[nodes[np.argmax(held & close)]])
+                    raise InputError(
+                        f"at {where} the direction is almost, and not quite, that of another "
+                        "condition; let one entry with both names in its on hold both boundary "
+                        "parts, or give both conditions the same direction",
+                        item.key,
+                    )
+
+    @cached_property
+    def conditions(self) -> list[fem.DirichletBC]:
+        """Those of DOLFINx for each component."""
+        dim = self.space.dofmap.index_map_bs
+        by_axis = [(i, self.dofs[self.dofs % dim == i]) for i in range(dim)]
+        return [fem.dirichletbc(self._values, [d, d], self.space.sub(i)) for i, d in by_axis]
 
     def apply(self, u: fem.Function) -> None:
         """Write the prescribed values into ``u``."""
-        for condition in self.conditions:
-            condition.set(u.x.array)
-        self.supports.directions.apply(u.x.array)
+        u.x.array[self.dofs] = self._values.x.array[self.dofs]
+        self.directions.apply(u.x.array)
         u.x.scatter_forward()
 
     def free_part(self, values: FloatArray) -> FloatArray:
         """Local or owned values of a displacement field without the prescribed part."""
         free = values * self._mask[: len(values)]
-        self.supports.directions.project(free)
+        self.directions.project(free)
         return free
 
     def keep_free(self, forces: PETSc.Vec) -> None:
@@ -140,10 +214,10 @@ class Constraints:
     def held_part(self, values: FloatArray) -> FloatArray:
         """The prescribed part of local or owned values of a displacement field."""
         held = values * (1.0 - self._mask[: len(values)])
-        nodes = self.supports.directions.nodes
+        nodes = self.directions.nodes
         nodes = nodes[nodes < len(values) // self.space.dofmap.index_map_bs]
         shape = (-1, self.space.dofmap.index_map_bs)
-        along = self.supports.directions.part_of(values).reshape(shape)[nodes]
+        along = self.directions.part_of(values).reshape(shape)[nodes]
         held.reshape(shape)[nodes] = along
         return held
 
@@ -175,31 +249,25 @@ class Constraints:
             entries[~is_free] = least if math.isfinite(least) else 1.0
         matrix.setDiagonal(diagonal)
         diagonal.destroy()
-        self.supports.directions.eliminate(matrix)
+        self.directions.eliminate(matrix)
 
     def largest(self) -> float:
         """The largest prescribed component or displacement along a direction; collective."""
-        u = np.zeros_like(self._mask)
-        for condition in self.conditions:
-            condition.set(u)
-        local = [self.supports.directions.values, u]
+        local = [self.directions.values, self._values.x.array[self.dofs]]
         most = max(float(np.abs(values).max(initial=0.0)) for values in local)
         return maximum(self.space.mesh.comm, most)
 
-    def with_fixed(self, nodes: IndexArray, value: fem.Function) -> Constraints:
-        """These conditions and one for all components at some local nodes; collective."""
-        more = fem.dirichletbc(value, nodes)
-        dim = self.space.dofmap.index_map_bs
-        dofs = np.union1d(self.dofs, (dim * nodes[:, None] + np.arange(dim)).reshape(-1))
-        supports = self.supports.without(nodes)
-        return Constraints(
-            self.space,
-            [*self.conditions, more],
-            dofs.astype(np.int32),
-            supports,
-            self.wanted,
-            given=self.given,
-        )
+    def with_fixed(self, nodes: IndexArray) -> Constraints:
+        """These conditions, and zero for all components at some local nodes; collective."""
+        found, dim = copy.copy(self), self.space.dofmap.index_map_bs
+        found.__dict__.pop("_mask", None)
+        found.__dict__.pop("conditions", None)
+        own = (dim * nodes[:, None] + np.arange(dim)).reshape(-1)
+        found.dofs = np.union1d(self.dofs, own).astype(np.int32)
+        found._values = self._values.copy()
+        found._values.x.array[own] = 0.0
+        found.directions = self.directions.without(nodes)
+        return found
 
     def free_dofs(self) -> FloatArray:
         """1 at free and 0 at fixed local dofs, ghosts included; supports do not count."""
@@ -212,65 +280,3 @@ class Constraints:
         mask = np.ones(count * self.space.dofmap.index_map_bs)
         mask[self.dofs] = 0.0
         return mask
-
-
-def constrain(
-    domain: Domain,
-    space: fem.FunctionSpace,
-    wanted: Sequence[ComponentCondition],
-    supports: Sequence[Support],
-    given: Sequence[fem.DirichletBC],
-    clock: Clock,
-) -> Constraints:
-    """The displacement conditions and supports of a space of displacements; collective.
-
-    A support along an axis is a condition for a component.  ``given`` are conditions of DOLFINx,
-    whose values are read anew before each solve.  On the axis of an axisymmetric body u_r is zero.
-    Raises InputError for conditions that contradict each other, and for a condition that
-    moves the axis.
-    """
-    oblique = []
-    components: list[ComponentCondition] = []
-    for support in supports:
-        placed = place(domain, space, support, clock)
-        axis = axis_of(domain, placed)
-        if axis is None:
-            oblique.append(placed)
-            continue
-        value = partial(_signed, placed.value, axis[1])
-        is_timed = support.value.is_timed
-        components.append(ComponentCondition(support.on, axis[0], value, support.key, is_timed))
-    wanted = [*components, *wanted]
-    conditions: list[fem.DirichletBC] = []
-    timed: list[tuple[ComponentCondition, fem.Function]] = []
-    fixed: list[IndexArray] = [np.empty(0, dtype=np.int32)]
-    scalars = [_compat.collapse(space.sub(i))[0] for i in range(domain.dim)] if wanted else []
-    for item in wanted:
-        sub, scalar = space.sub(item.component), scalars[item.component]
-        facets = domain.facets(item.on, item.key)
-        values = fem.Function(scalar)
-        item.write(values)
-        if item.timed:
-            timed.append((item, values))
-        dofs = fem.locate_dofs_topological((sub, scalar), domain.dim - 1, facets)
-        conditions.append(fem.dirichletbc(values, dofs, sub))
-        fixed.append(np.asarray(dofs[0], dtype=np.int32))
-    for own in given:
-        conditions.append(own)
-        fixed.append(np.asarray(own.dof_indices()[0], dtype=np.int32))
-    if domain.axisymmetric:
-        on_axis = axis_condition(domain, space)
-        conditions.append(on_axis)
-        fixed.append(np.asarray(on_axis.dof_indices()[0], dtype=np.int32))
-    fixed_dofs = np.unique(np.concatenate(fixed))
-    index_map = space.dofmap.index_map
-    marks = np.zeros((index_map.size_local + index_map.num_ghosts) * domain.dim, dtype=bool)
-    marks[fixed_dofs] = True
-    held = Supports(domain, space, oblique, marks)
-    made = Constraints(space, conditions, fixed_dofs, held, tuple(wanted), timed, tuple(given))
-    made.combine()
-    return made
-
-
-def _signed(value: Callable[[FloatArray], FloatArray], sign: float, x: FloatArray) -> FloatArray:
-    return sign * value(x)

@@ -1,30 +1,65 @@
-"""A support along a direction, for scripts and study files."""
+"""What holds the body, for scripts and study files: supports, displacements and springs."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Annotated, Any
 
-from contact_locking.values.concept import Concept, entry, hidden
-from contact_locking.values.kinds import Along, Places, TimedScalar
+from pydantic import BeforeValidator
+
+from contact_locking.values.concept import PER_AXIS, Concept, Fault, entry, hidden
+from contact_locking.values.kinds import Along, Places, PositiveScalar, TimedScalar, components
 from contact_locking.values.value import Value
 
+#: What holds a part with contact along its surface.
+HOLD_ALONG = (
+    "null across it, as in [0, null], holds it along its surface, as do stiff loads.springs with "
+    "along: a tangent"
+)
 
-class Support(Concept):
-    """``u . m = value`` on a part of the boundary, which slides freely across m.
+
+class OnBoundary(Concept):
+    """What acts on a part of the boundary.
 
     ``on`` are names of boundary parts; in a script also local indices of exterior facets (k,), or a
     pair of mesh tags and a value.
     """
 
     on: Places = entry(..., "name(s) of parts of the boundary")
+    at: Any = hidden("at")
+
+    @property
+    def key(self) -> str:
+        """Its key in messages."""
+        return self.at or type(self).__name__.lower()
+
+
+class Support(OnBoundary):
+    """``u . m = value`` on a part of the boundary, which slides freely across m."""
+
     along: Along = entry(
         "normal",
         "the direction m: normal (the outward normal of the mesh), or a vector of any length",
     )
     value: TimedScalar = entry(Value.of(0.0), "the displacement along m", "length")
-    at: Any = hidden("at")
 
-    @property
-    def key(self) -> str:
-        """The name of the support in messages."""
-        return self.at or "support"
+
+class Displacement(OnBoundary):
+    """u = value on a part of the boundary; a null component stays free."""
+
+    value: Annotated[tuple[TimedScalar | None, ...], BeforeValidator(components), PER_AXIS] = entry(
+        ..., "components of u; null leaves one free", "length"
+    )
+
+    def _faults(self) -> Iterator[Fault]:
+        if all(component is None for component in self.value):
+            yield Fault(("value",), "fixes no component; give a number for at least one")
+
+
+class Spring(OnBoundary):
+    """sigma nu = -k (u . m) m on a part of the boundary: an elastic foundation, or a spring bed."""
+
+    stiffness: PositiveScalar = entry(..., "k > 0", "stress/length")
+    along: Along | None = entry(
+        None, "the direction m: normal, or a vector of any length; null: springs in all directions"
+    )

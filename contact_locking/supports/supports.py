@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Sequence
-from dataclasses import dataclass
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,16 +13,15 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.fem.trace import facet_nodes
-from contact_locking.fields.clock import Clock
-from contact_locking.fields.values import PresentValue
+from contact_locking.fields.present import Clock, PresentValue
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.rank_sums import summed
-from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
-from contact_locking.supports.support import Support
+from contact_locking.parallel import agree, on_any_rank, on_every_rank
+from contact_locking.supports.support import Displacement, Support
 
 
 class HeldDirections:
@@ -143,27 +142,44 @@ class HeldDirections:
 
 # The rounding of a unit vector: a direction within this distance of an axis is along the axis.
 _ALONG_AXIS = 1e-14
-# The sine of the angle between two directions that count as one direction, and between two
-# directions that are too close to each other to be held both.
-_SAME, _TOO_CLOSE = 1e-6, 1e-2
-# A facet belongs to a smooth boundary if its normal is within this cosine of the normal at a node.
-_SMOOTH = float(np.cos(np.radians(30.0)))
-# Two conditions for one direction agree up to this share of the largest prescribed value.
-AGREES = 1e-9
+#: The sine of the angle between two directions that count as one.
+SAME = 1e-6
+#: A facet belongs to a smooth boundary if its normal is within this cosine of that at a node.
+SMOOTH = float(np.cos(np.radians(30.0)))
 
 
 @dataclass(frozen=True)
 class PlacedSupport:
-    """A support with its local ``nodes`` (k,), ghosts included, and directions m (k, d).
+    """A direction m that is held on the boundary parts ``on``, with its ``key``.
 
-    ``value`` gives the present displacements (k,) along m.
+    ``nodes`` (k,) are local, ghosts included, at ``points`` (d, k) and with m in ``directions``
+    (k, d).  ``sign`` times ``present`` is the displacement along m.  ``component`` is the number of
+    the axis that m is everywhere, None if it is no axis.
     """
 
-    support: Support
+    on: tuple[str, ...]
+    key: str
     nodes: IndexArray
-    directions: FloatArray
     points: FloatArray
-    value: PresentValue
+    directions: FloatArray
+    present: PresentValue
+    component: int | None = None
+    sign: float = 1.0
+    is_normal: bool = False
+
+    @property
+    def dofs(self) -> IndexArray | None:
+        """The local dofs (k,) that are held, None if m is no axis."""
+        axis = self.component
+        return None if axis is None else self.directions.shape[1] * self.nodes + np.int32(axis)
+
+    def value(self, x: FloatArray) -> FloatArray:
+        """The present displacements (k,) along m at points (d, k); collective."""
+        return self.sign * self.present(x)
+
+    def read(self) -> FloatArray:
+        """The present displacements (k,) along m at the nodes; collective."""
+        return self.value(self.points)
 
     def rows_at(self, nodes: IndexArray) -> tuple[IndexArray, FloatArray]:
         """The directions at those of the given nodes that the support holds.
@@ -175,150 +191,47 @@ class PlacedSupport:
 
 
 def place(
-    domain: Domain, space: fem.FunctionSpace, support: Support, clock: Clock
-) -> PlacedSupport:
-    """Find the nodes and the directions of a support; collective.
+    domain: Domain, space: fem.FunctionSpace, given: Support | Displacement, clock: Clock
+) -> Iterator[PlacedSupport]:
+    """The nodes and the directions of a support, or of each component; collective.
 
     Raises InputError for a boundary part whose normal jumps at a node.
     """
-    facets = domain.facets(support.on, f"{support.key}.on")
-    nodes = np.unique(fem.locate_dofs_topological(space, domain.dim - 1, facets))
-    nodes = np.asarray(nodes, dtype=np.int32)
-    points = space.tabulate_dof_coordinates()[nodes, : domain.dim]
-    if support.along == "normal":
-        directions = _nodal_normals(domain, space, support, facets)[nodes]
+    facets, axes = domain.facets(given.on, f"{given.key}.on"), np.eye(domain.dim)
+    nodes = np.unique(fem.locate_dofs_topological(space, domain.dim - 1, facets)).astype(np.int32)
+    points = np.asarray(space.tabulate_dof_coordinates()[nodes, : domain.dim].T)
+    if isinstance(given, Displacement):
+        for axis, component in enumerate(given.value):
+            if component is not None:
+                key, along = f"{given.key}.value.{axis}", np.tile(axes[axis], (len(nodes), 1))
+                present = PresentValue(component, key, clock)
+                yield PlacedSupport(given.on, key, nodes, points, along, present, axis)
+        return
+    is_normal, present = (
+        given.along == "normal",
+        PresentValue(given.value, f"{given.key}.value", clock),
+    )
+    if is_normal:
+        along = _nodal_normals(domain, space, given, facets)[nodes]
     else:
-        unit = np.array(support.along) / np.linalg.norm(support.along)
-        directions = np.tile(unit, (len(nodes), 1))
-    value = PresentValue(domain.comm, support.value, f"{support.key}.value", clock)
-    return PlacedSupport(support, nodes, directions, np.asarray(points.T), value)
+        along = np.tile(np.array(given.along) / np.linalg.norm(given.along), (len(nodes), 1))
+    held = PlacedSupport(given.on, given.key, nodes, points, along, present, is_normal=is_normal)
+    for axis, sign in itertools.product(range(domain.dim), (-1.0, 1.0)):
+        away = np.abs(along - sign * axes[axis]).max(initial=0.0)
+        if on_every_rank(domain.comm, bool(away <= _ALONG_AXIS)):
+            # Without the rounding of normals.
+            exact = np.tile(axes[axis], (len(nodes), 1))
+            held = replace(held, directions=exact, component=axis, sign=sign)
+    yield held
 
 
-def axis_of(domain: Domain, placed: PlacedSupport) -> tuple[int, float] | None:
-    """The component and the sign of an axis that all directions of a support have; collective.
-
-    None if a direction is not along the axis.
-    """
-    for axis in range(domain.dim):
-        for sign in (1.0, -1.0):
-            wanted = sign * np.eye(domain.dim)[axis]
-            away = np.abs(placed.directions - wanted).max(initial=0.0)
-            if on_every_rank(domain.comm, bool(away <= _ALONG_AXIS)):
-                return axis, sign
-    return None
-
-
-class Supports:
-    """The supports of a problem, and the directions that they hold at the nodes.
-
-    ``fixed`` (n,) marks the local dofs of all component conditions.  The constructor is collective
-    and raises InputError for directions that are too close to each other.
-    """
-
-    def __init__(
-        self,
-        domain: Domain,
-        space: fem.FunctionSpace,
-        placed: Sequence[PlacedSupport],
-        fixed: BoolArray,
-    ) -> None:
-        self.placed = tuple(placed)
-        self.domain = domain
-        dim = domain.dim
-        self._points = space.tabulate_dof_coordinates()[:, :dim]
-        every = [np.empty(0, dtype=np.int32), *(item.nodes for item in placed)]
-        nodes = np.unique(np.concatenate(every))
-        # Every row of a node is the direction of one support or of one component condition.
-        self._rows = np.zeros((len(nodes), len(placed) + dim, dim))
-        for number, item in enumerate(placed):
-            self._rows[np.searchsorted(nodes, item.nodes), number] = item.directions
-        self._components = fixed.reshape(-1, dim)[nodes]
-        axes = np.arange(dim)
-        self._rows[:, len(placed) + axes, axes] = self._components
-        agree(domain.comm, lambda: self._refuse_close(nodes))
-        held, self._inverse = _pseudo_inverse(self._rows)
-        owned = space.dofmap.index_map.size_local
-        self.directions = HeldDirections(domain.comm, nodes, owned, held)
-
-    def without(self, nodes: IndexArray) -> Supports:
-        """The same supports, but not at some local nodes, which other conditions hold wholly."""
-        kept = copy.copy(self)
-        kept.directions = self.directions.without(nodes)
-        return kept
-
-    @property
-    def timed(self) -> bool:
-        """Whether prescribed values depend on the time."""
-        return any(item.support.value.is_timed for item in self.placed)
-
-    def advance(self, u: fem.Function) -> None:
-        """Find the prescribed displacements; collective.
-
-        ``u`` has the values of the component conditions, and gets those of the supports.  Raises
-        InputError where two conditions prescribe different values for one direction.
-        """
-        if not self.placed:
-            return
-        wanted = [item.value(item.points) for item in self.placed]
-        nodes, dim = self.directions.nodes, self.domain.dim
-        nodal = u.x.array.reshape(-1, dim)
-        given = np.zeros(self._rows.shape[:2])
-        for number, item in enumerate(self.placed):
-            given[np.searchsorted(nodes, item.nodes), number] = wanted[number]
-        given[:, len(self.placed) :] = np.where(self._components, nodal[nodes], 0.0)
-        self.directions.values = np.einsum("kir,kr->ki", self._inverse, given)
-        self.directions.apply(u.x.array)
-        comm = self.domain.comm
-        largest = max(maximum(comm, np.abs(values)) for values in wanted)
-        largest = max(largest, maximum(comm, np.abs(u.x.array)))
-        agree(comm, lambda: self._refuse_conflict(u, wanted, AGREES * largest))
-
-    def _refuse_conflict(self, u: fem.Function, wanted: list[FloatArray], most: float) -> None:
-        nodal = u.x.array.reshape(-1, self.domain.dim)
-        for item, values in zip(self.placed, wanted, strict=True):
-            defect = np.abs(np.sum(item.directions * nodal[item.nodes], axis=1) - values)
-            if np.any(defect > most):
-                where = self.domain.where(self._points[item.nodes[np.argmax(defect)]])
-                raise InputError(
-                    "another condition prescribes another value for the same direction at "
-                    f"{where}; give both conditions the same value there",
-                    item.support.key,
-                )
-
-    def _refuse_close(self, nodes: IndexArray) -> None:
-        """Raise InputError for two directions at a node that are almost the same."""
-        for second, item in enumerate(self.placed):
-            for first in range(len(self._rows[0]) if len(nodes) else 0):
-                if first >= second and first < len(self.placed):
-                    continue
-                rows, others = self._rows[:, second], self._rows[:, first]
-                held = np.any(rows != 0.0, axis=1) & np.any(others != 0.0, axis=1)
-                cosine = np.abs(np.sum(rows * others, axis=1))
-                sine = np.linalg.norm(
-                    rows - np.sum(rows * others, axis=1)[:, None] * others, axis=1
-                )
-                close = (sine > _SAME) & (sine < _TOO_CLOSE)
-                if first < len(self.placed):
-                    normals = (self.placed[first].support.along, item.support.along)
-                    if normals == ("normal", "normal"):
-                        close |= (sine > _SAME) & (cosine > _SMOOTH)
-                if np.any(held & close):
-                    where = self.domain.where(self._points[nodes[np.argmax(held & close)]])
-                    raise InputError(
-                        f"at {where} the direction is almost, and not quite, that of another "
-                        "condition; let one entry with both names in its on hold both boundary "
-                        "parts, or give both conditions the same direction",
-                        item.support.key,
-                    )
-
-
-def _pseudo_inverse(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+def pseudo_inverse(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The projections (k, d, d) onto the spans of rows (k, r, d), and the pseudo-inverses.
 
     The pseudo-inverses (k, d, r) map the prescribed components to the displacement in the span.
     """
     left, sizes, right = np.linalg.svd(rows, full_matrices=False)
-    kept = sizes > _SAME
+    kept = sizes > SAME
     held = np.einsum("ksi,ks,ksj->kij", right, kept.astype(float), right)
     over = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=kept)
     return held, np.einsum("ksi,ks,krs->kir", right, over, left)
@@ -357,7 +270,7 @@ def _nodal_normals(
     cosines = np.einsum("fnd,fnd->fn", normals[nodes], units)
 
     def refuse_edge() -> None:
-        if cosines.size and cosines.min() < _SMOOTH:
+        if cosines.size and cosines.min() < SMOOTH:
             facet, place = np.unravel_index(np.argmin(cosines), cosines.shape)
             where = domain.where(space.tabulate_dof_coordinates()[nodes[facet, place], :dim])
             raise InputError(

@@ -337,7 +337,7 @@ def trace_norm(
         for surface, blocks in traces:
             weighted = surface.weights[:, None, None] * blocks
             PointStiffness(surface.operator, weighted).add_to(trace, constraints.free_dofs())
-        constraints.supports.directions.eliminate(trace, holds=False)
+        constraints.directions.eliminate(trace, holds=False)
         try:
             return float(_largest(trace, problem.matrix, problem.ksp) ** 0.5)
         finally:

@@ -10,12 +10,12 @@ from dolfinx import fem
 
 from contact_locking.certificate.verdict import Extras
 from contact_locking.contact_problem import ContactProblem
+from contact_locking.process.assembly import StudyProblem
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.process.solving import SolvableStudy
 from contact_locking.results import names
 from contact_locking.results.solution import Solution, StudySolution
 from contact_locking.solver.task import SolverReport
-from contact_locking.study.assembly import StudyProblem
 from contact_locking.study_file.dump import plain
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.source import assign

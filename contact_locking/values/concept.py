@@ -155,9 +155,11 @@ class Concept(_Model):
 
     def __init__(self, *values: Any, **named: Any) -> None:
         fields = type(self).model_fields
-        if len(values) > len(fields):
-            raise InputError(f"takes {len(fields)} values at most", type(self).__name__)
-        named |= dict(zip(fields, values, strict=False))
+        # Its key in messages comes by name alone.
+        in_order = [name for name in fields if name != "at"]
+        if len(values) > len(in_order):
+            raise InputError(f"takes {len(in_order)} values at most", type(self).__name__)
+        named |= dict(zip(in_order, values, strict=False))
         try:
             # Pydantic knows a field by its key in a study file.
             super().__init__(

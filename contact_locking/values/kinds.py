@@ -10,7 +10,7 @@ import os
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
 from functools import partial
 from numbers import Real
@@ -35,7 +35,19 @@ from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, TIME, Table, parse
 from contact_locking.files.readable import require_size, similar
 
-from .concept import LIST, PER_AXIS, SECTION, Concept, Fault, refuse_if
+from .concept import (
+    LIST,
+    PER_AXIS,
+    SECTION,
+    Concept,
+    Fault,
+    Place,
+    leaves,
+    marked,
+    place_of,
+    refuse_if,
+    sections,
+)
 from .value import Value
 from .wording import show
 
@@ -311,12 +323,18 @@ class Component:
     def value(self) -> float:
         return float(self._constant.value[self._number])
 
+    @property
+    def ufl(self) -> Any:
+        """The component in UFL."""
+        return self._constant[self._number]
+
 
 def components(value: Any) -> Any:
-    """A vector that is a constant of DOLFINx by its components, and an array as a list."""
+    """A vector of DOLFINx or UFL by its components, and an array as a list."""
     if np.ndim(getattr(value, "value", 0.0)) == 1:
         return tuple(Component(value, number) for number in range(len(value.value)))
-    return plain(value)
+    shape: tuple[int, ...] = getattr(value, "ufl_shape", ())
+    return tuple(value[i] for i in range(shape[0])) if len(shape) == 1 else plain(value)
 
 
 def _square(rows: tuple[tuple[T, ...], ...]) -> tuple[tuple[T, ...], ...]:
@@ -398,6 +416,17 @@ Tensor = Annotated[
     list_or(SECTION),
     BeforeValidator(plain),
 ]
-TimedVector = Annotated[tuple[TimedScalar, ...], PER_AXIS]
+#: A density of loads.
+TimedDensity = Strain
+TimedVector = Annotated[tuple[TimedDensity, ...], BeforeValidator(components), PER_AXIS]
 TimeVector = Annotated[tuple[TimeScalar, ...], BeforeValidator(components), PER_AXIS]
 PositiveNumber = Annotated[Value, ScalarRule((), above=0.0)]
+
+
+def expressions(whole: Concept) -> Iterator[tuple[Place, Value, ScalarRule]]:
+    """Place, value and rule of every expression below a concept that is no number."""
+    for here, concept in sections(whole):
+        for name, (_, rule) in marked(type(concept), ScalarRule).items():
+            for inner, value in leaves(getattr(concept, name), place_of(here, concept, name)):
+                if isinstance(value, Value) and value.expression and not value.is_constant:
+                    yield inner, value, rule

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 from pydantic_core import core_schema
 
 from contact_locking.arrays import AXES, FloatArray
-from contact_locking.expressions import TIME, Expression, parse
+from contact_locking.expressions import TIME, Expression, Lookup, parse
 from contact_locking.expressions.gradient import value_and_gradient
 
 
@@ -55,11 +55,17 @@ class Value:
         """Whether it may change from solve to solve."""
         return self.expression is None or TIME in self.expression.names
 
-    def at(self, points: FloatArray, time: float = 0.0, **more: FloatArray) -> FloatArray:
-        """The values (k,) at points (d, k) and a time.
+    def at(
+        self,
+        points: FloatArray,
+        time: float = 0.0,
+        shape: tuple[int, ...] = (),
+        **more: FloatArray,
+    ) -> FloatArray:
+        """The values (k, ...) of a shape at points (d, k) and a time.
 
-        ``more`` are the values (k,) of further variables.  Raises InputError for a value that is
-        not finite.
+        ``more`` are the values (k,) of further variables.  Raises InputError for a value of an
+        expression that is not finite.
         """
         values: Any = self.number
         if values is None and self.expression is not None:
@@ -69,13 +75,23 @@ class Value:
             # A constant of DOLFINx can be called as well.
             is_constant = hasattr(self.data, "value")
             values = self.data.value if is_constant else self.data(points)
-        return np.broadcast_to(np.asarray(values, dtype=float), points.shape[1:]).copy()
+        whole = (*points.shape[1:], *shape)
+        return np.broadcast_to(np.asarray(values, dtype=float), whole).copy()
 
-    def unchecked(self, points: FloatArray, time: float = 0.0, **more: Any) -> FloatArray:
-        """The values (k,) of an expression at points (d, k), infinite or NaN where it has none."""
+    def unchecked(
+        self,
+        points: FloatArray,
+        time: float = 0.0,
+        tables: Mapping[Lookup, FloatArray] | None = None,
+        **more: Any,
+    ) -> FloatArray:
+        """The values (k,) of an expression at points (d, k), infinite or NaN where it has none.
+
+        ``tables`` has values (k,) that stand in for those of tables.
+        """
         assert self.expression is not None
         places = dict(zip(AXES, points, strict=False))
-        found = self.expression.unchecked(**places, **more, **{TIME: time})
+        found = self.expression.unchecked(tables, **places, **more, **{TIME: time})
         return np.broadcast_to(found, points.shape[1:])
 
     def with_gradient(self, points: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:

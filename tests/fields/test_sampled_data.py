@@ -13,7 +13,7 @@ from problems import block
 from contact_locking import InputError
 from contact_locking.fem.compiled import assembled
 from contact_locking.problem import forms
-from contact_locking.study.assembly import StudyProblem, assemble
+from contact_locking.process.assembly import StudyProblem, assemble
 
 pytestmark = pytest.mark.serial
 
@@ -207,54 +207,4 @@ def test_data_that_the_mesh_sees_are_not_warned_of(changes: dict[str, Any]) -> N
     """Slopes, bends, and jumps at nodes and between cells."""
     problem = _block(**changes)
     assert problem.warnings == []
-    problem.close()
-
-
-_PULSE = "1 if abs(t - 0.6) < 0.02 else 0"
-
-
-@pytest.mark.parametrize(
-    ("loads", "contact", "key"),
-    [
-        ({"tractions": _down(_PULSE)}, {}, "loads.tractions.0.value.1"),
-        ({"pressures": [{"on": "top", "value": f"x*({_PULSE})"}]}, {}, "loads.pressures.0.value"),
-        ({}, {"gap": f"-0.01*({_PULSE})"}, "contact.gap"),
-    ],
-)
-def test_a_pulse_between_two_steps_is_warned_of(
-    loads: dict[str, Any], contact: dict[str, Any], key: str
-) -> None:
-    def warnings(times: list[float]) -> list[str]:
-        problem = _block(
-            loads={"displacements": _HELD} | loads,
-            contact={"on": "bottom"} | contact,
-            steps={"times": times},
-        )
-        problem.close()
-        return problem.warnings
-
-    (warning,) = warnings([0.25, 0.5, 0.75, 1.0])
-    assert warning.startswith(f"{key}: its mean is ") and "from 0.5 to 0.75; add the" in warning
-    assert warnings([0.25, 0.5, 0.6, 0.75, 1.0]) == []
-
-
-@pytest.mark.parametrize(
-    ("contact", "friction", "told"),
-    [
-        ({"on": []}, 0.3, "friction.coefficient: has no effect"),
-        ([], "0.1*x", "friction.coefficient: has no effect"),
-        ([{"on": "bottom"}, {"on": []}], 0.3, ""),
-        ({"on": []}, 0, ""),
-        (
-            [{"on": "bottom"}, {"on": [], "friction": {"coefficient": 0.2}}],
-            0.3,
-            "contact.1.friction.coefficient: has no effect, as contact.1.on is empty",
-        ),
-    ],
-)
-def test_friction_without_contact_is_warned_of(contact: Any, friction: Any, told: str) -> None:
-    problem = _block(
-        contact=contact, friction__coefficient=friction, loads={"displacements": _HELD}
-    )
-    assert [text.startswith(told) for text in problem.warnings] == [True] * bool(told)
     problem.close()

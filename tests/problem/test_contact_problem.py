@@ -16,8 +16,8 @@ from problems import block
 
 import contact_locking as cl
 from contact_locking.mesh.domain import Domain
+from contact_locking.process.assembly import assemble
 from contact_locking.process.solving import solve_assembled
-from contact_locking.study.assembly import assemble
 
 LIMITS = (cl.StrainBall(0.02),)
 PULL = {2: (0.03, -0.05), 3: (0.03, 0.0, -0.05)}
@@ -95,10 +95,6 @@ SIDES: dict[str, tuple[Any, Make]] = {
     "three dimensions": (
         block(3, h=0.5, friction__smoothing={"kernel": "none"}, penalty__n=math.inf),
         own(contact=lambda on: cl.Contact(on, friction=rubbing(cl.Local()))),
-    ),
-    "elasticity": (
-        block(h=0.25, friction__smoothing__radius=0.3),
-        own(a=lambda space: cl.Elasticity(young=1.0, poisson=0.3), n=1e3),
     ),
     "filter": (
         block(h=0.25, friction__smoothing={"kernel": "helmholtz", "radius": 0.3}),
@@ -219,6 +215,78 @@ def test_python_and_the_study_file_have_the_same_solution(case: str) -> None:
     )
 
 
+LOADS: dict[str, Any] = {
+    "body_force": [0.0, "-0.01*(1 + y)"],
+    "forces": [{"on": "top", "value": [0.002, "-0.04*t"]}],
+    "tractions": [{"on": "top", "value": [0.0, "-0.02*t*exp(-((x - 0.43)/0.05)**2)"]}],
+    "pressures": [{"on": ["right"], "value": "0.01*y*t"}],
+    "springs": [{"on": "right", "stiffness": "0.2 + y", "along": "normal"}],
+    "displacements": [{"on": "left", "value": ["-0.001*t", None]}],
+    "supports": [{"on": "left", "along": [0.0, 1.0], "value": "-0.002*t*y"}],
+}
+
+
+def test_loads_and_springs_of_a_script_are_those_of_the_study_file() -> None:
+    """In steps, with a traction that is narrower than a facet."""
+    times = [0.5, 1.0]
+    study = assemble(
+        block(h=0.25, loads=LOADS, friction__smoothing__radius=0.3, steps={"times": times}),
+        MPI.COMM_WORLD,
+    )
+    kinds: Any = {"forces": cl.TotalForce, "tractions": cl.Traction, "pressures": cl.Pressure}
+    loads = [kind(**item) for name, kind in kinds.items() for item in LOADS[name]]
+    problem = cl.ContactProblem(
+        cl.Elasticity(),
+        None,
+        [cl.Displacement(**LOADS["displacements"][0]), cl.Support(**LOADS["supports"][0])],
+        [cl.StrainBall(0.02)],
+        [cl.Contact("bottom", friction=rubbing())],
+        loads=[cl.BodyForce(LOADS["body_force"]), *loads],
+        springs=[cl.Spring(**LOADS["springs"][0])],
+        space=study.u.function_space,
+        tags=study.domain.facet_tags,
+        names={name: tag for name, (tag,) in study.domain.facet_names.items()},
+        n=study.penalty.n,
+    )
+    *_, last = cl.Process(problem, times)
+    found, expected = last.summary, solve_assembled(study).summary
+    assert found["contact_force"][1] > 0.01
+    for name in ("contact_force", "friction_force", "compliance"):
+        assert found[name] == pytest.approx(expected[name], rel=1e-10, abs=1e-12), name
+    for name, force in expected["reactions"].items():
+        assert found["reactions"][name] == pytest.approx(force, rel=1e-10, abs=1e-12), name
+    problem.close()
+
+
+@pytest.mark.serial
+def test_a_load_is_a_number_a_text_a_function_or_ufl_and_changes_between_solves() -> None:
+    space = square(4)
+    body, constant = space.mesh, fem.Constant(space.mesh, (0.0, -0.01))
+    x = ufl.SpatialCoordinate(body)
+    nodal = fem.Function(fem.functionspace(body, ("Lagrange", 1)))
+    nodal.interpolate(lambda x: 0.01 + 0.0 * x[0])
+    loads: list[Any] = [
+        cl.Traction("top", (0.0, -0.01)),
+        cl.Traction("top", constant),
+        cl.Traction("top", ufl.as_vector([0.0 * x[0], -0.01 + 0.0 * x[0]])),
+        cl.Traction("top", ["0", "-0.01 + 0*x"]),
+        cl.Pressure("top", nodal),
+        cl.Pressure("top", lambda x: 0.01 + 0.0 * x[0]),
+        cl.TotalForce("top", constant),
+    ]
+    found = []
+    for load in loads:
+        names = {"sole": 1, "wall": 2, "top": 3}
+        problem = pressed(space, None, names=names, loads=[load])
+        found.append(problem.solve(certificate=False).summary["contact_force"][1])
+        if load.value is loads[-1].value:
+            constant.value[1] = -0.02
+            twice = problem.solve(certificate=False).summary["contact_force"][1]
+            assert twice == pytest.approx(2.0 * found[0], rel=1e-8)
+        problem.close()
+    assert found == pytest.approx([0.01] * len(found), rel=1e-8)
+
+
 def square(divisions: int = 8) -> fem.FunctionSpace:
     body = mesh.create_unit_square(MPI.COMM_WORLD, divisions, divisions)
     return fem.functionspace(body, ("Lagrange", 1, (2,)))
@@ -244,7 +312,7 @@ def pressed(space: fem.FunctionSpace, load: Any, **more: Any) -> cl.ContactProbl
     ds = ufl.Measure("ds", body, subdomain_data=tags)
     given: dict[str, Any] = {
         "a": elastic(space),
-        "L": ufl.inner(load, ufl.TestFunction(space)) * ds(3),
+        "L": load and ufl.inner(load, ufl.TestFunction(space)) * ds(3),
         "bcs": [cl.Support("wall")],
         "limits": [cl.StrainBall(0.02)],
         "contacts": [cl.Contact("sole", friction=cl.Coulomb(0.2, cl.Convolution(0.3)))],

@@ -10,7 +10,7 @@ import pytest
 from pressed_square import BOTH_DEGREES, square
 from problems import block
 
-from contact_locking import InputError, solve, solve_steps
+from contact_locking import InputError, solve
 from contact_locking.study_file import from_mapping
 
 pytestmark = pytest.mark.serial
@@ -84,36 +84,6 @@ def test_the_resultant_of_a_pressure_on_a_quarter_circle_is_exact() -> None:
     assert summary["certificate"]["errors"]["guaranteed"]["applicable"]
 
 
-def test_a_pressure_follows_the_time_of_the_steps() -> None:
-    loads = {
-        "pressures": [{"on": "top", "value": "0.04*t"}],
-        "displacements": [{"on": "right", "value": [0, 0]}],
-    }
-    forces = [
-        solution.summary["certificate"]["resultants"]["loads"][1]
-        for solution in solve_steps(square(loads=loads, steps={"times": [0.5, 1.0]}))
-    ]
-    assert forces == pytest.approx([-0.02, -0.04])
-
-
-@pytest.mark.parametrize(
-    ("pressure", "key", "words"),
-    [
-        ({"on": "roof", "value": 1}, "loads.pressures.0.on", "no part of the boundary"),
-        ({"on": "top", "value": [0, 1]}, "loads.pressures.0.value", "must be a number"),
-        ({"on": "top", "value": "0.1*t"}, "loads.pressures.0.value", "has no steps"),
-        ({"on": "top", "value": "0.1*z"}, "loads.pressures.0.value", "in 2D"),
-    ],
-)
-def test_a_wrong_pressure_is_refused_with_its_key(
-    pressure: dict[str, Any], key: str, words: str
-) -> None:
-    given = {"mesh": {"builder": "block"}, "loads": {"pressures": [pressure]}}
-    with pytest.raises(InputError, match=words) as caught:
-        from_mapping(given)
-    assert key in str(caught.value)
-
-
 def test_a_pressure_that_is_not_finite_is_refused_with_its_key() -> None:
     loads = {
         "pressures": [{"on": "top", "value": "0.01*log(x - 0.5)"}],
@@ -122,10 +92,3 @@ def test_a_pressure_that_is_not_finite_is_refused_with_its_key() -> None:
     with pytest.raises(InputError) as caught:
         solve(square(loads=loads))
     assert caught.value.key == "loads.pressures.0.value"
-
-
-def test_tractions_and_pressures_have_one_limit_together() -> None:
-    tractions = [{"on": "top", "value": [0, 0]}] * 150
-    loads = {"tractions": tractions, "pressures": [{"on": "top", "value": 0}] * 51}
-    with pytest.raises(InputError, match="at most 200"):
-        from_mapping({"mesh": {"builder": "block"}, "loads": loads})

@@ -99,6 +99,10 @@ def bounded(change: Callable[[Any], Any]) -> cl.Coulomb:
     return Glue(0.3, cl.Local())
 
 
+def top(space: fem.FunctionSpace) -> Any:
+    return mesh.locate_entities_boundary(space.mesh, 1, lambda x: np.isclose(x[1], 1.0))
+
+
 WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str]] = {
     "mu of UFL": (lambda space: {"friction": cl.Coulomb(0.1 + x(space)[0])}, "Coulomb.coefficient"),
     "mu below zero": (lambda space: {"friction": cl.Coulomb(-0.3)}, "Coulomb.coefficient"),
@@ -186,6 +190,32 @@ WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str]] = {
     "space of another mesh": (
         lambda space: {"L": ufl.TestFunction(elsewhere())[1] * ufl.dx},
         "space",
+    ),
+    "a load at no coordinate": (
+        lambda space: {"loads": [cl.BodyForce((0.0, "0.1*z"))]},
+        "loads.0.1",
+    ),
+    "a pressure that is lost": (
+        lambda space: {"loads": [cl.Pressure(top(space), "exp(-((x - 0.43)/0.0003)**2)")]},
+        "loads.0.value",
+    ),
+    "a pressure of no number": (
+        lambda space: {"loads": [cl.Pressure("top", None)]},
+        "Pressure.value",
+    ),
+    "a spring that pushes": (
+        lambda space: {"springs": [cl.Spring(top(space), "x - 0.5")]},
+        "springs.0.stiffness",
+    ),
+    "a displacement of nothing": (
+        lambda space: {"bcs": [cl.Displacement("top", (None, None))]},
+        "Displacement.value",
+    ),
+    "two displacements of a part": (
+        lambda space: {
+            "bcs": [cl.Displacement(top(space), (0.0, value)) for value in (-0.01, "-0.01*x")]
+        },
+        "displacements.0.value.1",
     ),
     "settings of a mapping": (lambda space: {"settings": {}}, "settings"),
     "one condition alone": (lambda space: {"bcs": cl.Support(np.array([0]))}, "bcs"),

@@ -14,9 +14,9 @@ from problems import block
 
 from contact_locking import InputError, Parameters, solve, study_file
 from contact_locking.monitor import Monitor
+from contact_locking.process.assembly import assemble
 from contact_locking.results import probe_table
 from contact_locking.running.run import run
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 
 POINTS = [[0.5, 0.5], [0.1, 0.7], [1.0, 1.0], [0.5, 0.0]]

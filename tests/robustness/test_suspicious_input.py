@@ -15,7 +15,7 @@ from mpi4py import MPI
 from contact_locking import study_file
 from contact_locking.command import cli
 from contact_locking.process import solving
-from contact_locking.study.assembly import assemble
+from contact_locking.process.assembly import assemble
 
 pytestmark = pytest.mark.serial
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from mpi4py import MPI
-from problems import block, column
+from problems import block
 
 from contact_locking import InputError, from_mapping, solve
 
@@ -38,15 +38,6 @@ def test_parts_share_a_force_by_their_sizes(comm: MPI.Intracomm) -> None:
     parts = solve(block(h=0.25, mesh__size=[3.0, 1.0], loads=loads, friction=None), comm)
     balance = parts.summary["contact_force"][1] + parts.summary["reactions"]["left"][1]
     assert balance == pytest.approx(0.08, rel=1e-8)
-
-
-def test_a_force_follows_the_time(comm: MPI.Intracomm) -> None:
-    loads = {"forces": [{"on": "top", "value": [0.0, "-0.04*t"]}]}
-    loads["displacements"] = [{"on": ["left", "right"], "value": [0.0, None]}]
-    steps = {"to": 1.0, "count": 2}
-    found = solve(column(2, loads=loads, steps=steps), comm)
-    forces = [row["contact_force_y"] for row in found.history.rows]
-    assert forces == pytest.approx([0.02, 0.04], rel=1e-6)
 
 
 def test_a_force_on_a_body_of_revolution_is_that_of_the_whole_ring(comm: MPI.Intracomm) -> None:

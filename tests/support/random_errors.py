@@ -20,8 +20,8 @@ from contact_locking.fem.compiled import integral
 from contact_locking.fem.spaces import P1, Element
 from contact_locking.problem import forms
 from contact_locking.process import solving
+from contact_locking.process.assembly import assemble
 from contact_locking.results.solution import StudySolution
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 

@@ -19,8 +19,8 @@ from contact_locking.fem.compiled import integral
 from contact_locking.laws.convex import squared_norm
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.process import solving
+from contact_locking.process.assembly import assemble, mesh_of
 from contact_locking.results.solution import StudySolution
-from contact_locking.study.assembly import assemble, mesh_of
 
 TEST = "test_verification_axisymmetric.py"
 YOUNG, POISSON = 1.0, 0.3

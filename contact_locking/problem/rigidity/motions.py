@@ -57,8 +57,8 @@ def free_motions(
     held = constraints.dofs[constraints.dofs < owned]
     fixed = motions[:, held[part[held]]]
     everything = motions[:, :owned][:, part[:owned]]
-    directions = constraints.supports.directions
-    if constraints.supports.placed:
+    directions = constraints.directions
+    if constraints.oblique:
         # The component conditions count at their nodes already.
         along = np.array([directions.part_of(motion * part)[:owned] for motion in motions])
         along[:, held] = 0.0

@@ -413,7 +413,7 @@ class Tangent:
         free.array_w[:] = constraints.free_dofs()[: self._owned]
         rows.diagonalScale(None, free)
         free.destroy()
-        rows = constraints.supports.directions.projected_columns(rows)
+        rows = constraints.directions.projected_columns(rows)
         return rows, np.concatenate([stiffness for _, stiffness in found])
 
     def _stiff_nodes(self, factor: float) -> IndexArray:

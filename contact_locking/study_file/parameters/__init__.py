@@ -41,13 +41,10 @@ from contact_locking.values.concept import (
     dimension_faults,
     dotted,
     entry,
-    leaves,
-    marked,
-    place_of,
     refuse_if,
     sections,
 )
-from contact_locking.values.kinds import SCOPE, Number, ScalarRule, Scope, Text, list_or
+from contact_locking.values.kinds import SCOPE, Number, Scope, Text, expressions, list_or
 from contact_locking.values.table_file import TableFile
 from contact_locking.values.value import Value
 
@@ -67,12 +64,6 @@ from .numerics import (
     StepParameters,
 )
 from .study import StudyParameters
-
-#: What holds a part with contact along its surface.
-HOLD_ALONG = (
-    "null across it, as in [0, null], holds it along its surface, as do stiff loads.springs with "
-    "along: a tangent"
-)
 
 
 def _no_characters(value: Any, place: Place = ()) -> Iterator[Place]:
@@ -216,26 +207,9 @@ class Parameters(Concept):
     def shared_loads(self) -> Iterator[tuple[str, Value]]:
         """The key and the value of each load that ``branches`` multiplies."""
         over = "" if self.branches is None else self.branches.over
-        for place, value in self.loads.numbers():
-            key = dotted("loads", *place)
+        for key, value in self.loads.numbers():
             if key == over or key.startswith(f"{over}."):
                 yield key, value
-
-    def timed(self) -> Iterator[tuple[str, Value]]:
-        """The key and the value of every expression that depends on the time t."""
-        for place, value, _ in expressions(self):
-            if value.is_timed:
-                yield dotted(*place), value
-
-    def idle_friction(self) -> Iterator[str]:
-        """A warning about each friction coefficient that has no contact to act on."""
-        for place, section in self._contact_sections():
-            key = dotted(*place)
-            if not section.on and section.friction is not None and not section.friction.is_zero:
-                told = f"has no effect, as {key}.on is empty, and there is no contact"
-                yield f"{key}.friction.coefficient: {told}"
-        if not self.contacts and not self.friction.is_zero:
-            yield "friction.coefficient: has no effect, as there is no contact"
 
     def limit(self) -> Parameters:
         """The variational inequality on the same mesh: n = .inf, and no regularisation."""
@@ -261,16 +235,6 @@ class Parameters(Concept):
             raise InputError(fault.message, dotted(*fault.place))
 
     def _faults(self) -> Iterator[Fault]:
-        keys = {name: contact.key for contact in reversed(self.contacts) for name in contact.on}
-        for place, held in self.loads.held():
-            # The mesh shows whether components are held along the surface only.
-            is_whole = not isinstance(held.value, tuple) or None not in held.value
-            if is_whole and (both := [name for name in held.on if name in keys]):
-                yield Fault(
-                    ("loads", *place, "on"),
-                    f"'{both[0]}' is in {keys[both[0]]}.on as well; "
-                    f"Gamma_D and Gamma_C must not overlap; {HOLD_ALONG}",
-                )
         named = [(place, item.name) for place, item in self._contact_sections() if item.name]
         for number, (place, name) in enumerate(named):
             if name in [other for _, other in named[:number]]:
@@ -285,7 +249,6 @@ class Parameters(Concept):
                 "names no load; take friction.coefficient, loads, or the key of a load, such as "
                 "loads.tractions.0.value",
             )
-        yield from self._mesh_faults()
         if self.sensitivities is not None and not self.sensitivities.to:
             yield Fault(("sensitivities", "to"), "name the numbers, as to: [friction.coefficient]")
         for place, go_together, other in self._pairs():
@@ -321,15 +284,6 @@ class Parameters(Concept):
                 given.against and has_steps and not given.pair
             )
             yield (*place, "pair"), derived and turns, f"{facing}: take once"
-
-    def _mesh_faults(self) -> Iterator[Fault]:
-        for index, force in enumerate(self.loads.forces if self.mesh.axisymmetric else ()):
-            if force.value and force.value[0] != 0.0:
-                yield Fault(
-                    ("loads", "forces", index, "value", 0),
-                    "must be 0: the total force on a body of revolution acts along the axis; give "
-                    "what acts along the radius in loads.pressures or loads.tractions",
-                )
 
     def _contact_sections(self) -> list[tuple[Place, Contact]]:
         if isinstance(self.contact, tuple):
@@ -404,12 +358,3 @@ def _unknown_name(place: Place, name: str, known: Sequence[str], what: str) -> I
     if name not in known:
         message = f"no part of {what} is named '{name}'{nearest(name, known)}"
         yield Fault(place, f"{message}; there are {', '.join(known)}")
-
-
-def expressions(whole: Concept) -> Iterator[tuple[Place, Value, ScalarRule]]:
-    """Place, value and rule of every expression below a concept that is no number."""
-    for here, concept in sections(whole):
-        for name, (_, rule) in marked(type(concept), ScalarRule).items():
-            for inner, value in leaves(getattr(concept, name), place_of(here, concept, name)):
-                if isinstance(value, Value) and not value.is_constant:
-                    yield inner, value, rule

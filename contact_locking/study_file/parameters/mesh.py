@@ -8,8 +8,10 @@ from dataclasses import asdict, fields
 from functools import cache
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
+import numpy as np
 from pydantic import TypeAdapter, ValidationError, model_serializer
 
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, parse
 from contact_locking.meshes import BUILDERS
@@ -74,6 +76,21 @@ class BoundaryPart(Concept):
         "the facets of a connected boundary: inner, one that does not reach the outside of its "
         "body, as of a cavity or a crack, or outer",
     )
+
+    def holds(self, x: FloatArray, rounding: float) -> BoolArray:
+        """Which of the points x (d, k) are in the plane, in the box, and keep the condition."""
+        found = np.ones(x.shape[1], dtype=bool)
+        if self.plane is not None:
+            point, normal = np.array(self.plane.point), np.array(self.plane.normal)
+            unit = normal / np.linalg.norm(normal)
+            found &= np.abs(unit @ x - unit @ point) <= rounding
+        if self.box is not None:
+            low, high = np.array(self.box)[:, :, None]
+            found &= np.all((x >= low - rounding) & (x <= high + rounding), axis=0)
+        if self.expression is not None:
+            condition = parse(self.expression, POSITION[: len(x)], condition=True)
+            found &= condition.numpy(**dict(zip(POSITION, x, strict=False))) > 0.0
+        return found
 
     def _faults(self) -> Iterator[Fault]:
         places = ("on", "plane", "box", "expression", "facing", "skin")

@@ -184,13 +184,13 @@ def held_components(state: SolvedState, triangles: Triangles) -> BoolArray:
     """
     held = np.zeros((*triangles.facets.shape, 2), dtype=bool)
     problem, worst, s = state.problem, 0.0, np.arange(_SAMPLES) / (_SAMPLES - 1.0)
-    if problem.constraints.supports.placed:
+    if problem.constraints.oblique:
         raise NotApplicable("a support holds a direction that is no axis")
     if problem.constraints.given:
         raise NotApplicable("conditions of DOLFINx prescribe values at nodes")
     samples, nodal = between(FACET_ENDS, s), triangles.at_nodes(problem.u)
     shapes = np.stack([lagrange(problem.element.degree, points) for points in samples])
-    for item in problem.constraints.wanted:
+    for item in problem.constraints.components:
         cells, sides = triangles.sides_on(problem.domain.facets(item.on, item.key))
         held[cells, sides, item.component] = True
         places = between(triangles.ends[cells, sides], s)
