@@ -74,7 +74,7 @@ BUDGETS = {
     "laws": 990,
     "mesh": 3440,
     "meshes": 1560,
-    "penalty_method": 760,
+    "penalty_method": 725,
     "problem": 3020,
     "process": 2230,
     "results": 2220,
