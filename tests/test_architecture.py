@@ -73,7 +73,7 @@ BUDGETS = {
     "laws": 990,
     "mesh": 3415,
     "meshes": 1560,
-    "penalty_method": 760,
+    "penalty_method": 725,
     "problem": 3490,
     "process": 2435,
     "results": 2330,

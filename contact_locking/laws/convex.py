@@ -39,8 +39,3 @@ def normal_part(v: Expr, normal: Expr) -> Expr:
 def tangential_part(v: Expr, normal: Expr) -> Expr:
     """``v_tau = v - (v . nu) nu``, a vector."""
     return v - normal_part(v, normal) * normal
-
-
-def regularised_norm(v: Expr, epsilon: Expr) -> Expr:
-    """``Psi_eps(v) = sqrt(|v|^2 + eps^2)`` for ``eps > 0`` (21)."""
-    return ufl.sqrt(squared_norm(v) + epsilon**2)

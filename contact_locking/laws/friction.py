@@ -1,9 +1,8 @@
-"""Contact, and Coulomb friction under a known bound: the regularised friction functional.
+"""Coulomb friction: the coefficient with its constants, as data of the friction bound.
 
-The friction bound ``G = mu(s) |R sigma_nu|`` is a coefficient here, although it depends on the
-solution: the solvers update the bound until both agree.  For a given
-bound the functional is convex, and the solvers rely on this.  ``slip`` is ``u_tau`` in the static
-problem, and ``u_tau - u_{k-1,tau}`` in step k of a process.
+The friction bound ``G = mu(s) |R sigma_nu|`` depends on the solution.  For a known bound the
+functional of friction is convex, and the solvers rely on this.  ``s`` is ``|u_tau|`` in the static
+problem, and the accumulated slip in a process.
 """
 
 from __future__ import annotations
@@ -12,38 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
-from contact_locking.laws.convex import positive_part, regularised_norm
-
-
-def friction_traction(slip: Expr, bound: Expr, regularisation: Expr) -> Expr:
-    """``-sigma_tau = G slip/sqrt(|slip|^2 + eps^2)`` (22).
-
-    ``bound`` is the stress G, and ``regularisation`` is the length eps.
-    """
-    return bound * slip / regularised_norm(slip, regularisation)
-
-
-def friction_energy(slip: Expr, bound: Expr, regularisation: Expr) -> Expr:
-    """``G sqrt(|slip|^2 + eps^2)`` (20), whose derivative is :func:`friction_traction`."""
-    return bound * regularised_norm(slip, regularisation)
-
-
-def contact_pressure(u_normal: Expr, gap: Expr, epsilon: Expr) -> Expr:
-    """``p = -sigma_nu = (1/eps) [u_nu - gap]^+`` (25).
-
-    ``u_normal`` and ``gap`` are lengths, and ``epsilon`` is a length over a stress.
-    """
-    return positive_part(u_normal - gap) / epsilon
-
-
-def contact_energy(u_normal: Expr, gap: Expr, epsilon: Expr) -> Expr:
-    """``([u_nu - gap]^+)^2/(2 eps)``, whose derivative in u_nu is :func:`contact_pressure`."""
-    return positive_part(u_normal - gap) ** 2 / (2.0 * epsilon)
-
 
 Coefficient = Callable[[FloatArray, FloatArray], FloatArray]
 

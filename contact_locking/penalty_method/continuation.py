@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
+from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.solver.task import Target
@@ -47,18 +49,17 @@ class PenaltyPath:
 
     @property
     def decades(self) -> float:
-        return max(abs(math.log10(end / start)) for start, end in self._ways())
+        start, end = self._logarithms()
+        return float(np.max(np.abs(end - start)))
 
     def at(self, s: float) -> Penalty:
-        if s >= 1.0:
-            return self.end
-        n, epsilon, *deltas = (start * (end / start) ** s for start, end in self._ways())
-        return Penalty(n, epsilon, tuple(deltas))
+        start, end = self._logarithms()
+        n, epsilon, *deltas = 10.0 ** (start + s * (end - start))
+        return self.end if s >= 1.0 else Penalty(float(n), float(epsilon), tuple(deltas))
 
-    def _ways(self) -> list[tuple[float, float]]:
-        """Start and end of each parameter."""
-        sides = ((p.n, p.epsilon, *p.regularisations) for p in (self.start, self.end))
-        return list(zip(*sides, strict=True))
+    def _logarithms(self) -> list[FloatArray]:
+        sides = (self.start, self.end)
+        return [np.log10([item.n, item.epsilon, *item.regularisations]) for item in sides]
 
 
 def follow(path: PenaltyPath, solve: Callable[[Penalty, bool], None]) -> None:

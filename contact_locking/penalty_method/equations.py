@@ -15,6 +15,8 @@ They differ from the print in five points.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
@@ -48,11 +50,6 @@ class OnGammaC:
         self.memory = surface.vector_function(contact.references)
         self.bound = surface.scalar_function(0.0 * contact.gaps)
         self.delta = fem.Constant(surface.domain.mesh, contact.regularisation)
-
-    def refresh(self, bound: FloatArray) -> None:
-        """Take the friction bound (k,) at the nodes; collective."""
-        self.bound.x.array[self.contact.surface.nodes] = bound
-        self.bound.x.scatter_forward()
 
     def penetration(self, v: Expr) -> Expr:
         """``[v_nu - g]^+``."""
@@ -156,8 +153,9 @@ class Equations:
     def refresh(self) -> None:
         """Take the friction bounds that the system holds; collective."""
         for item in self.contacts:
-            item.refresh(self.system.bounds[item.contact])
+            item.bound.x.array[item.contact.surface.nodes] = self.system.bounds[item.contact]
+            item.bound.x.scatter_forward()
 
 
-def _sum(terms: object) -> ufl.Form:
-    return sum(terms, ufl.Form([]))  # type: ignore[call-overload]
+def _sum(terms: Iterable[ufl.Form]) -> ufl.Form:
+    return sum(terms, ufl.Form([]))

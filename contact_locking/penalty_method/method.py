@@ -87,17 +87,13 @@ def _settled(newton: Newton, task: Task, equations: Equations) -> Outcome:
     Each bound takes a step at least, and its solve is only as sharp as the bound is known.
     """
     tolerance, outcome = task.settings.tolerance, Outcome()
+
+    def solve_tresca(change: float) -> None:
+        sharpness = min(_SHARE_OF_CHANGE * change, _FIRST)
+        newton.solve(max(_SHARPEST * tolerance, sharpness), least_steps=1)
+
     if task.system.rubbing:
-        outcome = outcome.settled(
-            *fixed_point(
-                task,
-                equations,
-                lambda change: newton.solve(
-                    max(_SHARPEST * tolerance, min(_SHARE_OF_CHANGE * change, _FIRST)),
-                    least_steps=1,
-                ),
-            )
-        )
+        outcome = outcome.settled(*fixed_point(task, equations, solve_tresca))
     newton.solve(tolerance)
     return outcome
 

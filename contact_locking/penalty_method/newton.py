@@ -18,14 +18,8 @@ from petsc4py import PETSc
 from contact_locking.errors import NotConverged, raise_callback_error
 from contact_locking.fem.joint_forms import JointForm
 from contact_locking.penalty_method.equations import Equations
-from contact_locking.solver.linear.ksp import (
-    LINEAR_FAILURE,
-    IterationListener,
-    configure,
-    default_options,
-    is_direct,
-)
-from contact_locking.solver.task import Task
+from contact_locking.solver.linear.ksp import LINEAR_FAILURE, configure, default_options
+from contact_locking.solver.task import Counts, Task
 
 ConvergedReason = PETSc.SNES.ConvergedReason
 
@@ -42,8 +36,8 @@ class CriticalPointStep:
     the root of ``phi'`` in (0, 1) is bracketed until ``|phi'|`` has halved.
     """
 
-    def __init__(self, count: Callable[[int], None]) -> None:
-        self._count = count
+    def __init__(self, counts: Counts) -> None:
+        self._counts = counts
 
     def step(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set ``y`` to the step from ``x``, whose residual is ``f``; called by SNES."""
@@ -51,7 +45,8 @@ class CriticalPointStep:
         snes.computeJacobian(x, matrix)
         snes.ksp.setOperators(matrix)
         snes.ksp.solve(f, y)
-        self._count(snes.ksp.getIterationNumber())
+        self._counts.tangents += 1
+        self._counts.linear += snes.ksp.getIterationNumber()
         y.scale(self._length(snes, x, f, y))
 
     def _length(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec, y: PETSc.Vec) -> float:
@@ -81,24 +76,19 @@ def critical_point(slope: Callable[[float], float], start: float) -> float:
     It is 1 if the slope there is as small or negative; otherwise the Illinois variant of regula
     falsi finds t, for a slope that increases.
     """
-    enough = _SLOPE_SHARE * abs(start)
-    low, high, at_low, at_high = 0.0, 1.0, start, slope(1.0)
-    t, side = 1.0, 0
-    if at_high <= enough:
-        return t
+    enough, last = _SLOPE_SHARE * abs(start), -1
+    ends, slopes = [0.0, 1.0], [start, slope(1.0)]
+    if slopes[1] <= enough:
+        return 1.0
     for _ in range(_MOST_TRIALS):
-        t = (low * at_high - high * at_low) / (at_high - at_low)
+        t = (ends[0] * slopes[1] - ends[1] * slopes[0]) / (slopes[1] - slopes[0])
         value = slope(t)
         if abs(value) <= enough:
             break
-        if value < 0.0:
-            low, at_low = t, value
-            at_high *= 0.5 if side == -1 else 1.0
-            side = -1
-        else:
-            high, at_high = t, value
-            at_low *= 0.5 if side == 1 else 1.0
-            side = 1
+        side = int(value > 0.0)
+        ends[side], slopes[side] = t, value
+        slopes[1 - side] *= 0.5 if side == last else 1.0
+        last = side
     return t
 
 
@@ -126,12 +116,10 @@ class Newton:
         snes.setFunction(self._kept(lambda _, x, f: self._assemble_residual(x, f)), self._f)
         snes.setJacobian(self._kept(self._assemble_tangent), self._matrix)
         snes.setType(PETSc.SNES.Type.PYTHON)
-        step = CriticalPointStep(self._count)
+        step = CriticalPointStep(task.counts)
         step.step = self._kept(step.step)  # type: ignore[method-assign]
         snes.setPythonContext(step)
         snes.ksp.setErrorIfNotConverged(True)
-        iterates = not is_direct(settings.linear, system.dim, system.size)
-        self._listeners = [IterationListener(snes.ksp, task.monitor.linear)] if iterates else []
         defaults = default_options(settings.linear, system.dim, system.size, system.comm)
         # SNES's own divergence test takes the growth of the residual norm for divergence.
         defaults |= {"snes_divergence_tolerance": -1.0}
@@ -148,20 +136,17 @@ class Newton:
         self._tolerance, self._least_steps, self._raised = tolerance, least_steps, None
         self._equations.refresh()
         self._x.array_w[:] = self._system.u.x.array[: self._owned]
-        start, reason = self._x.copy(), None
+        start, failure = self._x.copy(), ""
         try:
             self._snes.solve(None, self._x)
-            self._raise_kept()
-            reason = self._snes.getConvergedReason()
         except PETSc.Error as error:
             failure = self._failure(error)
         else:
-            is_long = reason == ConvergedReason.DIVERGED_MAX_IT
-            failure = "too many Newton steps" if is_long else f"SNES stopped with reason {reason}"
-        has_failed = reason is None or reason < 0
-        self._enter(start if has_failed else self._x)
+            if (reason := self._snes.getConvergedReason()) < 0:
+                failure = f"SNES stopped with reason {reason}"
+        self._enter(start if failure else self._x)
         start.destroy()
-        if has_failed:
+        if failure:
             raise NotConverged(failure)
 
     def destroy(self) -> None:
@@ -192,7 +177,6 @@ class Newton:
     def _test(
         self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]
     ) -> PETSc.SNES.ConvergedReason | None:
-        self._raise_kept()
         if iteration < self._least_steps:
             self._last = np.inf
             return None
@@ -207,7 +191,7 @@ class Newton:
         if residual <= self._tolerance * scale or (stalls and residual <= self._rounding(snes)):
             return ConvergedReason.CONVERGED_FNORM_ABS
         if iteration >= snes.getTolerances()[3]:
-            return ConvergedReason.DIVERGED_MAX_IT
+            raise NotConverged("too many Newton steps")
         return None
 
     def _rounding(self, snes: PETSc.SNES) -> float:
@@ -221,10 +205,6 @@ class Newton:
         x.destroy()
         f.destroy()
         return 5.0 * noise
-
-    def _count(self, iterations: int) -> None:
-        self._task.counts.tangents += 1
-        self._task.counts.linear += iterations
 
     def _kept(self, callback: Callable[..., Any]) -> Callable[..., Any]:
         """The callback, with what it raises kept: PETSc passes on an error code only."""
@@ -246,7 +226,3 @@ class Newton:
         if self._raised is not None and not isinstance(self._raised, NotConverged):
             raise self._raised from None
         return str(self._raised or LINEAR_FAILURE)
-
-    def _raise_kept(self) -> None:
-        for listener in self._listeners:
-            listener.raise_kept()

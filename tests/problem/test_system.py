@@ -7,7 +7,6 @@ import pytest
 from dolfinx import fem
 from problems import block, column
 
-from contact_locking.laws.penalty import Penalty
 from contact_locking.monitor import Monitor
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.process import solving
@@ -72,19 +71,6 @@ def test_residual_is_the_derivative_of_the_energy() -> None:
         slope += system.potential() / (2.0 * t)
     system.residual(f.copy(), f)
     assert slope == pytest.approx(float(f.array_r @ direction), rel=1e-6)
-
-
-def test_friction_bound_is_mu_times_the_smoothed_pressure() -> None:
-    made, system = _system(
-        block(friction={"coefficient": "0.2 + 0.1*s", "smoothing": {"kernel": "none"}})
-    )
-    system.set_penalty(Penalty(1e3, 1e-2, (1e-2,)))
-    # A rigid motion presses by 0.02 and slips by 0.3 everywhere.  Clamped nodes carry no pressure.
-    made.u.interpolate(lambda x: np.array([0.3 + 0.0 * x[0], -0.02 + 0.0 * x[0]]))
-    expected = (0.2 + 0.1 * 0.3) * (0.02 / 1e-2)
-    system.update_bounds()
-    (contact,) = made.contacts
-    assert system.bounds[contact] == pytest.approx(np.where(contact.free, expected, 0.0), rel=1e-12)
 
 
 def test_petsc_options_of_the_caller_win_and_leave_no_trace() -> None:

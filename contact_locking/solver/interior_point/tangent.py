@@ -339,21 +339,23 @@ class Tangent:
         self._moved.array_w[:] = owned
         self.elasticity.mult(self._moved, self._whole)
         foreseen = self._whole.array_r
-        for _ in range(_HALVINGS):
-            u.array[: self._owned] = start[: self._owned] + t * owned
-            u.scatter_forward()
-            above = self._body_forces() - before - t * foreseen
-            local = np.array([above @ owned, foreseen @ owned, above @ above, owned @ owned])
-            slope, square, distance, size = self.comm.allreduce(local)
-            if square < -most * math.sqrt(size):
-                raise NotConverged("the energy of the body is not convex")
-            # Beyond the strains for which there is an energy it is not a number.
-            exists = math.isfinite(self.system.forms.own_energy(self.system.u))
-            if exists and (slope <= 0.5 * square or math.sqrt(distance) <= most):
-                break
-            t *= 0.5
-        u.array[:] = start
-        return t
+        try:
+            for _ in range(_HALVINGS):
+                u.array[: self._owned] = start[: self._owned] + t * owned
+                u.scatter_forward()
+                above = self._body_forces() - before - t * foreseen
+                local = np.array([above @ owned, foreseen @ owned, above @ above, owned @ owned])
+                slope, square, distance, size = self.comm.allreduce(local)
+                if square < -most * math.sqrt(size):
+                    raise NotConverged("the energy of the body is not convex")
+                # Beyond the strains for which there is an energy it is not a number.
+                exists = math.isfinite(self.system.forms.own_energy(self.system.u))
+                if exists and (slope <= 0.5 * square or math.sqrt(distance) <= most):
+                    break
+                t *= 0.5
+            return t
+        finally:
+            u.array[:] = start
 
     def _body_forces(self) -> FloatArray:
         return self.system.forms.body_forces(self.system.u)[: self._owned]
