@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
-import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
 from numpy.linalg import norm
 
 from contact_locking import wings
-from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.errors import InputError
+from contact_locking.certificate.extras import USUAL, Extras
+from contact_locking.certificate.solved_state import Criterion, SolvedState
+from contact_locking.certificate.verdict import certify
 from contact_locking.fem.compiled import integral
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.problem.discrete_problem import DiscreteProblem
+from contact_locking.problem.distance import distance
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.process.judgement import solution_of
 from contact_locking.results.derived import penalised
-from contact_locking.results.solution import Differentiable
+from contact_locking.results.solution import Differentiable, Solution
 from contact_locking.solver.interior_point.feasibility import Verdict, judge
 from contact_locking.solver.linear.factorised import chosen
 from contact_locking.solver.linear.options import UserOptions
@@ -47,7 +51,7 @@ class ProblemSolver:
     ) -> None:
         self.problem, self.monitor = problem, monitor or Monitor()
         self._derivatives: tuple[SolverReport, Differentiable] | None = None
-        self._method = _method(problem, settings.method)
+        self._method = settings.method_for(problem)
         linear = linear_solver(problem, settings.linear)
         self._options = UserOptions(settings.petsc)
         self.settings = settings.model_copy(update={"petsc": self._options, "linear": linear})
@@ -172,6 +176,44 @@ class ProblemSolver:
         self.system.set_penalty(self.problem.penalty)
         return SolvedState(self.problem, self.system, self.target, self.settings, report)
 
+    def solution(
+        self,
+        state: SolvedState,
+        criteria: Mapping[str, Criterion] | None = None,
+        extras: Extras | None = USUAL,
+        derivatives: Differentiable | None = None,
+    ) -> Solution:
+        """The solution in a state, judged by the ``criteria`` of a step as well; collective.
+
+        Without ``extras`` it has no certificate.
+        """
+        judged = None if extras is None else certify(state, extras, criteria)
+        solution = solution_of(state, judged, derivatives)
+        if extras is None or not (extras.limit and solution.converged):
+            return solution
+        measured = {"reason": "not measured for a process, whose past depends on n as well"}
+        if criteria is None:
+            measured = self._distance_to_limit(solution)
+        entry = solution.summary["certificate"]
+        errors = {**entry["errors"], "penalty_measured": measured}
+        return solution.telling(certificate={**entry, "errors": errors})
+
+    def _distance_to_limit(self, solution: Solution) -> dict[str, Any]:
+        """How far the solution for n = inf on the same mesh is from this one; collective."""
+        problem, system = self.problem, self.system
+        if problem.data.own_energy is not None:
+            return {"reason": "an energy of the user's own takes a finite n"}
+        self.monitor.message("solving for n = .inf, to measure the distance")
+        limit = dataclasses.replace(self.target, penalty=problem.penalty.inequality())
+        with system.preserved():
+            system.clear()
+            report = solve_system("auto", dataclasses.replace(self.task, target=limit), None)
+            exact = problem.u.copy()
+        system.set_penalty(problem.penalty)
+        if not report.converged:
+            return {"reason": f"not solved for n = .inf: {report.reason}"}
+        return distance(solution.displacement, exact, problem.data)
+
     def unused_options(self) -> list[str]:
         """A warning about PETSc options that no solve has used."""
         unused = self._options.unused()
@@ -186,26 +228,3 @@ def linear_solver(problem: DiscreteProblem, linear: str) -> str:
     domain, size = problem.domain, problem.constraints.space.dofmap.index_map.size_global
     compact = domain.compact_size(size * domain.dim, problem.element.degree)
     return chosen(linear, domain.dim, compact)
-
-
-def _method(problem: DiscreteProblem, method: str) -> str:
-    if problem.data.own_energy is None:
-        return method
-    if method == "interior_point":
-        raise InputError(
-            "interior_point does not know an energy of the user's own; take newton, or auto",
-            "solver.method",
-        )
-    if not math.isfinite(problem.penalty.n):
-        raise InputError(
-            "an energy of the user's own is solved by Newton's method, which takes a finite n "
-            "such as 1e6",
-            "penalty.n",
-        )
-    if not min(problem.penalty.regularisations, default=1.0) > 0.0:
-        raise InputError(
-            "an energy of the user's own is solved by Newton's method, which needs a positive "
-            "length",
-            "friction.regularisation",
-        )
-    return "newton"

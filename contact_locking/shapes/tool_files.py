@@ -111,8 +111,6 @@ def _lines(values: FloatArray) -> tuple[FloatArray, IntArray]:
     return ascending[starts], number
 
 
-#: A longer polyline is not read.
-MOST_CORNERS = 10_000
 # A binary file has a head of 80 bytes and the number of triangles, and then 50 bytes for each:
 # normal, three corners, and two bytes that nobody uses.
 _HEAD, _RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
+from contact_locking import wings
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.friction import Mollifier
@@ -21,7 +21,7 @@ from contact_locking.fields.between_steps import unseen_peaks
 from contact_locking.fields.clock import Clock
 from contact_locking.fields.sampling import Entities, features
 from contact_locking.fields.values import PresentValue
-from contact_locking.mesh import domain as domains
+from contact_locking.mesh import sources
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file.xdmf_grids import is_xdmf
 from contact_locking.mesh.groups import groups
@@ -29,9 +29,9 @@ from contact_locking.mesh.half_section import half_section, require_surface
 from contact_locking.mesh.named_parts import Place, Test, with_parts
 from contact_locking.mesh.skins import area_normals
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
+from contact_locking.results.probe_points import locate
 from contact_locking.study.loads import build_loads, open_pressures, springs_of
 from contact_locking.study.material import material_in_cells, material_warnings
-from contact_locking.study.probe_points import locate
 from contact_locking.study_file import require_parameters
 from contact_locking.study_file.parameters import HOLD_ALONG, Parameters
 from contact_locking.study_file.parameters.boundary import LoadParameters
@@ -146,7 +146,7 @@ def friction_warnings(domain: Domain, contact: Contact) -> list[str]:
     mu = None if contact.friction is None else contact.friction.coefficient
     if mu is None or mu.expression is None:
         return []
-    key = f"{contact.key}.friction.coefficient"
+    key = contact.friction_key("coefficient")
     facets = Entities.of(domain, domain.dim - 1, domain.facets(contact.on))
     # Friction may begin with the slip; from the size of the body on the slip is as good as endless.
     slips = [0.0, _SOME_SLIP * domain.extent, domain.extent]
@@ -156,14 +156,10 @@ def friction_warnings(domain: Domain, contact: Contact) -> list[str]:
     return []
 
 
-def check(
-    parameters: Parameters,
-    comm: MPI.Intracomm,
-    checks: Iterable[Callable[[StudyProblem], None]] = (),
-) -> dict[str, Any]:
-    """The facts and warnings of the assembled problem, which ``checks`` may refuse; collective."""
+def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
+    """The facts and warnings of the assembled problem, without a solve; collective."""
     problem = assemble(parameters, comm)
-    for check_problem in checks:
+    for check_problem in wings.CHECKS:
         check_problem(problem)
     problem.close()
     return {**problem.facts(), "warnings": problem.warnings}
@@ -207,11 +203,11 @@ def _given_mesh(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
     """The mesh of a builder, or the mesh in a file; collective."""
     geometry = parameters.mesh.geometry
     if geometry is not None:
-        return domains.from_geometry(geometry, comm, parameters.refined_names)
+        return sources.from_geometry(geometry, comm, parameters.refined_names)
     assert parameters.mesh.file is not None
     path = Path(parameters.mesh.file)
     if not is_xdmf(path):
-        return domains.from_file(path, comm, parameters.touching)
+        return sources.from_file(path, comm, parameters.touching)
     # SciPy, which these meshes need, would take a tenth of the time of `check` for others.
     from contact_locking.mesh.xdmf_mesh import from_xdmf
 

@@ -12,13 +12,13 @@ from certified import certificate
 from mpi4py import MPI
 from problems import block
 
-from contact_locking.certificate import certify
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.certificate.verdict import certify
 from contact_locking.contact.smoothing import ConvolutionOperator
 from contact_locking.laws.convex import positive_part, unit_ball_excess
 from contact_locking.problem import forms, strain_sets
-from contact_locking.process import solving
 from contact_locking.results import derived
+from contact_locking.running import solving
 
 Tamper = Callable[[SolvedState], None]
 

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from problems import with_changes
 
 from contact_locking.errors import InputError
-from contact_locking.process import solving
+from contact_locking.running import solving
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters
 

@@ -15,8 +15,8 @@ from problems import block
 
 import contact_locking as cl
 from contact_locking.mesh.domain import Domain
-from contact_locking.process.solving import solve_assembled
 from contact_locking.results.xdmf import quadratic
+from contact_locking.running.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 
 LIMITS = (cl.StrainBall(0.02),)

@@ -12,7 +12,7 @@ from contact_locking.laws.penalty import Penalty
 from contact_locking.monitor import Monitor
 from contact_locking.problem import forms
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.process import solving
+from contact_locking.running import solving
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters
 

@@ -109,7 +109,7 @@ def test_a_held_point_has_its_prescribed_displacement_and_a_node_of_contact_its_
 class _Stopping(Monitor):
     """Stops a process before its second step."""
 
-    def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
+    def step(self, number: int, left: int, time: float) -> None:
         if number == 2:
             raise KeyboardInterrupt
 

@@ -26,7 +26,7 @@ from sweep.solve import (
 )
 from sweep.transforms import Transform
 
-from contact_locking.process.solving import solve_assembled
+from contact_locking.running.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 

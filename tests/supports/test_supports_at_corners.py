@@ -12,7 +12,7 @@ from problems import block
 from turned_supports import nodal, pressed, turn, turned
 
 from contact_locking import InputError, solve_steps
-from contact_locking.process.solving import solve_assembled
+from contact_locking.running.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 from contact_locking.study_file.parameters import Parameters

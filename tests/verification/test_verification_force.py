@@ -13,7 +13,7 @@ from verification_table import Row
 
 from contact_locking import Parameters, StudySolution
 from contact_locking.mesh.domain import Domain
-from contact_locking.process import solving
+from contact_locking.running import solving
 from contact_locking.study.assembly import assemble
 
 TEST = "test_verification_force.py"

@@ -23,11 +23,15 @@ from pydantic import (
     model_validator,
 )
 
+from contact_locking.certificate.extras import Extras
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.friction import Coulomb
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, Table
+from contact_locking.laws.penalty import PenaltyParameters
 from contact_locking.plain_text import nearest
+from contact_locking.process.settings import Adaptation, Steps
+from contact_locking.results.output import Output
 from contact_locking.solver.settings import Settings
 from contact_locking.values.concept import (
     LIST,
@@ -56,15 +60,10 @@ from .fit import FitParameters
 from .material import MaterialParameters
 from .mesh import MeshParameters
 from .numerics import (
-    AdaptParameters,
     BranchesParameters,
-    CertificateParameters,
     DiscretisationParameters,
     EquilibriaParameters,
-    OutputParameters,
-    PenaltyParameters,
     SensitivityParameters,
-    StepParameters,
 )
 from .study import StudyParameters
 
@@ -120,7 +119,7 @@ class Parameters(Concept):
         "contact.INDEX.on and so on",
     )
     friction: Coulomb = entry(Coulomb(), "Coulomb's friction (6)")
-    steps: StepParameters | None = entry(
+    steps: Steps | None = entry(
         None, "the times of a process, whose loads and gaps depend on t; null: one static problem"
     )
     tables: Annotated[dict[str, TableFile], _named("tables")] | None = entry(
@@ -130,7 +129,7 @@ class Parameters(Concept):
     )
     penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
     solver: Settings = entry(Settings(), "the nonlinear and linear solvers")
-    adapt: AdaptParameters | None = entry(
+    adapt: Adaptation | None = entry(
         None, "meshes that are refined until the solution is accurate enough"
     )
     equilibria: EquilibriaParameters | None = entry(
@@ -148,10 +147,8 @@ class Parameters(Concept):
         None, "measured curves that numbers of the file are fitted to"
     )
     study: StudyParameters | None = entry(None, "many cases with other values")
-    certificate: CertificateParameters = entry(
-        CertificateParameters(), "checks of the results that are made on demand"
-    )
-    output: OutputParameters = entry(OutputParameters(), "the results")
+    certificate: Extras = entry(Extras(), "checks of the results that are made on demand")
+    output: Output = entry(Output(), "the results")
 
     @model_validator(mode="wrap")
     @classmethod
@@ -159,9 +156,9 @@ class Parameters(Concept):
         cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo
     ) -> Self:
         """Let the expressions below use the names of ``parameters`` and ``tables``."""
-        given = data if isinstance(data, dict) else {}
-        token = SCOPE.set(Scope(_numbers(given.get("parameters")), _tables(given, info.context)))
+        given, token = data if isinstance(data, dict) else {}, SCOPE.set(Scope())
         try:
+            SCOPE.set(Scope(_numbers(given.get("parameters")), _tables(given, info.context)))
             return handler(data)
         except UnicodeEncodeError:
             # Pydantic cannot tell of a text that holds no character.
@@ -175,12 +172,7 @@ class Parameters(Concept):
     def contacts(self) -> tuple[Contact, ...]:
         """The parts of Gamma_C, each with its complete law of friction; empty without contact."""
         return tuple(
-            section.model_copy(
-                update={
-                    "at": dotted(*place),
-                    "friction": (section.friction or Coulomb()).over(self.friction),
-                }
-            )
+            section.over(self.friction, dotted(*place))
             for place, section in self._contact_sections()
             if section.on
         )
@@ -237,32 +229,22 @@ class Parameters(Concept):
         if not self.contacts and not self.friction.is_zero:
             yield "friction.coefficient: has no effect, as there is no contact"
 
-    def limit(self) -> Parameters:
-        """The variational inequality on the same mesh: n = .inf, and no regularisation."""
-
-        def exact(section: Contact) -> Contact:
-            own = section.friction
-            friction = None if own is None else own.model_copy(update={"regularisation": None})
-            return section.model_copy(update={"friction": friction})
-
-        given = self.contact
-        return self.model_copy(
-            update={
-                "penalty": PenaltyParameters(n=math.inf, epsilon=None),
-                "friction": self.friction.model_copy(update={"regularisation": None}),
-                "contact": tuple(map(exact, given)) if isinstance(given, tuple) else exact(given),
-                "solver": self.solver.model_copy(update={"method": "auto"}),
-            }
-        )
-
     def check_dimension(self, dim: int) -> None:
         """Raise InputError for the first value that does not fit a body of ``dim`` dimensions."""
         for fault in itertools.chain(self._dimension_faults(dim), self._faults_of_expressions(dim)):
             raise InputError(fault.message, dotted(*fault.place))
 
     def _faults(self) -> Iterator[Fault]:
-        if self.solver.method == "newton":
-            yield from self._newton_faults()
+        only = self.solver.method == "newton"
+        instead = (
+            "cannot be solved by Newton's method; take solver.method: interior_point (or auto)"
+        )
+        if only and self.penalty.n == math.inf:
+            yield Fault(("penalty", "n"), f".inf {instead}, or a finite n such as 1e6")
+        for contact in self.contacts if only else ():
+            if contact.friction is not None and contact.friction.regularisation == 0.0:
+                told = f"0, without a smooth law, {instead}, or a positive length"
+                yield Fault((contact.friction_key("regularisation"),), told)
         keys = {name: contact.key for contact in reversed(self.contacts) for name in contact.on}
         for place, held in self.loads.held():
             # The mesh shows whether components are held along the surface only.
@@ -287,13 +269,21 @@ class Parameters(Concept):
                 "names no load; take friction.coefficient, loads, or the key of a load, such as "
                 "loads.tractions.0.value",
             )
-        yield from self._mesh_faults()
+        for index, force in enumerate(self.loads.forces if self.mesh.axisymmetric else ()):
+            if force.value and force.value[0] != 0.0:
+                yield Fault(
+                    ("loads", "forces", index, "value", 0),
+                    "must be 0: the total force on a body of revolution acts along the axis; give "
+                    "what acts along the radius in loads.pressures or loads.tractions",
+                )
         if self.sensitivities is not None and not self.sensitivities.to:
             yield Fault(("sensitivities", "to"), "name the numbers, as to: [friction.coefficient]")
         for place, go_together, other in self._pairs():
             if go_together:
                 yield Fault(place, f"does not go with {other}; leave out one of the two")
-        yield from self._expression_faults()
+        for name in set(self.tables or ()) & set(self.parameters or ()):
+            yield Fault(("parameters", name), "is the name of a table as well")
+        yield from self._faults_of_expressions(self.mesh.dim)
         if self.study is not None:
             yield from below(("study",), self.study.key_faults(type(self)))
         if self.mesh.dim is not None:
@@ -324,27 +314,6 @@ class Parameters(Concept):
             )
             yield (*place, "pair"), derived and turns, f"{facing}: take once"
 
-    def _newton_faults(self) -> Iterator[Fault]:
-        """What only the interior point method solves."""
-        instead = (
-            "cannot be solved by Newton's method; take solver.method: interior_point (or auto)"
-        )
-        if self.penalty.n == math.inf:
-            yield Fault(("penalty", "n"), f".inf {instead}, or a finite n such as 1e6")
-        for contact in self.contacts:
-            if contact.friction is not None and contact.friction.regularisation == 0.0:
-                place = (*contact.key.split("."), "friction", "regularisation")
-                yield Fault(place, f"0, without a smooth law, {instead}, or a positive length")
-
-    def _mesh_faults(self) -> Iterator[Fault]:
-        for index, force in enumerate(self.loads.forces if self.mesh.axisymmetric else ()):
-            if force.value and force.value[0] != 0.0:
-                yield Fault(
-                    ("loads", "forces", index, "value", 0),
-                    "must be 0: the total force on a body of revolution acts along the axis; give "
-                    "what acts along the radius in loads.pressures or loads.tractions",
-                )
-
     def _contact_sections(self) -> list[tuple[Place, Contact]]:
         if isinstance(self.contact, tuple):
             return [(("contact", index), entry) for index, entry in enumerate(self.contact)]
@@ -362,13 +331,6 @@ class Parameters(Concept):
             for key in sorted(keys) if place and place[0] in parts else ():
                 for name in getattr(section, key) or ():
                     yield from _unknown_name((*place, key), name, *parts[str(place[0])])
-
-    def _expression_faults(self) -> Iterator[Fault]:
-        """Names that no expression can use, and t without steps."""
-        names, numbers = tuple(self.tables or ()), tuple(self.parameters or ())
-        for name in set(names) & set(numbers):
-            yield Fault(("parameters", name), "is the name of a table as well")
-        yield from self._faults_of_expressions(self.mesh.dim)
 
     def _dimension_faults(self, dim: int) -> Iterator[Fault]:
         is_sheet = self.material.plane == "stress"
