@@ -26,6 +26,7 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.given_mesh import NamedFacets
 from contact_locking.mesh.half_section import half_section
 from contact_locking.parallel import on_any_rank
+from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.elasticity import elasticity_of, split
 from contact_locking.problem.forms import require_energy
@@ -129,7 +130,8 @@ class ContactProblem:
         for contact in self._discrete.contacts:
             contact_checks.check_friction(contact)
         self._settings, self._monitor = settings or Settings(), monitor
-        self._settings.method_for(self._discrete)
+        if self._settings.method == "penalty":
+            require_served(self._discrete)
         self._is_closed = False
 
     @cached_property

@@ -26,7 +26,7 @@ from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData
 from contact_locking.mesh.file.topology import longest_edges
 from contact_locking.mesh.given_mesh import NamedFacets
-from contact_locking.mesh.whole_mesh import gather_cells, gather_mesh
+from contact_locking.mesh.whole_mesh import gather_cells
 from contact_locking.meshes.curved import Curved
 from contact_locking.monitor import Monitor
 from contact_locking.process.refinement import (
@@ -37,7 +37,6 @@ from contact_locking.process.refinement import (
     squared_contributions,
 )
 from contact_locking.process.settings import Adaptation
-from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import Solution
 
 S = TypeVar("S", bound=Solution)
@@ -64,7 +63,6 @@ def adapted(
             "adapt",
         )
     meshes: list[dict[str, Any]] = []
-    pictures: list[AdaptedMesh] = []  # on rank 0
     began = since = time.perf_counter()
     finer: Domain | None = domain
     while finer is not None:
@@ -84,12 +82,10 @@ def adapted(
         errors = [entry["estimate"] for entry in meshes[-_MESHES:]]
         stagnates = len(errors) == _MESHES and None not in errors
         stagnates = stagnates and errors[-1] > _LEAST_FALL * errors[0]
-        if (mesh := gather_mesh(domain)) is not None:
-            pictures.append(AdaptedMesh.of(mesh.data.points, mesh.data.cells.nodes))
         try:
             finer = None
             if not stopped:
-                finer = _refined(domain, solution, given, stagnates, pictures, curved)
+                finer = _refined(domain, solution, given, stagnates, curved)
         except NotRefined as reason:
             stopped = str(reason)
         monitor.mesh(len(meshes), words)
@@ -98,11 +94,10 @@ def adapted(
             solution = solution.telling(warnings=[*summary["warnings"], text])
             monitor.message(f"warning: {text}")
         about = {"tolerance": given.tolerance, "reached": is_reached, "stopped": stopped or None}
-        solution = solution.telling(
+        yield solution.telling(
             adapt={**about, "meshes": [dict(entry) for entry in meshes]},
             wall_seconds=time.perf_counter() - began,
         )
-        yield dataclasses.replace(solution, meshes=tuple(pictures))
 
 
 def _end(solution: Solution, given: Adaptation) -> tuple[bool, str]:
@@ -130,10 +125,9 @@ def _refined(
     solution: Solution,
     given: Adaptation,
     stagnates: bool,
-    pictures: list[AdaptedMesh],
     curved: tuple[Curved, ...],
 ) -> Domain:
-    """The next mesh, whose cells are marked in the last picture; collective.  Raises NotRefined."""
+    """The next mesh; collective.  Raises NotRefined."""
     found = gather_cells(domain, squared_contributions(solution))
     entered = entered_places(solution)
 
@@ -147,9 +141,7 @@ def _refined(
                 "the error has hardly fallen over the last meshes; the smallest cells, of size "
                 f"{sizes[least]:.2g}, are at {centre}, where the solution may be singular"
             )
-        marked = marked_cells(found, given.share) | cells_at(entered, data)
-        pictures[-1] = pictures[-1].with_marks(data.cells.nodes, marked)
-        return marked
+        return marked_cells(found, given.share) | cells_at(entered, data)
 
     return finer_mesh(domain, solution, marks, given.max_dofs, curved)
 

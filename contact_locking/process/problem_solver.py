@@ -17,6 +17,8 @@ from contact_locking.certificate.verdict import certify
 from contact_locking.fem.compiled import integral
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
+from contact_locking.penalty_method import method as penalty_method
+from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.distance import distance
 from contact_locking.problem.system import PenalisedSystem
@@ -42,8 +44,7 @@ class ProblemSolver:
     """The solver of a discrete problem, for as many solves as there are steps; collective.
 
     Mesh, compiled forms and spaces are made once.  Before each solve the caller puts the problem to
-    its time, or to its new data.  Raises InputError for an ``own_energy`` with a method other than
-    ``newton``.
+    its time, or to its new data.  Raises InputError for what ``method: penalty`` does not serve.
     """
 
     def __init__(
@@ -51,7 +52,9 @@ class ProblemSolver:
     ) -> None:
         self.problem, self.monitor = problem, monitor or Monitor()
         self._derivatives: tuple[SolverReport, Differentiable] | None = None
-        self._method = settings.method_for(problem)
+        self._method = settings.method
+        if self._method == "penalty":
+            require_served(problem)
         linear = linear_solver(problem, settings.linear)
         self._options = UserOptions(settings.petsc)
         self.settings = settings.model_copy(update={"petsc": self._options, "linear": linear})
@@ -106,6 +109,8 @@ class ProblemSolver:
                 searches=searches,
             )
 
+        if self._method == "penalty":
+            return penalty_method.solve(task(), saved)
         report = solve_system(self._method, task(), saved)
         for _ in range(_MOST_FRAMES):
             start = self._next_start(report) if report.converged else None

@@ -28,7 +28,6 @@ from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.loop import Process
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.process.settings import Adaptation
-from contact_locking.results.history import values_of
 from contact_locking.results.probe_table import sample
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.task import SolverReport
@@ -236,7 +235,7 @@ def solve_steps(
         for solution in study.solutions(restart):
             for number, chart in enumerate(parameters.output.charts):
                 for axis in ("x", "y"):
-                    values = partial(values_of, getattr(chart, axis), solution.history)
+                    values = partial(solution.history.values, getattr(chart, axis))
                     with_key(f"output.charts.{number}.{axis}", values)
             for warning in solution.summary["warnings"]:
                 # Steps differ in the numbers of a warning, but for those in keys, as contact.1.
@@ -259,8 +258,7 @@ def solve_assembled(
     """Solve a problem of :func:`assemble`, which can be solved only once; collective.
 
     Before this call ``problem.data`` may be changed, to data that no study file can describe.  With
-    an ``own_energy`` the method is ``newton``, also for ``auto``.  With steps this is the solution
-    of the last step.  Raises InputError for an ``own_energy`` with another method.
+    steps this is the solution of the last step.
     """
     with contextlib.closing(SolvableStudy(problem, monitor, petsc_options)) as study:
         return deque(study.solutions(restart), maxlen=1)[0]

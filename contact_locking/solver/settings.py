@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator
 
-from contact_locking.errors import InputError
 from contact_locking.values.concept import Concept, entry
 from contact_locking.values.kinds import Count, Tolerance
 from contact_locking.values.wording import show
-
-if TYPE_CHECKING:
-    from contact_locking.problem.discrete_problem import DiscreteProblem
 
 
 def _option(value: Any) -> str | int | float | bool | None:
@@ -31,11 +27,18 @@ def _without_dash(options: dict[str, Any]) -> dict[str, Any]:
 _Option = Annotated[bool | int | float | str | None, BeforeValidator(_option)]
 
 
+def _method(value: Any) -> Any:
+    return "penalty" if value == "newton" else value
+
+
+_Method = Annotated[Literal["auto", "penalty", "interior_point"], BeforeValidator(_method)]
+
+
 class Settings(Concept):
     """The nonlinear method, its stopping criteria and the linear solver."""
 
-    method: Literal["auto", "newton", "interior_point"] = entry(
-        "auto", "interior_point, newton (with continuation in n) or auto: interior_point"
+    method: _Method = entry(
+        "auto", "interior_point, penalty (the method of the paper) or auto: interior_point"
     )
     tolerance: Tolerance = entry(1e-8, "relative equilibrium residual", "1")
     max_iterations: Count = entry(100, "steps of a solve or stage", "1")
@@ -45,26 +48,3 @@ class Settings(Concept):
     petsc: Annotated[dict[str, _Option], AfterValidator(_without_dash)] = entry(
         {}, "further PETSc options, such as {snes_monitor: null}; they can run code and write files"
     )
-
-    def method_for(self, problem: DiscreteProblem) -> str:
-        """The method for a problem.  Raises InputError for one that does not know its energy."""
-        if problem.data.own_energy is None:
-            return self.method
-        if self.method == "interior_point":
-            raise InputError(
-                "interior_point does not know an energy of the user's own; take newton, or auto",
-                "solver.method",
-            )
-        if not math.isfinite(problem.penalty.n):
-            raise InputError(
-                "an energy of the user's own is solved by Newton's method, which takes a finite n "
-                "such as 1e6",
-                "penalty.n",
-            )
-        if not min(problem.penalty.regularisations, default=1.0) > 0.0:
-            raise InputError(
-                "an energy of the user's own is solved by Newton's method, which needs a positive "
-                "length",
-                "friction.regularisation",
-            )
-        return "newton"

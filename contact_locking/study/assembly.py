@@ -28,9 +28,10 @@ from contact_locking.mesh.groups import groups
 from contact_locking.mesh.half_section import half_section, require_surface
 from contact_locking.mesh.named_parts import Place, Test, with_parts
 from contact_locking.mesh.skins import area_normals
+from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.results.probe_points import locate
-from contact_locking.study.loads import build_loads, open_pressures, springs_of
+from contact_locking.study.loads import build_loads, springs_of
 from contact_locking.study.material import material_in_cells, material_warnings
 from contact_locking.study_file import require_parameters
 from contact_locking.study_file.parameters import HOLD_ALONG, Parameters
@@ -86,7 +87,6 @@ class StudyProblem(DiscreteProblem):
         for item in parameters.contacts:
             told += friction_warnings(domain, item)
         told += self.loads.warnings(self.material.stiffness)
-        told += open_pressures(domain, parameters.loads.pressures)
         told += parameters.idle_friction()
         for key, value in parameters.timed():
             told += unseen_peaks(value, key, clock, domain.bounding_box)
@@ -159,6 +159,8 @@ def friction_warnings(domain: Domain, contact: Contact) -> list[str]:
 def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
     """The facts and warnings of the assembled problem, without a solve; collective."""
     problem = assemble(parameters, comm)
+    if parameters.solver.method == "penalty":
+        require_served(problem)
     for check_problem in wings.CHECKS:
         check_problem(problem)
     problem.close()

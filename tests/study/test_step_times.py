@@ -10,7 +10,7 @@ from sheared_block import all_of, sheared
 from contact_locking import InputError, solve_steps
 from contact_locking.process.settings import Steps
 from contact_locking.process.timeline import Timeline
-from contact_locking.results.history import read_history
+from contact_locking.results.table import Table
 
 pytestmark = pytest.mark.serial
 
@@ -60,7 +60,7 @@ def test_a_timeline_reaches_every_planned_time_whatever_fails() -> None:
 
 def test_a_history_is_read_as_it_was_written() -> None:
     history = all_of(sheared(2))[-1].history
-    again = read_history(history.text(), "history.csv")
+    again = Table.read(history.text(), "history.csv")
     assert again == history and again.columns == history.columns
     with pytest.raises(InputError, match=r"history\.csv:2"):
-        read_history(history.text().replace("\n1,", "\n1,1,"), "history.csv")
+        Table.read(history.text().replace("\n1,", "\n1,1,"), "history.csv")

@@ -19,11 +19,11 @@ from contact_locking import study_file
 from contact_locking._version import __version__
 from contact_locking.errors import InputError
 from contact_locking.files.atomic import remove_abandoned, write_text
-from contact_locking.files.csv_file import csv_text
 from contact_locking.plain_text import spreadsheet_cell
 from contact_locking.results.in_words import weakest
 from contact_locking.results.names import FIT, PARAMETERS, SUMMARY, TABLE_CSV, TABLE_LINES
 from contact_locking.results.quantities import by_name
+from contact_locking.results.table import Table
 from contact_locking.study_file import StudyFile
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.wording import labels
@@ -187,8 +187,8 @@ _LEFT_OUT = ("title", "fingerprint", "not_finite")
 def write_rows(directory: Path, rows: Sequence[dict[str, Any]]) -> None:
     """Write both tables.  Raises OSError."""
     columns = list(dict.fromkeys(name for entry in rows for name in entry))
-    cells = ([_cell(entry.get(name)) for name in columns] for entry in rows)
-    write_text(directory / TABLE_CSV, csv_text(columns, cells))
+    cells = Table({name: [_cell(entry.get(name)) for entry in rows] for name in columns})
+    write_text(directory / TABLE_CSV, cells.text())
     lines = [
         json.dumps({name: entry.get(name) for name in columns}, ensure_ascii=False, allow_nan=False)
         for entry in rows

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import math
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Self
 
@@ -235,16 +234,6 @@ class Parameters(Concept):
             raise InputError(fault.message, dotted(*fault.place))
 
     def _faults(self) -> Iterator[Fault]:
-        only = self.solver.method == "newton"
-        instead = (
-            "cannot be solved by Newton's method; take solver.method: interior_point (or auto)"
-        )
-        if only and self.penalty.n == math.inf:
-            yield Fault(("penalty", "n"), f".inf {instead}, or a finite n such as 1e6")
-        for contact in self.contacts if only else ():
-            if contact.friction is not None and contact.friction.regularisation == 0.0:
-                told = f"0, without a smooth law, {instead}, or a positive length"
-                yield Fault((contact.friction_key("regularisation"),), told)
         keys = {name: contact.key for contact in reversed(self.contacts) for name in contact.on}
         for place, held in self.loads.held():
             # The mesh shows whether components are held along the surface only.
