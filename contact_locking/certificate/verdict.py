@@ -10,7 +10,8 @@ from typing import Any
 from contact_locking import wings
 from contact_locking.certificate.balances import equilibrium
 from contact_locking.certificate.elliptic import Lifting, NotApplicable
-from contact_locking.certificate.extras import USUAL, Extras
+from contact_locking.certificate.extras import USUAL
+from contact_locking.certificate.extras import Extras as Extras
 from contact_locking.certificate.indicator import ErrorIndicator, error_indicator
 from contact_locking.certificate.laws import entry_criterion, law_criteria
 from contact_locking.certificate.penalty_error import penalty_error

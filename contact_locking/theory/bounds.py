@@ -14,9 +14,8 @@ from contact_locking.certificate.elliptic import (
     NotApplicable,
     require_still_foundations,
 )
-from contact_locking.certificate.extras import Extras
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.certificate.verdict import Proofs
+from contact_locking.certificate.verdict import Extras, Proofs
 from contact_locking.fem import compiled
 from contact_locking.parallel import maximum
 from contact_locking.problem.rounding import ROUNDING
