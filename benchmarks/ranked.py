@@ -40,7 +40,7 @@ def main() -> None:
     from stopwatch import WallClock
 
     from contact_locking.monitor import Monitor
-    from contact_locking.process import solving
+    from contact_locking.running import solving
 
     def solve(divisions: int, monitor: Monitor) -> Any:
         h = 1.0 / divisions

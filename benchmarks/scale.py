@@ -26,7 +26,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from contact_locking.process import solving
+from contact_locking.running import solving
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, Projection
 from contact_locking.solver.linear.tangent_solver import MultigridTangents

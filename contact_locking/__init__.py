@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 from contact_locking._version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from contact_locking.certificate.verdict import Extras as Extras
+    from contact_locking.certificate.extras import Extras as Extras
     from contact_locking.contact.contact import Contact as Contact
     from contact_locking.contact.coulomb import FrictionBound as FrictionBound
     from contact_locking.contact.friction import Convolution as Convolution
@@ -51,17 +51,19 @@ if TYPE_CHECKING:
     from contact_locking.problem.loads import TotalForce as TotalForce
     from contact_locking.problem.loads import Traction as Traction
     from contact_locking.process.adaptive_meshes import adapt as adapt
-    from contact_locking.process.assembly import assemble as assemble
     from contact_locking.process.loop import Process as Process
-    from contact_locking.process.solving import check as check
-    from contact_locking.process.solving import solve as solve
-    from contact_locking.process.solving import solve_adaptively as solve_adaptively
-    from contact_locking.process.solving import solve_assembled as solve_assembled
-    from contact_locking.process.solving import solve_steps as solve_steps
+    from contact_locking.process.settings import Adaptation as Adaptation
+    from contact_locking.process.settings import Steps as Steps
+    from contact_locking.results.output import Output as Output
+    from contact_locking.results.output import Probe as Probe
     from contact_locking.results.solution import Solution as Solution
     from contact_locking.results.solution import State as State
-    from contact_locking.results.solution import StudySolution as StudySolution
     from contact_locking.running.run import write_steps as write_steps
+    from contact_locking.running.solving import solve as solve
+    from contact_locking.running.solving import solve_adaptively as solve_adaptively
+    from contact_locking.running.solving import solve_assembled as solve_assembled
+    from contact_locking.running.solving import solve_steps as solve_steps
+    from contact_locking.running.studies.in_script import solve_cases as solve_cases
     from contact_locking.running.writing import save as save
     from contact_locking.running.writing import write as write
     from contact_locking.shapes.analytic import Cylinder as Cylinder
@@ -71,6 +73,9 @@ if TYPE_CHECKING:
     from contact_locking.shapes.faceted import Polyline as Polyline
     from contact_locking.shapes.faceted import TriangulatedSurface as TriangulatedSurface
     from contact_locking.solver.settings import Settings as Settings
+    from contact_locking.study.assembly import assemble as assemble
+    from contact_locking.study.assembly import check as check
+    from contact_locking.study.solution import StudySolution as StudySolution
     from contact_locking.study_file import from_mapping as from_mapping
     from contact_locking.study_file import load as load
     from contact_locking.study_file.parameters import Parameters as Parameters
@@ -82,7 +87,7 @@ if TYPE_CHECKING:
 
 # The public names of each module.
 _NAMES = {
-    "certificate.verdict": "Extras",
+    "certificate.extras": "Extras",
     "contact.contact": "Contact",
     "contact.coulomb": "FrictionBound",
     "contact.friction": "Convolution Coulomb Helmholtz Kernel Local",
@@ -95,16 +100,20 @@ _NAMES = {
     "laws.material": "Eigenstrain Elasticity",
     "problem.loads": "BodyForce Pressure TotalForce Traction",
     "process.adaptive_meshes": "adapt",
-    "process.assembly": "assemble",
     "process.loop": "Process",
-    "process.solving": "check solve solve_adaptively solve_assembled solve_steps",
-    "results.solution": "Solution State StudySolution",
+    "process.settings": "Adaptation Steps",
+    "results.output": "Output Probe",
+    "running.solving": "solve solve_adaptively solve_assembled solve_steps",
+    "results.solution": "Solution State",
     "running.run": "write_steps",
+    "running.studies.in_script": "solve_cases",
     "running.writing": "save write",
     "inverse.derivatives": "Number",
     "shapes.analytic": "Cylinder HalfSpace LevelSet Sphere",
     "shapes.faceted": "Polyline TriangulatedSurface",
     "solver.settings": "Settings",
+    "study.assembly": "assemble check",
+    "study.solution": "StudySolution",
     "study_file": "from_mapping load",
     "study_file.parameters": "Parameters",
     "supports.support": "Displacement Spring Support",

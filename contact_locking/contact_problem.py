@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from numbers import Real
-from typing import Any, TypeAlias, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, get_args
 
 import numpy as np
 import ufl
@@ -13,8 +14,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from ufl.core.expr import Expr
 
-from contact_locking.certificate import Extras, certify
-from contact_locking.certificate.solved_state import Criterion, SolvedState
+from contact_locking.certificate.extras import Extras
 from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError, require_kind
@@ -25,21 +25,24 @@ from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.given_mesh import NamedFacets
 from contact_locking.mesh.half_section import half_section
-from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_any_rank
+from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.body import Body
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.elasticity import elasticity_of, split
 from contact_locking.problem.forms import require_energy
 from contact_locking.problem.loads import Load
 from contact_locking.problem.points import Placed
-from contact_locking.process.judgement import solution_of
-from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.results.solution import Differentiable, Solution
+from contact_locking.results.solution import Solution
 from contact_locking.solver.settings import Settings
-from contact_locking.solver.task import SolverReport
 from contact_locking.supports.support import Displacement, Spring, Support
 from contact_locking.values.concept import BodyKind, Concept, require_fitting
+
+if TYPE_CHECKING:
+    from contact_locking.certificate.solved_state import Criterion, SolvedState
+    from contact_locking.monitor import Monitor
+    from contact_locking.process.problem_solver import ProblemSolver
+    from contact_locking.solver.task import SolverReport
 
 Condition: TypeAlias = fem.DirichletBC | Support | Displacement
 T = TypeVar("T", bound=Concept)
@@ -134,9 +137,18 @@ class ContactProblem:
         self._discrete = DiscreteProblem(body, contacts, n, compliance, Clock(space.mesh))
         for contact in self._discrete.contacts:
             contact_checks.check_friction(contact)
-        #: What solves the problem, for what is built on top of it.
-        self.solver = ProblemSolver(self._discrete, settings or Settings(), monitor)
+        self._settings, self._monitor = settings or Settings(), monitor
+        if self._settings.method == "penalty":
+            require_served(self._discrete)
         self._is_closed = False
+
+    @cached_property
+    def solver(self) -> ProblemSolver:
+        """What solves the problem, for what is built on top of it; collective."""
+        # Solvers and certificate are half of the package, and state no problem.
+        from contact_locking.process.problem_solver import ProblemSolver
+
+        return ProblemSolver(self._discrete, self._settings, self._monitor)
 
     @property
     def displacement(self) -> fem.Function:
@@ -166,8 +178,8 @@ class ContactProblem:
         solver, report = self.solver, self.report(after, start)
         # Derivatives of a step need those of the memory that it began with.
         derivatives = solver.derivatives(report) if after is None else None
-        state = solver.state(report)
-        solution = self.solution(state, None, extras, certificate, derivatives)
+        asked = (extras or Extras()) if certificate else None
+        solution = solver.solution(solver.state(report), None, asked, derivatives)
         return solution.telling(warnings=[*solution.summary["warnings"], *solver.unused_options()])
 
     def report(self, after: Solution | None = None, start: Solution | None = None) -> SolverReport:
@@ -176,17 +188,9 @@ class ContactProblem:
         self.begin(after)
         return self.solver.solve(first.state.saved if (first := after or start) else None)
 
-    def solution(
-        self,
-        state: SolvedState,
-        criteria: Mapping[str, Criterion] | None = None,
-        extras: Extras | None = None,
-        certificate: bool = True,
-        derivatives: Differentiable | None = None,
-    ) -> Solution:
+    def solution(self, state: SolvedState, criteria: Mapping[str, Criterion]) -> Solution:
         """The solution in a state of ``solver``, judged by further ``criteria`` as well."""
-        judged = certify(state, extras or Extras(), criteria) if certificate else None
-        return solution_of(state, judged, derivatives)
+        return self.solver.solution(state, criteria)
 
     def begin(self, after: Solution | None = None) -> None:
         """Put the present data into ``solver``, and the memory of friction; as in :meth:`solve`."""
@@ -214,7 +218,8 @@ class ContactProblem:
     def close(self) -> None:
         """Destroy the PETSc objects, after the last solve."""
         self._is_closed = True
-        self.solver.close()
+        if "solver" in vars(self):
+            self.solver.close()
         self._discrete.close()
 
 

@@ -15,11 +15,8 @@ class Monitor:
     def message(self, text: str) -> None:
         """Show a text on a line of its own."""
 
-    def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
-        """Step ``number``, counted from 1, to a time begins; it is one of ``left`` planned steps.
-
-        ``seconds_left`` is about how long all that are left will take, None while nobody knows.
-        """
+    def step(self, number: int, left: int, time: float) -> None:
+        """Step ``number``, from 1, to a time begins; ``left`` planned ones are to do, with it."""
 
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
         """Stage ``index``, counted from 1, begins: the solve with the penalties n and epsilon."""

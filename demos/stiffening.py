@@ -29,7 +29,7 @@ from mpi4py import MPI
 from contact_locking import StudySolution, assemble, load, solve, solve_assembled, write
 from contact_locking.laws.convex import squared_norm
 from contact_locking.laws.elasticity import strain
-from contact_locking.process.assembly import StudyProblem
+from contact_locking.study.assembly import StudyProblem
 
 FILE = Path(__file__).with_suffix(".yml")
 CHANGES = sys.argv[1:]

@@ -1,5 +1,1 @@
-"""The certificate of a solution: criteria, proved bounds, constants, balances, error estimates."""
-
-from contact_locking.certificate.verdict import Certificate, Extras, certify, is_solved
-
-__all__ = ["Certificate", "Extras", "certify", "is_solved"]
+"""The certificate of a solution: criteria, proved bounds, constants, balances, errors."""

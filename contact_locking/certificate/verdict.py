@@ -10,6 +10,8 @@ from typing import Any
 from contact_locking import wings
 from contact_locking.certificate.balances import equilibrium
 from contact_locking.certificate.elliptic import Lifting, NotApplicable
+from contact_locking.certificate.extras import USUAL
+from contact_locking.certificate.extras import Extras as Extras
 from contact_locking.certificate.indicator import ErrorIndicator, error_indicator
 from contact_locking.certificate.laws import entry_criterion, law_criteria
 from contact_locking.certificate.penalty_error import penalty_error
@@ -78,20 +80,8 @@ def is_solved(state: SolvedState) -> bool:
     return all(item.holds for item in found.values())
 
 
-@dataclass(frozen=True)
-class Extras:
-    """The parts of a certificate that are made on demand.
-
-    These are constants of the theory, a guaranteed error bound, and the critical friction.
-    """
-
-    constants: bool = False
-    error_bound: bool = False
-    critical_friction: bool = False
-
-
 def certify(
-    state: SolvedState, extras: Extras = Extras(), criteria: Mapping[str, Criterion] | None = None
+    state: SolvedState, extras: Extras = USUAL, criteria: Mapping[str, Criterion] | None = None
 ) -> Certificate:
     """Judge a solved state, also by further ``criteria``; collective.
 

@@ -11,7 +11,7 @@ import contextlib
 import gc
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -72,39 +72,29 @@ def run(arguments: argparse.Namespace) -> int:
     with _importing() if arguments.program else contextlib.nullcontext():
         study = _load(arguments.file, _overrides(arguments))
         comm = world_with_dolfinx(arguments)
-        from contact_locking.results import in_words, output_folder
+        from contact_locking.results import in_words
         from contact_locking.running.run import run as solve_and_write
 
-    parameters, restart = study.parameters, arguments.restart
-    directory = parameters.output.directory
-    speaks = comm.rank == 0 and not arguments.quiet
+    parameters, directory = study.parameters, study.parameters.output.directory
     #: The remains of an interrupted run, in words.
     arguments.left = lambda: _left_of_run(arguments, parameters)
-    if restart is not None and not arguments.checkpoint:
-        _keep_checkpoint(restart, Path(directory))
-    with _explained(study), output_folder.reserved(directory, comm):
-        save_state = arguments.checkpoint and _checkpoints_work()
+    options = (arguments.petsc, arguments.restart, arguments.checkpoint)
+    with _solving(arguments, study, comm) as (monitor, speaks):
         if speaks and parameters.study is not None:
             print("The file describes a study; run solves its base case.")
-        with _monitor(arguments, comm, speaks) as monitor, petsc_complaints():
-            solution, warnings = solve_and_write(
-                parameters, directory, comm, monitor, arguments.petsc, restart, save_state
-            )
-    if arguments.quiet:
-        warnings = [*solution.summary["warnings"], *warnings]
-    for warning in warnings:
+        solution, warnings = solve_and_write(parameters, directory, comm, monitor, *options)
+    summary = solution.summary
+    for warning in [*(summary["warnings"] if arguments.quiet else ()), *warnings]:
         terminal.complain(f"warning: {warning}")
     if speaks:
-        outcome = [*in_words.rows(solution.summary), ("results in", str(directory))]
-        print(terminal.columns(outcome))
-        for table in wings.TABLES:
-            if rows := table(solution.summary):
-                print(terminal.columns(rows))
+        tables = [[*in_words.rows(summary), ("results in", directory)]]
+        tables += [table(summary) for table in wings.TABLES]
+        print("\n".join(map(terminal.columns, filter(None, tables))))
     if solution.converged:
         return CONVERGED
-    reason, way_out = solution.summary["reason"], solution.summary["suggestion"]
-    lines = (f"not converged: {reason}", way_out, f"The state that it reached is in {directory}.")
-    terminal.complain("error: " + "\n".join(line for line in lines if line))
+    told = (f"not converged: {summary['reason']}", summary["suggestion"])
+    lines = (*filter(None, told), f"The state that it reached is in {directory}.")
+    terminal.complain("error: " + "\n".join(lines))
     return NOT_CONVERGED
 
 
@@ -133,19 +123,12 @@ def fit(arguments: argparse.Namespace) -> int:
     parameters = file.parameters if begun is None else begun.parameters
     comm = world_with_dolfinx(arguments)
     from contact_locking.inverse.fit import session
-    from contact_locking.results import output_folder
 
     directory = file.parameters.output.directory
     arguments.left = lambda: (
         f"the evaluations so far are in {directory}; the same command goes on from there"
     )
-    speaks = comm.rank == 0 and not arguments.quiet
-    with (
-        _explained(file),
-        output_folder.reserved(directory, comm),
-        _monitor(arguments, comm, speaks) as monitor,
-        petsc_complaints(),
-    ):
+    with _solving(arguments, file, comm) as (monitor, speaks):
         found, solution = session.fit(parameters, directory, comm, monitor, begun)
     for text in [*found["words"], *found["undetermined"]]:
         terminal.complain(f"warning: {text}")
@@ -196,27 +179,23 @@ def check(arguments: argparse.Namespace) -> int:
     comm = world_with_dolfinx(arguments)
     # The modules of the solvers and of the results take a third of the time of this command.
     from contact_locking.mesh import groups
-    from contact_locking.process import assembly
     from contact_locking.results import output_folder
     from contact_locking.solver.linear.factorised import estimated_memory
+    from contact_locking.study import assembly
 
     with _explained(study):
         output_folder.prepare(parameters.output.directory, comm)
-        experiments, judged = [], []
+        experiments = []
         if parameters.fit is not None:
             from contact_locking.inverse.fit.curves import read_experiments
             from contact_locking.inverse.fit.starts import variables_of
 
             experiments = read_experiments(parameters)
             variables_of(parameters)
-        if parameters.fit is not None or parameters.sensitivities is not None:
-            from contact_locking.inverse.sensitivities import require_known
-
-            judged.append(require_known)
         cells = getattr(parameters.mesh.geometry, "estimated_cells", lambda: 0.0)()
         if comm.rank == 0 and cells > _MANY_CELLS:
             print(f"meshing, about {cells:.0e} cells", flush=True)
-        facts = assembly.check(parameters, comm, judged)
+        facts = assembly.check(parameters, comm)
     for warning in facts.pop("warnings"):
         terminal.complain(f"warning: {warning}")
     if comm.rank == 0:
@@ -276,7 +255,7 @@ def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
         comm = world_with_dolfinx(arguments)
         from contact_locking.mesh import xdmf_mesh
         from contact_locking.parallel import on_root
-        from contact_locking.process import assembly
+        from contact_locking.study import assembly
 
         on_root(comm, require_new)
 
@@ -314,10 +293,7 @@ def schema(arguments: argparse.Namespace) -> int:
     return 0
 
 
-_ALL = (new, run, study, fit, report, check, mesh, schema)
-COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
-    command.__name__: command for command in _ALL
-}
+COMMANDS = {one.__name__: one for one in (new, run, study, fit, report, check, mesh, schema)}
 
 
 @contextlib.contextmanager
@@ -339,17 +315,6 @@ def _overrides(arguments: argparse.Namespace) -> list[str]:
     return [*arguments.set, f"output.directory={folder}"]
 
 
-def _keep_checkpoint(restart: Path, results: Path) -> None:
-    """Refuse to replace the checkpoint that the run starts from by results without one."""
-    from contact_locking.process.checkpoint.record import locate
-
-    if locate(restart).resolve() == locate(results).resolve():
-        raise InputError(
-            f"the results would replace the checkpoint in {results} that the run starts from: "
-            "add --checkpoint to save the new state there, or give another folder by --output"
-        )
-
-
 def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
     """Which steps of an interrupted run are saved, and how to go on; not collective."""
     from contact_locking import study_file
@@ -357,36 +322,34 @@ def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
 
     directory = Path(parameters.output.directory)
     if parameters.steps is not None and arguments.restart is None:
-        number = 0
-        with contextlib.suppress(OSError):
-            number = saved_steps.last_number(directory, study_file.fingerprint(parameters))
+        number = saved_steps.last_number(directory, study_file.fingerprint(parameters))
         if number > 0:
             return f"{number} steps are saved in {directory}; the same command goes on from there"
     return "nothing is saved: a run saves its state at its end" if arguments.checkpoint else ""
 
 
-def _checkpoints_work() -> bool:
-    """Whether checkpoints can be saved; a warning says why not."""
-    from contact_locking.process.checkpoint import stored as checkpoint
-
-    missing = checkpoint.unavailable()
-    if missing is not None:
-        terminal.complain(f"warning: no checkpoint will be saved: {missing}")
-    return missing is None
-
-
 @contextlib.contextmanager
-def _monitor(arguments: argparse.Namespace, comm: MPI.Intracomm, speaks: bool) -> Iterator[Monitor]:
-    """The listener of the solve: the terminal, and the progress file that a study asks for."""
+def _solving(
+    arguments: argparse.Namespace, study: StudyFile, comm: MPI.Intracomm
+) -> Iterator[tuple[Monitor, bool]]:
+    """The listener of a solve that has the folder of the results for itself.
+
+    It is the terminal, if the command speaks, and the progress file that a study asks for.
+    """
     from contact_locking.command.monitors import ProgressFile, TerminalMonitor
     from contact_locking.monitor import Monitor
+    from contact_locking.results import output_folder
 
+    speaks = comm.rank == 0 and not arguments.quiet
     shown: contextlib.AbstractContextManager[Monitor] = (
         TerminalMonitor(terminal.console()) if speaks else contextlib.nullcontext(Monitor())
     )
-    with shown as monitor:
-        progress: Path | None = getattr(arguments, "progress", None)
-        yield monitor if progress is None or comm.rank else ProgressFile(progress, monitor)
+    reserved = output_folder.reserved(study.parameters.output.directory, comm)
+    with _explained(study), reserved, shown as monitor, petsc_complaints():
+        progress: Path | None = arguments.progress
+        if progress is not None and comm.rank == 0:
+            monitor = ProgressFile(progress, monitor)
+        yield monitor, speaks
 
 
 def _load(path: Path, overrides: Sequence[str]) -> StudyFile:

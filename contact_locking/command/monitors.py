@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from contact_locking.files.atomic import write_text
 from contact_locking.monitor import Attentive, Monitor
-from contact_locking.plain_text import count, duration, printable
+from contact_locking.plain_text import count, printable
 
 # After so many seconds without a line in a log, the next iteration prints one.  It leaves room for
 # an iteration in the ten seconds that a log of a long run is silent at most.
@@ -66,10 +66,9 @@ class TerminalMonitor(Monitor):
         else:
             self._line(text)
 
-    def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
+    def step(self, number: int, left: int, time: float) -> None:
         self.finish()
-        about = "" if seconds_left is None else f", about {duration(seconds_left)} left"
-        self._step = f"step {number}  t = {time:.6g}  ({left} to do{about})  "
+        self._step = f"step {number}  t = {time:.6g}  ({left} to do)  "
         # The solve of each step counts from zero.
         self._counts = self._before = (0, 0)
 
@@ -178,8 +177,8 @@ class ProgressFile(Attentive):
         super().message(text)
         self._write(message=text)
 
-    def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
-        super().step(number, left, time, seconds_left)
+    def step(self, number: int, left: int, time: float) -> None:
+        super().step(number, left, time)
         self._write(message=f"step {number}, {left} to do")
 
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:

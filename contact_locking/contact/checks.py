@@ -20,7 +20,7 @@ def check_friction(contact: NodalContact) -> None:
     Both are evaluated without slip, and the bound at a slight pressure.  Collective.
     """
     law, points, comm = contact.friction.law, contact.surface.points, contact.surface.domain.comm
-    key, mu = f"{contact.key}.friction.coefficient", np.zeros(len(points))
+    key, mu = contact.given.friction_key("coefficient"), np.zeros(len(points))
     given = None if (friction := contact.given.friction) is None else friction.coefficient
 
     def evaluate() -> None:

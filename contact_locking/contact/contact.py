@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, ValidationInfo
 from contact_locking.contact.friction import Coulomb
 from contact_locking.contact.rigid_body import Foundation
 from contact_locking.errors import InputError
-from contact_locking.values.concept import Concept, Fault, entry, hidden
+from contact_locking.values.concept import Concept, Fault, dotted, entry, hidden
 from contact_locking.values.kinds import Places, Text, TimedScalar
 from contact_locking.values.value import Value
 
@@ -64,11 +64,24 @@ class Contact(Concept):
         "first of on",
     )
     at: Any = hidden("at")
+    shared: Any = hidden("shared")
 
     @property
     def key(self) -> str:
         """The name of the contact in messages."""
         return self.at or "contact"
+
+    def over(self, friction: Coulomb, at: str) -> Contact:
+        """The contact at a key of a study file, whose section ``friction`` holds for it as well."""
+        own = self.friction or Coulomb()
+        whole = own.over(friction)
+        shared = [name for name in whole.stated() if getattr(own, name) is None]
+        return self.model_copy(update={"at": at, "friction": whole, "shared": shared})
+
+    def friction_key(self, *place: str) -> str:
+        """The key of a value of friction, which may stand in the section of all contacts."""
+        is_shared = place[0] in (self.shared or ())
+        return dotted("friction" if is_shared else f"{self.key}.friction", *place)
 
     @property
     def is_free(self) -> bool:

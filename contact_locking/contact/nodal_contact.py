@@ -103,7 +103,7 @@ class NodalContact:
         friction = given.friction or Coulomb()
         self._kernel = friction.kernel
         self.friction = friction.on(surface, self._kernel.on(surface, self.free, self._sides))
-        self.friction.key = f"{self.key}.friction.coefficient"
+        self.friction.key = given.friction_key("coefficient")
         regularisation = friction.regularisation
         self.regularisation = slip if regularisation is None else regularisation
         count, dim = len(surface.nodes), domain.dim
@@ -127,7 +127,7 @@ class NodalContact:
             *about_the_gap(self.surface.domain, self._first_gap, f"{self.key}.{kind}"),
             *self.foundation.warnings(self.surface, self._first_gap),
             *(
-                f"{self.key}.friction.smoothing.{text}"
+                f"{self.given.friction_key('smoothing')}.{text}"
                 for text in self._kernel.warnings(self.surface)
             ),
         ]

@@ -1,7 +1,8 @@
-"""Whether there is a file to read, and the name that a user may have meant."""
+"""Whether there is a file to read, its digest, and the name that a user may have meant."""
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import os
 import stat
@@ -38,6 +39,12 @@ def require_size(path: Path) -> None:
         )
     if size == 0:
         raise InputError(f"{path} is empty")
+
+
+def file_digest(path: str) -> str:
+    """The SHA-256 of a file's content. Raises OSError."""
+    with Path(path).open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def similar(path: Path) -> str:

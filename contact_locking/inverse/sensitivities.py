@@ -28,16 +28,16 @@ from contact_locking.inverse.numbers import number_at, with_number
 from contact_locking.inverse.quantities import quantity_of
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
-from contact_locking.process.assembly import StudyProblem, assemble
 from contact_locking.process.problem_solver import ProblemSolver, linear_solver
-from contact_locking.process.solving import SolvableStudy, settings_of, solve_assembled
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import ContactFields
 from contact_locking.results.quantities import look_up
-from contact_locking.results.solution import StudySolution
+from contact_locking.running.solving import SolvableStudy, settings_of, solve_assembled
 from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.task import SolverReport, Task
+from contact_locking.study.assembly import StudyProblem, assemble
+from contact_locking.study.solution import StudySolution
 
 # A family of points with more than this share near a change is told of.
 _MANY = 0.02

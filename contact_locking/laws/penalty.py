@@ -1,9 +1,28 @@
-"""The penalty parameters of the discrete problem, in one object."""
+"""The penalty parameters: as they are chosen, and those of the discrete problem."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+
+from contact_locking.values.concept import Concept, entry
+from contact_locking.values.kinds import Positive, PositiveOrInfinite
+
+
+class PenaltyParameters(Concept):
+    """n of the locking penalty R_n (23), epsilon of contact and friction (22), (25)."""
+
+    n: PositiveOrInfinite = entry(
+        math.inf, "locking penalty; .inf: the variational inequality itself", "stress"
+    )
+    epsilon: Positive | None = entry(
+        None, "compliance of the foundation, 1/epsilon is the penalty; null: 1/n", "length/stress"
+    )
+
+    @property
+    def compliance(self) -> float:
+        """``epsilon``, which is ``1/n`` unless it is given."""
+        return 1.0 / self.n if self.epsilon is None else self.epsilon
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The mesh of the body with named parts: read from Gmsh on one rank, checked and distributed.
+"""The mesh of the body with named parts: checked and distributed.
 
 Boundary parts and regions have the names of Gmsh's physical groups.
 """
@@ -6,11 +6,10 @@ Boundary parts and regions have the names of Gmsh's physical groups.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from mpi4py import MPI
 
 from contact_locking import _compat
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
-from contact_locking.errors import InputError, with_key
+from contact_locking.errors import InputError
 from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
 from contact_locking.mesh.boundary_parts import EntityGroup, marked, on_boundary, tags_of
 from contact_locking.mesh.cell_kind import NAMED, CellKind
@@ -28,16 +27,12 @@ from contact_locking.mesh.diagnosis import (
     DistributedCells,
     Touching,
     box,
-    check_cells,
     connected_parts,
     part_names,
 )
-from contact_locking.mesh.distribution import Regions, distribute, on_first_rank
+from contact_locking.mesh.distribution import Regions, distribute
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData
-from contact_locking.mesh.file.diagnosis import check_arrays
-from contact_locking.mesh.file.gmsh_model import extract
-from contact_locking.mesh.file.reader import read
 from contact_locking.parallel import agree, maximum
 from contact_locking.plain_text import nearest
 
@@ -286,55 +281,6 @@ def sound(data: MeshData, comm: MPI.Intracomm, origin: str, bodies: int = 1) -> 
     facets = {group.name: marked(made.mesh, group.entities) for group in made.groups}
     parts = connected_parts(made.mesh) if bodies > 1 else None
     return assembled(made.mesh, made.regions, facets, origin, parts)
-
-
-def from_geometry(geometry: Any, comm: MPI.Intracomm, contact: Collection[str] = ()) -> Domain:
-    """Generate a geometry of ``meshes`` with Gmsh on rank 0 and distribute it; collective.
-
-    ``contact`` names the boundary parts that ``h_contact`` refines.
-    """
-    origin = type(geometry).__name__.lower()
-
-    def make() -> MeshData:
-        from contact_locking.meshes import build
-
-        with build(geometry, contact=contact) as model:
-            mesh = extract(model, origin)
-        if not mesh.kind.is_simplex:
-            check_cells(mesh)
-        return mesh
-
-    def made() -> Domain:
-        return sound(on_first_rank(comm, make), comm, origin, geometry.bodies)
-
-    return with_key("mesh.builder", made)
-
-
-def from_file(path: Path, comm: MPI.Intracomm, touching: Touching = ()) -> Domain:
-    """Read a Gmsh file with named physical groups on rank 0 and distribute it; collective.
-
-    ``touching`` are pairs of boundary parts that may touch each other without shared nodes.  Cells
-    of second order are read by their corners, with a warning.
-    Raises InputError if the file cannot be read, if the cells are not of one kind and of first or
-    second order, and if the mesh is not a body.
-    """
-
-    def made() -> Domain:
-        return from_arrays(on_first_rank(comm, lambda: read(path)), comm, str(path), touching)
-
-    return with_key("mesh.file", made)
-
-
-def from_arrays(
-    data: MeshData, comm: MPI.Intracomm, origin: str, touching: Touching = ()
-) -> Domain:
-    """Check and distribute a mesh, which rank 0 has and messages call ``origin``; collective."""
-    with about(origin):
-        check_arrays(comm, data)
-        made = distribute(comm, data)
-        cells = DistributedCells(made.mesh, made.numbers)
-        groups, warnings = made.groups, data.warnings
-        return diagnosed(made.mesh, cells, made.regions, groups, origin, touching, warnings)
 
 
 @contextmanager

@@ -39,6 +39,6 @@ def _others(problem: DiscreteProblem) -> Iterator[tuple[str, str]]:
         yield "penalty.n", "an infinite n"
     for contact in problem.contacts:
         if not contact.regularisation > 0.0:
-            yield f"{contact.key}.friction.regularisation", "friction that is not smooth"
+            yield contact.given.friction_key("regularisation"), "friction that is not smooth"
     if not penalty.epsilon > 0.0:
         yield "penalty.epsilon", "contact without a compliance"

@@ -10,13 +10,13 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import time
 from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
 import numpy as np
 from dolfinx import mesh as dmesh
-from pydantic import ValidationError
 
 from contact_locking.arrays import BoolArray
 from contact_locking.certificate.laws import ENTRY
@@ -36,96 +36,18 @@ from contact_locking.process.refinement import (
     marked_cells,
     squared_contributions,
 )
+from contact_locking.process.settings import Adaptation
 from contact_locking.results.solution import Solution
-from contact_locking.study_file.parameters.numerics import AdaptParameters
-from contact_locking.values.concept import faults_of
 
 S = TypeVar("S", bound=Solution)
 # The error has to fall below this share of itself in so many meshes.
 _LEAST_FALL, _MESHES = 0.95, 4
 
 
-class MeshSequence:
-    """The meshes of the loop with their errors, and the reason for its end.
-
-    ``meshes`` has an entry for each mesh, as in summary.json.
-    ``stopped`` is empty as long as the loop goes on.
-    """
-
-    def __init__(self, given: AdaptParameters) -> None:
-        self.given = given
-        self.meshes: list[dict[str, Any]] = []
-        self.stopped = ""
-        self.is_reached = False
-        self._began = time.perf_counter()
-
-    def add(self, solution: Solution) -> None:
-        """Add the solution on a further mesh, and decide whether the loop goes on."""
-        summary, now = solution.summary, time.perf_counter()
-        entry = summary["certificate"]["errors"]["mesh"]
-        error = entry["relative"]
-        self.meshes.append(
-            {
-                "dofs": summary["dofs"],
-                "cells": summary["cells"],
-                "estimate": error,
-                "tangents": summary["iterations"]["tangents"],
-                "seconds": now - self._began,
-            }
-        )
-        self._began = now
-        criteria = summary["certificate"]["criteria"]
-        broken = {name for name, item in criteria.items() if not item["holds"]}
-        if entered_places(solution) and (solution.converged or broken == {ENTRY}):
-            pass  # No error on this mesh tells of a foundation that enters between the nodes.
-        elif not solution.converged:
-            self.stop("the solve on this mesh did not converge")
-        elif error is None:
-            # A body at rest has no relative error.
-            self.is_reached = bool(summary["elastic_energy"] == 0.0)
-            reason = f"no error: {entry.get('reason')}"
-            self.stop("the body is at rest" if self.is_reached else reason)
-        elif error <= self.given.tolerance:
-            self.is_reached = True
-            self.stop("the estimate is below the tolerance")
-        if len(self.meshes) >= self.given.max_meshes:
-            self.stop(f"adapt.max_meshes, {self.given.max_meshes}, is reached")
-
-    def stop(self, reason: str) -> None:
-        """End the loop, for the first of several reasons."""
-        self.stopped = self.stopped or reason
-
-    def summary(self) -> dict[str, Any]:
-        """The entry ``adapt`` of summary.json."""
-        return {
-            "tolerance": self.given.tolerance,
-            "reached": self.is_reached,
-            "stopped": self.stopped or None,
-            "meshes": [dict(entry) for entry in self.meshes],
-        }
-
-    def in_words(self) -> str:
-        """The last mesh in words."""
-        last = self.meshes[-1]
-        error = last["estimate"]
-        shown = "no error" if error is None else f"estimate {100.0 * error:.3g} %"
-        return (
-            f"{last['dofs']} unknowns, {shown}, {last['tangents']} tangents, "
-            f"{last['seconds']:.1f} s"
-        )
-
-    @property
-    def stagnates(self) -> bool:
-        """Whether the error has hardly fallen over the last meshes."""
-        errors = [entry["estimate"] for entry in self.meshes[-_MESHES:]]
-        is_known = len(errors) == _MESHES and None not in errors
-        return is_known and errors[-1] > _LEAST_FALL * errors[0]
-
-
 def adapted(
     solve_on: Callable[[Domain], S],
     domain: Domain,
-    given: AdaptParameters,
+    given: Adaptation,
     monitor: Monitor,
     curved: tuple[Curved, ...] = (),
 ) -> Iterator[S]:
@@ -140,21 +62,88 @@ def adapted(
             "triangles or tetrahedra (mesh.cells: simplex), or leave out adapt",
             "adapt",
         )
-    sequence, began = MeshSequence(given), time.perf_counter()
+    meshes: list[dict[str, Any]] = []
+    began = since = time.perf_counter()
     finer: Domain | None = domain
     while finer is not None:
         domain = finer
         solution = solve_on(domain)
-        sequence.add(solution)
-        finer = _refined(domain, solution, sequence, curved)
-        monitor.mesh(len(sequence.meshes), sequence.in_words())
-        if sequence.stopped and not sequence.is_reached:
-            text = "the meshes were not refined until adapt.tolerance was reached: "
-            told = [*solution.summary["warnings"], text + sequence.stopped]
-            solution = solution.telling(warnings=told)
-            monitor.message(f"warning: {text}{sequence.stopped}")
-        seconds = time.perf_counter() - began
-        yield solution.telling(adapt=sequence.summary(), wall_seconds=seconds)
+        summary, now = solution.summary, time.perf_counter()
+        error = summary["certificate"]["errors"]["mesh"]["relative"]
+        entry = {name: summary[name] for name in ("dofs", "cells")} | {"estimate": error}
+        tangents = summary["iterations"]["tangents"]
+        meshes.append(entry | {"tangents": tangents, "seconds": now - since})
+        shown = "no error" if error is None else f"estimate {100.0 * error:.3g} %"
+        words = f"{entry['dofs']} unknowns, {shown}, {tangents} tangents, {now - since:.1f} s"
+        since = now
+        is_reached, stopped = _end(solution, given)
+        if len(meshes) >= given.max_meshes:
+            stopped = stopped or f"adapt.max_meshes, {given.max_meshes}, is reached"
+        errors = [entry["estimate"] for entry in meshes[-_MESHES:]]
+        stagnates = len(errors) == _MESHES and None not in errors
+        stagnates = stagnates and errors[-1] > _LEAST_FALL * errors[0]
+        try:
+            finer = None
+            if not stopped:
+                finer = _refined(domain, solution, given, stagnates, curved)
+        except NotRefined as reason:
+            stopped = str(reason)
+        monitor.mesh(len(meshes), words)
+        if stopped and not is_reached:
+            text = f"the meshes were not refined until adapt.tolerance was reached: {stopped}"
+            solution = solution.telling(warnings=[*summary["warnings"], text])
+            monitor.message(f"warning: {text}")
+        about = {"tolerance": given.tolerance, "reached": is_reached, "stopped": stopped or None}
+        yield solution.telling(
+            adapt={**about, "meshes": [dict(entry) for entry in meshes]},
+            wall_seconds=time.perf_counter() - began,
+        )
+
+
+def _end(solution: Solution, given: Adaptation) -> tuple[bool, str]:
+    """Whether the mesh is fine enough, and why the loop ends here, empty if it goes on."""
+    certificate = solution.summary["certificate"]
+    estimate, criteria = certificate["errors"]["mesh"], certificate["criteria"]
+    broken = {name for name, item in criteria.items() if not item["holds"]}
+    if entered_places(solution) and (solution.converged or broken == {ENTRY}):
+        # No error on this mesh tells of a foundation that enters between the nodes.
+        return False, ""
+    if not solution.converged:
+        return False, "the solve on this mesh did not converge"
+    if estimate["relative"] is None:
+        # A body at rest has no relative error.
+        if solution.summary["elastic_energy"] == 0.0:
+            return True, "the body is at rest"
+        return False, f"no error: {estimate.get('reason')}"
+    if estimate["relative"] <= given.tolerance:
+        return True, "the estimate is below the tolerance"
+    return False, ""
+
+
+def _refined(
+    domain: Domain,
+    solution: Solution,
+    given: Adaptation,
+    stagnates: bool,
+    curved: tuple[Curved, ...],
+) -> Domain:
+    """The next mesh; collective.  Raises NotRefined."""
+    found = gather_cells(domain, squared_contributions(solution))
+    entered = entered_places(solution)
+
+    def marks(data: MeshData) -> BoolArray:
+        assert found is not None
+        if stagnates and not entered:
+            sizes = longest_edges(data.points, data.cells.nodes)
+            least = int(np.argmin(sizes))
+            centre = places.at(data.points[data.cells.nodes[least]].mean(axis=0))
+            raise NotRefined(
+                "the error has hardly fallen over the last meshes; the smallest cells, of size "
+                f"{sizes[least]:.2g}, are at {centre}, where the solution may be singular"
+            )
+        return marked_cells(found, given.share) | cells_at(entered, data)
+
+    return finer_mesh(domain, solution, marks, given.max_dofs, curved)
 
 
 def adapt(
@@ -162,6 +151,7 @@ def adapt(
     tolerance: float,
     mesh: dmesh.Mesh,
     tags: dmesh.MeshTags | None = None,
+    cells: dmesh.MeshTags | None = None,
     **limits: float,
 ) -> Iterator[Solution]:
     """Solutions on finer meshes until ``|u - u_h|_a <= tolerance |u|_a`` by estimate; collective.
@@ -172,64 +162,55 @@ def adapt(
     Parameters
     ----------
     make_problem
-        ``make_problem(mesh)``, with tags ``make_problem(mesh, tags)``, returns the ContactProblem
-        on a mesh; R of friction needs a radius, as its default is that of the mesh
+        ``make_problem(mesh)`` returns the ContactProblem on a mesh; it gets ``tags`` and ``cells``
+        of this mesh as further arguments, where the first mesh has them; R of friction needs a
+        radius, as its default is that of the mesh
     tolerance
         the relative error at which the mesh is fine enough
-    mesh, tags
-        the first mesh, and tags of facets on its boundary, which pass to finer meshes
+    mesh, tags, cells
+        the first mesh, tags of facets on its boundary and tags of its cells, which pass to finer
+        meshes
     limits
-        ``share``, ``max_dofs`` and ``max_meshes``, as in the section ``adapt`` of a study file
+        ``share``, ``max_dofs`` and ``max_meshes`` of :class:`Adaptation`
     """
-    values = set[int]() if tags is None else {int(value) for value in tags.values}
-    names = {str(value): value for value in sorted(set().union(*mesh.comm.allgather(values)))}
+    given = Adaptation(tolerance=tolerance, **limits)
+    names, regions = (
+        {str(value): value for value in _values(found, mesh)} for found in (tags, cells)
+    )
     places = NamedFacets(mesh, tags, names)
     for name in names:
         places.add(name, "tags")
+    domain = places.domain()
+    if cells is not None:
+        numbers = domain.cell_tags.values.copy()
+        # A cell without a tag has the number 0, which may be a tag of others.
+        numbers[cells.indices] = 1 + np.searchsorted([*regions.values()], cells.values)
+        found = dmesh.meshtags(mesh, domain.dim, domain.cell_tags.indices, numbers)
+        named = {name: number for number, name in enumerate(regions, start=1)}
+        domain = dataclasses.replace(domain, cell_tags=found, cell_names=named)
 
     def solve_on(domain: Domain) -> Solution:
-        found = domain.facet_tags
-        value = {mark: names[name] for name, marks in domain.facet_names.items() for mark in marks}
-        marks = np.array([value[mark] for mark in found.values], dtype=np.int32)
-        own = dmesh.meshtags(domain.mesh, domain.dim - 1, found.indices, marks)
-        problem = make_problem(domain.mesh, *(() if tags is None else (own,)))
+        made, known = [], domain.facet_names
+        facets = {mark: names[name] for name, marks in known.items() for mark in marks}
+        in_cells = {number: regions[name] for name, number in domain.cell_names.items()}
+        for given, dim, found, values in (
+            (tags, domain.dim - 1, domain.facet_tags, facets),
+            (cells, domain.dim, domain.cell_tags, in_cells),
+        ):
+            if given is not None:
+                tagged = np.isin(found.values, [*values])
+                marks = np.array([values[mark] for mark in found.values[tagged]], dtype=np.int32)
+                made.append(dmesh.meshtags(domain.mesh, dim, found.indices[tagged], marks))
+        problem = make_problem(domain.mesh, *made)
         if problem.domain.mesh is not domain.mesh:
             raise InputError("must return a problem on the mesh that it is given", "make_problem")
         with contextlib.closing(problem):
             return problem.solve()
 
-    try:
-        given = AdaptParameters.model_validate({"tolerance": tolerance, **limits})
-    except ValidationError as error:
-        fault = faults_of(error)[0]
-        raise InputError(fault.message, str(fault.place[0])) from error
-    return adapted(solve_on, places.domain(), given, Monitor())
+    return adapted(solve_on, domain, given, Monitor())
 
 
-def _refined(
-    domain: Domain, solution: Solution, sequence: MeshSequence, curved: tuple[Curved, ...]
-) -> Domain | None:
-    """The next mesh; None, with the reason in ``sequence``, if there is none; collective."""
-    given = sequence.given
-    if sequence.stopped:
-        return None
-    found = gather_cells(domain, squared_contributions(solution))
-    entered = entered_places(solution)
-
-    def marks(data: MeshData) -> BoolArray:
-        assert found is not None
-        if sequence.stagnates and not entered:
-            sizes = longest_edges(data.points, data.cells.nodes)
-            least = int(np.argmin(sizes))
-            centre = places.at(data.points[data.cells.nodes[least]].mean(axis=0))
-            raise NotRefined(
-                "the error has hardly fallen over the last meshes; the smallest cells, of size "
-                f"{sizes[least]:.2g}, are at {centre}, where the solution may be singular"
-            )
-        return marked_cells(found, given.share) | cells_at(entered, data)
-
-    try:
-        return finer_mesh(domain, solution, marks, given.max_dofs, curved)
-    except NotRefined as reason:
-        sequence.stop(str(reason))
-        return None
+def _values(tags: dmesh.MeshTags | None, mesh: dmesh.Mesh) -> list[int]:
+    """The values of tags, the same on all ranks; collective."""
+    values = set[int]() if tags is None else {int(value) for value in tags.values}
+    return sorted(set().union(*mesh.comm.allgather(values)))

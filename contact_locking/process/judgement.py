@@ -8,9 +8,9 @@ import dolfinx
 import numpy as np
 from dolfinx import fem
 
-from contact_locking.certificate import Certificate
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.certificate.verdict import Certificate
 from contact_locking.fields import plausibility
 from contact_locking.parallel import maximum
 from contact_locking.results.between_nodes import uncovered_entry

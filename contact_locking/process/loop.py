@@ -19,7 +19,7 @@ import time as clocks
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from dolfinx import fem
 
@@ -30,8 +30,9 @@ from contact_locking.errors import InputError, Misplaced, ProcessEnded
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.process.settings import Steps
 from contact_locking.process.timeline import Timeline
-from contact_locking.results.probe_table import ProbeSample
+from contact_locking.results.probe_points import ProbeSample
 from contact_locking.results.quantities import columns, components
 from contact_locking.results.solution import Solution, State
 from contact_locking.results.table import Row, Table
@@ -107,7 +108,8 @@ S_co = TypeVar("S_co", bound=Solution, covariant=True)
 class Solvable(Protocol[S_co]):
     """A problem with its solver, as drivers take it; all methods are collective."""
 
-    solver: ProblemSolver
+    @property
+    def solver(self) -> ProblemSolver: ...
 
     def refresh(self) -> None:
         """Put the present data into ``solver``.  Raises InputError for those of no use."""
@@ -130,17 +132,11 @@ class Process(Iterator[S]):
     ----------
     problem
         a :class:`~contact_locking.contact_problem.ContactProblem`
-    times
-        the times of the steps; the time before is 0, or the first of them if that is earlier
+    steps
+        the :class:`Steps`, or their times; the time before is 0, or the first if that is earlier
     time
         the time in data beside expressions of t: a constant of DOLFINx, or a function that puts
         the data to a time
-    least
-        the shortest step: one that does not converge is halved down to it; None for 1/64 of a
-        step, and 1/8 where a proof says that nothing can follow the step
-    on_failure
-        where the least step fails: "fail" ends with the state that it reached, and "stop" with the
-        last step that was solved
     restart
         a folder with a checkpoint of a step, from which, judged again, the process goes on
     """
@@ -148,10 +144,8 @@ class Process(Iterator[S]):
     def __init__(
         self,
         problem: Solvable[S],
-        times: Sequence[float],
+        steps: Steps | Sequence[float],
         time: fem.Constant | Callable[[float], object] | None = None,
-        least: float | None = None,
-        on_failure: Literal["fail", "stop"] = "fail",
         restart: str | Path | None = None,
     ) -> None:
         self.problem, self.history = problem, Table()
@@ -160,11 +154,12 @@ class Process(Iterator[S]):
         own = partial(setattr, time, "value") if is_constant else time
         self._set_time = None if time is None else own
         self._solver, self._monitor = problem.solver, problem.solver.monitor
-        self._timeline = Timeline(times, least)
+        steps = steps if isinstance(steps, Steps) else Steps(times=tuple(steps))
+        self._timeline = Timeline(steps)
         self._planned = self._timeline.left
-        self._stops = on_failure == "stop"
+        self._stops = steps.on_failure == "stop"
         self._halved: tuple[str, ...] = ()
-        self._is_unbalanced, self._follows_branch, self._seconds = False, True, 0.0
+        self._is_unbalanced, self._follows_branch = False, True
         self._probes: tuple[ProbeSample, ...] = ()
         self._solutions = self._solve([] if restart is None else saved_steps(Path(restart)))
 
@@ -198,7 +193,6 @@ class Process(Iterator[S]):
             timeline.skip_to(step.time)
             last, before = solution.state, Moment.of(state)
             discrete.enter(last.contacts)
-        self._began, self._to_solve = clocks.perf_counter(), timeline.left
         while not timeline.is_over:
             began = clocks.perf_counter()
             at = timeline.target
@@ -264,7 +258,7 @@ class Process(Iterator[S]):
                     yield self._stopped(solution, found.summary["reason"])
                     return
             solution, before = found, after
-            seconds = self._seconds = clocks.perf_counter() - began
+            seconds = clocks.perf_counter() - began
             self.history.append(row_of(solution, self.history, at, energy, seconds))
             solution = self._with_history(solution)
             yield solution
@@ -276,11 +270,7 @@ class Process(Iterator[S]):
 
     def _solve_at(self, at: float, last: State | None) -> SolverReport:
         """Solve at the present time; collective."""
-        left, taken = self._timeline.left, clocks.perf_counter() - self._began
-        # Nothing tells how long it takes to find out how far the process can go.
-        planned = 0 if self._timeline.is_halved else self._to_solve - left
-        seconds = left * max(taken / planned, self._seconds) if planned else None
-        self._monitor.step(len(self.history) + 1, left, at, seconds)
+        self._monitor.step(len(self.history) + 1, self._timeline.left, at)
         saved = None if last is None else last.saved
         is_near = self._timeline.refused is not None
         asks = not is_near and at == self._timeline.planned and self._solver.may_lock_up

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
 from numpy.linalg import norm
 
 from contact_locking import wings
-from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.certificate.extras import USUAL, Extras
+from contact_locking.certificate.solved_state import Criterion, SolvedState
+from contact_locking.certificate.verdict import certify
 from contact_locking.fem.compiled import integral
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.penalty_method import method as penalty_method
 from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.discrete_problem import DiscreteProblem
+from contact_locking.problem.distance import distance
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.process.judgement import solution_of
 from contact_locking.results.derived import penalised
-from contact_locking.results.solution import Differentiable
+from contact_locking.results.solution import Differentiable, Solution
 from contact_locking.solver.interior_point.feasibility import Verdict, judge
 from contact_locking.solver.linear.factorised import chosen
 from contact_locking.solver.linear.options import UserOptions
@@ -174,6 +180,44 @@ class ProblemSolver:
         """The solved state with its stresses and tractions; collective."""
         self.system.set_penalty(self.problem.penalty)
         return SolvedState(self.problem, self.system, self.target, self.settings, report)
+
+    def solution(
+        self,
+        state: SolvedState,
+        criteria: Mapping[str, Criterion] | None = None,
+        extras: Extras | None = USUAL,
+        derivatives: Differentiable | None = None,
+    ) -> Solution:
+        """The solution in a state, judged by the ``criteria`` of a step as well; collective.
+
+        Without ``extras`` it has no certificate.
+        """
+        judged = None if extras is None else certify(state, extras, criteria)
+        solution = solution_of(state, judged, derivatives)
+        if extras is None or not (extras.limit and solution.converged):
+            return solution
+        measured = {"reason": "not measured for a process, whose past depends on n as well"}
+        if criteria is None:
+            measured = self._distance_to_limit(solution)
+        entry = solution.summary["certificate"]
+        errors = {**entry["errors"], "penalty_measured": measured}
+        return solution.telling(certificate={**entry, "errors": errors})
+
+    def _distance_to_limit(self, solution: Solution) -> dict[str, Any]:
+        """How far the solution for n = inf on the same mesh is from this one; collective."""
+        problem, system = self.problem, self.system
+        if problem.data.own_energy is not None:
+            return {"reason": "an energy of the user's own takes a finite n"}
+        self.monitor.message("solving for n = .inf, to measure the distance")
+        limit = dataclasses.replace(self.target, penalty=problem.penalty.inequality())
+        with system.preserved():
+            system.clear()
+            report = solve_system("auto", dataclasses.replace(self.task, target=limit), None)
+            exact = problem.u.copy()
+        system.set_penalty(problem.penalty)
+        if not report.converged:
+            return {"reason": f"not solved for n = .inf: {report.reason}"}
+        return distance(solution.displacement, exact, problem.data)
 
     def unused_options(self) -> list[str]:
         """A warning about PETSc options that no solve has used."""

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections import deque
-from collections.abc import Sequence
 
-from contact_locking.errors import InputError
+from contact_locking.process.settings import Steps
 from contact_locking.solver.task import SolverReport
 
 # Steps that differ by less than this share have the same length.
@@ -20,21 +18,16 @@ _HALVINGS, _HALVINGS_AT_LIMIT = 6, 3
 class Timeline:
     """The next time to solve at, which comes nearer after a failure.
 
-    ``done`` is the time of the last solution, at first the ``start``: 0, or the first of the
-    ``times`` if that is earlier.  A failure halves the step, down to ``least``; a success between
-    two planned times lets the next step be twice as long.  ``refused`` is the earliest time, since
+    ``done`` is the time of the last solution, at first the ``start`` of the steps.  A failure
+    halves the step, down to the least one; a success between two planned times lets the next step
+    be twice as long.  ``refused`` is the earliest time, since
     the last planned one, at which a proof shows that no displacement is admissible, with the report
     that says so.  ``failed`` has the reasons by the times that failed near it.
     """
 
-    def __init__(self, times: Sequence[float], least: float | None = None) -> None:
-        self._planned = deque(map(float, times))
-        if not self._planned or not all(a < b for a, b in itertools.pairwise(times)):
-            raise InputError("must be numbers that ascend, one at least", "times")
-        if least is not None and not least > 0.0:
-            raise InputError(f"must be None or > 0, not {least}", "least")
-        self.start = min(0.0, self.planned)
-        self._interval_start, self.done, self._least = self.start, self.start, least
+    def __init__(self, steps: Steps) -> None:
+        self._planned, self._least = deque(steps.planned), steps.least
+        self.start = self._interval_start = self.done = steps.start
         self._longest = math.inf
         self.refused: tuple[float, SolverReport] | None = None
         self.failed: dict[float, str] = {}
@@ -87,11 +80,6 @@ class Timeline:
         """Take a time at which nothing is admissible, as the report says."""
         if self.refused is None or time < self.refused[0]:
             self.refused = time, report
-
-    @property
-    def is_halved(self) -> bool:
-        """Whether failures have come between the last planned time and the next."""
-        return self._longest < math.inf
 
     def fail(self) -> bool:
         """The solve at the target has failed; False if the step must not be halved."""

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from contact_locking.errors import InputError
-from contact_locking.study_file.dump import HEADER
 
+#: The first line of every file with the parameters of a run or of a study.
+HEADER = "# All parameters, written by contact_locking\n"
 #: The key of the study file with the folder.
 KEY = "output.directory"
 SUMMARY, PARAMETERS, FIELDS = "summary.json", "parameters.yaml", "fields.bp"

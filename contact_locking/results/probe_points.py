@@ -14,7 +14,7 @@ from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
-from contact_locking.study_file.parameters.numerics import Probe
+from contact_locking.results.output import Probe
 from contact_locking.values.concept import dotted
 
 # A point is in a cell if it is off the reference cell by this share at most.  Rounding alone
@@ -41,6 +41,20 @@ class ProbePoints:
 
     def __len__(self) -> int:
         return len(self.x)
+
+
+@dataclass(frozen=True)
+class ProbeSample:
+    """The fields at all k points at one time.
+
+    ``values`` maps the name of a column to (k,) on rank 0 and to nothing on the other ranks.
+    ``step`` counts from 1; it is 0 without steps.
+    """
+
+    points: ProbePoints
+    values: dict[str, FloatArray]
+    step: int = 0
+    time: float = 0.0
 
 
 def locate(domain: Domain, probes: Sequence[Probe]) -> ProbePoints:

@@ -3,44 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import AXES, FloatArray
-from contact_locking.results.probe_points import ProbePoints
+from contact_locking.results.probe_points import ProbePoints, ProbeSample
+from contact_locking.results.solution import Solution
 from contact_locking.results.table import Table
 
 
-@dataclass(frozen=True)
-class ProbeSample:
-    """The fields at all k points at one time.
-
-    ``values`` maps the name of a column to (k,) on rank 0 and to nothing on the other ranks.
-    ``step`` counts from 1; it is 0 without steps.
-    """
-
-    points: ProbePoints
-    values: dict[str, FloatArray]
-    step: int = 0
-    time: float = 0.0
-
-
-def sample(
-    points: ProbePoints,
-    displacement: fem.Function,
-    strain_norm: fem.Function,
-    elastic_stress: fem.Function,
-    locking_stress: fem.Function,
-) -> ProbeSample:
+def sample(points: ProbePoints, solution: Solution) -> ProbeSample:
     """The fields at the points; collective.
 
     The columns ``stress`` are the whole stress, ``A eps(u) + Z``, with the hoop stress of an
     axisymmetric body.
     """
-    dim, size = points.x.shape[1], elastic_stress.ufl_shape[0]
+    dim, size = points.x.shape[1], solution.elastic_stress.ufl_shape[0]
     axes = AXES[:dim]
     pairs = {f"{axes[i]}{axes[j]}": (i, j) for i in range(dim) for j in range(i, dim)}
     if size > dim:
@@ -52,17 +32,17 @@ def sample(
         *(f"stress_{pair}" for pair in pairs),
         *(f"locking_stress_{pair}" for pair in pairs),
     ]
-    elastic, locking = (_local_values(points, field) for field in (elastic_stress, locking_stress))
+    stresses = (solution.elastic_stress, solution.locking_stress)
+    elastic, locking = (_local_values(points, field) for field in stresses)
     own = np.column_stack(
         [
-            _local_values(points, displacement),
-            _local_values(points, strain_norm),
+            _local_values(points, solution.displacement),
+            _local_values(points, solution.strain_norm),
             (elastic + locking)[:, places],
             locking[:, places],
         ]
     )
-    comm = displacement.function_space.mesh.comm
-    parts = comm.gather((points.own, own))
+    parts = solution.domain.comm.gather((points.own, own))
     if parts is None:
         return ProbeSample(points, {})
     whole = np.empty((len(points), len(names)))

@@ -24,10 +24,9 @@ if TYPE_CHECKING:
     from contact_locking.mesh.domain import Domain
     from contact_locking.problem.forms import ProblemData
     from contact_locking.results.derived import ContactFields
-    from contact_locking.results.probe_table import ProbeSample
+    from contact_locking.results.probe_points import ProbeSample
     from contact_locking.solver.multipliers import Multipliers
     from contact_locking.solver.task import SavedState
-    from contact_locking.study_file.parameters import Parameters
 
 
 @dataclass(frozen=True)
@@ -147,12 +146,9 @@ class Solution:
     def converged(self) -> bool:
         return bool(self.summary["converged"])
 
-
-@dataclass(frozen=True, kw_only=True)
-class StudySolution(Solution):
-    """The solution of a problem from a study file, or of one of its steps."""
-
-    parameters: Parameters
+    def fingerprint(self) -> str:
+        """What tells the problem from others, for restarts; empty for a problem of a script."""
+        return ""
 
 
 def summary_text(summary: Mapping[str, Any]) -> str:

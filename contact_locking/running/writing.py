@@ -7,8 +7,10 @@ import ctypes
 import gc
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from mpi4py import MPI
 
@@ -19,27 +21,27 @@ from contact_locking.files.lock import make_folders
 from contact_locking.process.checkpoint import stored as checkpoints
 from contact_locking.results import fields, names, probe_table
 from contact_locking.results.contact_points import facets_table
+from contact_locking.results.output import Output
 from contact_locking.results.output_folder import explained_in, on_root_of
-from contact_locking.results.solution import Solution, StudySolution, summary_text
+from contact_locking.results.probe_points import locate
+from contact_locking.results.probe_table import sample
+from contact_locking.results.solution import Solution, summary_text
 from contact_locking.results.table import Table
-from contact_locking.study_file.parameters.numerics import OutputParameters
+from contact_locking.study.solution import StudySolution
+
+S = TypeVar("S", bound=Solution)
 
 
-class FieldSeries(contextlib.AbstractContextManager["FieldSeries"]):
+class FieldSeries(contextlib.ExitStack):
     """fields.bp of a process, which grows in a staging folder from step to step; collective."""
 
     def __init__(self, directory: Path, comm: MPI.Intracomm) -> None:
+        super().__init__()
         self._target, self._comm = directory, comm
-        self._stack = contextlib.ExitStack()
+        self._path = self.enter_context(_staging(comm, directory)) / names.FIELDS
         self._series: fields.Series | None = None
-
-    def __enter__(self) -> FieldSeries:
-        self._path = self._stack.enter_context(_staging(self._comm, self._target)) / names.FIELDS
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._series = None
-        self._stack.close()
+        # ADIOS2 closes its files before the folder goes.
+        self.callback(setattr, self, "_series", None)
 
     def add(self, solution: Solution) -> None:
         """Add the fields of a step with its time; collective."""
@@ -61,18 +63,30 @@ class FieldSeries(contextlib.AbstractContextManager["FieldSeries"]):
         return self._path
 
 
+def completed(solution: S, output: Output) -> S:
+    """A solution with the probes and the labels of units of ``output``; collective."""
+    domain = solution.domain
+    if output.probes and not solution.probes:
+        taken = sample(locate(domain, output.probes), solution)
+        now = replace(taken, step=len(solution.history), time=solution.time)
+        solution = replace(solution, probes=(now,))
+    labels = output.labels(domain.dim, domain.axisymmetric)
+    return solution.telling(units=labels) if labels else solution
+
+
 def write(
     solution: Solution,
     directory: str | Path,
+    output: Output | None = None,
     checkpoint: bool = False,
     series: Path | None = None,
 ) -> list[str]:
     """Write all files of a solution and return the warnings, the same on all ranks; collective.
 
     The files are summary.json, contact.csv and contact_facets.csv, and parameters.yaml for a
-    study.  The section ``output`` of a study, or its defaults, adds
-    fields.bp or fields.xdmf, and picture.png; ``checkpoint`` adds the folder checkpoint.  A step of
-    a process adds history.csv.  ``series``, the file of a `FieldSeries`, is fields.bp in place of
+    study.  ``output``, by default the section of a study, adds fields.bp or fields.xdmf,
+    picture.png and probes.csv; ``checkpoint`` adds the folder checkpoint.  A step of a process adds
+    history.csv.  ``series``, the file of a `FieldSeries`, is fields.bp in place of
     the fields of this step.  The files are written into a staging folder and moved when all are
     complete.  They replace the results of an earlier run in the folder, also those that this one
     does not have; all other files stay.
@@ -84,9 +98,11 @@ def write(
     """
     require_kind(solution, Solution, "a solution", "solution")
     comm, target = solution.domain.comm, Path(directory)
-    wanted = OutputParameters()
-    if isinstance(solution, StudySolution):
-        wanted = solution.parameters.output
+    if output is None:
+        output = Output()
+        if isinstance(solution, StudySolution):
+            output = solution.parameters.output
+    solution = completed(solution, output)
     warnings: list[str] = []
     refused: list[str] = []
     return_freed_memory()
@@ -94,15 +110,15 @@ def write(
     with _staging(comm, target) as staging:
         if series is not None:
             on_root_of(comm, target, partial(series.rename, staging / names.FIELDS))
-        elif wanted.fields and "vtx" in wanted.formats:
+        elif output.fields and "vtx" in output.formats:
             with FieldSeries(target, comm) as own:
                 own.add(solution)
                 made = own.finish()
                 on_root_of(comm, target, partial(made.rename, staging / names.FIELDS))
-        if wanted.fields and "xdmf" in wanted.formats:
+        if output.fields and "xdmf" in output.formats:
             with _explained_alone(target, comm):
                 fields.write_xdmf(solution, staging / names.XDMF, comm)
-        for draw in wings.PICTURES if wanted.picture else ():
+        for draw in wings.PICTURES if output.picture else ():
             try:
                 warnings += draw(solution, staging)
             except NoRoom as error:
@@ -120,7 +136,7 @@ def write(
 
         on_root_of(comm, target, finish)
     for number, other in enumerate(solution.others, start=2):
-        warnings += write(other, target / names.folder_of(number), checkpoint)
+        warnings += write(other, target / names.folder_of(number), output, checkpoint)
     if refused:
         raise NoRoom(f"{'; '.join(refused)}; all other results are in {target}\n{MAKE_ROOM}")
     return warnings

@@ -15,7 +15,6 @@ from pydantic import BeforeValidator, Field, Tag, model_validator
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.shapes.shape import Shape
-from contact_locking.shapes.tool_files import MOST_CORNERS, read_corners, read_surface
 from contact_locking.values.concept import (
     LIST,
     ONLY,
@@ -31,6 +30,8 @@ from contact_locking.values.kinds import Number, Positive, Switch, ToolFile, lis
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+# A longer polyline is not read.
+_MOST_CORNERS = 10_000
 # As many distances between points and segments are computed at once.
 _AT_ONCE = 1 << 20
 # A ray runs along a facet if the cosine of its angle with the normal is smaller, and a ray that
@@ -123,7 +124,7 @@ class FacetedFoundation(Shape):
 
 _Corners = Annotated[
     tuple[Annotated[tuple[Number, ...], Components(2)], ...],
-    Field(min_length=2, max_length=MOST_CORNERS),
+    Field(min_length=2, max_length=_MOST_CORNERS),
     Tag(LIST),
 ]
 _CornersOrFile = Annotated[
@@ -160,13 +161,14 @@ class Polyline(FacetedFoundation):
         return self.points if isinstance(self.points, str) else None
 
     def read(self, comm: MPI.Intracomm) -> Polyline:
-        # A study file is read without MPI.
+        # A study file is read without MPI, and few shapes are those of files.
         from contact_locking.parallel import on_root
+        from contact_locking.shapes.tool_files import read_corners
 
         found: Polyline = self
         if self.file is not None:
             path = Path(self.file)
-            found = Polyline(on_root(comm, lambda: read_corners(path)))
+            found = Polyline(on_root(comm, lambda: read_corners(path, _MOST_CORNERS)))
         if len(found.corners) < 2:
             raise InputError("has no segment: give at least two corners at different places")
         if (crossing := found.crossing()) is not None:
@@ -305,6 +307,7 @@ class TriangulatedSurface(FacetedFoundation):
 
     def read(self, comm: MPI.Intracomm) -> TriangulatedSurface:
         from contact_locking.parallel import on_root
+        from contact_locking.shapes.tool_files import read_surface
 
         if self.file is None:
             return self

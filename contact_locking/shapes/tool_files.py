@@ -24,8 +24,6 @@ ENDINGS = (".csv", ".npy")
 _MOST = 1_000_000
 # Coordinates of one line of the grid may differ by this share of the length of the grid.
 _SAME = 1e-6
-#: A longer polyline is not read.
-MOST_CORNERS = 10_000
 # A binary file has a head of 80 bytes and the number of triangles, and then 50 bytes for each:
 # normal, three corners, and two bytes that nobody uses.
 _HEAD, _RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
@@ -211,14 +209,14 @@ def _lines(values: FloatArray) -> tuple[FloatArray, IntArray]:
     return ascending[np.append(True, steps)], number
 
 
-def read_corners(path: Path) -> FloatArray:
+def read_corners(path: Path, most: int) -> FloatArray:
     """The corners (m, 2) in the first two columns of a CSV file.
 
     Raises InputError for a file with other things than a heading and numbers, or with too many.
     """
     numbers = _numbers(path)
-    if numbers.shape[1] < 2 or len(numbers) > MOST_CORNERS:
-        raise InputError(f"{path} has no two columns x, y of at most {MOST_CORNERS} corners")
+    if numbers.shape[1] < 2 or len(numbers) > most:
+        raise InputError(f"{path} has no two columns x, y of at most {most} corners")
     return numbers[:, :2]
 
 

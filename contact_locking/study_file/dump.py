@@ -8,13 +8,11 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
 
+from contact_locking.results.names import HEADER
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.mesh import MeshParameters
 from contact_locking.values.concept import ONLY, Concept
 from contact_locking.values.value import Value
-
-#: The first line of every file with the parameters of a run or of a study.
-HEADER = "# All parameters, written by contact_locking\n"
 
 
 def dump(parameters: Parameters) -> str:

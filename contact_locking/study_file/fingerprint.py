@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from contact_locking.contact.rigid_body import Foundation
+from contact_locking.files.readable import file_digest
 from contact_locking.mesh.file.xdmf_grids import data_file, is_xdmf
 from contact_locking.study_file.parameters import Parameters
 
@@ -16,12 +17,6 @@ from contact_locking.study_file.parameters import Parameters
 _DIGITS = 16
 # The sections that define a solution, beside contact and friction.
 _PROBLEM = ("mesh", "discretisation", "material", "loads", "steps", "tables", "penalty")
-
-
-def file_digest(path: str) -> str:
-    """The SHA-256 of a file's content. Raises OSError."""
-    with Path(path).open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_digest) -> str:
@@ -90,12 +85,12 @@ def mesh_identity(
 
     Raises OSError if the file cannot be read.
     """
-    if parameters.mesh.file is not None:
-        path, others = parameters.mesh.file, parameters.mesh.model_dump()
-        del others["file"]
-        files = [path, str(data_file(Path(path)))] if is_xdmf(path) else [path]
-        return {"content": " ".join(map(digest, files)), **json.loads(json.dumps(others))}
-    return dict(json.loads(json.dumps(parameters.mesh.model_dump())))
+    data: dict[str, Any] = json.loads(json.dumps(parameters.mesh.model_dump()))
+    if parameters.mesh.file is None:
+        return data
+    path = data.pop("file")
+    files = [path, str(data_file(Path(path)))] if is_xdmf(path) else [path]
+    return {"content": " ".join(map(digest, files)), **data}
 
 
 def _short(data: Mapping[str, Any]) -> str:

@@ -97,7 +97,8 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> StudyFile:
     parameters, faults = _check(source.data, Path(path).parent)
     if parameters is None:
         keyed = [(_key(fault), fault.message) for fault in faults]
-        keyed.sort(key=lambda fault: _line(source.origin(fault[0])))
+        origins = {key: source.origin(key) for key, _ in keyed}
+        keyed.sort(key=lambda fault: line if isinstance(line := origins[fault[0]], int) else 0)
         lines = [source.explain(message, key) for key, message in keyed]
         raise InputError(_listed(lines, source.explain(_MORE, "")))
     size = Path(path).stat().st_size + sum(map(len, overrides))
@@ -144,10 +145,6 @@ def _listed(lines: list[str], more: str) -> str:
     return "\n".join(lines if len(lines) < MOST_FAULTS else [*lines[:MOST_FAULTS], more])
 
 
-def _line(origin: int | str | None) -> int:
-    return origin if isinstance(origin, int) else 0
-
-
 def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[Fault]]:
     """The parameters, or the faults of the file and of all cases of its study."""
     parameters, faults = _validate(data, folder)
@@ -168,16 +165,12 @@ def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[
             told = tell(fault.message, _key(fault)) if fault.place else fault.message
             wrong.setdefault(told, []).append(shown)
     if wrong:
-        listed = [f"{_in_cases(shown)}: {told}" for told, shown in wrong.items()]
-        return None, [Fault(("study",), text) for text in listed[:MOST_FAULTS]]
+        listed = []
+        for told, (first, *others) in wrong.items():
+            count = f" and {len(others)} other{'s' * (len(others) > 1)}" if others else ""
+            listed.append(Fault(("study",), f"in the case {first}{count}: {told}"))
+        return None, listed[:MOST_FAULTS]
     return parameters, []
-
-
-def _in_cases(shown: Sequence[str]) -> str:
-    """The cases with a fault: the first one, and the number of the others."""
-    first, more = shown[0], len(shown) - 1
-    others = f" and {more} other{'s' * (more > 1)}" if more else ""
-    return f"in the case {first}{others}"
 
 
 def _too_much(data: dict[str, Any], cases: Sequence[Mapping[str, Any]]) -> Fault | None:
@@ -208,6 +201,3 @@ def _validate(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, li
         return Parameters.model_validate(data, context=folder), []
     except ValidationError as error:
         return None, faults_of(error, _message)
-    except UnicodeEncodeError as error:
-        lone = ascii(error.object[error.start : error.end])
-        return None, [Fault((), f"there is text with {lone}, which is no character")]

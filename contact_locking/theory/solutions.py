@@ -8,14 +8,15 @@ from typing import Any
 
 from dolfinx import fem
 
-from contact_locking.certificate.verdict import Extras
+from contact_locking.certificate.extras import Extras
 from contact_locking.contact_problem import ContactProblem
-from contact_locking.process.assembly import StudyProblem
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.process.solving import SolvableStudy
 from contact_locking.results import names
-from contact_locking.results.solution import Solution, StudySolution
+from contact_locking.results.solution import Solution
+from contact_locking.running.solving import SolvableStudy
 from contact_locking.solver.task import SolverReport
+from contact_locking.study.assembly import StudyProblem
+from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.dump import plain
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.source import assign
@@ -51,12 +52,12 @@ def equilibria(
     Raises InputError for present data that cannot be used, or where there is no map of the
     friction bounds.
     """
-    report = problem.report(after)
+    report, asked = problem.report(after), extras or Extras()
     if not report.converged:
-        return [problem.solution(problem.solver.state(report), extras=extras)]
+        return [problem.solver.solution(problem.solver.state(report), None, asked)]
     solutions: list[Solution] = []
     for other, index in search(problem.solver.task, report, find):
-        solution = problem.solution(problem.solver.state(other), extras=extras)
+        solution = problem.solver.solution(problem.solver.state(other), None, asked)
         solutions.append(solution.telling(index=index))
         if is_unique(solution.summary):
             break

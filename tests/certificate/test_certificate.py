@@ -12,12 +12,12 @@ from certified import certificate
 from mpi4py import MPI
 from problems import block
 
-from contact_locking.certificate import certify
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.certificate.verdict import certify
 from contact_locking.contact.smoothing import ConvolutionOperator
 from contact_locking.laws.convex import normal_part, positive_part, unit_ball_excess
 from contact_locking.penalty_method import equations
-from contact_locking.process import solving
+from contact_locking.running import solving
 
 Tamper = Callable[[SolvedState], None]
 

@@ -11,7 +11,7 @@ from problems import UNDRAWN_BLOCK
 
 from contact_locking import meshes, study_file
 from contact_locking.command import cli
-from contact_locking.process import solving
+from contact_locking.running import solving
 
 
 @pytest.fixture

@@ -112,7 +112,7 @@ def launched(tmp_path: Path, body: str) -> subprocess.CompletedProcess[str]:
     script = textwrap.dedent(
         f"""
         import sys
-        from contact_locking.process import solving
+        from contact_locking.running import solving
         from contact_locking.command import cli
         from contact_locking.errors import InputError
 

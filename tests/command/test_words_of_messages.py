@@ -15,7 +15,6 @@ from wrong_values import STUDIES_WRONG, WRONG, nested
 
 from contact_locking import InputError, from_mapping
 from contact_locking.study_file.schema import rows
-from contact_locking.values.wording import show
 
 pytestmark = pytest.mark.serial
 
@@ -68,11 +67,3 @@ def test_no_message_about_a_study_file_shows_a_value_as_python_prints_it() -> No
     told = {text for text in messages() if text}
     assert len(told) > 1000
     assert sorted(text for text in told if PYTHON.search(text)) == []
-
-
-def test_values_are_shown_as_a_study_file_has_them() -> None:
-    assert show(["left", "top"]) == "[left, top]"
-    assert show(["a b", "1", "", "null", "x: y"]) == "[a b, '1', '', 'null', 'x: y']"
-    assert show([1.0, None, True, math.inf]) == "[1, null, true, .inf]"
-    assert show([7e10, -2.1e11, 1e5, 12000.0, 1e22]) == "[7e+10, -2.1e+11, 100000, 12000, 1e+22]"
-    assert show(100000) == "100000" and show(0.0) == "0"

@@ -15,7 +15,7 @@ from contact_locking import (
     solve_steps,
 )
 from contact_locking.inverse.fit import session
-from contact_locking.process.solving import solve
+from contact_locking.running.solving import solve
 from contact_locking.study_file import from_mapping
 
 # The top of a strip [10, 3] has a node at each whole number, and a block in space at each half.

@@ -12,7 +12,7 @@ from problems import column
 
 from contact_locking import assemble, solve
 from contact_locking.certificate.balances import equilibrium
-from contact_locking.process.solving import SolvableStudy
+from contact_locking.running.solving import SolvableStudy
 
 # What is right by hand.
 

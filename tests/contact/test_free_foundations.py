@@ -17,8 +17,8 @@ from pressed_tools import HELD, NONE, UP, pressed, solved, told
 import contact_locking as cl
 from contact_locking import InputError, solve
 from contact_locking.certificate.balances import equilibrium
-from contact_locking.process.assembly import assemble
-from contact_locking.process.solving import SolvableStudy
+from contact_locking.running.solving import SolvableStudy
+from contact_locking.study.assembly import assemble
 
 PRESSED = {
     "tractions": [{"on": "right", "value": [-0.01, 0.003]}],

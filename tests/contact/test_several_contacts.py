@@ -98,7 +98,7 @@ def test_the_certificate_judges_each_contact(
     tampered: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from contact_locking.certificate.verdict import certify
-    from contact_locking.process import solving
+    from contact_locking.running import solving
 
     def tamper(state: Any, *more: Any) -> Any:
         fields = state.contacts[tampered]

@@ -18,7 +18,7 @@ from contact_locking.contact.smoothing import ConvolutionOperator
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.contact.surface_mesh import SurfaceMesh
 from contact_locking.mesh.domain import Domain
-from contact_locking.process.assembly import assemble
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 KERNELS = ("convolution", "helmholtz")

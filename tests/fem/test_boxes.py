@@ -17,8 +17,8 @@ from contact_locking import StudySolution, check, solve, study_file
 from contact_locking.errors import InputError
 from contact_locking.mesh.groups import groups
 from contact_locking.mesh.xdmf_mesh import export, from_xdmf
-from contact_locking.process.assembly import mesh_of
-from contact_locking.process.solving import solve as solve_adapted
+from contact_locking.running.solving import solve as solve_adapted
+from contact_locking.study.assembly import mesh_of
 
 DIMENSIONS = pytest.mark.parametrize("dim", [2, 3])
 PRESSURE, LIMIT, YOUNG, POISSON = 0.05, 0.02, 1.0, 0.3

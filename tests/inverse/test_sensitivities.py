@@ -13,7 +13,7 @@ import contact_locking as cl
 from contact_locking.inverse.numbers import number_at, with_number
 from contact_locking.inverse.sensitivities import in_rows, value_of
 from contact_locking.monitor import Monitor
-from contact_locking.process.solving import solve
+from contact_locking.running.solving import solve
 from contact_locking.study_file.dump import plain
 
 SHARP = {"tolerance": 1e-10, "friction_tolerance": 1e-11}

@@ -9,7 +9,7 @@ import pytest
 from mpi4py import MPI
 from problems import block
 
-from contact_locking.mesh.domain import from_geometry
+from contact_locking.mesh.sources import from_geometry
 
 
 def test_the_same_mesh_is_distributed_in_the_same_way_each_time() -> None:

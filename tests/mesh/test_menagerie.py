@@ -13,9 +13,10 @@ from mpi4py import MPI
 from msh import MeshElements, msh
 
 from contact_locking import InputError
-from contact_locking.mesh.domain import Domain, from_file
+from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file.conversion import convert
 from contact_locking.mesh.groups import groups
+from contact_locking.mesh.sources import from_file
 from contact_locking.mesh.xdmf_mesh import from_xdmf
 
 gmsh = pytest.importorskip("gmsh")

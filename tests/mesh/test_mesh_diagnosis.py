@@ -28,9 +28,9 @@ from small_meshes import (
 from contact_locking import check, solve
 from contact_locking.command import cli
 from contact_locking.errors import InputError
-from contact_locking.mesh.domain import from_file, from_geometry
 from contact_locking.mesh.file import reader
 from contact_locking.mesh.groups import Group, groups
+from contact_locking.mesh.sources import from_file, from_geometry
 from contact_locking.meshes import BUILDERS, write
 
 

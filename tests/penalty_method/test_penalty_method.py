@@ -23,8 +23,8 @@ from contact_locking.penalty_method.continuation import PenaltyPath, follow
 from contact_locking.penalty_method.equations import Equations
 from contact_locking.penalty_method.fixed_point import contraction_factor
 from contact_locking.penalty_method.newton import critical_point
-from contact_locking.process.assembly import assemble, check
-from contact_locking.process.solving import SolvableStudy
+from contact_locking.running.solving import SolvableStudy
+from contact_locking.study.assembly import assemble, check
 
 CONVOLUTION = {"coefficient": 0.3, "smoothing": {"kernel": "convolution", "radius": 0.2}}
 WEAKENING = {

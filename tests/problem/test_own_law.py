@@ -19,8 +19,8 @@ from contact_locking.errors import InputError
 from contact_locking.laws.convex import squared_norm
 from contact_locking.laws.elasticity import strain
 from contact_locking.laws.locking import locking_energy
-from contact_locking.process.assembly import StudyProblem, assemble
-from contact_locking.process.solving import solve_assembled
+from contact_locking.running.solving import solve_assembled
+from contact_locking.study.assembly import StudyProblem, assemble
 
 pytestmark = pytest.mark.serial
 

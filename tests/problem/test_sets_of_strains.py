@@ -15,10 +15,10 @@ from problems import block, column
 from slow import slow
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate import certify
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.process import solving
-from contact_locking.process.assembly import assemble
+from contact_locking.certificate.verdict import certify
+from contact_locking.running import solving
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 from contact_locking.study_file.parameters import Parameters
 

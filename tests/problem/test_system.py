@@ -9,8 +9,8 @@ from problems import block, column
 
 from contact_locking.monitor import Monitor
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.process import solving
-from contact_locking.process.assembly import StudyProblem, assemble
+from contact_locking.running import solving
+from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters
 
 

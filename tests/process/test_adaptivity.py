@@ -10,17 +10,19 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
-from dolfinx.mesh import meshtags
+from dolfinx.mesh import compute_midpoints, meshtags
 from mpi4py import MPI
 from problems import block, column
 
 import contact_locking as cl
 from contact_locking import assemble, save, solve, solve_adaptively, write
 from contact_locking.errors import InputError
+from contact_locking.fem.compiled import integral
 from contact_locking.meshes import BUILDERS
 from contact_locking.meshes import write as write_mesh
-from contact_locking.process import adaptive_meshes, solving
+from contact_locking.process import adaptive_meshes
 from contact_locking.process.checkpoint import stored as checkpoint
+from contact_locking.running import solving
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.view import report
 
@@ -223,7 +225,16 @@ def test_a_script_has_the_adapted_meshes_of_the_same_study_file(comm: MPI.Intrac
     order = np.argsort(np.concatenate(facets))
     tags = meshtags(domain.mesh, 1, np.concatenate(facets)[order], marks[order])
 
-    def make(mesh: Any, tags: Any) -> cl.ContactProblem:
+    # A third of the cells has the tag 0, a third 5, and the others have none.
+    x = compute_midpoints(domain.mesh, 2, np.arange(len(domain.parts), dtype=np.int32))[:, 0]
+    tagged = np.flatnonzero((x < 0.33) | (x > 0.67)).astype(np.int32)
+    regions = meshtags(domain.mesh, 2, tagged, np.where(x[tagged] < 0.5, 0, 5).astype(np.int32))
+    areas = []
+
+    def make(mesh: Any, tags: Any, cells: Any) -> cl.ContactProblem:
+        dx = ufl.Measure("dx", mesh, subdomain_data=cells)
+        one = fem.Constant(mesh, 1.0)
+        areas.append([integral(domain, one * dx(value)) for value in (0, 5)])
         space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
         clamp = fem.dirichletbc(
             np.zeros(2), fem.locate_dofs_topological(space, 1, tags.find(2)), space
@@ -234,6 +245,7 @@ def test_a_script_has_the_adapted_meshes_of_the_same_study_file(comm: MPI.Intrac
         elasticity = cl.Elasticity(young=1.0, poisson=0.3)
         return cl.ContactProblem(elasticity, pull, [clamp], [cl.StrainBall(0.02)], [sole])
 
-    *_, last = cl.adapt(make, 0.01, domain.mesh, tags, max_meshes=3)
+    *_, last = cl.adapt(make, 0.01, domain.mesh, tags, regions, max_meshes=3)
+    assert areas == [pytest.approx(areas[0], rel=1e-12)] * 3 and min(areas[0]) > 0.2
     assert [m["dofs"] for m in meshes(last)] == [m["dofs"] for m in meshes(expected)]
     assert last.summary["contact_force"] == pytest.approx(expected.summary["contact_force"], 1e-8)

@@ -10,9 +10,9 @@ from problems import block
 from sheared_block import all_of, sheared
 
 from contact_locking import solve_steps
-from contact_locking.process.assembly import StudyProblem
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.solver.task import SolverReport
+from contact_locking.study.assembly import StudyProblem
 
 pytestmark = pytest.mark.serial
 

@@ -10,13 +10,14 @@ from seal import seal
 from slow import slow
 
 from contact_locking import Parameters, solve, solve_steps
-from contact_locking.process.assembly import StudyProblem
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.process.settings import Steps
 from contact_locking.process.timeline import Timeline
 from contact_locking.results.in_words import verdict
-from contact_locking.results.solution import StudySolution
 from contact_locking.running.run import run
 from contact_locking.solver.task import SolverReport
+from contact_locking.study.assembly import StudyProblem
+from contact_locking.study.solution import StudySolution
 
 pytestmark = pytest.mark.serial
 
@@ -114,7 +115,7 @@ def test_what_is_impossible_is_not_tried_in_other_ways() -> None:
 
 
 def test_a_refused_time_bars_later_ones_up_to_the_next_planned_time() -> None:
-    timeline = Timeline((1.0, 2.0))
+    timeline = Timeline(Steps(times=(1.0, 2.0)))
     timeline.refuse(1.1, SolverReport(reason="too far"))
     timeline.refuse(1.0, SolverReport(reason="infeasible"))
     seen = [(timeline.target, timeline.is_barred)]

@@ -30,14 +30,14 @@ ITS_OWN = {"seconds", "residual", "nearest_criterion", "energy_defect", "linear"
 class Block:
     """The block of `sheared`, with a top that ``put`` moves to its place at a time."""
 
-    def __init__(self, comm: MPI.Intracomm = MPI.COMM_WORLD) -> None:
+    def __init__(self, comm: MPI.Intracomm = MPI.COMM_WORLD, mu: float = 0.3) -> None:
         study = cl.assemble(sheared(), comm)
         domain, space = study.domain, study.u.function_space
         self.top, self.now = fem.Constant(domain.mesh, (0.0, 0.0)), 0.0
         self.t = fem.Constant(domain.mesh, 0.0)
         pull = ufl.inner(self.t * ufl.as_vector((0.01, -0.01)), ufl.TestFunction(space))
         dofs = fem.locate_dofs_topological(space, 1, domain.facets(("top",)))
-        friction = cl.Coulomb(0.3, cl.Convolution(0.25))
+        friction = cl.Coulomb(mu, cl.Convolution(0.25))
         self.problem = cl.ContactProblem(
             cl.Elasticity(young=1.0, poisson=0.3),
             pull * ufl.dx,
@@ -82,13 +82,12 @@ def test_a_process_of_a_script_has_the_history_of_the_same_study_file() -> None:
 
 def test_a_constant_is_the_time_of_a_process() -> None:
     block = Block()
-    process = cl.Process(block.problem, [0.5, 1.0], block.t)
+    process = cl.Process(block.problem, cl.Steps(to=1, count=2), block.t)
     forces = [solution.summary["friction_force"][0] for solution in process]
     assert forces[1] == pytest.approx(2.0 * forces[0]) and abs(forces[0]) > 1e-4
-    for key, given in (("times", ([1.0, 0.5], block.t)), ("least", ([1.0], block.t, 0.0))):
-        with pytest.raises(cl.InputError) as caught:
-            cl.Process(block.problem, *given)
-        assert caught.value.key == key
+    with pytest.raises(cl.InputError) as caught:
+        cl.Process(block.problem, [1.0, 0.5], block.t)
+    assert caught.value.key == "Steps.times"
 
 
 def test_expressions_of_t_move_foundations_push_and_hold_in_scripts_as_in_study_files() -> None:
@@ -182,3 +181,29 @@ def test_the_files_of_a_process_of_a_script_are_read_back(tmp_path: Path) -> Non
     points = Table.read((folder / "contact.csv").read_text(), "contact.csv", ["state"])
     if expected := solution.contact_points:
         assert points.column("pressure") == pytest.approx(expected.pressure)
+
+
+def test_a_grid_of_cases_has_a_row_and_a_folder_for_each(
+    tmp_path: Path, comm: MPI.Intracomm
+) -> None:
+    def make(mu: float, down: float) -> cl.ContactProblem | cl.Process[cl.Solution]:
+        block = Block(mu=mu)
+        block.top.value = (0.01, -down)
+        return block.problem if down < 0.02 else cl.Process(block.problem, cl.Steps(to=1, count=1))
+
+    folder, grid = comm.bcast(tmp_path), {"mu": [0.1, -1.0], "down": {"linear": [0.01, 0.02, 2]}}
+    output = cl.Output(fields=False, picture=False, probes=[cl.Probe([[0.5, 1.0]])])
+    rows = cl.solve_cases(make, grid, folder, output)
+    assert [(row["mu"], row["down"], row["state"]) for row in rows] == [
+        *((0.1, 0.01, "converged"), (0.1, 0.02, "converged")),
+        *((-1.0, 0.01, "failed"), (-1.0, 0.02, "failed")),
+    ]
+    assert "Coulomb.coefficient" in rows[2]["reason"] and rows[1]["steps.solved"] == 1
+    lines = (folder / "table.csv").read_text().splitlines()
+    assert len(lines) == 5 and lines[0].startswith("mu,down,case,state,converged")
+    for number, row in enumerate(rows[:2], start=1):
+        case = folder / "cases" / f"{number:04d}"
+        summary = json.loads((case / "summary.json").read_text())
+        assert summary["contact_force"][1] == row["contact_force.1"]
+        head, probe = (line.split(",") for line in (case / "probes.csv").read_text().splitlines())
+        assert float(probe[head.index("u_y")]) == pytest.approx(-row["down"])

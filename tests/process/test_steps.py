@@ -150,21 +150,11 @@ def test_results_do_not_depend_on_the_number_of_ranks() -> None:
             assert np.allclose(mine, other, rtol=1e-5, atol=1e-6 * np.abs(mine).max() + 1e-9), name
 
 
-class Told(Monitor):
-    """Keeps what a solve says about its steps."""
-
-    def __init__(self) -> None:
-        self.steps: list[tuple[int, int, float, float | None]] = []
-
-    def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
-        self.steps.append((number, left, time, seconds_left))
-
-
-def test_a_monitor_hears_of_each_step_and_of_the_time_left() -> None:
-    told = Told()
-    list(solve_steps(sheared(3), monitor=told))
-    assert [step[:2] for step in told.steps] == [(1, 3), (2, 2), (3, 1)]
-    assert told.steps[0][3] is None and told.steps[2][3] is not None and told.steps[2][3] > 0.0
+def test_a_monitor_hears_of_each_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[tuple[int, int, float]] = []
+    monkeypatch.setattr(Monitor, "step", lambda self, *given: told.append(given))
+    list(solve_steps(sheared(3)))
+    assert [step[:2] for step in told] == [(1, 3), (2, 2), (3, 1)]
 
 
 def test_steps_with_nothing_to_do_leave_bodies_at_rest() -> None:

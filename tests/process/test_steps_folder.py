@@ -30,7 +30,7 @@ from contact_locking.monitor import Monitor
 from contact_locking.running.run import run
 
 class Killing(Monitor):
-    def step(self, number, left, time, seconds_left):
+    def step(self, number, left, time):
         if number == 3:
             os.kill(os.getpid(), signal.SIGKILL)
 
@@ -115,7 +115,7 @@ class Interrupting(Monitor):
 
     numbers: list[int]
 
-    def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
+    def step(self, number: int, left: int, time: float) -> None:
         self.numbers.append(number)
         if number == self.at:
             raise KeyboardInterrupt

@@ -19,11 +19,11 @@ from rates import rate_plot
 from transfer import on_mesh_of
 
 from contact_locking import load, study_file
-from contact_locking.mesh import domain as domains
+from contact_locking.mesh import sources
 from contact_locking.mesh.domain import Domain
 from contact_locking.meshes.block import Block
-from contact_locking.process import solving
-from contact_locking.results.solution import StudySolution
+from contact_locking.running import solving
+from contact_locking.study.solution import StudySolution
 
 STUDIES = Path(__file__).parents[2] / "demos" / "studies"
 MEASURED = "penalty_measured"
@@ -31,7 +31,7 @@ MEASURED = "penalty_measured"
 
 def grid(divisions: int, dim: int = 2, edge: float = 1.0) -> Domain:
     shape = Block(dim=dim, size=(edge,) * dim, h=edge / divisions, structured=True)
-    return domains.from_geometry(shape, MPI.COMM_WORLD)
+    return sources.from_geometry(shape, MPI.COMM_WORLD)
 
 
 def field(domain: Domain, power: int) -> fem.Function:

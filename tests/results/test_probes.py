@@ -14,9 +14,9 @@ from problems import block
 
 from contact_locking import InputError, Parameters, solve, study_file
 from contact_locking.monitor import Monitor
-from contact_locking.process.assembly import assemble
 from contact_locking.results import probe_table
 from contact_locking.running.run import run
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 
 POINTS = [[0.5, 0.5], [0.1, 0.7], [1.0, 1.0], [0.5, 0.0]]
@@ -109,7 +109,7 @@ def test_a_held_point_has_its_prescribed_displacement_and_a_node_of_contact_its_
 class _Stopping(Monitor):
     """Stops a process before its second step."""
 
-    def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
+    def step(self, number: int, left: int, time: float) -> None:
         if number == 2:
             raise KeyboardInterrupt
 

@@ -14,8 +14,8 @@ from tool_files import ascii_stl, ball, binary_stl, box
 from contact_locking import InputError
 from contact_locking.arrays import FloatArray
 from contact_locking.files.readable import LARGEST_FILE
-from contact_locking.process.assembly import assemble
 from contact_locking.shapes.tool_files import read_stl
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 
 pytestmark = pytest.mark.serial

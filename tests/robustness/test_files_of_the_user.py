@@ -41,7 +41,7 @@ def test_a_run_refuses_a_folder_with_a_file_of_the_user_before_it_solves(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("contact_locking.process.solving.solve", never)
+    monkeypatch.setattr("contact_locking.running.solving.solve", never)
     Path("study.yml").write_text(STUDY)
     mine = users(tmp_path / name)
     before = sorted(tmp_path.rglob("*"))

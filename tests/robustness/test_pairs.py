@@ -20,8 +20,8 @@ from sweep.pair_features import FEATURES, agree, rows
 from sweep.pair_judge import Judge, complaint
 from sweep.solve import SOLVED, outcome_of
 
-from contact_locking.process.assembly import assemble
-from contact_locking.process.solving import solve_assembled, solve_steps
+from contact_locking.running.solving import solve_assembled, solve_steps
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial

@@ -14,15 +14,15 @@ from mpi4py import MPI
 
 from contact_locking import study_file
 from contact_locking.command import cli
-from contact_locking.process import solving
-from contact_locking.process.assembly import assemble
+from contact_locking.study import assembly
+from contact_locking.study.assembly import assemble
 
 pytestmark = pytest.mark.serial
 
 
 def _warnings(folder: Path, changes: dict[str, Any]) -> list[str]:
     """The warnings of ``check``."""
-    return solving.check(study_file.load(changed(folder, changes)).parameters)["warnings"]
+    return assembly.check(study_file.load(changed(folder, changes)).parameters)["warnings"]
 
 
 @pytest.mark.parametrize("load", ["-0.1 if x < 0.3 else 0", "-0.1*sqrt(x)", "-0.1*sin(5*x)"])

@@ -12,8 +12,8 @@ from sweep.families import case_of
 from sweep.solve import SOLVED, outcome_of
 from sweep.swapped import AGREES, BY_MESH, Compared, compared, exchanged
 
-from contact_locking.process.assembly import assemble
-from contact_locking.process.solving import solve_assembled
+from contact_locking.running.solving import solve_assembled
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 pytest.importorskip("clarabel")

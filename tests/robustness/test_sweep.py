@@ -26,8 +26,8 @@ from sweep.solve import (
 )
 from sweep.transforms import Transform
 
-from contact_locking.process.assembly import assemble
-from contact_locking.process.solving import solve_assembled
+from contact_locking.running.solving import solve_assembled
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 pytest.importorskip("clarabel")

@@ -22,7 +22,7 @@ from contact_locking.inverse.fit.starts import variables_of
 from contact_locking.inverse.numbers import with_values
 from contact_locking.inverse.sensitivities import value_of
 from contact_locking.monitor import Monitor
-from contact_locking.process.solving import solve_steps
+from contact_locking.running.solving import solve_steps
 from contact_locking.study_file.parameters import Parameters
 
 # Each fit takes half a minute and more.

@@ -37,7 +37,7 @@ def running(study: Path) -> Iterator[subprocess.Popen[str]]:
     script = """
         import sys, time
         from pathlib import Path
-        from contact_locking.process import solving
+        from contact_locking.running import solving
         from contact_locking.command import cli
         from contact_locking.files.atomic import staging
 

@@ -66,4 +66,4 @@ def test_any_study_has_cases_or_is_refused(
         again = study_file.load(saved).parameters
         assert again == case.parameters
         assert study_file.fingerprint(again) == case.name
-        json.dumps(row_of(case, Outcome("not run")), allow_nan=False).encode()
+        json.dumps(row_of(case.values, case.name, Outcome("not run")), allow_nan=False).encode()

@@ -13,8 +13,8 @@ from mpi4py import MPI
 from sweep.case import Study, clamp, study
 
 import contact_locking as cl
-from contact_locking.mesh.domain import from_geometry
-from contact_locking.process import solving
+from contact_locking.mesh.sources import from_geometry
+from contact_locking.running import solving
 from contact_locking.study_file.parameters import Parameters
 
 

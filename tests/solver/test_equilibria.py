@@ -15,15 +15,14 @@ from sweep.case import Study, clamp, study
 from contact_locking import study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError, NotConverged
-from contact_locking.process import solving
-from contact_locking.process.assembly import assemble
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.process.solving import SolvableStudy
 from contact_locking.results import in_words
 from contact_locking.results.solution import Solution
-from contact_locking.running import writing
+from contact_locking.running import solving, writing
+from contact_locking.running.solving import SolvableStudy
 from contact_locking.solver.strategy import solve
 from contact_locking.solver.task import Outcome, Task
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.theory import words
 from contact_locking.theory.constants import BY_KAPPA

@@ -14,8 +14,8 @@ from solved_by_cg import crushed_steel
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
-from contact_locking.process import solving
 from contact_locking.results.contact_points import OPEN
+from contact_locking.running import solving
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
 from contact_locking.solver.linear.tangent_solver import MultigridTangents
 from contact_locking.study_file.parameters import Parameters

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from contact_locking import Parameters
-from contact_locking.process import solving
+from contact_locking.running import solving
 
 
 def _block(**changes: Any) -> Parameters:

@@ -11,7 +11,7 @@ from problems import block
 from slow import slow
 from solved_by_cg import agree, solved
 
-from contact_locking.process import solving
+from contact_locking.running import solving
 from contact_locking.solver.linear import tangent_solver
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
 from contact_locking.solver.linear.filtered_multigrid import Projection

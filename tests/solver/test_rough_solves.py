@@ -11,12 +11,12 @@ from problems import block
 from slow import slow
 from solved_by_cg import crushed_steel
 
-from contact_locking.process import solving
-from contact_locking.process.assembly import assemble
-from contact_locking.process.solving import SolvableStudy
+from contact_locking.running import solving
+from contact_locking.running.solving import SolvableStudy
 from contact_locking.solver.interior_point import farkas, method
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.task import Target
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 
 _ANGLE = 1e-3

@@ -10,7 +10,7 @@ from sweep.case import Case
 from sweep.solve import SOLVED, outcome_of_case
 
 from contact_locking import study_file
-from contact_locking.process import solving
+from contact_locking.running import solving
 
 _WEDGED = Path(__file__).parents[1] / "robustness" / "wedged" / "curved_overlap.yml"
 

@@ -13,7 +13,7 @@ from slow import slow
 from solved_by_cg import agree, solved
 
 from contact_locking.errors import InputError
-from contact_locking.process import solving
+from contact_locking.running import solving
 from contact_locking.solver.linear import tangent_solver
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid
 from contact_locking.solver.linear.ksp import LINEAR_SOLVERS, default_options

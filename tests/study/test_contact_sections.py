@@ -12,8 +12,8 @@ from problems import block
 
 from contact_locking.contact.friction import Coulomb, Mollifier
 from contact_locking.errors import InputError
-from contact_locking.process.assembly import assemble
-from contact_locking.process.solving import solve
+from contact_locking.running.solving import solve
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file import dump, from_mapping, load, problem_fingerprint
 
 pytestmark = pytest.mark.serial

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from ruamel.yaml import YAML
 
 from contact_locking.errors import InputError
-from contact_locking.process.assembly import assemble
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file import dump, from_mapping
 
 pytestmark = pytest.mark.serial

@@ -19,9 +19,9 @@ from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.fem.compiled import integral
 from contact_locking.fem.spaces import P1, Element
 from contact_locking.problem import forms
-from contact_locking.process import solving
-from contact_locking.process.assembly import assemble
-from contact_locking.results.solution import StudySolution
+from contact_locking.running import solving
+from contact_locking.study.assembly import assemble
+from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 
@@ -83,7 +83,8 @@ def compared(parameters: Parameters, refinement: int, element: Element = P1) -> 
     coarse = solving.solve(parameters, MPI.COMM_SELF)
     if not coarse.converged:
         return None
-    data = parameters.limit().model_dump(by_alias=True)
+    data = parameters.model_dump(by_alias=True)
+    data["penalty"] = {}
     data["mesh"]["h"] /= refinement
     fine = Parameters.model_validate(data)
     problem = assemble(fine, MPI.COMM_SELF, element=element)

@@ -10,8 +10,8 @@ import pytest
 from mpi4py import MPI
 from turned_supports import differ, holds, nodal
 
-from contact_locking.process.assembly import StudyProblem, assemble, mesh_of
-from contact_locking.process.solving import solve_assembled
+from contact_locking.running.solving import solve_assembled
+from contact_locking.study.assembly import StudyProblem, assemble, mesh_of
 from contact_locking.study_file.parameters import Parameters
 
 

@@ -39,8 +39,8 @@ from mpi4py import MPI
 from msh import write_msh
 
 from contact_locking.errors import ContactLockingError
-from contact_locking.process.assembly import assemble
-from contact_locking.process.solving import solve_assembled
+from contact_locking.running.solving import solve_assembled
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 from .node_to_segment import TwoBodies, refined

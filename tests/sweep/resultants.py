@@ -16,7 +16,7 @@ from scipy.optimize import linprog
 
 from contact_locking.arrays import FloatArray
 from contact_locking.expressions import parse
-from contact_locking.process.assembly import assemble
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 from .case import Study

@@ -14,8 +14,8 @@ from problems import block, column
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.laws.friction import FrictionLaw
-from contact_locking.process.assembly import assemble
-from contact_locking.process.solving import solve_assembled
+from contact_locking.running.solving import solve_assembled
+from contact_locking.study.assembly import assemble
 from contact_locking.theory.constants import SAMPLED
 
 pytestmark = pytest.mark.serial

@@ -10,7 +10,7 @@ from bounded_block import benchmark
 from certified import certificate
 from problems import block, with_changes
 
-from contact_locking.process import solving
+from contact_locking.running import solving
 from contact_locking.study_file.parameters import Parameters
 
 

@@ -10,8 +10,8 @@ from bounded_block import benchmark
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking.process.assembly import assemble
-from contact_locking.process.solving import SolvableStudy
+from contact_locking.running.solving import SolvableStudy
+from contact_locking.study.assembly import assemble
 from contact_locking.theory.guaranteed.body import Body
 from contact_locking.theory.guaranteed.boundary import (
     balanced_forces,

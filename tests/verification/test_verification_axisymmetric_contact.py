@@ -23,7 +23,7 @@ from test_verification_hertz import (
 )
 from verification_table import Row
 
-from contact_locking.process import solving
+from contact_locking.running import solving
 
 TEST = "test_verification_axisymmetric_contact.py"
 

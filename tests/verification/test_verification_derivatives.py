@@ -12,7 +12,7 @@ from test_verification_hertz import DEPTH, POISSON, RADIUS, YOUNG, section
 from verification_table import Row
 
 from contact_locking.inverse.fit import session
-from contact_locking.process import solving
+from contact_locking.running import solving
 
 TEST = "test_verification_derivatives.py"
 E, NU_KEY = "material.elasticity.young", "material.elasticity.poisson"

@@ -13,8 +13,8 @@ from verification_table import Row
 
 from contact_locking import Parameters, StudySolution
 from contact_locking.mesh.domain import Domain
-from contact_locking.process import solving
-from contact_locking.process.assembly import assemble
+from contact_locking.running import solving
+from contact_locking.study.assembly import assemble
 
 TEST = "test_verification_force.py"
 # A force of 10 presses a cylinder of radius 8, as its lower half, onto a plane (V6).

@@ -13,7 +13,7 @@ from problems import with_changes
 from scipy import optimize
 from verification_table import Row
 
-from contact_locking.process import solving
+from contact_locking.running import solving
 
 pytestmark = pytest.mark.serial
 

@@ -9,11 +9,11 @@ import pytest
 from seal import seal
 
 from contact_locking import InputError, solve
+from contact_locking.results.output import UnitLabels
 from contact_locking.results.table import Table
 from contact_locking.running.run import run
-from contact_locking.running.studies.cases import Case, Outcome, row_of
+from contact_locking.running.studies.cases import Outcome, row_of
 from contact_locking.study_file import from_mapping
-from contact_locking.study_file.parameters.numerics import UnitLabels
 from contact_locking.view import report
 from contact_locking.view.report.run_charts import Process, column_of, history_charts, wanted_charts
 
@@ -107,7 +107,5 @@ def test_a_run_of_two_contacts_has_their_charts_and_units(tmp_path: Path) -> Non
     drawn = history_charts(last.history, ["bottom", "plate"], last.summary["units"])
     (forces,) = (one for one in drawn if one.name == "history-contact-force")
     assert "contact force on plate, y" in forces.description
-    row = row_of(
-        Case({}, "", "0" * 16, tmp_path, parameters), Outcome("converged", "", dict(last.summary))
-    )
+    row = row_of({}, "0" * 16, Outcome("converged", "", dict(last.summary)))
     assert row["contacts.plate.contact_force.1"] == last.summary["contacts"][1]["contact_force"][1]

@@ -24,8 +24,9 @@ from contact_locking.parallel import on_root
 from contact_locking.plain_text import count, per_cent
 from contact_locking.results.names import FIT, FIT_PICTURE
 from contact_locking.results.output_folder import on_root_of, reserved
-from contact_locking.results.solution import StudySolution, summary_text
+from contact_locking.results.solution import summary_text
 from contact_locking.running.run import run
+from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 from .curves import Experiment, read_experiments

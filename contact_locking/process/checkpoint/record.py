@@ -10,9 +10,9 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from contact_locking import study_file
 from contact_locking._version import __version__
 from contact_locking.errors import InputError
+from contact_locking.files.readable import file_digest
 from contact_locking.results.names import CHECKPOINT, RECORD
 
 # A change of the written files raises this number.
@@ -58,7 +58,7 @@ def save(record: Record, folder: Path) -> None:
         path.unlink()  # timings of ADIOS2, which differ from run to run
     # The files of the fields, and of a refined mesh.
     paths = [*sorted((folder / FIELDS).iterdir()), *sorted(folder.glob(f"{MESH}.*"))]
-    files = {path.name: study_file.file_digest(str(path)) for path in paths}
+    files = {path.name: file_digest(str(path)) for path in paths}
     whole = record.model_copy(update={"files": files})
     text = whole.model_dump_json(indent=2, exclude_none=True)
     (folder / RECORD).write_text(f"{text}\n", encoding="utf-8")
@@ -98,6 +98,6 @@ def load_fields(directory: str | Path) -> tuple[Record, Path]:
     record, folder = load(directory), locate(directory)
     for name, digest in record.files.items():
         path = (folder if Path(name).stem == MESH else folder / FIELDS) / Path(name).name
-        if not path.is_file() or study_file.file_digest(str(path)) != digest:
+        if not path.is_file() or file_digest(str(path)) != digest:
             raise InputError(f"{path} is missing or damaged; {_AGAIN}")
     return record, folder / FIELDS

@@ -29,13 +29,12 @@ def saved_steps(directory: Path) -> list[Path]:
 
 
 def last_number(directory: Path, fingerprint: str) -> int:
-    """The number of the last step that a run with these parameters has saved, 0 if there is none.
-
-    Raises OSError.
-    """
+    """The number of the last step that a run with these parameters has saved; 0 without one."""
     folder = directory / FOLDER
-    records = _records(folder) if _is_of(folder, fingerprint) else []
-    return max((int(path.parent.name) for path in records), default=0)
+    with contextlib.suppress(OSError):
+        if _is_of(folder, fingerprint) and (records := _records(folder)):
+            return int(records[-1].parent.name)
+    return 0
 
 
 def _is_of(folder: Path, fingerprint: str) -> bool:

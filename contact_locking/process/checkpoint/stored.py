@@ -17,7 +17,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking import _compat, study_file
+from contact_locking import _compat
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.certificate.verdict import is_solved
@@ -34,7 +34,7 @@ from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.names import HISTORY
-from contact_locking.results.solution import Solution, StudySolution
+from contact_locking.results.solution import Solution
 from contact_locking.results.table import Table
 from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
 from contact_locking.solver.task import Counts, Outcome, SavedState, SolverReport
@@ -243,9 +243,6 @@ def write(solution: Solution, folder: Path) -> None:
     mesh = gather_mesh(domain) if domain.is_refined else None
 
     def finish() -> None:
-        problem = ""
-        if isinstance(solution, StudySolution):
-            problem = study_file.problem_fingerprint(solution.parameters)
         if mesh is not None:
             mesh.save(folder, records.MESH)
         record = Record(
@@ -257,7 +254,7 @@ def write(solution: Solution, folder: Path) -> None:
             is_refined=domain.is_refined,
             contacts=len(solution.contacts),
             strain_sets=len(solution.locking_parts),
-            problem=problem,
+            problem=solution.fingerprint(),
             step=_about_step(solution),
             travels=solution.state.saved.travels,
         )

@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import json
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -184,9 +184,8 @@ def _matches(record: dict[str, Any], case: Case) -> bool:
 _LEFT_OUT = ("title", "fingerprint", "not_finite")
 
 
-def write_table(directory: Path, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> None:
-    """Write both tables: a row per case in the order of the file. Raises OSError."""
-    rows = [row_of(case, outcome) for case, outcome in zip(cases, outcomes, strict=True)]
+def write_rows(directory: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """Write both tables.  Raises OSError."""
     columns = list(dict.fromkeys(name for entry in rows for name in entry))
     cells = Table({name: [_cell(entry.get(name)) for entry in rows] for name in columns})
     write_text(directory / TABLE_CSV, cells.text())
@@ -197,15 +196,15 @@ def write_table(directory: Path, cases: Sequence[Case], outcomes: Sequence[Outco
     write_text(directory / TABLE_LINES, "".join(f"{line}\n" for line in lines))
 
 
-def row_of(case: Case, outcome: Outcome) -> dict[str, Any]:
-    """The values that vary, the name and state of the case, and its summary under dotted keys.
+def row_of(values: Mapping[str, Any], name: str, outcome: Outcome) -> dict[str, Any]:
+    """The values that vary, the name and state of a case, and its summary under dotted keys.
 
     Lists of mappings go by their names, and those without names, such as the stages, are left out.
     Contacts are listed if there are several, as the summary has the numbers of one itself.  The
     texts "inf" and "nan" stand for infinity and NaN, which JSON does not have.
     """
-    entry = {key: _plain(value) for key, value in case.values.items()}
-    entry |= {"case": case.name, "state": outcome.state}
+    entry = {key: _plain(value) for key, value in values.items()}
+    entry |= {"case": name, "state": outcome.state}
     summary = outcome.summary or {"converged": False, "reason": outcome.reason}
     named = {key: value for key, value in summary.items() if key not in _LEFT_OUT}
     for key, value in _flat(named, ""):

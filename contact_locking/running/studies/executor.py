@@ -84,7 +84,10 @@ def explain(code: int, log: Path) -> str:
         name = signal.Signals(number).name
         hint = ", perhaps for want of memory" if number == signal.SIGKILL else ""
         return f"was killed by {name}{hint}"
-    text = _tail(log)
+    text = ""
+    with contextlib.suppress(OSError), log.open("rb") as stream:
+        stream.seek(max(0, log.stat().st_size - _LOG_TAIL))
+        text = stream.read().decode("utf-8", errors="replace")
     if code and (crash := _CRASH.search(text)):
         return f"crashed: {crash[1]}; see {log}"
     if code and (errors := _ERROR.findall(text)):
@@ -92,15 +95,6 @@ def explain(code: int, log: Path) -> str:
     if code in (0, 3):
         return "left no results of these parameters; has the mesh file changed meanwhile?"
     return f"ended with exit code {code}; see {log}"
-
-
-def _tail(log: Path) -> str:
-    try:
-        with log.open("rb") as stream:
-            stream.seek(max(0, log.stat().st_size - _LOG_TAIL))
-            return stream.read().decode("utf-8", errors="replace")
-    except OSError:
-        return ""
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,8 @@ from .cases import (
     conclude,
     each_once,
     outcome,
-    write_table,
+    row_of,
+    write_rows,
 )
 from .executor import Executor, Plan, launcher
 from .view import View
@@ -80,7 +81,8 @@ class Study:
 
     def write_table(self) -> None:
         """Write the table of all cases. Raises OSError."""
-        write_table(self.directory, self.cases, [self.outcomes[case.name] for case in self.cases])
+        rows = [row_of(case.values, case.name, self.outcomes[case.name]) for case in self.cases]
+        write_rows(self.directory, rows)
 
 
 def finish(study: Study, parameters: Parameters, plan: Plan, console: Console) -> None:
@@ -101,35 +103,30 @@ def finish(study: Study, parameters: Parameters, plan: Plan, console: Console) -
                 if not held:
                     view.line(f"warning: the file system of {directory} has no locks", "yellow")
                 require_own(directory, (PARAMETERS, TABLE_CSV, TABLE_LINES))
-                _announce(study, plan, view)
-                _prepare(study, parameters)
+                cases, before = study.cases, study.finished
+                told = f", {before} finished before" if before else ""
+                view.line(f"{len(cases)} cases in {directory}{told}")
+                asked, cores = plan.jobs * plan.ranks, os.cpu_count() or 1
+                if asked > cores:
+                    told = (
+                        f"{asked} processes share the {cores} cores of this machine, and are slow"
+                    )
+                    view.line(f"warning: {told}", "yellow")
+                if repeated := len(cases) - len(study.outcomes):
+                    told = f"{repeated} repeat the values of others, and are solved once"
+                    view.line(f"warning: {told}", "yellow")
+                for folder in (directory, directory / "cases"):
+                    remove_abandoned(folder)
+                write_text(directory / PARAMETERS, study_file.dump(parameters))
+                lines = [f"{case.name}  {case.label}\n" for case in cases]
+                write_text(directory / "cases" / INDEX, "".join(lines))
+                study.write_table()
                 try:
                     _solve(study, todo, plan, view)
                 except KeyboardInterrupt:
                     of = f"{study.finished} of {len(study.cases)}"
                     view.line(f"{of} cases are finished; the same command does the others")
                     raise
-
-
-def _announce(study: Study, plan: Plan, view: View) -> None:
-    before = f", {study.finished} finished before" if study.finished else ""
-    view.line(f"{len(study.cases)} cases in {study.directory}{before}")
-    asked, cores = plan.jobs * plan.ranks, os.cpu_count() or 1
-    if asked > cores:
-        text = f"warning: {asked} processes share the {cores} cores of this machine, and are slow"
-        view.line(text, "yellow")
-    if repeated := len(study.cases) - len(study.outcomes):
-        view.line(f"warning: {repeated} repeat the values of others, and are solved once", "yellow")
-
-
-def _prepare(study: Study, parameters: Parameters) -> None:
-    """Write the parameters, the index of the cases and a first table."""
-    for folder in (study.directory, study.directory / "cases"):
-        remove_abandoned(folder)
-    write_text(study.directory / PARAMETERS, study_file.dump(parameters))
-    lines = [f"{case.name}  {case.label}\n" for case in study.cases]
-    write_text(study.directory / "cases" / INDEX, "".join(lines))
-    study.write_table()
 
 
 def _solve(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:

@@ -30,7 +30,6 @@ class View:
         self._console = console
         self._total = total
         self._states: Counter[State] = Counter()
-        self._seconds = 0.0
         self._live: Live | None = None
         if console.is_terminal:
             # No thread refreshes the display, because this process forks others.
@@ -53,7 +52,6 @@ class View:
 
     def ended(self, case: Case, outcome: Outcome, seconds: float) -> None:
         self._states[outcome.state] += 1
-        self._seconds += seconds
         width = len(str(self._total))
         reason = f": {outcome.reason}" if outcome.state != "converged" else outcome.reservation
         self.line(
@@ -76,10 +74,6 @@ class View:
         done = self._states.total()
         counts = [f"{done} of {self._total} done", f"{len(running)} running"]
         counts += [f"{self._states[state]} {state}" for state in _STYLES if self._states[state]]
-        if done:
-            work = self._seconds / done * (self._total - done) - sum(one.seconds for one in running)
-            left = max(work, 0.0) / max(len(running), 1)
-            counts.append(f"about {duration(left)} left")
         outer = Table.grid()
         outer.add_row(Text(", ".join(counts), style="bold"))
         inner = Table.grid(padding=(0, 2))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import math
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Self
 
@@ -23,11 +22,15 @@ from pydantic import (
     model_validator,
 )
 
+from contact_locking.certificate.extras import Extras
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.friction import Coulomb
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, Table
+from contact_locking.laws.penalty import PenaltyParameters
 from contact_locking.plain_text import nearest
+from contact_locking.process.settings import Adaptation, Steps
+from contact_locking.results.output import Output
 from contact_locking.solver.settings import Settings
 from contact_locking.values.concept import (
     LIST,
@@ -53,15 +56,10 @@ from .fit import FitParameters
 from .material import MaterialParameters
 from .mesh import MeshParameters
 from .numerics import (
-    AdaptParameters,
     BranchesParameters,
-    CertificateParameters,
     DiscretisationParameters,
     EquilibriaParameters,
-    OutputParameters,
-    PenaltyParameters,
     SensitivityParameters,
-    StepParameters,
 )
 from .study import StudyParameters
 
@@ -111,7 +109,7 @@ class Parameters(Concept):
         "contact.INDEX.on and so on",
     )
     friction: Coulomb = entry(Coulomb(), "Coulomb's friction (6)")
-    steps: StepParameters | None = entry(
+    steps: Steps | None = entry(
         None, "the times of a process, whose loads and gaps depend on t; null: one static problem"
     )
     tables: Annotated[dict[str, TableFile], _named("tables")] | None = entry(
@@ -121,7 +119,7 @@ class Parameters(Concept):
     )
     penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
     solver: Settings = entry(Settings(), "the nonlinear and linear solvers")
-    adapt: AdaptParameters | None = entry(
+    adapt: Adaptation | None = entry(
         None, "meshes that are refined until the solution is accurate enough"
     )
     equilibria: EquilibriaParameters | None = entry(
@@ -139,10 +137,8 @@ class Parameters(Concept):
         None, "measured curves that numbers of the file are fitted to"
     )
     study: StudyParameters | None = entry(None, "many cases with other values")
-    certificate: CertificateParameters = entry(
-        CertificateParameters(), "checks of the results that are made on demand"
-    )
-    output: OutputParameters = entry(OutputParameters(), "the results")
+    certificate: Extras = entry(Extras(), "checks of the results that are made on demand")
+    output: Output = entry(Output(), "the results")
 
     @model_validator(mode="wrap")
     @classmethod
@@ -150,9 +146,9 @@ class Parameters(Concept):
         cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo
     ) -> Self:
         """Let the expressions below use the names of ``parameters`` and ``tables``."""
-        given = data if isinstance(data, dict) else {}
-        token = SCOPE.set(Scope(_numbers(given.get("parameters")), _tables(given, info.context)))
+        given, token = data if isinstance(data, dict) else {}, SCOPE.set(Scope())
         try:
+            SCOPE.set(Scope(_numbers(given.get("parameters")), _tables(given, info.context)))
             return handler(data)
         except UnicodeEncodeError:
             # Pydantic cannot tell of a text that holds no character.
@@ -166,12 +162,7 @@ class Parameters(Concept):
     def contacts(self) -> tuple[Contact, ...]:
         """The parts of Gamma_C, each with its complete law of friction; empty without contact."""
         return tuple(
-            section.model_copy(
-                update={
-                    "at": dotted(*place),
-                    "friction": (section.friction or Coulomb()).over(self.friction),
-                }
-            )
+            section.over(self.friction, dotted(*place))
             for place, section in self._contact_sections()
             if section.on
         )
@@ -211,24 +202,6 @@ class Parameters(Concept):
             if key == over or key.startswith(f"{over}."):
                 yield key, value
 
-    def limit(self) -> Parameters:
-        """The variational inequality on the same mesh: n = .inf, and no regularisation."""
-
-        def exact(section: Contact) -> Contact:
-            own = section.friction
-            friction = None if own is None else own.model_copy(update={"regularisation": None})
-            return section.model_copy(update={"friction": friction})
-
-        given = self.contact
-        return self.model_copy(
-            update={
-                "penalty": PenaltyParameters(n=math.inf, epsilon=None),
-                "friction": self.friction.model_copy(update={"regularisation": None}),
-                "contact": tuple(map(exact, given)) if isinstance(given, tuple) else exact(given),
-                "solver": self.solver.model_copy(update={"method": "auto"}),
-            }
-        )
-
     def check_dimension(self, dim: int) -> None:
         """Raise InputError for the first value that does not fit a body of ``dim`` dimensions."""
         for fault in itertools.chain(self._dimension_faults(dim), self._faults_of_expressions(dim)):
@@ -254,7 +227,9 @@ class Parameters(Concept):
         for place, go_together, other in self._pairs():
             if go_together:
                 yield Fault(place, f"does not go with {other}; leave out one of the two")
-        yield from self._expression_faults()
+        for name in set(self.tables or ()) & set(self.parameters or ()):
+            yield Fault(("parameters", name), "is the name of a table as well")
+        yield from self._faults_of_expressions(self.mesh.dim)
         if self.study is not None:
             yield from below(("study",), self.study.key_faults(type(self)))
         if self.mesh.dim is not None:
@@ -302,13 +277,6 @@ class Parameters(Concept):
             for key in sorted(keys) if place and place[0] in parts else ():
                 for name in getattr(section, key) or ():
                     yield from _unknown_name((*place, key), name, *parts[str(place[0])])
-
-    def _expression_faults(self) -> Iterator[Fault]:
-        """Names that no expression can use, and t without steps."""
-        names, numbers = tuple(self.tables or ()), tuple(self.parameters or ())
-        for name in set(names) & set(numbers):
-            yield Fault(("parameters", name), "is the name of a table as well")
-        yield from self._faults_of_expressions(self.mesh.dim)
 
     def _dimension_faults(self, dim: int) -> Iterator[Fault]:
         is_sheet = self.material.plane == "stress"

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
+from contact_locking import wings
 from contact_locking.arrays import IndexArray
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.friction import Mollifier
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.fields.present import Clock
-from contact_locking.mesh import domain as domains
+from contact_locking.mesh import sources
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file.xdmf_grids import is_xdmf
 from contact_locking.mesh.groups import groups
@@ -142,16 +142,12 @@ def _material(domain: Domain, given: MaterialParameters) -> dict[str, Any]:
     return dict(elasticity=elasticity, eigenstrains=eigenstrains, limits=limits, regions=regions)
 
 
-def check(
-    parameters: Parameters,
-    comm: MPI.Intracomm,
-    checks: Iterable[Callable[[StudyProblem], None]] = (),
-) -> dict[str, Any]:
-    """The facts and warnings of the assembled problem, which ``checks`` may refuse; collective."""
+def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
+    """The facts and warnings of the assembled problem, without a solve; collective."""
     problem = assemble(parameters, comm)
     if parameters.solver.method == "penalty":
         require_served(problem)
-    for check_problem in checks:
+    for check_problem in wings.CHECKS:
         check_problem(problem)
     problem.close()
     return {**problem.facts(), "warnings": problem.warnings}
@@ -190,14 +186,14 @@ def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
     """
     given = parameters.mesh
     if given.geometry is not None:
-        domain = domains.from_geometry(given.geometry, comm, parameters.refined_names)
+        domain = sources.from_geometry(given.geometry, comm, parameters.refined_names)
     elif is_xdmf(path := Path(given.file or "")):
         # SciPy, which these meshes need, would take a tenth of the time of `check` for others.
         from contact_locking.mesh.xdmf_mesh import from_xdmf
 
         domain = from_xdmf(path, comm)
     else:
-        domain = domains.from_file(path, comm, parameters.touching)
+        domain = sources.from_file(path, comm, parameters.touching)
     if given.axisymmetric:
         domain = half_section(domain)
     require_fitting(given, BodyKind(domain.dim), "mesh")

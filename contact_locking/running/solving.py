@@ -17,28 +17,24 @@ from mpi4py import MPI
 
 from contact_locking import study_file, wings
 from contact_locking._version import __version__
-from contact_locking.certificate import Extras, certify
 from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.errors import InputError, with_key
 from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
-from contact_locking.problem.distance import distance
-from contact_locking.process import assembly
 from contact_locking.process.adaptive_meshes import adapted
-from contact_locking.process.assembly import StudyProblem, assemble, mesh_of
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.checkpoint.saved_steps import saved_steps
-from contact_locking.process.judgement import solution_of
 from contact_locking.process.loop import Process
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.process.settings import Adaptation
 from contact_locking.results.probe_table import sample
-from contact_locking.results.solution import StudySolution
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.task import SolverReport
+from contact_locking.study.assembly import StudyProblem, assemble, mesh_of
+from contact_locking.study.solution import StudySolution
 from contact_locking.study_file import problem_fingerprint, require_parameters
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.numerics import AdaptParameters
 
 # The wings of sections of the study file, and of parts of its certificate.
 _WINGS = {
@@ -99,14 +95,11 @@ class SolvableStudy:
         self, state: SolvedState, criteria: Mapping[str, Criterion] | None = None
     ) -> StudySolution:
         """The solution in a state, with title, probes and parameters of the study file."""
-        problem, parameters, asked = self.problem, self.parameters, self.parameters.certificate
-        extras = Extras(asked.constants, asked.error_bound, asked.critical_friction)
-        found = solution_of(state, certify(state, extras, criteria))
-        fields = (problem.u, found.strain_norm, found.elastic_stress, found.locking_stress)
-        units, is_plane = parameters.output.units, found.domain.dim == 2
-        labels = units and units.labels(is_plane and not found.domain.axisymmetric)
-        summary = {"title": parameters.title, "units": labels or {}, **found.summary}
-        probes = (sample(problem.probes, *fields),) if len(problem.probes) else ()
+        problem, parameters = self.problem, self.parameters
+        found = self.solver.solution(state, criteria, parameters.certificate)
+        labels = parameters.output.labels(found.domain.dim, found.domain.axisymmetric)
+        summary = {"title": parameters.title, "units": labels, **found.summary}
+        probes = (sample(problem.probes, found),) if len(problem.probes) else ()
         changed = {"summary": summary, "probes": probes, "parameters": parameters}
         return StudySolution(**(vars(found) | changed))
 
@@ -123,30 +116,28 @@ class SolvableStudy:
     def solutions(self, restart: str | Path | None = None) -> Iterator[StudySolution]:
         """The solutions of the steps, or the only one; the problem can be solved once.
 
-        ``restart`` is as for :func:`contact_locking.process.solving.solve`.
+        ``restart`` is as for :func:`contact_locking.running.solving.solve`.
         """
-        steps = self.parameters.steps
+        steps, solver, problem = self.parameters.steps, self.solver, self.problem
         for name in ("sensitivities",) if steps is not None else ("equilibria",):
             if restart is not None and getattr(self.parameters, name) is not None:
                 raise InputError("takes all solves of a run: start without --restart", name)
-        if steps is None:
-            return iter([self._static(restart)])
-        return Process(self, steps.planned, None, steps.least, steps.on_failure, restart)
-
-    def _static(self, restart: str | Path | None) -> StudySolution:
-        """The solution of a problem without steps, with derivatives until it is closed."""
-        solver, problem, saved, report = self.solver, self.problem, None, None
+        if steps is not None:
+            yield from Process(self, steps, None, restart)
+            return
+        saved, report, start = None, None, None
         if restart is not None:
             saved = checkpoint.read(restart, problem)
             same = on_root(problem.domain.comm, lambda: problem_fingerprint(self.parameters))
             if saved.converged and saved.problem == same:
                 report = saved.solved_again(solver)
         report = report or solver.solve(saved.state if saved else None)
+        if restart is not None:
+            start = checkpoint.start_in_words(restart, report)
         solver.monitor.message("computing fields and the certificate")
         solution = self.solution(solver.state(report))
         told = [*solution.summary["warnings"], *solver.unused_options()]
-        start = None if restart is None else checkpoint.start_in_words(restart, report)
-        return solution.telling(warnings=told, restart=start)
+        yield solution.telling(warnings=told, restart=start)
 
     def close(self) -> None:
         """Destroy the PETSc objects."""
@@ -210,7 +201,7 @@ def solve_adaptively(
 
     first = checkpoint.refined_mesh(restart, comm) or mesh_of(parameters, comm)
     curved = () if geometry is None else geometry.curved
-    return adapted(solve_on, first, parameters.adapt or AdaptParameters(), listener, curved)
+    return adapted(solve_on, first, parameters.adapt or Adaptation(), listener, curved)
 
 
 def solve_steps(
@@ -243,21 +234,15 @@ def solve_steps(
     with contextlib.closing(SolvableStudy(problem, monitor, petsc_options)) as study:
         for solution in study.solutions(restart):
             for number, chart in enumerate(parameters.output.charts):
-                for key, text in (("x", chart.x), ("y", chart.y)):
-                    key = f"output.charts.{number}.{key}"
-                    with_key(key, partial(solution.history.values, text))
+                for axis in ("x", "y"):
+                    values = partial(solution.history.values, getattr(chart, axis))
+                    with_key(f"output.charts.{number}.{axis}", values)
             for warning in solution.summary["warnings"]:
-                # Steps differ in the numbers of a warning; those in keys, as contact.1, tell it
-                # apart.
+                # Steps differ in the numbers of a warning, but for those in keys, as contact.1.
                 words = _NUMBERS.sub("", warning)
                 if words not in told:
                     told.add(words)
                     monitor.message(f"warning: {warning}")
-            if parameters.certificate.limit and solution.converged:
-                certificate = dict(solution.summary["certificate"])
-                measured = _distance_to_limit(solution, monitor, petsc_options)
-                certificate["errors"] = {**certificate["errors"], "penalty_measured": measured}
-                solution = solution.telling(certificate=certificate)
             entries: dict[str, Any] = {"version": __version__, "fingerprint": fingerprint}
             entries["wall_seconds"] = time.perf_counter() - start
             others = tuple(other.telling(**entries) for other in solution.others)
@@ -277,23 +262,3 @@ def solve_assembled(
     """
     with contextlib.closing(SolvableStudy(problem, monitor, petsc_options)) as study:
         return deque(study.solutions(restart), maxlen=1)[0]
-
-
-def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
-    """The facts and warnings of the assembled problem, without a solve; collective."""
-    return assembly.check(parameters, comm, wings.CHECKS)
-
-
-def _distance_to_limit(
-    solution: StudySolution, monitor: Monitor, petsc_options: Mapping[str, Any] | None
-) -> dict[str, Any]:
-    """Solve the inequality on the same mesh, and measure the distance; collective."""
-    if solution.parameters.steps is not None:
-        return {"reason": "not measured for a process, whose past depends on n as well"}
-    monitor.message("solving for n = .inf, to measure the distance")
-    limit, domain = solution.parameters.limit(), solution.domain
-    problem = assemble(limit, domain.comm, domain, solution.element)
-    exact = solve_assembled(problem, monitor, petsc_options)
-    if not exact.converged:
-        return {"reason": f"not solved for n = .inf: {exact.summary['reason']}"}
-    return distance(solution.displacement, exact.displacement, problem.data)
