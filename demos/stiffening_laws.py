@@ -53,7 +53,7 @@ def solve(V: Any, law: str, thetas: Any, bcs: Any, L: Any = None, contacts: Any 
         inside = ufl.conditional(ufl.lt(s, EDGE), s, EDGE)
         return 0.5 * theta * M**2 * (f(inside) + slope(EDGE) * (s - inside)) * dx
 
-    problem = cl.ContactProblem(ELASTIC, L, bcs, (), contacts, space=V, n=1e6, energy=energy)
+    problem = cl.ContactProblem(ELASTIC, L, bcs, (), contacts, space=V, energy=energy)
     solutions: list[Any] = [None]
     for theta.value in thetas:
         solutions.append(problem.solve(start=solutions[-1], certificate=False))
