@@ -182,7 +182,7 @@ class PenalisedSystem:
         """Set the parameters of the penalised forms."""
         self.data.n.value, self.data.epsilon.value = penalty.n, penalty.epsilon
         for contact, length in zip(self.contacts, penalty.regularisations, strict=True):
-            self.bounds.lengths[contact].value = length
+            self.bounds.lengths[contact] = length
 
     @property
     def rubbing(self) -> tuple[NodalContact, ...]:
