@@ -54,7 +54,7 @@ assert linear.converged, linear.summary["reason"]
 #
 # `assemble` makes the discrete problem of the parameters, `solve_assembled` solves it, and between
 # the two the energy is put into its data. The energy has to be convex, differentiable and least for
-# $u = 0$. Newton's method solves the problem; UFL computes the derivatives. One quadrature point
+# $u = 0$. UFL computes the derivatives, and the solver is that of every study. One quadrature point
 # suffices, as the strain of linear elements is constant in a cell.
 #
 # The criteria of the certificate stay as they are, with $J'$ in the equilibrium. The proved bounds

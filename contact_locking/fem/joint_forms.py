@@ -6,6 +6,8 @@ have forms of their own, so that no cell stores coefficients of facets.
 FFCx 0.9 treats values at the only point of a quadrature rule as constant in the cell, and
 uses that in the other rules of the same form, too.  So integrals that evaluate the coordinates in
 one point, as all of an axisymmetric body do with linear displacements, have forms of their own.
+The same of arguments loses a traction, in one point of a facet, beside the nodes of a contact
+there: the rules of facets have forms of their own.
 """
 
 from __future__ import annotations
@@ -28,14 +30,16 @@ _SHARED = "shared_with_dolfinx"
 def compiled_together(form: ufl.Form) -> list[ufl.Form]:
     """The integrals of a form, in forms that can be compiled together, those of cells first.
 
-    These are one form for the cells and one for the facets, or two if some integrals evaluate the
-    coordinates in one point; and one for each object of mesh tags, of which DOLFINx takes one for
-    all integrals of a form.
+    These are one form for the cells and one for each quadrature rule of the facets, or two if some
+    integrals evaluate the coordinates in one point; and one for each object of mesh tags, of which
+    DOLFINx takes one for all integrals of a form.
     """
     groups: dict[Any, list[Any]] = {}
     for integral in form.integrals():
         kind, tags = integral.integral_type(), id(integral.subdomain_data())
-        groups.setdefault((kind, _is_at_one_point(integral), tags), []).append(integral)
+        rule = None if kind == "cell" else integral.metadata().get("quadrature_rule")
+        key = kind, rule, _is_at_one_point(integral), tags
+        groups.setdefault(key, []).append(integral)
     return [ufl.Form(integrals) for integrals in sorted(groups.values(), key=_rank)]
 
 

@@ -144,6 +144,14 @@ def require_energy(energy: Callable[[fem.Function], Expr], space: fem.FunctionSp
         )
 
 
+def stiffness(u: fem.Function, v: Expr, du: Expr, data: ProblemData) -> Expr:
+    """``a(du, v)``, and ``J''(u)(v, du)`` of the user's own energy J, if there is one."""
+    form = elastic_form(du, v, data)
+    if data.own_energy is None:
+        return form
+    return form + ufl.derivative(own_forces(u, v, data), u, du)
+
+
 def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
     """``J'(u) v`` for the user's own energy J, which the data must have."""
     assert data.own_energy is not None

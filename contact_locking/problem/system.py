@@ -57,6 +57,25 @@ class BodyForms:
         self._w.x.array[:] = w.x.array
         return self._nodal(self._elastic)
 
+    def body_forces(self, w: fem.Function) -> FloatArray:
+        """``a(w, .)``, and ``J'(w)`` of the user's own energy J, if there is one."""
+        forces = self.elastic_forces(w)
+        return forces if self._data.own_energy is None else forces + self._nodal(self._own)
+
+    def own_energy(self, w: fem.Function) -> float:
+        """``J(w)``, 0 without an energy of the user's; not a number where there is none."""
+        return 0.0 if self._data.own_energy is None else self._value(self._own_value, w)
+
+    @cached_property
+    def _own_value(self) -> fem.Form:
+        assert self._data.own_energy is not None
+        return compiled.form(self._data.own_energy(self._w))
+
+    @cached_property
+    def _own(self) -> JointForm:
+        test = ufl.TestFunction(self._w.function_space)
+        return JointForm(forms.own_forces(self._w, test, self._data))
+
     def loads(self) -> FloatArray:
         """``(f, .)`` at the present time."""
         return self._nodal(self._external)
@@ -154,6 +173,13 @@ class PenalisedSystem:
         space = self.u.function_space
         v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
         return forms.elastic_form(w, v, self.data)
+
+    @cached_property
+    def stiffness(self) -> ufl.Form:
+        """The derivative of the forces of the body at ``u``, of trial and test functions."""
+        space = self.u.function_space
+        v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
+        return forms.stiffness(self.u, v, du, self.data)
 
     # The penalised forms are compiled at their first use.  The solver for n = inf never uses them.
 
