@@ -337,6 +337,7 @@ def trace_norm(
         for surface, blocks in traces:
             weighted = surface.weights[:, None, None] * blocks
             PointStiffness(surface.operator, weighted).add_to(trace, constraints.free_dofs())
+        trace.assemble()
         constraints.supports.directions.eliminate(trace, holds=False)
         try:
             return float(_largest(trace, problem.matrix, problem.ksp) ** 0.5)
