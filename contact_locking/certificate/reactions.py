@@ -36,31 +36,21 @@ def shares_by_part(
     prescribe there.  Parts that prescribe the same component of the same node have equal shares of
     its reaction, so that the resultants add up to the sum of all reactions.
     """
-    dim = domain.dim
-    owned = _held_dofs(domain, constraints, len(reaction))
-    shares = {name: np.zeros_like(reaction) for name in owned}
-    for placed in constraints.supports.placed:
-        shares |= {name: np.zeros_like(reaction) for name in placed.support.on}
-    rest = reaction.copy()
-    if constraints.supports.placed:
-        oblique = constraints.supports.directions.nodes
-        oblique = oblique[oblique < len(reaction) // dim]
-        forces = reaction.reshape(-1, dim)[oblique]
-        rest.reshape(-1, dim)[oblique] = 0.0
-        rows = list(_rows(domain, constraints, owned, oblique))
-        # The forces ``c_i m_i`` with ``sum c_i m_i = r`` and the least ``sum c_i^2``.
-        gram = np.zeros((len(oblique), dim, dim))
-        for _, places, directions in rows:
-            np.add.at(gram, places, np.einsum("ki,kj->kij", directions, directions))
-        solved = np.einsum("kij,kj->ki", np.linalg.pinv(gram, rcond=1e-12), forces)
-        for name, places, directions in rows:
-            sizes = np.sum(directions * solved[places], axis=1)
-            np.add.at(shares[name].reshape(-1, dim), oblique[places], sizes[:, None] * directions)
-    holders = np.zeros(len(reaction))
-    for dofs in owned.values():
-        holders[dofs] += 1.0
-    for name, dofs in owned.items():
-        shares[name][dofs] += rest[dofs] / holders[dofs]
+    dim, nodes = domain.dim, np.arange(len(reaction) // domain.dim, dtype=np.int32)
+    held = _held_dofs(domain, constraints, len(reaction))
+    rows = list(_rows(domain, constraints, held, nodes))
+    nodes = np.unique(np.concatenate([nodes[:0], *(places for _, places, _ in rows)]))
+    # The forces ``c_i m_i`` with ``sum c_i m_i = r`` and the least ``sum c_i^2``.
+    gram = np.zeros((len(nodes), dim, dim))
+    for _, places, m in rows:
+        np.add.at(gram, np.searchsorted(nodes, places), np.einsum("ki,kj->kij", m, m))
+    inverse = np.linalg.pinv(gram, rcond=1e-12, hermitian=True)
+    solved = np.einsum("kij,kj->ki", inverse, reaction.reshape(-1, dim)[nodes])
+    shares: dict[str, FloatArray] = {}
+    for name, places, m in rows:
+        share = shares.setdefault(name, np.zeros_like(reaction)).reshape(-1, dim)
+        sizes = np.sum(m * solved[np.searchsorted(nodes, places)], axis=1)
+        np.add.at(share, places, sizes[:, None] * m)
     return shares
 
 

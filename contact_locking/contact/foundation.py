@@ -108,6 +108,11 @@ class PlacedFoundation(ABC):
         """
         return np.empty((0, self._dim))
 
+    @property
+    def now(self) -> Distance | None:
+        """The body at its present place, None for a gap."""
+        return None
+
     def motion(self) -> RigidMotion:
         """Where it has moved from rest."""
         return RigidMotion.rest(self._dim)
@@ -115,13 +120,6 @@ class PlacedFoundation(ABC):
     def drag(self, surface: ContactSurface, before: RigidMotion) -> FloatArray:
         """How far (k, d) it has moved since it was at ``before``, in limited values."""
         return np.zeros_like(surface.points)
-
-    def outline(self, box: FloatArray) -> FloatArray:
-        """The facets (t, d, d) of its surface at present, by their corners, if it has any.
-
-        A surface that is not made of facets has those of its part in the box (2, d).
-        """
-        return np.empty((0, self._dim, self._dim))
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
         """Warnings about the present gap (k,) at the nodes; collective."""
@@ -409,9 +407,6 @@ class RigidFoundation(PlacedFoundation):
         if isinstance(body, FacetedFoundation):
             found += about_the_size(surface.domain, body.extent, self._place)
         return found + about_the_distance(surface.domain, gap, self._key)
-
-    def outline(self, box: FloatArray) -> FloatArray:
-        return self._shape.outline(self.motion(), box)
 
     def _slopes(self, body: LevelSetAt, surface: ContactSurface) -> tuple[float, float]:
         """The least and the largest ``|grad f|`` at the nodes at present; collective."""

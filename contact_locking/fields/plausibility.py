@@ -121,21 +121,6 @@ def about_a_load(stress: float, stiffness: float, key: str) -> list[str]:
     return [f"{key}: {text}"]
 
 
-def about_an_open_part(
-    key: str, missing: int, strange: int, resultant: Sequence[float]
-) -> list[str]:
-    """A warning about a pressure in a cavity on a part that is not the whole skin of the cavity."""
-    faults = [f"lacks {missing} of its facets"] * bool(missing)
-    faults += [f"has {strange} facets of another skin"] * bool(strange)
-    size = max(map(abs, resultant))
-    sums = ", ".join(f"{0.0 if abs(x) < 1e-9 * size else x:.3g}" for x in resultant)
-    return [
-        f"{key}: has most of a cavity and {' and '.join(faults)}, so that a pressure p has the "
-        f"resultant -p ({sums}), which is 0 in a closed cavity; take a part of mesh.parts with "
-        "skin: inner"
-    ]
-
-
 def about_the_strain(largest: float) -> list[str]:
     """A warning about strains too large for the theory of small strains."""
     # The strain may be at a limit of this size, to the tolerance of the solver.

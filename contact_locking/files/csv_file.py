@@ -1,14 +1,12 @@
-"""Tables as CSV: those of this program, and files of users with what is wrong in words."""
+"""CSV files of users, with what is wrong in words."""
 
 from __future__ import annotations
 
 import contextlib
 import csv
-import io
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
 
 from contact_locking.errors import InputError
 from contact_locking.plain_text import nearest
@@ -17,35 +15,6 @@ from contact_locking.plain_text import nearest
 _MOST_BYTES, _LONGEST_LINE = 50_000_000, 100_000
 
 _SEPARATORS = {";": "semicolons", "\t": "tabs"}
-
-
-def csv_text(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
-    """A table as text, numbers with all their digits."""
-    stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerows([columns, *rows])
-    return stream.getvalue()
-
-
-def read_own(
-    text: str, name: str, number: Callable[[str, str], float]
-) -> tuple[list[str], list[list[float]]]:
-    """The columns and the rows in the text of a table of this program, the file ``name``.
-
-    ``number`` reads a cell, by its column, and raises ValueError for another one.  Raises
-    InputError, with the line, for a table that this program has not written.
-    """
-    reader = csv.reader(io.StringIO(text, newline=""))
-    rows = []
-    try:
-        columns = next(reader, [])
-        if not columns:
-            raise InputError(f"{name}: is empty; solve the run again")
-        for cells in reader:
-            rows.append([number(*pair) for pair in zip(columns, cells, strict=True)])
-    except (ValueError, OverflowError, csv.Error):
-        message = f"is damaged: no row of {len(columns)} numbers"
-        raise InputError(f"{name}:{reader.line_num}: {message}") from None
-    return columns, rows
 
 
 @contextlib.contextmanager

@@ -16,10 +16,6 @@ from contact_locking.mesh.lagrange import mean_normals
 
 # A skin encloses a body if the body is thicker than this share of its length.
 _THIN = 1e-9
-# A part that has more than this share of a cavity is meant to be the cavity.
-_MOST = 0.5
-# A part is closed if its mean normal is shorter.
-_CLOSED = 1e-6
 
 
 def area_normals(domain: Domain, facets: IndexArray) -> tuple[FloatArray, FloatArray]:
@@ -82,50 +78,6 @@ class Skins:
     def of_kind(self, kind: str) -> IndexArray:
         """The owned facets of the skins of a kind, inner or outer."""
         return self.facets[self.is_inner[self.numbers] == (kind == "inner")]
-
-
-@dataclass(frozen=True)
-class OpenPart:
-    """A part of the boundary that has most of a cavity and is open.
-
-    ``missing`` facets of the cavity are not in it, and ``strange`` facets of other skins, which it
-    has in part, are.  ``resultant`` (d,) is its ``int nu``, which is zero for closed skins.
-    """
-
-    missing: int
-    strange: int
-    resultant: FloatArray
-
-
-def open_part(domain: Domain, skins: Skins, names: tuple[str, ...]) -> OpenPart | None:
-    """The named parts together, if they are such a part; collective.
-
-    Facets are strange if one name has them and facets of the cavity.
-    """
-    comm, count = domain.comm, len(skins.is_inner)
-
-    def of_skins(weights: FloatArray | BoolArray) -> FloatArray:
-        found: FloatArray = comm.allreduce(np.bincount(skins.numbers, weights, count))
-        return found
-
-    by_name = [np.isin(skins.facets, domain.facets((name,))) for name in names]
-    has = np.any(by_name, axis=0)
-    facets, own = of_skins(np.ones(len(has))), of_skins(has)
-    is_cavity = skins.is_inner & (of_skins(has * skins.areas) > _MOST * of_skins(skins.areas))
-    missing, is_strange = (facets - own)[is_cavity].sum(), np.zeros(len(has), dtype=bool)
-    for named in by_name:
-        if of_skins(named)[is_cavity].any():
-            is_strange |= named & (~is_cavity & (own < facets))[skins.numbers]
-    strange = comm.allreduce(int(is_strange.sum()))
-    normals, areas = skins.normals[has], skins.areas[has]
-    if domain.axisymmetric:
-        nodes = _compat.entities_to_geometry(domain.mesh, domain.dim - 1, skins.facets[has])
-        circles = 2.0 * np.pi * domain.mesh.geometry.x[nodes, 0].mean(axis=1)
-        normals, areas = circles[:, None] * normals * [0.0, 1.0], circles * areas
-    resultant, size = comm.allreduce(normals.sum(axis=0)), comm.allreduce(areas.sum())
-    if missing + strange == 0 or np.linalg.norm(resultant) <= _CLOSED * size:
-        return None
-    return OpenPart(int(missing), strange, resultant)
 
 
 def _joined(ridges: IntArray) -> IntArray:

@@ -5,12 +5,9 @@ Every rank reads a share of the file, and no rank ever has the whole mesh.
 
 from __future__ import annotations
 
-import contextlib
-import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from dolfinx import io
@@ -18,8 +15,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.errors import InputError, explained, with_key
-from contact_locking.files.atomic import staging
+from contact_locking.errors import InputError, with_key
 from contact_locking.mesh.boundary_parts import EntityGroup, require_different
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.diagnosis import DistributedCells
@@ -28,7 +24,7 @@ from contact_locking.mesh.domain import Domain, about, diagnosed
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.diagnosis import check_arrays
-from contact_locking.mesh.file.xdmf_grids import Grid, Grids, data_file, read_grids
+from contact_locking.mesh.file.xdmf_grids import Grid, data_file, read_grids
 from contact_locking.parallel import agree, on_root
 
 
@@ -47,19 +43,22 @@ def from_xdmf(path: Path, comm: MPI.Intracomm) -> Domain:
 
 
 def _read(path: Path, comm: MPI.Intracomm) -> Domain:
-    grids = on_root(comm, lambda: read_grids(path))
+    of_cells, grids = on_root(comm, lambda: read_grids(path))
     with _explained(path), io.XDMFFile(comm, path, "r") as file:
-        mesh = _mesh(file, grids)
+        mesh = _mesh(file, of_cells)
         cells = DistributedCells(mesh)
-        regions = _regions(file, grids, mesh)
-        named = [group for grid in grids.boundary_parts for group in _groups(file, grid, mesh)]
+        inside, on_facets = (
+            [group for grid in grids if grid.dim == dim for group in _groups(file, grid, mesh)]
+            for dim in (of_cells.dim, of_cells.dim - 1)
+        )
+        regions = _regions(inside, of_cells, mesh)
     with about(str(path)):
-        return diagnosed(mesh, cells, regions, named, str(path))
+        return diagnosed(mesh, cells, regions, on_facets, str(path))
 
 
-def _mesh(file: io.XDMFFile, grids: Grids) -> dmesh.Mesh:
+def _mesh(file: io.XDMFFile, grid: Grid) -> dmesh.Mesh:
     """The mesh, distributed; collective."""
-    comm, kind, name = file.comm, grids.cells.kind, grids.cells.name
+    comm, kind, name = file.comm, grid.kind, grid.name
     cells = np.asarray(file.read_topology_data(name), dtype=np.int64)
     points = np.asarray(file.read_geometry_data(name), dtype=float)
     if not comm.allreduce(len(cells)):
@@ -110,13 +109,12 @@ def _groups(file: io.XDMFFile, grid: Grid, mesh: dmesh.Mesh) -> list[EntityGroup
     return [EntityGroup(str(value), tags.find(value), missing) for value in values]
 
 
-def _regions(file: io.XDMFFile, grids: Grids, mesh: dmesh.Mesh) -> Regions:
+def _regions(found: list[EntityGroup], body: Grid, mesh: dmesh.Mesh) -> Regions:
     """The regions, one for each cell; collective."""
-    index_map = mesh.topology.index_map(grids.dim)
+    index_map = mesh.topology.index_map(body.dim)
     count = index_map.size_local + index_map.num_ghosts
-    if not grids.regions:
-        return Regions(np.ones(count, dtype=np.int32), {grids.cells.name: 1})
-    found = [group for grid in grids.regions for group in _groups(file, grid, mesh)]
+    if not found:
+        return Regions(np.ones(count, dtype=np.int32), {body.name: 1})
     require_different([group.name for group in found], "cells")
     names = {group.name: number for number, group in enumerate(found, start=1)}
     numbers = np.zeros(count, dtype=np.int32)
@@ -144,8 +142,6 @@ def _explained(path: Path) -> Iterator[None]:
         raise InputError(f"{path} cannot be read with {data_file(path).name}: {error}") from error
 
 
-T = TypeVar("T")
-
 _MESH = "mesh"
 # These characters end names in XML, in XPath or in HDF5.
 _FORBIDDEN = frozenset("/'\"<>&")
@@ -154,46 +150,25 @@ _FORBIDDEN = frozenset("/'\"<>&")
 def export(domain: Domain, path: Path) -> None:
     """Write a mesh and its groups as a file that `from_xdmf` reads, with its data; collective.
 
-    The files are ``path`` and the file beside it with the ending .h5, complete or not at all.
-    Raises InputError for the name of a group that XDMF files cannot have, and for files that cannot
-    be written, ContactLockingError where the disk is full.
+    The files are ``path`` and the file beside it with the ending .h5.  Raises InputError for the
+    name of a group that XDMF files cannot have, and for files that cannot be written.
     """
-    comm = domain.comm
     names = [_MESH, *domain.cell_names, *domain.facet_names]
     for name in names:
         if names.count(name) > 1 or _FORBIDDEN & set(name) or name in (".", ".."):
             raise InputError(f"a group named {name!r} cannot be written to an XDMF file")
-
-    def explaining(work: Callable[[], T]) -> T:
-        with explained(f"cannot write {path}", path):
-            return work()
-
-    with contextlib.ExitStack() as stack:
-        folder = on_root(
-            comm, lambda: explaining(lambda: stack.enter_context(staging(path.parent)))
-        )
-        try:
-            _write(domain, folder / path.name)
-        except RuntimeError as error:
-            raise InputError(f"cannot write {path}: {error}") from error
-
-        def put_in_place() -> None:
-            for name in (data_file(path).name, path.name):
-                os.replace(folder / name, path.with_name(name))
-
-        on_root(comm, lambda: explaining(put_in_place))
-
-
-def _write(domain: Domain, path: Path) -> None:
     mesh = domain.mesh
     mesh.name = _MESH
-    with io.XDMFFile(domain.comm, path, "w") as file:
-        file.write_mesh(mesh)
-        groups = [
-            *((domain.dim, name, domain.cells(name)) for name in domain.cell_names),
-            *((domain.dim - 1, name, domain.facets((name,))) for name in domain.facet_names),
-        ]
-        for number, (dim, name, own) in enumerate(groups, start=1):
-            group = dmesh.meshtags(mesh, dim, own, np.full(len(own), number, dtype=np.int32))
-            group.name = name
-            file.write_meshtags(group, mesh.geometry)
+    groups = [
+        *((domain.dim, name, domain.cells(name)) for name in domain.cell_names),
+        *((domain.dim - 1, name, domain.facets((name,))) for name in domain.facet_names),
+    ]
+    try:
+        with io.XDMFFile(domain.comm, path, "w") as file:
+            file.write_mesh(mesh)
+            for number, (dim, name, own) in enumerate(groups, start=1):
+                group = dmesh.meshtags(mesh, dim, own, np.full(len(own), number, dtype=np.int32))
+                group.name = name
+                file.write_meshtags(group, mesh.geometry)
+    except RuntimeError as error:
+        raise InputError(f"cannot write {path}: {error}") from error

@@ -10,7 +10,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import time
 from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
@@ -27,7 +26,7 @@ from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData
 from contact_locking.mesh.file.topology import longest_edges
 from contact_locking.mesh.given_mesh import NamedFacets
-from contact_locking.mesh.whole_mesh import gather_cells, gather_mesh
+from contact_locking.mesh.whole_mesh import gather_cells
 from contact_locking.meshes.curved import Curved
 from contact_locking.monitor import Monitor
 from contact_locking.process.refinement import (
@@ -37,7 +36,6 @@ from contact_locking.process.refinement import (
     marked_cells,
     squared_contributions,
 )
-from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import Solution
 from contact_locking.study_file.parameters.numerics import AdaptParameters
 from contact_locking.values.concept import faults_of
@@ -50,14 +48,13 @@ _LEAST_FALL, _MESHES = 0.95, 4
 class MeshSequence:
     """The meshes of the loop with their errors, and the reason for its end.
 
-    ``meshes`` has an entry for each mesh, as in summary.json, and ``pictures`` has the meshes
-    themselves on rank 0.  ``stopped`` is empty as long as the loop goes on.
+    ``meshes`` has an entry for each mesh, as in summary.json.
+    ``stopped`` is empty as long as the loop goes on.
     """
 
     def __init__(self, given: AdaptParameters) -> None:
         self.given = given
         self.meshes: list[dict[str, Any]] = []
-        self.pictures: list[AdaptedMesh] = []
         self.stopped = ""
         self.is_reached = False
         self._began = time.perf_counter()
@@ -157,8 +154,7 @@ def adapted(
             solution = solution.telling(warnings=told)
             monitor.message(f"warning: {text}{sequence.stopped}")
         seconds = time.perf_counter() - began
-        solution = solution.telling(adapt=sequence.summary(), wall_seconds=seconds)
-        yield dataclasses.replace(solution, meshes=tuple(sequence.pictures))
+        yield solution.telling(adapt=sequence.summary(), wall_seconds=seconds)
 
 
 def adapt(
@@ -214,9 +210,7 @@ def _refined(
     domain: Domain, solution: Solution, sequence: MeshSequence, curved: tuple[Curved, ...]
 ) -> Domain | None:
     """The next mesh; None, with the reason in ``sequence``, if there is none; collective."""
-    given, mesh = sequence.given, gather_mesh(domain)
-    if mesh is not None:
-        sequence.pictures.append(AdaptedMesh.of(mesh.data.points, mesh.data.cells.nodes))
+    given = sequence.given
     if sequence.stopped:
         return None
     found = gather_cells(domain, squared_contributions(solution))
@@ -232,9 +226,7 @@ def _refined(
                 "the error has hardly fallen over the last meshes; the smallest cells, of size "
                 f"{sizes[least]:.2g}, are at {centre}, where the solution may be singular"
             )
-        marked = marked_cells(found, given.share) | cells_at(entered, data)
-        sequence.pictures[-1] = sequence.pictures[-1].with_marks(data.cells.nodes, marked)
-        return marked
+        return marked_cells(found, given.share) | cells_at(entered, data)
 
     try:
         return finer_mesh(domain, solution, marks, given.max_dofs, curved)

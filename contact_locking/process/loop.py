@@ -31,10 +31,10 @@ from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.process.timeline import Timeline
-from contact_locking.results.history import History, Row
 from contact_locking.results.probe_table import ProbeSample
 from contact_locking.results.quantities import columns, components
 from contact_locking.results.solution import Solution, State
+from contact_locking.results.table import Row, Table
 from contact_locking.solver.task import SolverReport
 
 # How much later, as a share of the time, a proof is asked for where a step fails.
@@ -44,7 +44,7 @@ SUMMED = ("work", "dissipated", "numerical")
 
 
 def row_of(
-    solution: Solution, history: History, at: float, energy: EnergyBalance, seconds: float
+    solution: Solution, history: Table, at: float, energy: EnergyBalance, seconds: float
 ) -> Row:
     """The row of history.csv for the next step."""
     summary = solution.summary
@@ -82,7 +82,7 @@ def row_of(
     return row
 
 
-def totals(history: History, halvings: int, planned: int) -> dict[str, Any]:
+def totals(history: Table, halvings: int, planned: int) -> dict[str, Any]:
     """The key ``steps`` of summary.json."""
     last = {
         name.removesuffix("_total"): history.last(name)
@@ -154,7 +154,7 @@ class Process(Iterator[S]):
         on_failure: Literal["fail", "stop"] = "fail",
         restart: str | Path | None = None,
     ) -> None:
-        self.problem, self.history = problem, History()
+        self.problem, self.history = problem, Table()
         # An expression of UFL can be called as well.
         is_constant = isinstance(time, fem.Constant) or not callable(time)
         own = partial(setattr, time, "value") if is_constant else time
@@ -265,7 +265,7 @@ class Process(Iterator[S]):
                     return
             solution, before = found, after
             seconds = self._seconds = clocks.perf_counter() - began
-            self.history.rows.append(row_of(solution, self.history, at, energy, seconds))
+            self.history.append(row_of(solution, self.history, at, energy, seconds))
             solution = self._with_history(solution)
             yield solution
             if not solution.converged:
@@ -345,6 +345,6 @@ class Process(Iterator[S]):
         return dataclasses.replace(
             solution.telling(restart=restart, steps=steps, warnings=told),
             probes=self._probes,
-            history=History([*self.history.rows]),
+            history=Table.of(self.history.rows),
             halved=self._halved,
         )

@@ -30,7 +30,6 @@ from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.loop import Process
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.results.history import values_of
 from contact_locking.results.probe_table import sample
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver.settings import Settings
@@ -246,7 +245,7 @@ def solve_steps(
             for number, chart in enumerate(parameters.output.charts):
                 for key, text in (("x", chart.x), ("y", chart.y)):
                     key = f"output.charts.{number}.{key}"
-                    with_key(key, partial(values_of, text, solution.history))
+                    with_key(key, partial(solution.history.values, text))
             for warning in solution.summary["warnings"]:
                 # Steps differ in the numbers of a warning; those in keys, as contact.1, tell it
                 # apart.

@@ -200,41 +200,36 @@ class _Facets:
         """
         from scipy.spatial import cKDTree
 
-        obstacle, centres = self._contact.foundation, self._moved.mean(axis=1)
-        reach = _REACH * self._radius
-        box = np.stack(
-            [
-                (centres - reach[:, None]).min(axis=0, initial=np.inf),
-                (centres + reach[:, None]).max(axis=0, initial=-np.inf),
-            ]
-        )
-        corners = obstacle.corners(box, _SPACING * self._radius.min(initial=np.inf))
-        tree = cKDTree(corners) if len(corners) else None
-        spans = (self._moved[:, 1:] - self._moved[:, :1]).transpose(0, 2, 1)
+        foundation, centres = self._contact.foundation, self._moved.mean(axis=1)
+        count, dim, reach = len(centres), self._dim, _REACH * self._radius
+        ends = centres - reach[:, None], centres + reach[:, None]
+        box = np.stack([ends[0].min(axis=0, initial=np.inf), ends[1].max(axis=0, initial=-np.inf)])
+        corners = foundation.corners(box, _SPACING * self._radius.min(initial=np.inf))
+        depths, weights = np.zeros(count), np.full((count, dim), 1.0 / dim)
+        near: list[list[int]] = [[]] * count
+        if len(corners) and count:
+            near = cKDTree(corners).query_ball_point(centres, reach)
+        # The pairs of a facet and a corner.
+        facet = np.repeat(np.arange(count), [len(some) for some in near])
+        away = corners[np.concatenate([np.zeros(0, dtype=int), *near]).astype(int)]
+        away = away - self._moved[facet, 0]
+        inverse = np.linalg.pinv((self._moved[:, 1:] - self._moved[:, :1]).transpose(0, 2, 1))
+        rest = np.einsum("pij,pj->pi", inverse[facet], away)
+        shares = np.concatenate([1.0 - rest.sum(axis=1, keepdims=True), rest], axis=1)
         normals = facet_normals(self._moved)
         normals *= np.sign(np.sum(normals * self._outward, axis=1))[:, None]
         normals /= np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)[:, None]
-        inverse = np.linalg.pinv(spans)
+        # Above a corner the facet of a quadratic displacement is off its plane.
         moved = self._x + self._past
-        depths, weights = (
-            np.zeros(len(centres)),
-            np.full((len(centres), self._dim), 1.0 / self._dim),
-        )
-        for number, (centre, radius) in enumerate(zip(centres, reach, strict=True)):
-            some = tree.query_ball_point(centre, radius) if tree else []
-            if not some:
-                continue
-            away = corners[some] - self._moved[number, 0]
-            rest = away @ inverse[number].T
-            shares = np.concatenate([1.0 - rest.sum(axis=1, keepdims=True), rest], axis=1)
-            # Above a corner the facet of a quadratic displacement is off its plane.
-            bulge = self._basis(shares[None])[0] @ moved[number] - shares @ self._moved[number]
-            behind = (bulge - away) @ normals[number]
-            behind = np.where(shares.min(axis=1) >= -_ROUNDING, behind, 0.0)
-            deepest = int(np.argmax(behind))
-            depths[number], weights[number] = behind[deepest], shares[deepest]
-        points = np.einsum("mqn,mni->im", self._basis(weights[:, None]), moved)
-        above = obstacle.distance(points)
+        bulge = np.einsum("pn,pni->pi", self._basis(shares), moved[facet])
+        bulge -= np.einsum("pd,pdi->pi", shares, self._moved[facet])
+        behind = np.sum((bulge - away) * normals[facet], axis=1)
+        behind[shares.min(axis=1, initial=1.0) < -_ROUNDING] = 0.0
+        # The deepest comes last.
+        order = np.argsort(behind, kind="stable")
+        depths[facet[order]], weights[facet[order]] = behind[order], shares[order]
+        points = np.einsum("mn,mni->im", self._basis(weights), moved)
+        above = foundation.distance(points)
         depths -= np.sum(weights * self._at_corners, axis=1) + self._known
         # The point above a corner may be on the side of the tool, to rounding.
         depths[above > _ROUNDING * self._radius] = 0.0

@@ -1,17 +1,25 @@
-"""The points of Gamma_C as one table, contact after contact."""
+"""The points of Gamma_C, contact after contact, and the tables of contact.csv."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
-from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.arrays import AXES, FloatArray, IntArray
+from contact_locking.results.table import Table
 
 OPEN, STICK, SLIP = 0, 1, 2
 STATE_NAMES = ("open", "stick", "slip")
+# The columns of contact.csv in their order, those of vectors without their axes.
+_COLUMNS = {
+    **{"x": "", "u_normal": "u_normal", "u_tangent": "u_tangent", "gap": "gap"},
+    **{"pressure": "pressure", "traction": "traction_tangent", "bound": "bound"},
+    **{"state": "state", "normal": "normal", "contact": "contact"},
+}
 
 
 @dataclass(frozen=True)
@@ -58,6 +66,43 @@ class ContactPoints:
 
     def parts(self) -> list[ContactPoints]:
         return [self[rows] for rows in self.rows()]
+
+    @property
+    def table(self) -> Table:
+        """The columns of contact.csv, with states as words."""
+        columns: dict[str, Any] = {}
+        for key, name in _COLUMNS.items():
+            values = getattr(self, key)
+            if key == "state":
+                columns[name] = [STATE_NAMES[state] for state in values]
+            elif values.ndim == 1:
+                columns[name] = values
+            else:
+                columns |= zip(_with_axes(name, AXES[: self.dim]), values.T, strict=True)
+        return Table(columns)
+
+    @classmethod
+    def of(cls, table: Table) -> ContactPoints:
+        """The points of a :attr:`table`.  Raises KeyError for a column that is not there."""
+        axes = [axis for axis in AXES if axis in table.columns]
+        found: dict[str, Any] = {}
+        for key, name in _COLUMNS.items():
+            if key == "state":
+                found[key] = np.array([STATE_NAMES.index(x) for x in table.columns[name]], int)
+            elif name in table.columns:
+                found[key] = table.column(name)
+            else:
+                found[key] = np.column_stack([table.column(x) for x in _with_axes(name, axes)])
+        return cls(**found | {"contact": table.whole("contact")})
+
+
+def _with_axes(name: str, axes: Sequence[str]) -> list[str]:
+    return [f"{name}_{axis}" if name else axis for axis in axes]
+
+
+def facets_table(facets: IntArray) -> Table:
+    """The columns of contact_facets.csv: the corners of facets (m, d) as point numbers from 0."""
+    return Table({f"point_{corner}": column for corner, column in enumerate(facets.T)})
 
 
 def joined(

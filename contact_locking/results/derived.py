@@ -22,7 +22,6 @@ from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.between_nodes import Entry, entry_between_nodes
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.ordering import along_curves, facets_of, lexicographic
-from contact_locking.shapes.outline import box_around
 from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
 
 # The regularised friction traction never reaches the bound: a point slips from 99 % of the bound
@@ -55,9 +54,8 @@ class ContactFields:
         self.old_place, self.old_slip = contact.references, contact.state.slip
         frame = contact.surface.frame
         self.paired_at = None if frame is None else frame.displacement
-        domain = contact.surface.domain
-        box = box_around(domain.bounding_box, domain.axisymmetric)
-        self.outline = contact.foundation.outline(box - contact.travel) + contact.travel
+        # The foundation at its place, which later solves change, and its way by forces.
+        self.tool, self.travel = contact.foundation.now, np.array(contact.travel)
         # How far the foundation has moved in the step.
         self.drag, self.free = contact.drag, contact.free
         self.pressure = forces.pressure

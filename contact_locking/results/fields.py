@@ -1,4 +1,4 @@
-"""The fields of a solution as a VTX file (ADIOS2) for ParaView."""
+"""The fields of a solution as a VTX file (ADIOS2) for ParaView, and as XDMF for other tools."""
 
 from __future__ import annotations
 
@@ -16,9 +16,7 @@ import ufl
 from dolfinx import fem, io
 from mpi4py import MPI
 
-from contact_locking.arrays import FloatArray
 from contact_locking.fem import compiled
-from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.results.solution import Solution
 
 FIELD_NAMES = (
@@ -49,9 +47,8 @@ def discontinuous(solution: Solution) -> list[fem.Function]:
     All functions of a VTX file have one element, and these functions contain the displacements and
     the strains.  Values that are constant in a cell are copied.  Of strains that vary in a cell the
     norm is |eps(u)| at each node, unless the body is axisymmetric.  The other fields of the space
-    of strains are extended to the nodes as the functions that they are, except ``locked``: each
-    corner has the value of the point beside the corner, so that 0 and 1 stay 0 and 1, and the
-    middle of an edge has the mean of its ends.
+    of strains are extended to the nodes as the functions that they are, except ``locked``, which is
+    that of the point beside a node and stays between 0 and 1.
     """
     degree, mesh = solution.element.degree, solution.domain.mesh
     spaces: dict[tuple[int, ...], fem.FunctionSpace] = {}
@@ -78,33 +75,21 @@ def _fill(copy: fem.Function, function: fem.Function, name: str, solution: Solut
     # On the axis of an axisymmetric body the hoop strain is no number at a node.
     kinematics = solution.element.kinematics
     element, is_constant = solution.element, values.shape[1] == 1
+    is_nodal = not function.function_space.element.basix_element.discontinuous
+    # Whether there is a point of the strains beside each node.
+    each = given.list.shape[1] == wanted.list.shape[1]
     varies = element.strain_degree > 0 and not kinematics.axisymmetric
     if name == "strain_norm" and varies:
         eps = kinematics.strain(solution.displacement)
         norm = ufl.sqrt(ufl.inner(eps, eps))
         copy.interpolate(compiled.interpolation(norm, space))
-    elif is_constant or np.array_equal(_points(function.function_space), _points(space)):
+    elif is_constant or is_nodal or (name == "locked" and each):
         # A constant has one value in a cell, which every node receives.
         copy.x.array.reshape(-1, wanted.bs)[wanted.list] = values
-    elif name == "locked":
-        shares = _corner_shares(space)
-        if values.shape[1] == len(shares):
-            # A point is beside each node.
-            shares = np.eye(len(shares))
-        copy.x.array.reshape(-1, wanted.bs)[wanted.list] = np.einsum("nc,kcb->knb", shares, values)
     else:
         copy.interpolate(function)
-
-
-def _points(space: fem.FunctionSpace) -> FloatArray:
-    """The points (n, d) of the reference cell with the values of a scalar function."""
-    return np.asarray(space.element.basix_element.points)
-
-
-def _corner_shares(space: fem.FunctionSpace) -> FloatArray:
-    """The values (n, c) of the corners' functions of degree 1 at the nodes of a cell."""
-    kind = NAMED[space.mesh.topology.cell_name()]
-    return kind.basis(_points(space))
+        if name == "locked":
+            copy.x.array[:] = np.clip(np.round(copy.x.array, 9), 0.0, 1.0)
 
 
 def size(functions: list[fem.Function], comm: MPI.Intracomm) -> int:
@@ -155,3 +140,26 @@ def _explained(file: io.VTXWriter, path: Path) -> Iterator[None]:
         full = shutil.disk_usage(path.parent).free < _NO_ROOM_BYTES
         number = int(told[1]) if told else errno.ENOSPC if full else errno.EIO
         raise OSError(number, os.strerror(number), str(path)) from error
+
+
+def write_xdmf(solution: Solution, path: Path, comm: MPI.Intracomm) -> None:
+    """Write all fields to ``path`` and to the file beside it that ends with .h5; collective.
+
+    Fields of strains and stresses are constant in each cell, and the others have the values at the
+    corners of the cells.  Raises OSError where HDF5 fails.
+    """
+    mesh = solution.domain.mesh
+    try:
+        with io.XDMFFile(comm, path, "w") as file:
+            file.write_mesh(mesh)
+            for name in FIELD_NAMES:
+                function = getattr(solution, name)
+                if function is not None:
+                    jumps = function.function_space.element.basix_element.discontinuous
+                    element = ("DG", 0) if jumps else ("P", 1)
+                    space = fem.functionspace(mesh, (*element, function.ufl_shape))
+                    copy = fem.Function(space, name=name)
+                    copy.interpolate(function)
+                    file.write_function(copy, 0.0)
+    except RuntimeError as error:
+        raise OSError(f"HDF5 cannot write {path.name}: {error}") from error

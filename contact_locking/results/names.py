@@ -23,8 +23,6 @@ PROBES = "probes.csv"
 BRANCHES = "branches.csv"
 #: The picture of a run.
 PICTURE = "picture.png"
-#: The meshes of a run with adapted meshes.
-MESHES = "meshes.npz"
 #: A fit to measured curves: its numbers, and the picture of data and model.
 FIT, FIT_PICTURE = "fit.json", "fit.png"
 #: The report of a run or a study: its page, which a new run makes out of date, and its charts.
@@ -33,7 +31,7 @@ PAGE, CHARTS = "report.html", "report"
 CHECKPOINT, RECORD = "checkpoint", "record.json"
 #: All of a run in the order in which they are put in place: a folder with a summary has the others.
 FILES_OF_RUN = (
-    *(PARAMETERS, CONTACT, FACETS, HISTORY, MESHES, FIELDS, XDMF_DATA, XDMF, PROBES),
+    *(PARAMETERS, CONTACT, FACETS, HISTORY, FIELDS, XDMF_DATA, XDMF, PROBES),
     *(BRANCHES, PICTURE, FIT, FIT_PICTURE, PAGE, CHECKPOINT, SUMMARY),
 )
 #: More than the bytes of a summary, the parameters and some hundred contact points.

@@ -10,7 +10,7 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import AXES, FloatArray
-from contact_locking.files.csv_file import csv_text
+from contact_locking.results.table import Table
 from contact_locking.study.probe_points import ProbePoints
 
 
@@ -71,18 +71,15 @@ def sample(
     return ProbeSample(points, dict(zip(names, whole.T, strict=True)))
 
 
-def text(samples: Sequence[ProbeSample]) -> str:
-    """The table as CSV, numbers with all their digits: a row for each point and step."""
-    timed = any(taken.step for taken in samples)
-    axes = AXES[: samples[0].points.x.shape[1]]
-    rows: list[list[Any]] = []
+def table(samples: Sequence[ProbeSample]) -> Table:
+    """A row for each point, and for each step of a process."""
+    timed, parts = any(taken.step for taken in samples), list[dict[str, Any]]()
     for taken in samples:
-        when = [taken.step, float(taken.time)] if timed else []
-        places: Any = np.column_stack([taken.points.probe, taken.points.number]).tolist()
-        numbers: Any = np.column_stack([taken.points.x, *taken.values.values()]).tolist()
-        rows += [[*when, *place, *own] for place, own in zip(places, numbers, strict=True)]
-    columns = [*(["step", "t"] if timed else []), "probe", "point", *axes, *samples[0].values]
-    return csv_text(columns, rows)
+        points, every = taken.points, np.ones(len(taken.points), dtype=np.int64)
+        when = {"step": taken.step * every, "t": taken.time * every} if timed else {}
+        places = {"probe": points.probe, "point": points.number}
+        parts.append(when | places | dict(zip(AXES, points.x.T, strict=False)) | taken.values)
+    return Table({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
 
 
 def _local_values(points: ProbePoints, field: fem.Function) -> FloatArray:

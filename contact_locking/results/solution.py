@@ -13,9 +13,8 @@ import numpy as np
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
 from contact_locking.problem.distance import distance
-from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.contact_points import ContactPoints
-from contact_locking.results.history import History
+from contact_locking.results.table import Table
 
 if TYPE_CHECKING:
     from dolfinx import fem
@@ -106,9 +105,8 @@ class Solution:
     summary: Mapping[str, Any]
     differentiable: Differentiable | None = None
     data: ProblemData | None = None
-    meshes: tuple[AdaptedMesh, ...] = ()  # the adapted meshes up to this one, on rank 0
     time: float = 0.0  # the time of the step, 0 without steps
-    history: History = field(default_factory=History)  # the steps up to this one, none without
+    history: Table = field(default_factory=Table)  # the steps up to this one, none without
     probes: tuple[ProbeSample, ...] = ()  # the probes of the steps up to this one, none without
     halved: tuple[str, ...] = ()  # which steps were halved, in words
     others: tuple[Solution, ...] = ()  # further solutions, where a study asks for them

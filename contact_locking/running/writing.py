@@ -15,12 +15,13 @@ from mpi4py import MPI
 from contact_locking import study_file, wings
 from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, require_kind
 from contact_locking.files import atomic
-from contact_locking.files.csv_file import csv_text
 from contact_locking.files.lock import make_folders
 from contact_locking.process.checkpoint import stored as checkpoints
-from contact_locking.results import adapted_meshes, contact_table, fields, names, probe_table, xdmf
+from contact_locking.results import fields, names, probe_table
+from contact_locking.results.contact_points import facets_table
 from contact_locking.results.output_folder import explained_in, on_root_of
 from contact_locking.results.solution import Solution, StudySolution, summary_text
+from contact_locking.results.table import Table
 from contact_locking.study_file.parameters.numerics import OutputParameters
 
 
@@ -68,8 +69,8 @@ def write(
 ) -> list[str]:
     """Write all files of a solution and return the warnings, the same on all ranks; collective.
 
-    The files are summary.json, contact.csv and contact_facets.csv, parameters.yaml for a study, and
-    meshes.npz for adapted meshes.  The section ``output`` of a study, or its defaults, adds
+    The files are summary.json, contact.csv and contact_facets.csv, and parameters.yaml for a
+    study.  The section ``output`` of a study, or its defaults, adds
     fields.bp or fields.xdmf, and picture.png; ``checkpoint`` adds the folder checkpoint.  A step of
     a process adds history.csv.  ``series``, the file of a `FieldSeries`, is fields.bp in place of
     the fields of this step.  The files are written into a staging folder and moved when all are
@@ -100,7 +101,7 @@ def write(
                 on_root_of(comm, target, partial(made.rename, staging / names.FIELDS))
         if wanted.fields and "xdmf" in wanted.formats:
             with _explained_alone(target, comm):
-                xdmf.write(solution, staging / names.XDMF, comm)
+                fields.write_xdmf(solution, staging / names.XDMF, comm)
         for draw in wings.PICTURES if wanted.picture else ():
             try:
                 warnings += draw(solution, staging)
@@ -114,7 +115,6 @@ def write(
 
         def finish() -> None:
             _write_texts(complete, staging)
-            adapted_meshes.save(solution.meshes, staging / names.MESHES)
             for name in names.FILES_OF_RUN:
                 atomic.put_in_place(staging / name, target / name)
 
@@ -181,19 +181,18 @@ def _write_texts(solution: Solution, folder: Path) -> None:
     assert points is not None and facets is not None
     texts = {
         names.SUMMARY: summary_text(solution.summary),
-        names.CONTACT: contact_table.points_text(points),
-        names.FACETS: contact_table.facets_text(facets),
+        names.CONTACT: points.table.text(),
+        names.FACETS: facets_table(facets).text(),
     }
     if isinstance(solution, StudySolution):
         texts[names.PARAMETERS] = study_file.dump(solution.parameters)
-    if solution.history.rows:
+    if len(solution.history):
         texts[names.HISTORY] = solution.history.text()
     if branches := solution.summary.get("branches"):
-        # The points in the order of the branch, with all digits.
-        columns = branches["points"]
-        texts[names.BRANCHES] = csv_text(columns, zip(*columns.values(), strict=True))
+        # The points in the order of the branch.
+        texts[names.BRANCHES] = Table(branches["points"]).text()
     if solution.probes:
-        texts[names.PROBES] = probe_table.text(solution.probes)
+        texts[names.PROBES] = probe_table.table(solution.probes).text()
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
 

@@ -9,9 +9,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
-from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.shapes.distance import Distance
-from contact_locking.shapes.outline import ball
 from contact_locking.shapes.shape import Shape
 from contact_locking.values.concept import ONLY, BodyKind, Components, Fault, entry
 from contact_locking.values.kinds import Direction, Point, Positive, TimedScalar
@@ -63,12 +61,6 @@ class Sphere(Shape):
         # No direction is the nearest at the centre itself: the normal there is the zero vector.
         return -radial / np.maximum(np.linalg.norm(radial, axis=0), np.finfo(float).tiny)
 
-    def outline(self, motion: RigidMotion, box: FloatArray) -> FloatArray:
-        if box.shape[1] == 2:
-            return super().outline(motion, box)
-        centre = motion.place(np.array(self.centre, dtype=float)[:, None])[:, 0]
-        return ball(centre, self.radius, box)
-
 
 class Cylinder(Sphere):
     """The distance to the line through ``centre`` along ``axis``, less ``radius``; a disc in 2D."""
@@ -93,9 +85,6 @@ class Cylinder(Sphere):
             return radial
         axis = _unit(self.axis or (0.0, 1.0, 0.0))
         return radial - np.outer(axis, axis @ radial)
-
-    def outline(self, motion: RigidMotion, box: FloatArray) -> FloatArray:
-        return Shape.outline(self, motion, box)
 
 
 #: Maps points (d, k) to f (k,) and its gradient (d, k).

@@ -14,7 +14,6 @@ from pydantic import BeforeValidator, Field, Tag, model_validator
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.shapes.shape import Shape
 from contact_locking.shapes.tool_files import MOST_CORNERS, read_corners, read_surface
 from contact_locking.values.concept import (
@@ -69,10 +68,6 @@ class FacetedFoundation(Shape):
     @abstractmethod
     def at_open_end(self, x: FloatArray) -> BoolArray:
         """(k,) whether the rim of an open surface is nearest to each point (d, k)."""
-
-    def outline(self, motion: RigidMotion, box: FloatArray) -> FloatArray:
-        dim = self.facets.shape[2]
-        return motion.place(self.facets.reshape(-1, dim).T).T.reshape(self.facets.shape)
 
     @property
     def extent(self) -> float:
@@ -171,7 +166,7 @@ class Polyline(FacetedFoundation):
         found: Polyline = self
         if self.file is not None:
             path = Path(self.file)
-            found = Polyline(on_root(comm, lambda: read_corners(path, MOST_CORNERS)))
+            found = Polyline(on_root(comm, lambda: read_corners(path)))
         if len(found.corners) < 2:
             raise InputError("has no segment: give at least two corners at different places")
         if (crossing := found.crossing()) is not None:
@@ -317,8 +312,8 @@ class TriangulatedSurface(FacetedFoundation):
         found = on_root(
             comm, lambda: read_surface(path, self.scale, shift, self.turned, self.spacing)
         )
-        surface = TriangulatedSurface(found.points, found.triangles)
-        surface.warnings.extend(found.warnings)
+        surface = TriangulatedSurface(*found[:2])
+        surface.warnings.extend(found[2])
         return surface
 
     @cached_property
@@ -354,54 +349,43 @@ class TriangulatedSurface(FacetedFoundation):
         return np.asarray(-normals)
 
     def sharp_points(self, box: FloatArray, spacing: float) -> FloatArray:
-        inside = np.all((self.points >= box[0]) & (self.points <= box[1]), axis=1)
-        found = [self.points[inside]]
-        start, end = self.points[self._sharp_edges].transpose(1, 0, 2)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ways = np.sort((box[:, None] - start) / (end - start), axis=0)
-        # Along a side of the box an edge is within the box for all of its length or for nothing.
-        between = (start >= box[0]) & (start <= box[1])
-        never, always = np.array([np.inf, -np.inf])[:, None, None], np.array([0.0, 1.0])
-        ways = np.where(start == end, np.where(between, always[:, None, None], never), ways)
-        first = np.maximum(ways[0].max(axis=1, initial=0.0), 0.0)
-        last = np.minimum(ways[1].min(axis=1, initial=1.0), 1.0)
-        for a, b, low, high in zip(start, end, first, last, strict=True):
-            if low < high:
-                length = float(np.linalg.norm(b - a)) * (high - low)
-                shares = np.linspace(low, high, int(np.ceil(length / spacing)) + 1)
-                found.append(a + shares[:, None] * (b - a))
-        return np.concatenate(found)
+        middle, radius = box.mean(axis=0), 0.5 * float(np.linalg.norm(np.ptp(box, axis=0)))
+        found = [self.points]
+        for start, end in self.points[self._edges[1]]:
+            length = float(np.linalg.norm(end - start))
+            along = (end - start) / length
+            foot = (middle - start) @ along
+            low, high = np.clip([foot - radius, foot + radius], 0.0, length)
+            if np.linalg.norm(start + np.clip(foot, 0.0, length) * along - middle) <= radius:
+                count = int(np.ceil((high - low) / spacing)) + 1
+                found.append(start + np.linspace(low, high, count)[:, None] * along)
+        points = np.concatenate(found)
+        return np.asarray(points[np.all((points >= box[0]) & (points <= box[1]), axis=1)])
 
     @cached_property
-    def _sharp_edges(self) -> IntArray:
-        """The edges (e, 2) between triangles whose normals differ by more than 10 degrees."""
-        normals = self.normals
+    def _edges(self) -> tuple[IntArray, IntArray]:
+        """The edges (r, 2) of the rim, and those (e, 2) where normals differ by over 10 degrees."""
         sides = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         order = np.lexsort(sides.T)
-        sides, owner = sides[order], order // 3
+        sides, normals = sides[order], self.normals[order // 3]
         pairs = np.flatnonzero(np.all(sides[1:] == sides[:-1], axis=1))
-        cosine = np.sum(normals[owner[pairs]] * normals[owner[pairs + 1]], axis=1)
-        return np.asarray(sides[pairs[cosine < _SHARP]])
+        is_rim = np.ones(len(sides), dtype=bool)
+        is_rim[pairs] = is_rim[pairs + 1] = False
+        cosine = np.sum(normals[pairs] * normals[pairs + 1], axis=1)
+        return sides[is_rim], sides[pairs[cosine < _SHARP]]
 
     def reversed(self) -> TriangulatedSurface:
         return TriangulatedSurface(self.points, self.triangles[:, ::-1])
 
-    @cached_property
-    def rim(self) -> IntArray:
-        """The edges (r, 2) of one triangle only, as numbers of corners."""
-        edges = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        found, counts = np.unique(edges, axis=0, return_counts=True)
-        return np.asarray(found[counts == 1])
-
     @property
     def is_closed(self) -> bool:
-        return not len(self.rim)
+        return not len(self._edges[0])
 
     def at_open_end(self, x: FloatArray) -> BoolArray:
         if self.is_closed:
             return np.zeros(x.shape[1], dtype=bool)
         places = self._nearest(x)[1].T
-        on_rim, _, _ = _nearest_on_segments(places, self.points[self.rim])
+        on_rim, _, _ = _nearest_on_segments(places, self.points[self._edges[0]])
         return np.asarray(np.linalg.norm(places - on_rim, axis=1) <= 1e-9 * self._size)
 
     def _nearest(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -5,13 +5,10 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
 from pydantic import ValidationInfo, model_validator
 
 from contact_locking.arrays import FloatArray
-from contact_locking.laws.rigid_motion import RigidMotion
-from contact_locking.shapes.distance import Distance, MovedDistance
-from contact_locking.shapes.outline import zero_line
+from contact_locking.shapes.distance import Distance
 from contact_locking.values.concept import ONLY, Concept
 
 if TYPE_CHECKING:
@@ -86,16 +83,6 @@ class Shape(Concept):
     def warnings(self) -> list[str]:
         """What is probably not intended about the shape."""
         return []
-
-    def outline(self, motion: RigidMotion, box: FloatArray) -> FloatArray:
-        """The facets (t, d, d) of the shape after a motion in a box (2, d), by their corners.
-
-        In the plane these are the segments of the line ``phi = 0``, with the foundation on their
-        left.  In space a shape has none unless it says more.
-        """
-        if box.shape[1] == 2:
-            return zero_line(MovedDistance(self, motion), box)
-        return np.empty((0, 3, 3))
 
 
 class OwnShape(Shape):

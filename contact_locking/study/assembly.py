@@ -30,7 +30,7 @@ from contact_locking.mesh.named_parts import Place, Test, with_parts
 from contact_locking.mesh.skins import area_normals
 from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
-from contact_locking.study.loads import build_loads, open_pressures, springs_of
+from contact_locking.study.loads import build_loads, springs_of
 from contact_locking.study.material import material_in_cells, material_warnings
 from contact_locking.study.probe_points import locate
 from contact_locking.study_file import require_parameters
@@ -87,7 +87,6 @@ class StudyProblem(DiscreteProblem):
         for item in parameters.contacts:
             told += friction_warnings(domain, item)
         told += self.loads.warnings(self.material.stiffness)
-        told += open_pressures(domain, parameters.loads.pressures)
         told += parameters.idle_friction()
         for key, value in parameters.timed():
             told += unseen_peaks(value, key, clock, domain.bounding_box)

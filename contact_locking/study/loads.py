@@ -23,14 +23,13 @@ from contact_locking.fem.compiled import integral
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.clock import Clock, LargestSoFar
 from contact_locking.fields.lookups import Lookups
-from contact_locking.fields.plausibility import about_a_load, about_an_open_part
+from contact_locking.fields.plausibility import about_a_load
 from contact_locking.fields.sampling import Entities, features, refuse_poles, rule
 from contact_locking.fields.values import evaluate
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.skins import Skins, open_part
 from contact_locking.parallel import agree, minimum
 from contact_locking.problem.springs import Springs
-from contact_locking.study_file.parameters.boundary import LoadParameters, Pressure, Spring
+from contact_locking.study_file.parameters.boundary import LoadParameters, Spring
 from contact_locking.values.value import Value
 
 # The quadrature degree of an expression in each part of a cell or facet; test functions of degree 1
@@ -75,20 +74,6 @@ def build_loads(domain: Domain, given: LoadParameters, element: Element, clock: 
                 vector = -vector[0] * ufl.FacetNormal(domain.mesh)
             found.add(load, vector, measure, stress)
     return found
-
-
-def open_pressures(domain: Domain, given: Sequence[Pressure]) -> list[str]:
-    """Warnings about pressures in cavities on parts that are open; collective."""
-    skins, told = Skins.of(domain) if given else None, list[str]()
-    for i, item in enumerate(given):
-        assert skins is not None
-        found = open_part(domain, skins, item.on)
-        if found is not None:
-            key = f"loads.pressures.{i}.on"
-            told += about_an_open_part(
-                key, found.missing, found.strange, [*map(float, found.resultant)]
-            )
-    return told
 
 
 class Loads:

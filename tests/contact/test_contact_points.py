@@ -11,8 +11,8 @@ from solutions import of_kind
 
 from contact_locking import solve
 from contact_locking.arrays import IntArray
-from contact_locking.results import contact_table
-from contact_locking.results.contact_points import ContactPoints, joined
+from contact_locking.results.contact_points import ContactPoints, facets_table, joined
+from contact_locking.results.table import Table
 from contact_locking.view.pictures.snapshot import facets_within
 
 pytestmark = pytest.mark.serial
@@ -22,10 +22,6 @@ def table(dim: int, kind: str = "with two contacts") -> tuple[ContactPoints, Int
     solution = of_kind(dim, kind)
     assert solution.contact_points is not None and solution.contact_facets is not None
     return solution.contact_points, solution.contact_facets
-
-
-def text(points: ContactPoints, facets: IntArray) -> tuple[str, str]:
-    return contact_table.points_text(points), contact_table.facets_text(facets)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -44,12 +40,12 @@ def test_the_parts_of_joined_contacts_are_the_contacts(dim: int) -> None:
 @pytest.mark.parametrize("kind", ["locked", "without contact", "with two contacts"])
 def test_contact_csv_is_read_as_it_was_written(dim: int, kind: str) -> None:
     points, facets = table(dim, kind)
-    first, second = text(points, facets)
-    found = contact_table.read_points(first, "contact.csv")
+    found = ContactPoints.of(Table.read(points.table.text(), "contact.csv", ["state"]))
     for column, values in vars(points).items():
         read = getattr(found, column)
         assert read.dtype == values.dtype and np.array_equal(read, values), column
-    assert np.array_equal(contact_table.read_facets(second, "contact_facets.csv", dim), facets)
+    numbers = Table.read(facets_table(facets).text(), "contact_facets.csv").columns.values()
+    assert np.array_equal(np.column_stack([*numbers]), facets)
 
 
 def test_a_solve_of_two_contacts_has_the_points_of_both_in_the_order_of_the_study_file() -> None:

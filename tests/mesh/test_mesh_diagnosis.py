@@ -88,17 +88,12 @@ def test_a_crack_is_a_warning(comm: MPI.Intracomm, tmp_path: Path) -> None:
     assert "the body is cut where nodes are double: nodes 6 and 7 are both at (0, 0.5)" in warning
 
 
-def test_parts_that_meet_in_a_node_are_parts_with_a_warning(
-    comm: MPI.Intracomm, tmp_path: Path
-) -> None:
+def test_parts_that_meet_in_a_node_are_parts(comm: MPI.Intracomm, tmp_path: Path) -> None:
     points = [*SQUARE, (2, 1), (2, 2)]
     named: Groups = {**BODY, "corner": [(3, 5, 6)], "far": [(5, 6)]}
     path = shared(comm, tmp_path, points, named)
     with pytest.raises(InputError, match=r"part 2 of the body \(corner, from \(1, 1\) to \(2, 2\)"):
         check(study(path), comm)
-    held = [{"on": ["left", "far"], "value": [0, 0]}]
-    facts = check(study(path, loads={"displacements": held}), comm)
-    assert "meet in node 3 at (1, 1), and share no edge" in facts["warnings"][0]
 
 
 def test_a_thin_triangle_is_a_warning(comm: MPI.Intracomm, tmp_path: Path) -> None:

@@ -21,7 +21,6 @@ from contact_locking.meshes import BUILDERS
 from contact_locking.meshes import write as write_mesh
 from contact_locking.process import adaptive_meshes, solving
 from contact_locking.process.checkpoint import stored as checkpoint
-from contact_locking.results import adapted_meshes
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.view import report
 
@@ -186,14 +185,8 @@ def test_files_and_report_of_an_adaptive_run_tell_the_sequence(dim: int, tmp_pat
     summary = json.loads((tmp_path / "summary.json").read_text())
     names = {"dofs", "cells", "estimate", "tangents", "seconds"}
     assert [set(entry) for entry in summary["adapt"]["meshes"]] == [names] * 2
-    first, last = adapted_meshes.load(tmp_path / "meshes.npz")
-    assert first.dim == last.dim == dim and first.marked.any() and not last.marked.any()
-    assert len(first.triangles) < len(last.triangles)
     report.write(tmp_path)
-    assert {path.stem for path in (tmp_path / "report").iterdir()} >= {
-        "adapt-error",
-        "adapt-meshes",
-    }
+    assert "adapt-error" in {path.stem for path in (tmp_path / "report").iterdir()}
     page = (tmp_path / "report.html").read_text()
     assert "Adapted meshes" in page and "adapt.max_meshes, 2, is reached" in page
 
@@ -244,4 +237,3 @@ def test_a_script_has_the_adapted_meshes_of_the_same_study_file(comm: MPI.Intrac
     *_, last = cl.adapt(make, 0.01, domain.mesh, tags, max_meshes=3)
     assert [m["dofs"] for m in meshes(last)] == [m["dofs"] for m in meshes(expected)]
     assert last.summary["contact_force"] == pytest.approx(expected.summary["contact_force"], 1e-8)
-    assert len(last.meshes) == (3 if comm.rank == 0 else 0)

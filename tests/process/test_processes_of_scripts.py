@@ -18,8 +18,7 @@ from sheared_block import all_of, sheared
 import contact_locking as cl
 from contact_locking.process.checkpoint import stored as checkpoint
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.results.contact_table import read_points
-from contact_locking.results.history import History, read_history
+from contact_locking.results.table import Table
 from contact_locking.solver.task import SolverReport
 
 Fail = Callable[[Callable[[], float]], None]
@@ -55,7 +54,7 @@ class Block:
         return cl.Process(self.problem, TIMES, self.put, **more)
 
 
-def assert_same(found: History, expected: History) -> None:
+def assert_same(found: Table, expected: Table) -> None:
     shared = set(found.columns) & set(expected.columns)
     assert len(shared) > 25 and len(found) == len(expected)
     for name in shared - ITS_OWN:
@@ -179,7 +178,7 @@ def test_the_files_of_a_process_of_a_script_are_read_back(tmp_path: Path) -> Non
     assert names == texts | {"fields.bp"}
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["contact_force"] == solution.summary["contact_force"]
-    assert_same(read_history((folder / "history.csv").read_text(), "history.csv"), process.history)
-    points = read_points((folder / "contact.csv").read_text(), "contact.csv")
+    assert_same(Table.read((folder / "history.csv").read_text(), "history.csv"), process.history)
+    points = Table.read((folder / "contact.csv").read_text(), "contact.csv", ["state"])
     if expected := solution.contact_points:
-        assert points.pressure == pytest.approx(expected.pressure)
+        assert points.column("pressure") == pytest.approx(expected.pressure)

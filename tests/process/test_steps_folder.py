@@ -19,7 +19,7 @@ from slow import slow
 
 from contact_locking import InputError, Parameters, save, solve_steps, study_file
 from contact_locking.monitor import Monitor
-from contact_locking.results.history import History, read_history
+from contact_locking.results.table import Table
 from contact_locking.running.run import run
 from contact_locking.view import report
 
@@ -67,12 +67,12 @@ def shared(path: Path) -> Path:
     return Path(MPI.COMM_WORLD.bcast(path))
 
 
-def history_in(folder: Path) -> History:
-    return read_history((folder / "history.csv").read_text(), "history.csv")
+def history_in(folder: Path) -> Table:
+    return Table.read((folder / "history.csv").read_text(), "history.csv")
 
 
-def assert_same(a: History, b: History) -> None:
-    assert a.columns == b.columns and len(a) == len(b)
+def assert_same(a: Table, b: Table) -> None:
+    assert [*a.columns] == [*b.columns] and len(a) == len(b)
     for name in set(a.columns) - ITS_OWN:
         size = np.abs(a.column(name)).max()
         assert np.allclose(a.column(name), b.column(name), rtol=1e-6, atol=1e-7 * size + 1e-12), (

@@ -14,7 +14,7 @@ from tool_files import ascii_stl, ball, binary_stl, box
 from contact_locking import InputError
 from contact_locking.arrays import FloatArray
 from contact_locking.files.readable import LARGEST_FILE
-from contact_locking.shapes.tool_files import checked, read_stl
+from contact_locking.shapes.tool_files import read_stl
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 
@@ -98,24 +98,11 @@ def test_an_edge_of_three_triangles_is_refused(tmp_path: Path) -> None:
     assert "3 triangles share the edge from" in said and "two sides only where two do" in said
 
 
-def test_an_open_tool_without_a_side_is_refused() -> None:
-    strip = box([0, 0, 0], [1, 1, 1])[:2]
-    strip[1] = strip[1, ::-1]
-    with pytest.raises(InputError, match="an open surface does not tell which side is outside"):
-        checked(strip, "strip.stl")
-    angles = np.linspace(0.0, 2.0 * np.pi, 13)
-    half = 0.4 * np.stack([np.cos(angles / 2), np.sin(angles / 2)], axis=1)
-    ends = [
-        np.stack([(1 + s * half[:, 0]) * np.cos(angles), (1 + s * half[:, 0]) * np.sin(angles),
-                  s * half[:, 1]], axis=1)
-        for s in (1.0, -1.0)
-    ]  # fmt: skip
-    # After half a turn each side goes on as the other.
-    ends[0][-1], ends[1][-1] = ends[1][0].copy(), ends[0][0].copy()
-    quads = [(ends[0][i], ends[1][i], ends[1][i + 1], ends[0][i + 1]) for i in range(12)]
-    moebius = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
-    with pytest.raises(InputError, match="has no two sides, as a Moebius strip"):
-        checked(moebius, "moebius.stl")
+def test_triangles_that_look_to_different_sides_are_refused(tmp_path: Path) -> None:
+    for whole in (BELOW, BELOW[8:10]):
+        mixed = whole.copy()
+        mixed[1] = mixed[1, ::-1]
+        assert "look to different sides" in refusal(written(tmp_path, mixed))
 
 
 def test_a_tool_far_away_or_in_other_units_is_warned_of(tmp_path: Path) -> None:

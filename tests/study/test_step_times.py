@@ -11,7 +11,7 @@ from sheared_block import all_of, sheared
 
 from contact_locking import InputError, solve_steps
 from contact_locking.process.timeline import Timeline
-from contact_locking.results.history import read_history
+from contact_locking.results.table import Table
 from contact_locking.study_file.parameters.numerics import StepParameters
 
 
@@ -74,7 +74,7 @@ def test_a_timeline_reaches_every_planned_time_whatever_fails() -> None:
 @pytest.mark.serial
 def test_a_history_is_read_as_it_was_written() -> None:
     history = all_of(sheared(2))[-1].history
-    again = read_history(history.text(), "history.csv")
+    again = Table.read(history.text(), "history.csv")
     assert again == history and again.columns == history.columns
     with pytest.raises(InputError, match=r"history\.csv:2"):
-        read_history(history.text().replace("\n1,", "\n1,1,"), "history.csv")
+        Table.read(history.text().replace("\n1,", "\n1,1,"), "history.csv")

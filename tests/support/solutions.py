@@ -187,7 +187,8 @@ def _nodal(points: ContactPoints) -> Any:
         SimpleNamespace(
             surface=SimpleNamespace(points=part.x[own], jump=None),
             smoothed_stress=-part.pressure[own],
-            outline=np.empty((0, part.x.shape[1], part.x.shape[1])),
+            tool=None,
+            travel=0.0,
         )
         for part in points.parts()
     )

@@ -9,7 +9,7 @@ import pytest
 from seal import seal
 
 from contact_locking import InputError, solve
-from contact_locking.results.history import History, values_of
+from contact_locking.results.table import Table
 from contact_locking.running.run import run
 from contact_locking.running.studies.cases import Case, Outcome, row_of
 from contact_locking.study_file import from_mapping
@@ -19,7 +19,7 @@ from contact_locking.view.report.run_charts import Process, column_of, history_c
 
 pytestmark = pytest.mark.serial
 
-HISTORY = History(
+HISTORY = Table.of(
     [
         {"step": k, "t": 0.5 * k, "contact_force_plate_y": -2.0 * k, "motion_plate_y": -k}
         for k in (1, 2)
@@ -49,16 +49,16 @@ def test_a_column_is_told_with_its_contact_and_its_unit(name: str, title: str, u
 
 
 def test_values_are_those_of_columns_and_of_expressions_of_columns() -> None:
-    np.testing.assert_array_equal(values_of("motion_plate_y", HISTORY), [-1.0, -2.0])
-    np.testing.assert_array_equal(values_of("1.2*t + step", HISTORY), [1.6, 3.2])
-    np.testing.assert_array_equal(values_of("3", HISTORY), [3.0, 3.0])
+    np.testing.assert_array_equal(HISTORY.values("motion_plate_y"), [-1.0, -2.0])
+    np.testing.assert_array_equal(HISTORY.values("1.2*t + step"), [1.6, 3.2])
+    np.testing.assert_array_equal(HISTORY.values("3"), [3.0, 3.0])
 
 
 def test_a_chart_has_a_curve_for_each_case_and_a_wrong_column_is_named() -> None:
     cases = [Process(HISTORY, f"mu = {mu}") for mu in (0.1, 0.3)]
     (drawn,) = wanted_charts([CURVE], cases, ["plate"], {"force": "N/mm", "length": "mm"})
     assert drawn.description == "-contact_force_plate_y over -motion_plate_y"
-    assert wanted_charts([CURVE], [Process(History(HISTORY.rows[:1]))], [], {}) == []
+    assert wanted_charts([CURVE], [Process(Table.of(HISTORY.rows[:1]))], [], {}) == []
     with pytest.raises(InputError) as caught:
         wanted_charts([{"x": "t", "y": "contact_force_top_y"}], cases, ["plate"], {})
     assert caught.value.key == "output.charts.0.y"

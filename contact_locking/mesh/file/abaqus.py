@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain, takewhile
 from pathlib import Path
 
@@ -20,10 +20,9 @@ from contact_locking.mesh.file.foreign import KINDS, Block, ForeignMesh
 _SOLID = re.compile(r"(?:DC3D|AC3D|C3D|SC)(\d+)")
 _PLANE = re.compile(r"(?:CPS|CPEG|CPE|CGAX|CAX|DCAX|DC2D|M3D|R3D|STRI|S)(\d)")
 # The corners of the sides S1, S2 and so on by the kind of the cell.
-_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0))
-_FACES = {
+_SIDES = {
     "triangle": ((0, 1), (1, 2), (2, 0)),
-    "quadrilateral": _EDGES,
+    "quadrilateral": ((0, 1), (1, 2), (2, 3), (3, 0)),
     "tetrahedron": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
     "hexahedron": (
         *((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1)),
@@ -39,41 +38,47 @@ _DEEPEST = 10
 Name = tuple[str, str]
 
 
-@dataclass
+@dataclass(frozen=True)
 class Card:
-    """A keyword with its options and its lines of data."""
+    """A keyword with its options and its lines of data.
+
+    ``scope`` is the instance whose numbers of nodes and elements it has, empty for the deck, and
+    ``is_inside`` says that it stands in the instance, so that sets belong to it.  ``place`` are the
+    lines of data of the instance: a translation, and two points of an axis with an angle.
+    """
 
     keyword: str
     options: dict[str, str]
     lines: list[str] = field(default_factory=list)
+    scope: str = ""
+    is_inside: bool = False
+    place: tuple[tuple[float, ...], ...] = ()
 
     @property
     def rows(self) -> list[list[str]]:
         """The entries of each line."""
         return [[entry.strip() for entry in line.split(",")] for line in self.lines]
 
-    @property
-    def entries(self) -> list[str]:
-        return [entry for row in self.rows for entry in row if entry]
+    def name(self, word: str) -> Name:
+        return (self.scope if self.is_inside else "", word.upper())
 
 
 def read(source: Path) -> ForeignMesh:
     """The mesh of a deck.  Raises InputError for one that cannot be read."""
     deck = _Deck()
-    cards = _placed(_cards(source))
+    cards = _of_instances(_cards(source))
+    for keyword in (card.keyword for card in cards if card.keyword in _GENERATORS):
+        raise InputError(
+            f"{source}: *{keyword} makes nodes or elements of others, which is not read; let the "
+            "preprocessor write all of them"
+        )
     # Sets may come before the elements that they name.
     for stage in (("NODE",), ("ELEMENT",), ("NSET", "ELSET"), ("SURFACE",)):
-        for instance, card in cards:
-            if card.keyword in _GENERATORS:
-                raise InputError(
-                    f"{source}: *{card.keyword} makes nodes or elements of others, which is not "
-                    "read; let the preprocessor write all of them"
-                )
-            if card.keyword in stage:
-                try:
-                    deck.add(instance, card)
-                except (ValueError, KeyError, IndexError) as error:
-                    raise InputError(f"{source}: *{card.keyword} is wrong: {error}") from None
+        for card in (card for card in cards if card.keyword in stage):
+            try:
+                deck.add(card)
+            except (ValueError, KeyError, IndexError) as error:
+                raise InputError(f"{source}: *{card.keyword} is wrong: {error}") from None
     return deck.mesh()
 
 
@@ -89,84 +94,49 @@ def _cards(path: Path, depth: int = 0) -> Iterator[Card]:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = raw.decode("latin-1")
-    card: Card | None = None
-    lines = map(str.strip, text.splitlines())
+    lines = (line for line in map(str.strip, text.splitlines()) if line and line[:2] != "**")
+    data: list[str] = []
     for line in lines:
-        if line.startswith("**") or not line:
-            continue
         if not line.startswith("*"):
-            if card is not None:
-                card.lines.append(line)
+            data.append(line)
             continue
         while line.endswith(","):
             line += next(lines, "")
-        if card is not None:
-            yield card
         head, *words = line[1:].split(",")
         pairs = (word.partition("=") for word in words)
         options = {name.strip().upper(): value.strip().strip('"') for name, _, value in pairs}
-        card = Card(" ".join(head.upper().split()), options)
+        data = []
+        yield (card := Card(" ".join(head.upper().split()), options, data))
         if card.keyword == "INCLUDE":
             yield from _cards(path.parent / options.get("INPUT", ""), depth + 1)
-    if card is not None:
-        yield card
 
 
-@dataclass(frozen=True)
-class _Instance:
-    """A copy of a part: where its nodes are, and the name of its own numbers and sets."""
-
-    name: str = ""
-    is_own: bool = False
-    lines: tuple[tuple[float, ...], ...] = ()
-
-    def place(self, points: FloatArray) -> FloatArray:
-        if self.lines:
-            points = points + np.asarray(self.lines[0][:3])
-        if len(self.lines) > 1:
-            start, end, angle = self.lines[1][:3], self.lines[1][3:6], self.lines[1][6]
-            axis = np.subtract(end, start)
-            turn = rotation(np.radians(angle) * axis / np.linalg.norm(axis))
-            points = start + (points - start) @ turn.T
-        return points
-
-
-def _placed(cards: Iterable[Card]) -> list[tuple[_Instance, Card]]:
+def _of_instances(cards: Iterable[Card]) -> list[Card]:
     """The cards with the instance whose numbers they take; a part without one stands as it is."""
     parts: dict[str, list[Card]] = {}
     used: set[str] = set()
-    found: list[tuple[_Instance, Card]] = []
+    found: list[Card] = []
     stream = iter(cards)
+
+    def until(end: str) -> list[Card]:
+        return list(takewhile(lambda card: card.keyword != end, stream))
+
     for card in stream:
+        name = card.options.get("NAME", "").upper()
         if card.keyword == "PART":
-            of_part = takewhile(lambda one: one.keyword != "END PART", stream)
-            parts[card.options["NAME"].upper()] = list(of_part)
+            parts[name] = until("END PART")
         elif card.keyword == "INSTANCE":
-            own = takewhile(lambda one: one.keyword != "END INSTANCE", stream)
-            part = card.options.get("PART", "").upper()
+            inside, part = until("END INSTANCE"), card.options.get("PART", "").upper()
             used.add(part)
-            lines = tuple(tuple(map(float, filter(None, row))) for row in card.rows)
-            instance = _Instance(card.options["NAME"], True, lines)
-            found += [(instance, one) for one in chain(parts.get(part, []), own)]
+            place = tuple(tuple(map(float, filter(None, row))) for row in card.rows)
+            found += [
+                replace(item, scope=name, is_inside=True, place=place)
+                for item in chain(parts.get(part, []), inside)
+            ]
         else:
-            found.append((_Instance(card.options.get("INSTANCE", "")), card))
-    for name, inside in parts.items():
-        if name not in used:
-            found += [(_Instance(name, True), one) for one in inside]
-    return found
-
-
-def _elements(card: Card, size: int) -> list[list[int]]:
-    """Number and nodes of each element, on one line or several; CalculiX writes more nodes."""
-    found: list[list[int]] = []
-    row: list[int] = []
-    for entries in card.rows:
-        row += [int(entry) for entry in entries if entry]
-        if len(row) >= size:
-            found.append(row[:size])
-            row = []
-    if row or not found:
-        raise ValueError(f"an element of the type {card.options['TYPE']} takes {size - 1} nodes")
+            found.append(replace(card, scope=card.options.get("INSTANCE", "").upper()))
+    for name in parts.keys() - used:
+        found += [replace(card, scope=name, is_inside=True) for card in parts[name]]
     return found
 
 
@@ -174,138 +144,137 @@ class _Deck:
     """What the cards have told so far; nodes and elements are numbered in their order."""
 
     def __init__(self) -> None:
-        self._points: list[FloatArray] = []
-        self._count = 0
-        # The nodes that were told of in the whole deck, and in each instance.
-        self._size_of: Counter[str] = Counter()
-        self._nodes: dict[str, dict[int, int]] = defaultdict(dict)
-        self._elements: dict[str, dict[int, int]] = defaultdict(dict)
-        self._blocks: list[Block] = []
-        self._sets: dict[str, dict[Name, list[int]]] = {"NSET": {}, "ELSET": {}}
-        self._facets: dict[Name, list[IntArray]] = {}
+        self._mesh, self._points = ForeignMesh(), list[FloatArray]()
+        # Nodes and elements by the numbers in the deck, of each instance, and the sets of these.
+        self._numbers = {kind: defaultdict[str, dict[int, int]](dict) for kind in ("NSET", "ELSET")}
+        self._sets = {kind: defaultdict[Name, list[int]](list) for kind in ("NSET", "ELSET")}
+        self._facets = defaultdict[Name, list[IntArray]](list)
         self._spelled: dict[str, str] = {}
+        # The sets that are no groups: those of the preprocessor, and those of all nodes.
         self._internal: set[Name] = set()
-        self._of_nodes: set[Name] = set()
-        self._mesh = ForeignMesh(np.zeros((0, 3)), self._blocks)
+        self._of_cards_of_nodes: set[Name] = set()
 
-    def add(self, instance: _Instance, card: Card) -> None:
+    def add(self, card: Card) -> None:
+        for word in card.options.values():
+            self._spelled.setdefault(word.upper(), word)
         match card.keyword:
             case "NODE":
-                self._add_nodes(instance, card)
+                self._add_nodes(card)
             case "ELEMENT":
-                self._add_elements(instance, card)
+                self._add_elements(card)
             case "NSET" | "ELSET":
-                self._add_set(instance, card)
+                self._add_set(card)
             case "SURFACE":
-                self._add_surface(instance, card)
+                self._add_surface(card)
 
-    def _name(self, instance: _Instance, word: str) -> Name:
-        self._spelled.setdefault(word.upper(), word)
-        return (instance.name.upper() if instance.is_own else "", word.upper())
+    def _number(self, kind: str, card: Card, numbers: list[int], first: int) -> None:
+        """Number entities from ``first`` on, and put them into the set of their card."""
+        places = range(first, first + len(numbers))
+        self._numbers[kind][card.scope].update(zip(numbers, places, strict=True))
+        if kind in card.options:
+            self._sets[kind][card.name(card.options[kind])].extend(places)
 
-    def _add_nodes(self, instance: _Instance, card: Card) -> None:
+    def _add_nodes(self, card: Card) -> None:
         if card.options.get("SYSTEM", "R").upper() != "R":
             raise ValueError("its coordinates are cylindrical or spherical; write Cartesian ones")
-        numbers = [int(row[0]) for row in card.rows]
-        points = np.zeros((len(numbers), 3))
-        for point, row in zip(points, card.rows, strict=True):
-            given = [float(entry or 0.0) for entry in row[1:4]]
-            point[: len(given)] = given
-        self._points.append(instance.place(points))
-        places = range(self._count, self._count + len(numbers))
-        self._nodes[instance.name.upper()].update(zip(numbers, places, strict=True))
-        self._count += len(numbers)
-        self._size_of[self._name(instance, "")[0]] += len(numbers)
+        points: FloatArray = np.zeros((len(card.rows), 3))
+        for number, row in enumerate(card.rows):
+            points[number, : len(row[1:4])] = [float(entry or 0.0) for entry in row[1:4]]
+        if card.place:
+            points = points + np.asarray(card.place[0][:3])
+        if len(card.place) > 1:
+            start, end, angle = card.place[1][:3], card.place[1][3:6], card.place[1][6]
+            axis = np.subtract(end, start)
+            turn = rotation(np.radians(angle) * axis / np.linalg.norm(axis))
+            points = start + (points - start) @ turn.T
+        first = sum(map(len, self._points))
+        self._points.append(points)
+        self._number("NSET", card, [int(row[0]) for row in card.rows], first)
         if "NSET" in card.options:
-            name = self._name(instance, card.options["NSET"])
-            self._of_nodes.add(name)
-            self._extend("NSET", name, places)
+            self._of_cards_of_nodes.add(card.name(card.options["NSET"]))
 
-    def _add_elements(self, instance: _Instance, card: Card) -> None:
+    def _add_elements(self, card: Card) -> None:
         kind = card.options["TYPE"].upper()
         count, dim = 0, 0
         if solid := _SOLID.match(kind):
             count, dim = int(solid[1]), 3
         elif plane := _PLANE.match(kind):
             count, dim = (6 if kind.startswith("STRI65") else int(plane[1])), 2
-        numbers: list[int] = []
-        first = sum(len(block.nodes) for block in self._blocks)
-        if (dim, count) in KINDS:
-            rows = _elements(card, count + 1)
-            nodes, numbers = self._nodes[instance.name.upper()], [row[0] for row in rows]
-            try:
-                found = np.array([[nodes[number] for number in row[1:]] for row in rows])
-            except KeyError as error:
-                raise ValueError(f"node {error} of an element is not there") from None
-            self._blocks.append(Block(kind, dim, found))
-        else:
+        if (dim, count) not in KINDS:
             # A line that ends with a comma goes on.
-            ends = sum(not line.endswith(",") for line in card.lines)
-            self._mesh.left_out[kind] += ends
-        places = range(first, first + len(numbers))
-        self._elements[instance.name.upper()].update(zip(numbers, places, strict=True))
-        if "ELSET" in card.options:
-            self._extend("ELSET", self._name(instance, card.options["ELSET"]), places)
+            self._mesh.left_out[kind] += sum(row[-1] != "" for row in card.rows)
+            self._number("ELSET", card, [], 0)
+            return
+        # Number and nodes of each element, on one line or several; CalculiX writes more nodes.
+        rows, row = list[list[int]](), list[int]()
+        for entries in card.rows:
+            row += [int(entry) for entry in entries if entry]
+            if len(row) > count:
+                rows.append(row[: count + 1])
+                row = []
+        if row or not rows:
+            raise ValueError(f"an element of the type {card.options['TYPE']} takes {count} nodes")
+        nodes = self._numbers["NSET"][card.scope]
+        try:
+            found = np.array([[nodes[number] for number in row[1:]] for row in rows])
+        except KeyError as error:
+            raise ValueError(f"node {error} of an element is not there") from None
+        self._number("ELSET", card, [row[0] for row in rows], self._mesh.count)
+        self._mesh.blocks.append(Block(kind, dim, found))
 
-    def _extend(self, kind: str, name: Name, members: Iterable[int]) -> None:
-        self._sets[kind].setdefault(name, []).extend(members)
-
-    def _add_set(self, instance: _Instance, card: Card) -> None:
+    def _add_set(self, card: Card) -> None:
         kind = card.keyword
-        name = self._name(instance, card.options[kind])
+        name = card.name(card.options[kind])
         if "INTERNAL" in card.options:
             self._internal.add(name)
-        members: list[int] = []
+        members = self._sets[kind][name]
         if "GENERATE" in card.options:
-            numbers = self._numbers(kind, instance)
+            numbers = self._numbers[kind][card.scope]
             for row in card.rows:
                 first, last, step = ([int(entry) for entry in row if entry] + [1])[:3]
                 every = range(first, last + 1, step)
                 members += [numbers[number] for number in every if number in numbers]
         else:
-            for entry in card.entries:
-                members += self._members(kind, instance, entry)
+            for entry in chain.from_iterable(card.rows):
+                members += self._members(kind, card, entry)
         if kind == "NSET" and "ELSET" in card.options:
-            cells = np.array(self._members("ELSET", instance, card.options["ELSET"]), dtype=int)
+            cells = np.array(self._members("ELSET", card, card.options["ELSET"]), dtype=int)
             for block, inside in self._by_block(cells):
                 members += [int(node) for node in np.unique(block.corners[inside])]
-        self._extend(kind, name, members)
 
-    def _numbers(self, kind: str, instance: _Instance) -> dict[int, int]:
-        return (self._nodes if kind == "NSET" else self._elements)[instance.name.upper()]
-
-    def _members(self, kind: str, instance: _Instance, entry: str) -> list[int]:
+    def _members(self, kind: str, card: Card, entry: str) -> list[int]:
         """The members that an entry of a set names: a number, a set, or INSTANCE.NUMBER."""
         scope, _, word = entry.strip('"').upper().rpartition(".")
-        there = _Instance(scope) if scope else instance
+        scope = scope or card.scope
         if word.isdecimal():
-            number = self._numbers(kind, there).get(int(word))
+            number = self._numbers[kind][scope].get(int(word))
             return [] if number is None else [number]
-        names = ((there.name.upper(), word), ("", word), ("", entry.upper()))
         sets = self._sets[kind]
-        return next((sets[name] for name in names if name in sets), [])
+        return next(
+            (sets[x] for x in ((scope, word), ("", word), ("", entry.upper())) if x in sets), []
+        )
 
     def _by_block(self, cells: IntArray) -> Iterator[tuple[Block, IntArray]]:
         """Each block that has some of the cells (k,), with their places in it."""
         start = 0
-        for block in self._blocks:
+        for block in self._mesh.blocks:
             inside = cells[(cells >= start) & (cells < start + len(block.nodes))] - start
             if len(inside):
                 yield block, inside
             start += len(block.nodes)
 
-    def _add_surface(self, instance: _Instance, card: Card) -> None:
-        name = self._name(instance, card.options["NAME"])
+    def _add_surface(self, card: Card) -> None:
+        name = card.name(card.options["NAME"])
         if card.options.get("TYPE", "ELEMENT").upper() == "NODE":
-            for entry in (row[0] for row in card.rows):
-                self._extend("NSET", name, self._members("NSET", instance, entry))
+            for row in card.rows:
+                self._sets["NSET"][name] += self._members("NSET", card, row[0])
             return
-        facets = self._facets.setdefault(name, [])
+        facets = self._facets[name]
         for row in card.rows:
-            cells = np.array(self._members("ELSET", instance, row[0]), dtype=np.int64)
+            cells = np.array(self._members("ELSET", card, row[0]), dtype=np.int64)
             side = _SIDE.fullmatch(row[1].upper() if len(row) > 1 else "")
             for block, inside in self._by_block(cells):
-                sides = [] if block.kind is None else _FACES.get(block.kind.name, ())
+                sides = [] if block.kind is None else _SIDES.get(block.kind.name, ())
                 if side is None and block.dim == 2:
                     facets.append(block.corners[inside])
                 # Without a label these are all sides, of which those inside the body are left out.
@@ -315,22 +284,21 @@ class _Deck:
     def mesh(self) -> ForeignMesh:
         """The mesh, with the names of sets as they are spelled, and of an instance if need be."""
         mesh = self._mesh
-        mesh.points = np.concatenate([np.zeros((0, 3)), *self._points])
-        for sets, found in (
-            (self._sets["ELSET"], mesh.cell_sets),
-            (self._sets["NSET"], mesh.point_sets),
-        ):
+        mesh.points = np.concatenate([mesh.points, *self._points])
+        sizes = Counter({scope: len(nodes) for scope, nodes in self._numbers["NSET"].items()})
+
+        def shown(name: Name, sets: Iterable[Name]) -> str:
+            is_alone = sum(word == name[1] for _, word in sets) == 1
+            prefix = "" if is_alone or not name[0] else f"{name[0]}."
+            return prefix + self._spelled[name[1]]
+
+        for kind, found in (("ELSET", mesh.cell_sets), ("NSET", mesh.point_sets)):
+            sets = self._sets[kind]
             for name, members in sets.items():
                 # The set of all nodes, which every preprocessor writes, is no part of the boundary.
-                is_whole = name in self._of_nodes and len(members) == self._size_of[name[0]]
-                if name not in self._internal and not is_whole:
-                    found[self._shown(name, sets)] = np.unique(np.array(members, dtype=np.int64))
+                is_whole = name in self._of_cards_of_nodes and len(members) == sizes[name[0]]
+                if name not in self._internal and not (kind == "NSET" and is_whole):
+                    found[shown(name, sets)] = np.unique(np.array(members, dtype=np.int64))
         for name, facets in self._facets.items():
-            mesh.facet_sets[self._shown(name, self._facets)] = facets
+            mesh.facet_sets[shown(name, self._facets)] = facets
         return mesh
-
-    def _shown(self, name: Name, sets: Iterable[Name]) -> str:
-        scope, word = name
-        spelled = self._spelled[word]
-        is_alone = sum(other == word for _, other in sets) == 1
-        return spelled if is_alone or not scope else f"{scope}.{spelled}"

@@ -1,4 +1,4 @@
-"""The check that neighbouring cells share nodes: duplicate nodes, hanging nodes and hinges.
+"""The check that neighbouring cells share nodes: duplicate nodes and hanging nodes.
 
 Only nodes of the boundary, which consists of the facets of a single cell, need the check.
 """
@@ -38,7 +38,7 @@ def check_boundary(
 
     ``boundary`` (f, n) are the facets of a single cell, as nodes of ``mesh``, ``owner`` (f,) these
     cells and ``parts`` (f,) the parts of the cells.  Other cells and nodes of the mesh may be
-    missing.  Returns warnings of cracks and hinges.
+    missing.  Returns warnings of cracks.
     """
     from scipy.spatial import cKDTree
 
@@ -52,7 +52,7 @@ def check_boundary(
     tree = cKDTree(mesh.points[nodes])
     warnings = _cracks(mesh, nodes, part, tree, float(size.min()), facing)
     _check_hanging(mesh, nodes, tree, boundary, owner, size, facing)
-    return warnings + _hinges(mesh, boundary, parts)
+    return warnings
 
 
 def _may_meet(facing: Facing, one: IntArray, other: IntArray, beside: BoolArray) -> BoolArray:
@@ -161,19 +161,3 @@ def _inside(
     off = np.linalg.norm(away - np.einsum("ki,kia->ka", inside, edges), axis=1)
     on = (off <= _SAME_PLACE) & (share >= -_SAME_PLACE).all(axis=1)
     return on & (share <= 1.0 - 10 * _SAME_PLACE).all(axis=1), share
-
-
-def _hinges(mesh: MeshData, boundary: IntArray, parts: IntArray) -> list[str]:
-    """A warning of parts that share nodes but no facet, on the boundary of both."""
-    pairs = np.unique(
-        np.column_stack([boundary.ravel(), np.repeat(parts, boundary.shape[1])]), axis=0
-    )
-    joined = np.unique(pairs[1:, 0][pairs[1:, 0] == pairs[:-1, 0]])
-    if not len(joined):
-        return []
-    joint = "a node holds nothing" if mesh.dim == 2 else "nodes and edges hold nothing"
-    return [
-        f"parts of the body meet in {places.node(mesh, int(joined[0]))}"
-        f"{places.more(len(joined))}, and share no {'edge' if mesh.dim == 2 else 'face'}: "
-        f"{joint} as the mesh is refined"
-    ]

@@ -6,7 +6,7 @@ Sets of cells become regions; sets of nodes, surfaces and sets of facets parts o
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from contact_locking.files.atomic import staging
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.file import abaqus, foreign
 from contact_locking.mesh.file.foreign import ForeignMesh
+from contact_locking.mesh.file.topology import keys
 from contact_locking.meshes.session import check_complete, empty_model
 
 _DECK = ".inp"
@@ -24,6 +25,9 @@ _DECK = ".inp"
 ENDINGS = frozenset(
     (_DECK, ".bdf", ".cgns", ".e", ".exo", ".fem", ".med", ".mesh", ".nas", ".su2", ".vtk", ".vtu")
 )
+
+#: A kind of elements, the name of a group, and its elements (k, c) by their corners.
+Group = tuple[CellKind, str, IntArray]
 
 
 def convert(source: Path, target: Path) -> list[str]:
@@ -41,11 +45,12 @@ def convert(source: Path, target: Path) -> list[str]:
     mesh = (abaqus if source.suffix.lower() == _DECK else foreign).read(source)
     dim = max((block.dim for block in mesh.blocks), default=0)
     kind = _kind(mesh, dim, source)
-    cells, numbers = _of_dimension(mesh, dim)
-    regions, names = _regions(mesh.cell_sets, numbers)
-    facets = _boundary(cells, kind)
-    parts, empty = _parts(mesh, facets, kind.facet)
-    _write(target, mesh, (kind, cells, regions, names), parts)
+    cells = np.concatenate([block.corners for block in mesh.blocks if block.dim == dim])
+    regions = _regions(mesh, kind, cells)
+    parts, empty = _parts(mesh, kind, cells)
+    names = {name for _, name, _ in regions}
+    parts = [(of, f"{name} (nodes)" if name in names else name, x) for of, name, x in parts]
+    _write(target, mesh, cells, [*regions, *parts])
     warnings = []
     if any(block.dim == dim and block.nodes.shape[1] > kind.corners for block in mesh.blocks):
         warnings.append("its cells of second order are taken by their corners, with straight sides")
@@ -74,108 +79,72 @@ def _kind(mesh: ForeignMesh, dim: int, source: Path) -> CellKind:
     )
 
 
-def _of_dimension(mesh: ForeignMesh, dim: int) -> tuple[IntArray, IntArray]:
-    """The corners (k, c) of the cells, and for each element of the file its cell there, or -1."""
-    cells: list[IntArray] = []
-    numbers: list[IntArray] = [np.zeros(0, dtype=np.int64)]
-    count = 0
-    for block in mesh.blocks:
-        found = np.full(len(block.nodes), -1, dtype=np.int64)
-        if block.dim == dim:
-            found = np.arange(count, count + len(found))
-            count += len(found)
-            cells.append(block.corners)
-        numbers.append(found)
-    return np.concatenate(cells), np.concatenate(numbers)
-
-
-def _regions(sets: Mapping[str, IntArray], numbers: IntArray) -> tuple[IntArray, list[str]]:
-    """The number (k,) of each cell's region, from 1, and the names of the regions."""
-    count = int(numbers.max(initial=-1)) + 1
-    member: dict[str, BoolArray] = {}
-    for name, elements in sets.items():
-        inside = np.zeros(count, dtype=bool)
-        inside[numbers[elements][numbers[elements] >= 0]] = True
-        if inside.any():
-            member[name] = inside
-    parted = {name: inside for name, inside in member.items() if not inside.all()}
-    rest = next((name for name in member if name not in parted), "body")
-    if not parted:
-        return np.ones(count, dtype=np.int64), [rest]
-    kinds, found = np.unique(np.column_stack(list(parted.values())), axis=0, return_inverse=True)
-    names = ["+".join(np.array(list(parted))[kind]) or rest for kind in kinds]
-    return np.asarray(found).reshape(-1) + 1, names
-
-
-def _boundary(cells: IntArray, kind: CellKind) -> IntArray:
-    """The corners (f, d) of the facets of one cell only, in Gmsh's order as those of the cells."""
-    every = kind.facets_of(cells[:, list(kind.gmsh_order)])[:, list(kind.facet.gmsh_order)]
-    _, first, counts = np.unique(
-        np.sort(every, axis=1), axis=0, return_index=True, return_counts=True
+def _regions(mesh: ForeignMesh, kind: CellKind, cells: IntArray) -> list[Group]:
+    """The cells of each region."""
+    is_cell = np.concatenate([np.full(len(b.nodes), b.dim == kind.dim) for b in mesh.blocks])
+    has: dict[str, BoolArray] = {}
+    for name, elements in mesh.cell_sets.items():
+        mark = np.zeros(len(is_cell), dtype=bool)
+        mark[elements] = True
+        if (mark & is_cell).any():
+            has[name] = mark[is_cell]
+    whole = next((name for name, inside in has.items() if inside.all()), "body")
+    parted = {name: inside for name, inside in has.items() if not inside.all()}
+    nothing = np.zeros(len(cells), dtype=bool)
+    sets, number = np.unique(
+        np.column_stack([nothing, *parted.values()]), axis=0, return_inverse=True
     )
-    return every[first[counts == 1]]
+    names = ["+".join(np.array(list(parted), dtype=str)[inside[1:]]) or whole for inside in sets]
+    return [(kind, name, cells[number.reshape(-1) == k]) for k, name in enumerate(names)]
 
 
-def _parts(
-    mesh: ForeignMesh, facets: IntArray, kind: CellKind
-) -> tuple[dict[str, IntArray], list[str]]:
+def _parts(mesh: ForeignMesh, kind: CellKind, cells: IntArray) -> tuple[list[Group], list[str]]:
     """The facets of each part of the boundary, and the names of those that have none."""
-    place = {key: number for number, key in enumerate(_keys(facets))}
+    count, of = len(mesh.points), kind.facet
+    every = kind.facets_of(cells[:, list(kind.gmsh_order)])[:, list(of.gmsh_order)]
+    _, first, counts = np.unique(
+        keys(np.sort(every, axis=1), count), return_index=True, return_counts=True
+    )
+    facets = every[first[counts == 1]]
+    boundary = keys(np.sort(facets, axis=1), count)
 
-    def on_boundary(found: Iterable[IntArray]) -> list[int]:
-        keys = {key for some in found if some.shape[1] == kind.corners for key in _keys(some)}
-        return sorted(place[key] for key in keys if key in place)
+    def on_boundary(rows: Sequence[IntArray]) -> IntArray:
+        fitting = [np.sort(some, axis=1) for some in rows if some.shape[1] == of.corners]
+        known = [keys(some, count) for some in fitting if len(some)]
+        return facets[np.isin(boundary, np.concatenate(known))] if known else facets[:0]
 
-    parts: dict[str, IntArray] = {}
-    empty: list[str] = []
+    found: dict[str, IntArray] = {}
     for name, nodes in mesh.point_sets.items():
-        inside = np.zeros(len(mesh.points), dtype=bool)
+        inside = np.zeros(count, dtype=bool)
         inside[nodes] = True
-        found = facets[inside[facets].all(axis=1)]
-        if len(found):
-            parts[name] = found
-        elif len(nodes):
-            empty.append(name)
+        found[name] = facets[inside[facets].all(axis=1)]
+    empty = [name for name, rows in found.items() if not len(rows) and len(mesh.point_sets[name])]
     starts = np.cumsum([0, *(len(block.nodes) for block in mesh.blocks)])
     for name, elements in mesh.cell_sets.items():
         chosen = [
             block.corners[elements[(elements >= start) & (elements < end)] - start]
             for block, start, end in zip(mesh.blocks, starts, starts[1:], strict=False)
-            if block.dim == kind.dim
+            if block.dim == of.dim
         ]
-        if rows := on_boundary(chosen):
-            parts[name] = facets[rows]
+        if len(rows := on_boundary(chosen)):
+            found[name] = rows
     # A surface says more than a set of its nodes.
     for name, given in mesh.facet_sets.items():
-        if rows := on_boundary(given):
-            parts[name] = facets[rows]
+        if len(rows := on_boundary(given)):
+            found[name] = rows
         else:
             empty.append(name)
-    return parts, empty
+    return [(of, name, rows) for name, rows in found.items() if len(rows)], empty
 
 
-def _keys(facets: IntArray) -> list[tuple[int, ...]]:
-    """The corners of each facet (f, c), in an order that does not depend on the cell."""
-    return [tuple(map(int, row)) for row in np.sort(facets, axis=1)]
-
-
-def _write(
-    target: Path,
-    mesh: ForeignMesh,
-    body: tuple[CellKind, IntArray, IntArray, list[str]],
-    parts: Mapping[str, IntArray],
-) -> None:
+def _write(target: Path, mesh: ForeignMesh, cells: IntArray, groups: Sequence[Group]) -> None:
     import gmsh
 
-    kind, cells, regions, names = body
     used = np.unique(cells)
     place = np.zeros(len(mesh.points), dtype=np.int64)
     place[used] = np.arange(1, len(used) + 1)
     space = np.zeros((len(used), 3))
     space[:, : mesh.points.shape[1]] = mesh.points[used]
-    groups = [(kind, name, cells[regions == number]) for number, name in enumerate(names, start=1)]
-    for name, facets in parts.items():
-        groups.append((kind.facet, f"{name} (nodes)" if name in names else name, facets))
     with explained(f"cannot write {target}", target), staging(target.parent) as folder:
         path = folder / "mesh.msh"
         path.touch()

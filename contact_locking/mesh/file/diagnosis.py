@@ -19,11 +19,16 @@ from contact_locking.parallel import agree
 
 
 class _Defect(NamedTuple):
-    """Nodes (n,) that ``cells`` (k,), by their numbers, share wrongly, the first of ``defects``."""
+    """Nodes (n,) that ``cells`` (k,), by their numbers, share wrongly, the first of ``defects``.
+
+    ``numbers`` and ``centre`` are those of the nodes, in words.
+    """
 
     nodes: IntArray
     cells: IntArray
     defects: int
+    numbers: str = ""
+    centre: str = ""
 
 
 def check_arrays(comm: MPI.Intracomm, share: MeshData) -> None:
@@ -39,30 +44,26 @@ def check_arrays(comm: MPI.Intracomm, share: MeshData) -> None:
     own = None
     if len(twice):
         own = _Defect(cells.nodes[twice[0]], cells.numbers[twice[:1]], len(twice))
-    if found := _first(comm, own):
-        _, centre = _named(comm, share, found.nodes)
+    if found := _first(comm, share, own):
         raise InputError(
-            f"{kind.name} {found.cells[0]} at {centre} has the same node twice"
+            f"{kind.name} {found.cells[0]} at {found.centre} has the same node twice"
             f"{places.more(found.defects)}"
         )
     total = comm.allreduce(len(share.points))
-    if found := _first(comm, _shared(comm, corners, cells.numbers, 1, total)):
+    if found := _first(comm, share, _shared(comm, corners, cells.numbers, 1, total)):
         one, other = found.cells[:2]
-        _, centre = _named(comm, share, found.nodes)
         raise InputError(
-            f"{kind.name} {other} is {kind.name} {one} once more, at {centre}: they have the same "
-            f"nodes{places.more(found.defects)}; remove the duplicates (in Gmsh "
+            f"{kind.name} {other} is {kind.name} {one} once more, at {found.centre}: they have the "
+            f"same nodes{places.more(found.defects)}; remove the duplicates (in Gmsh "
             "gmsh.model.mesh.removeDuplicateElements)"
         )
     facets = np.sort(kind.facets_of(cells.nodes), axis=1)
     numbers = np.tile(cells.numbers, len(kind.facets))
-    if found := _first(comm, _shared(comm, facets, numbers, 2, total)):
-        what = "edge" if kind.dim == 2 else "face"
-        nodes, centre = _named(comm, share, found.nodes)
+    if found := _first(comm, share, _shared(comm, facets, numbers, 2, total)):
         raise InputError(
-            f"{len(found.cells)} {kind.plural} share one {what} (nodes {nodes} at {centre}): "
-            f"{places.listed(found.cells)}{places.more(found.defects)}; at most two can, as "
-            "cells do not overlap"
+            f"{len(found.cells)} {kind.plural} share one {'edge' if kind.dim == 2 else 'face'} "
+            f"(nodes {found.numbers} at {found.centre}): {places.listed(found.cells)}"
+            f"{places.more(found.defects)}; at most two can, as cells do not overlap"
         )
 
 
@@ -96,20 +97,17 @@ def _shared(
     return _Defect(whole[many[0], :-1], cells, len(many))
 
 
-def _first(comm: MPI.Intracomm, own: _Defect | None) -> _Defect | None:
-    """The first of the defects of all ranks, with the number of all; collective."""
+def _first(comm: MPI.Intracomm, share: MeshData, own: _Defect | None) -> _Defect | None:
+    """The first of the defects of all ranks, with the number of all and its words; collective."""
     found = [defect for defect in comm.allgather(own) if defect is not None]
     if not found:
         return None
-    return found[0]._replace(defects=sum(defect.defects for defect in found))
-
-
-def _named(comm: MPI.Intracomm, share: MeshData, nodes: IntArray) -> tuple[str, str]:
-    """The numbers of nodes and their centre in words; collective."""
+    nodes, count = found[0].nodes, sum(defect.defects for defect in found)
     local = nodes - (comm.exscan(len(share.points)) or 0)
-    own = (local >= 0) & (local < len(share.points))
+    here = (local >= 0) & (local < len(share.points))
     numbers: IntArray = np.zeros(len(nodes), dtype=np.int64)
     points: FloatArray = np.zeros((len(nodes), share.dim))
-    numbers[own], points[own] = share.numbers[local[own]], share.points[local[own]]
+    numbers[here], points[here] = share.numbers[local[here]], share.points[local[here]]
     words = places.listed(comm.allreduce(numbers))
-    return words, places.at(comm.allreduce(points).mean(axis=0))
+    centre = places.at(comm.allreduce(points).mean(axis=0))
+    return found[0]._replace(defects=count, numbers=words, centre=centre)

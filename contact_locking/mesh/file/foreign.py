@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,12 +36,6 @@ KINDS: Mapping[tuple[int, int], CellKind | None] = {
 _DIMENSIONS = {
     **{"line": 1, "triangle": 2, "quad": 2},
     **{"tetra": 3, "hexahedron": 3, "wedge": 3, "pyramid": 3},
-}
-_INSTALL = "apt-get install python3-meshio, or pip install meshio"
-# The modules behind meshio's formats, and their packages.
-_PACKAGES = {
-    "h5py": "apt-get install python3-h5py, or pip install h5py",
-    "netCDF4": "apt-get install python3-netcdf4, or pip install netCDF4",
 }
 
 
@@ -75,68 +69,66 @@ class ForeignMesh:
     that are no cells, such as springs.
     """
 
-    points: FloatArray
-    blocks: list[Block]
+    points: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    blocks: list[Block] = field(default_factory=list)
     cell_sets: dict[str, IntArray] = field(default_factory=dict)
     point_sets: dict[str, IntArray] = field(default_factory=dict)
     facet_sets: dict[str, list[IntArray]] = field(default_factory=dict)
     left_out: Counter[str] = field(default_factory=Counter)
 
+    @property
+    def count(self) -> int:
+        """The number of cells of all blocks."""
+        return sum(len(block.nodes) for block in self.blocks)
+
 
 def read(source: Path) -> ForeignMesh:
-    """The mesh of a file that meshlane reads, or meshio, which it goes on from."""
-    mesh = _read(source)
-    found = ForeignMesh(np.asarray(mesh.points, dtype=float), [])
-    taken = []
+    """The mesh of a file that meshio reads.  Raises InputError."""
+    mesh = _read_by_meshio(source)
+    found = ForeignMesh(np.asarray(mesh.points, dtype=float))
+    first: dict[int, int] = {}  # the first cell of each block that is one here
     for number, block in enumerate(mesh.cells):
         dim = _DIMENSIONS.get(re.sub(r"\d", "", block.type), 0)
         nodes = np.asarray(block.data, dtype=np.int64) if dim else np.empty((0, 0), dtype=np.int64)
         if (dim, nodes.shape[1]) in KINDS:
-            taken.append(number)
+            first[number] = found.count
             found.blocks.append(Block(block.type, dim, nodes))
         else:
             found.left_out[block.type] += len(block.data)
-    starts = np.cumsum([0, *(len(block.nodes) for block in found.blocks)])
-    members = {
-        str(name): [np.zeros(0, dtype=np.int64) if rows is None else rows for rows in per_block]
-        for name, per_block in mesh.cell_sets.items()
-    }
-    tags = mesh.cell_data.get("cell_tags")
-    for number, names in getattr(mesh, "cell_tags", {}).items():
+    of_cells, of_points = defaultdict[str, list[Any]](list), defaultdict[str, list[Any]](list)
+    for name, rows in mesh.point_sets.items():
+        of_points[str(name)].append(rows)
+    for name, per_block in mesh.cell_sets.items():
+        rows = [at + np.asarray(per_block[k], dtype=np.int64) for k, at in first.items()
+                if per_block[k] is not None]  # fmt: skip
+        of_cells[str(name)] += rows
+    # Groups of Salome are tags that stand for several names.
+    for tag, names in getattr(mesh, "point_tags", {}).items():
         for name in names:
-            rows = members.setdefault(name, [np.zeros(0, dtype=np.int64) for _ in mesh.cells])
-            members[name] = [
-                np.union1d(before, np.flatnonzero(values == number))
-                for before, values in zip(rows, tags, strict=True)
-            ]
-    for name, per_block in members.items():
-        rows = [start + np.asarray(per_block[k]) for start, k in zip(starts, taken, strict=False)]
-        found.cell_sets[name] = np.concatenate([np.zeros(0, dtype=np.int64), *rows]).astype(int)
-    found.point_sets = {str(name): np.asarray(rows) for name, rows in mesh.point_sets.items()}
-    values = mesh.point_data.get("point_tags")
-    for number, names in getattr(mesh, "point_tags", {}).items():
+            of_points[name].append(np.flatnonzero(mesh.point_data["point_tags"] == tag))
+    for tag, names in getattr(mesh, "cell_tags", {}).items():
+        tags = mesh.cell_data["cell_tags"]
         for name in names:
-            before = found.point_sets.get(name, np.zeros(0, dtype=np.int64))
-            found.point_sets[name] = np.union1d(before, np.flatnonzero(values == number))
+            of_cells[name] += [at + np.flatnonzero(tags[k] == tag) for k, at in first.items()]
+    for members, sets in ((of_cells, found.cell_sets), (of_points, found.point_sets)):
+        sets |= {
+            name: np.unique(np.concatenate([[], *x])).astype(int) for name, x in members.items()
+        }
     return found
 
 
-def _read(source: Path) -> Any:
-    try:
-        try:
-            import meshlane as meshio
-        except ImportError:
-            import meshio
-    except ImportError as error:
-        raise InputError(f"meshes of other programs need meshio: {_INSTALL} ({error})") from None
+def _read_by_meshio(source: Path) -> Any:
     # meshio prints why a file cannot be read, and then leaves the process.
     told = io.StringIO()
     try:
         with contextlib.redirect_stdout(told), contextlib.redirect_stderr(told):
+            import meshio
+
             return meshio.read(source)
     except ImportError as error:
-        package = _PACKAGES.get(error.name or "", error.name)
-        raise InputError(f"{source} needs the Python module {error.name}: {package}") from None
+        module = error.name or "meshio"
+        install = f"apt-get install python3-{module.lower()}, or pip install {module}"
+        raise InputError(f"{source} needs the Python module {module}: {install}") from None
     except (Exception, SystemExit) as error:
         why = " ".join(told.getvalue().split()) or str(error) or type(error).__name__
-        raise InputError(f"{source} cannot be read by {meshio.__name__}: {why}") from None
+        raise InputError(f"{source} cannot be read by meshio: {why}") from None

@@ -31,26 +31,6 @@ class Grid:
         return self.kind.dim
 
 
-@dataclass(frozen=True)
-class Grids:
-    """The grid of the ``cells`` of the body, and the ``groups`` of cells and facets."""
-
-    cells: Grid
-    groups: tuple[Grid, ...]
-
-    @property
-    def dim(self) -> int:
-        return self.cells.dim
-
-    @property
-    def regions(self) -> tuple[Grid, ...]:
-        return tuple(grid for grid in self.groups if grid.dim == self.dim)
-
-    @property
-    def boundary_parts(self) -> tuple[Grid, ...]:
-        return tuple(grid for grid in self.groups if grid.dim == self.dim - 1)
-
-
 def is_xdmf(path: str | Path) -> bool:
     """Whether a mesh file is an XDMF file, which its ending tells."""
     return Path(path).suffix.lower() == ENDING
@@ -61,8 +41,8 @@ def data_file(path: Path) -> Path:
     return path.with_suffix(".h5")
 
 
-def read_grids(path: Path) -> Grids:
-    """The grids of a file; for one process.
+def read_grids(path: Path) -> tuple[Grid, list[Grid]]:
+    """The grid of the cells of the body, and those of groups of cells and facets; for one process.
 
     The first grid is the mesh.  Every other grid has tags of cells or facets, and is a group.
     Raises InputError for a file that is no mesh of cells of one kind.
@@ -82,10 +62,8 @@ def read_grids(path: Path) -> Grids:
     grids = [_grid(grid, path) for grid in root.iterfind("Domain/Grid")]
     if not grids:
         raise InputError(f"{path} holds no grid; write the mesh first")
-    names = [grid.name for grid in grids]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"{path} has two grids named {name!r}")
+    if len({grid.name for grid in grids}) < len(grids):
+        raise InputError(f"{path} has two grids with one name")
     cells, *groups = grids
     if cells.dim < 2:
         raise InputError(f"{path} is a 1D mesh; a body in 2D or 3D is needed")
@@ -95,7 +73,7 @@ def read_grids(path: Path) -> Grids:
                 f"{path}: grid {grid.name!r} has neither {cells.kind.plural} nor "
                 f"{places.of_facets(cells.kind)}s of the body"
             )
-    return Grids(cells, tuple(groups))
+    return cells, groups
 
 
 def _grid(grid: ElementTree.Element, path: Path) -> Grid:

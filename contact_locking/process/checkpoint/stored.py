@@ -33,9 +33,9 @@ from contact_locking.process.checkpoint.record import Record
 from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.contact_points import OPEN
-from contact_locking.results.history import History, read_history
 from contact_locking.results.names import HISTORY
 from contact_locking.results.solution import Solution, StudySolution
+from contact_locking.results.table import Table
 from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
 from contact_locking.solver.task import Counts, Outcome, SavedState, SolverReport
 
@@ -57,7 +57,7 @@ class SavedStep:
     time: float
     memories: tuple[tuple[FloatArray, FloatArray], ...]
     displacement: FloatArray | None
-    history: History
+    history: Table
     halved: tuple[str, ...]
 
 
@@ -335,9 +335,9 @@ def _load_step(
     if "paired_at" in entry:
         displacement = fields.field(_DISPLACEMENT, problem.u.function_space).x.array
 
-    def history() -> History:
+    def history() -> Table:
         path = folder / HISTORY
-        return read_history(path.read_text(encoding="utf-8"), str(path))
+        return Table.read(path.read_text(encoding="utf-8"), str(path))
 
     return SavedStep(
         time=float(entry["time"]),

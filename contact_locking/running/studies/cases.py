@@ -19,11 +19,11 @@ from contact_locking import study_file
 from contact_locking._version import __version__
 from contact_locking.errors import InputError
 from contact_locking.files.atomic import remove_abandoned, write_text
-from contact_locking.files.csv_file import csv_text
 from contact_locking.plain_text import spreadsheet_cell
 from contact_locking.results.in_words import weakest
 from contact_locking.results.names import FIT, PARAMETERS, SUMMARY, TABLE_CSV, TABLE_LINES
 from contact_locking.results.quantities import by_name
+from contact_locking.results.table import Table
 from contact_locking.study_file import StudyFile
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.wording import labels
@@ -188,8 +188,8 @@ def write_table(directory: Path, cases: Sequence[Case], outcomes: Sequence[Outco
     """Write both tables: a row per case in the order of the file. Raises OSError."""
     rows = [row_of(case, outcome) for case, outcome in zip(cases, outcomes, strict=True)]
     columns = list(dict.fromkeys(name for entry in rows for name in entry))
-    cells = ([_cell(entry.get(name)) for name in columns] for entry in rows)
-    write_text(directory / TABLE_CSV, csv_text(columns, cells))
+    cells = Table({name: [_cell(entry.get(name)) for entry in rows] for name in columns})
+    write_text(directory / TABLE_CSV, cells.text())
     lines = [
         json.dumps({name: entry.get(name) for name in columns}, ensure_ascii=False, allow_nan=False)
         for entry in rows

@@ -11,10 +11,14 @@ from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
 from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.errors import InputError
 from contact_locking.fem.trace import facet_places
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.domain import Domain
 from contact_locking.results.solution import Solution
+from contact_locking.shapes.distance import Distance, MovedDistance
+from contact_locking.shapes.faceted import FacetedFoundation
+from contact_locking.shapes.shape import Shape
 from contact_locking.view.pictures.snapshot import ContactMap, Snapshot, drawn_tool
 
 # Nodes of a cell of degree 2: first the corners, then the middles of the edges in the order of
@@ -111,6 +115,7 @@ def gather(solution: Solution) -> Snapshot | None:
     listed = solution.summary["contacts"]
     numbers = np.unique(points.contact)
     names = tuple(listed[number]["name"] for number in numbers)
+    touching = [solution.contacts[number] for number in numbers]
     return Snapshot(
         **fields,
         contact=ContactMap(
@@ -119,8 +124,8 @@ def gather(solution: Solution) -> Snapshot | None:
             _nearest(points.x, x),
             np.concatenate([np.empty(0), *smoothed]),
             names,
-            tuple(drawn_tool(solution.contacts[number].outline, x) for number in numbers),
-            tuple(solution.contacts[number].surface.is_paired for number in numbers),
+            tuple(drawn_tool(outline(one.tool, one.travel, domain), x) for one in touching),
+            tuple(one.surface.is_paired for one in touching),
         ),
         title=solution.summary.get("title", ""),
         dofs=solution.summary["dofs"],
@@ -157,3 +162,51 @@ def _numbers(index_map: Any, local: Any) -> IntArray:
     """The global numbers of local numbers, in an array of the same shape."""
     flat = np.ascontiguousarray(local, dtype=np.int32).reshape(-1)
     return index_map.local_to_global(flat).reshape(np.shape(local))
+
+
+# The box reaches beyond the body by this share of the longest edge of the body's own box.
+_BESIDE = 0.25
+# The points of the grid along each axis, by the dimension.
+_GRID = {2: 201, 3: 61}
+
+
+def outline(tool: Distance | None, travel: FloatArray, domain: Domain) -> FloatArray:
+    """The facets (t, d, d) of ``phi = 0`` around the body, in 2D with the foundation on their left.
+
+    A force has moved the foundation by ``travel`` (d,).  A half space in 3D is drawn as ground.
+    """
+    dim, nothing = domain.dim, np.empty((0, domain.dim, domain.dim))
+    body = tool.body if isinstance(tool, MovedDistance) else tool
+    if tool is None or (dim == 3 and isinstance(body, Shape) and body.is_plane):
+        return nothing
+    if isinstance(body, FacetedFoundation):
+        corners: FloatArray = body.facets.reshape(-1, dim).T
+        corners = tool.motion.place(corners) if isinstance(tool, MovedDistance) else corners
+        return corners.T.reshape(body.facets.shape) + travel
+    margin = _BESIDE * float(np.ptp(domain.bounding_box, axis=0).max())
+    low, high = domain.bounding_box + np.array([[-margin], [margin]])
+    if domain.axisymmetric:
+        low[0] = max(low[0], 0.0)
+    axes = [np.linspace(a, b, _GRID[dim]) for a, b in zip(low, high, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"))
+    try:
+        with np.errstate(all="ignore"):
+            distance = tool.gap(points.reshape(dim, -1) - travel[:, None])
+    except InputError:
+        # An expression needs values on Gamma_C only.
+        return nothing
+    values = np.ma.masked_invalid(distance.reshape(points.shape[1:]))
+    if dim == 2:
+        import contourpy
+
+        # The lines of contourpy have the larger values on their left.
+        lines = contourpy.contour_generator(axes[0], axes[1], values.T).lines(0.0)
+        found = [np.stack([line[:0:-1], line[-2::-1]], axis=1) for line in map(np.asarray, lines)]
+        segments = np.concatenate([nothing, *found])
+        return np.asarray(segments[np.any(segments[:, 0] != segments[:, 1], axis=1)])
+    import pyvista
+
+    if np.ma.is_masked(values) or not values.min() < 0.0 < values.max():
+        return nothing
+    surface = pyvista.RectilinearGrid(*axes).contour([0.0], np.asarray(values).ravel(order="F"))
+    return np.asarray(surface.points[surface.triangulate().faces.reshape(-1, 4)[:, 1:]])

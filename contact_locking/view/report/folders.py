@@ -7,13 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from contact_locking._version import __version__
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.results import contact_table, names
+from contact_locking.results import names
 from contact_locking.results.contact_points import ContactPoints
-from contact_locking.results.history import History, read_history
 from contact_locking.results.quantities import look_up
+from contact_locking.results.table import Table
 from contact_locking.running.studies.cases import case_folder, read_mapping
 
 Row = dict[str, Any]
@@ -32,8 +34,7 @@ class RunResults:
     contact: ContactPoints
     facets: IntArray
     picture: Path | None
-    history: History
-    meshes: Path | None = None
+    history: Table
     fit: dict[str, Any] | None = None
 
 
@@ -77,10 +78,10 @@ def read_rows(path: Path) -> list[Row]:
     return [dict(json.loads(line)) for line in path.read_text("utf-8").split("\n") if line]
 
 
-def history_in(folder: Path) -> History | None:
+def history_in(folder: Path) -> Table | None:
     """The steps of the run in a folder; None without steps."""
     path = folder / names.HISTORY
-    return read_history(path.read_text("utf-8"), str(path)) if path.is_file() else None
+    return Table.read(path.read_text("utf-8"), str(path)) if path.is_file() else None
 
 
 def _run(folder: Path) -> RunResults:
@@ -88,18 +89,18 @@ def _run(folder: Path) -> RunResults:
     _require_version(summary, folder)
     for key, text in summary.pop("not_finite", {}).items():
         _restore(summary, key, float(text))
-    contact, facets = folder / names.CONTACT, folder / names.FACETS
-    picture, meshes = folder / names.PICTURE, folder / names.MESHES
-    points = contact_table.read_points(contact.read_text("utf-8"), str(contact))
+    contact, facets, picture = (
+        folder / name for name in (names.CONTACT, names.FACETS, names.PICTURE)
+    )
+    corners = Table.read(facets.read_text("utf-8"), str(facets))
     return RunResults(
         folder,
         summary,
         (folder / names.PARAMETERS).read_text("utf-8"),
-        points,
-        contact_table.read_facets(facets.read_text("utf-8"), str(facets), points.dim),
+        ContactPoints.of(Table.read(contact.read_text("utf-8"), str(contact), ["state"])),
+        np.column_stack([corners.whole(name) for name in corners.columns]),
         picture if picture.is_file() else None,
-        history_in(folder) or History(),
-        meshes if meshes.is_file() else None,
+        history_in(folder) or Table(),
         read_mapping(folder / names.FIT),
     )
 

@@ -15,11 +15,10 @@ from matplotlib.figure import Figure
 
 from contact_locking.arrays import AXES, FloatArray, IntArray
 from contact_locking.errors import with_key
-from contact_locking.results.adapted_meshes import AdaptedMesh, load
 from contact_locking.results.contact_points import ContactPoints
-from contact_locking.results.history import History, values_of
 from contact_locking.results.ordering import curves as ordered
 from contact_locking.results.quantities import QUANTITIES, Quantity
+from contact_locking.results.table import Table
 from contact_locking.view.pictures import plane, style
 from contact_locking.view.pictures.snapshot import facets_within, nearest_parts
 from contact_locking.view.pictures.style import Units
@@ -201,7 +200,7 @@ def column_of(name: str, contacts: Sequence[str]) -> Column:
     return Column(name.replace("_", " "), unit)
 
 
-def history_charts(history: History, contacts: Sequence[str], units: Units) -> list[Chart]:
+def history_charts(history: Table, contacts: Sequence[str], units: Units) -> list[Chart]:
     """The charts of a process over the time; none without two steps that converged.
 
     Of several ``contacts`` each has its own curves.
@@ -238,7 +237,7 @@ def history_charts(history: History, contacts: Sequence[str], units: Units) -> l
 
 
 def _over_time(
-    figure: Figure, history: History, label: str, time_label: str, lines: Mapping[str, str]
+    figure: Figure, history: Table, label: str, time_label: str, lines: Mapping[str, str]
 ) -> None:
     axes = figure.add_subplot()
     time = history.column("t")
@@ -256,7 +255,7 @@ def _over_time(
 class Process:
     """The steps of a case, whose ``label`` has the values that vary in a study."""
 
-    history: History
+    history: Table
     label: str = ""
 
 
@@ -278,8 +277,7 @@ def wanted_charts(
             if len(history) > 1:
                 key = f"output.charts.{number}"
                 x, y = (
-                    with_key(f"{key}.{axis}", partial(values_of, one[axis], history))
-                    for axis in "xy"
+                    with_key(f"{key}.{axis}", partial(history.values, one[axis])) for axis in "xy"
                 )
                 curves.append(Curve(process.label, x, y))
         x_label, y_label = (_label(one[axis], contacts, units) for axis in "xy")
@@ -308,61 +306,21 @@ def _over_column(figure: Figure, curves: Sequence[Curve], x_label: str, y_label:
     name_curves(figure)
 
 
-_COLUMNS, _MOST = 3, 12
-# Towards the eye, for the surface of a body in 3D: from the front and from below, where contact is.
-_TO_EYE = np.array([0.45, -0.8, -0.4])
-# Edges of the finest meshes would cover their cells.
-_WIDEST, _CELLS = 0.5, 600.0
-
-
 def adapt_charts(run: RunResults) -> list[Chart]:
     """The charts of a run with adapted meshes; none for other runs."""
-    if "adapt" not in run.summary or run.meshes is None:
+    adapt = run.summary.get("adapt", {"meshes": []})
+    errors = [(row["dofs"], row["estimate"]) for row in adapt["meshes"] if row["estimate"]]
+    if not errors:
         return []
-    rows, found = run.summary["adapt"]["meshes"], []
-    if errors := [(row["dofs"], row["estimate"]) for row in rows if row["estimate"]]:
-        about = "Relative error over the number of unknowns, for each of the adapted meshes"
-        tolerance = run.summary["adapt"]["tolerance"]
-        found.append(chart("adapt-error", about, 3.0, _errors, errors, tolerance))
-    meshes = [
-        (f"{row['dofs']} unknowns", mesh) for row, mesh in zip(rows, load(run.meshes), strict=True)
-    ]
-    places = np.linspace(0, len(meshes) - 1, min(len(meshes), _MOST)).round().astype(int)
-    meshes, first = [meshes[at] for at in places], meshes[0][1]
-    extent = np.ptp(first.x, axis=0)
-    shape = float(extent[1] / extent[0]) if first.dim == 2 else 1.0
-    lines = -(-len(meshes) // _COLUMNS)
-    height = lines * (WIDTH / _COLUMNS * min(max(shape, 0.2), 2.0) + 0.25)
-    about = "The adapted meshes; coloured cells were marked"
-    return [*found, chart("adapt-meshes", about, height, _multiples, meshes, lines)]
+    about = "Relative error over the number of unknowns, for each of the adapted meshes"
+    return [chart("adapt-error", about, 3.0, _errors, errors, adapt["tolerance"])]
 
 
 def _errors(figure: Figure, errors: list[tuple[float, float]], tolerance: float) -> None:
     axes, label = gridded(figure, "unknowns", "relative error"), "estimate, by recovery"
     axes.loglog(*zip(*errors, strict=True), color=style.BLUE, marker="o", ms=4, label=label)
-    dashes = (0, (5, 3))
-    axes.axhline(tolerance, color=style.GREY, lw=1.0, ls=dashes, label="tolerance", zorder=0.5)
+    axes.axhline(tolerance, color=style.GREY, lw=1.0, ls="--", label="tolerance", zorder=0.5)
     axes.legend()
-
-
-def _multiples(figure: Figure, meshes: list[tuple[str, AdaptedMesh]], lines: int) -> None:
-    places = figure.subplots(lines, _COLUMNS, squeeze=False).ravel()
-    for axes in places:
-        axes.set_axis_off()
-    for axes, (title, mesh) in zip(places, meshes, strict=False):
-        axes.set_title(title, fontsize=8)
-        x, triangles, marked = mesh.x, mesh.triangles, mesh.marked
-        if mesh.dim == 3:
-            right, up, towards = style.view_frame(_TO_EYE)
-            order = np.argsort((x @ towards)[triangles].mean(axis=1))
-            x, triangles, marked = x @ np.array([right, up]).T, triangles[order], marked[order]
-        # The lines become an image, because a picture of all lines would be as large as the mesh.
-        look: dict[str, Any] = {"edgecolors": style.BLACK, "rasterized": True}
-        look["linewidths"] = _WIDEST * min(1.0, (_CELLS / len(triangles)) ** 0.5)
-        colours = np.where(marked, style.ORANGE, "white").tolist()
-        axes.add_collection(PolyCollection(list(x[triangles]), facecolors=colours, **look))
-        axes.set_aspect("equal")
-        axes.autoscale_view()
 
 
 # More bars, charts or curves would be no picture.
