@@ -138,15 +138,14 @@ class PointStiffness:
 
         ``free`` is 1 at the free owned dofs, and 0 at the others.
         """
-        local, dim = self.operator.local, self.operator.dim
-        mask, counts = self.operator.at_blocks(free), np.diff(local.indptr)
+        local, mask = self.operator.local, self.operator.at_blocks(free)
+        counts = np.diff(local.indptr)
         for count in np.unique(counts[counts > 0]):
             points = np.flatnonzero(counts == count)
             entries = local.indptr[points][:, None] + np.arange(count)
             shares = local.data[entries][..., None] * mask[local.indices[entries]]
             products = np.einsum("kap,kpq,kbq->kapbq", shares, self.blocks[points], shares)
-            size = int(count) * dim
+            size = int(count) * self.operator.dim
             among = self.operator.rows.indices[entries].astype(PETSc.IntType)
-            matrix.setValuesBlockedRCV(
-                among, among, products.reshape(-1, size, size), PETSc.InsertMode.ADD
-            )
+            values = products.reshape(-1, size, size)
+            matrix.setValuesBlockedRCV(among, among, values, PETSc.InsertMode.ADD)
