@@ -355,6 +355,10 @@ class BoundsInForce:
     def __setitem__(self, contact: NodalContact, values: FloatArray) -> None:
         self._bounds[contact] = np.array(values)
 
+    def smooth(self, lengths: Iterable[float]) -> None:
+        """Set the length that smooths friction at each contact."""
+        self.lengths = dict(zip(self.lengths, lengths, strict=True))
+
     def at(self, contacts: Iterable[NodalContact]) -> list[FloatArray]:
         """The values at some contacts."""
         return [self[contact] for contact in contacts]

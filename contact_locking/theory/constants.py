@@ -77,8 +77,7 @@ def kappa(state: SolvedState, wanted: bool) -> tuple[float, float]:
         raise NotApplicable("certificate.constants is false")
     slips = []
     for contact in rubbing:
-        normals = contact.normals
-        across = np.eye(state.dim) - normals[:, :, None] * normals[:, None, :]
+        across = np.eye(state.dim) - np.einsum("ki,kj->kij", contact.normals, contact.normals)
         slips.append((contact.surface, across))
     trace = trace_norm(state, state.system.bilinear, slips)
     return trace, _lift_constant(state, rubbing, constraints)
