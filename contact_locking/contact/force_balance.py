@@ -145,7 +145,7 @@ class _Balance:
 
     def _state(self, u: fem.Function, travel: float) -> _State:
         contact = self.tool.contact
-        epsilon, length = float(self._epsilon.value), float(self._bounds.lengths[contact].value)
+        epsilon, length = float(self._epsilon.value), self._bounds.lengths[contact]
         return _State(self.tool, u, travel, (epsilon, length), self._bounds[contact])
 
 

@@ -59,8 +59,8 @@ class NodalContact:
     """Signorini's conditions (5) and Coulomb's law (6) at the nodes of one part of Gamma_C.
 
     ``given`` holds the data of the contact, ``key`` its name in messages, and ``on`` are its
-    boundary parts.  ``foundation`` is its foundation at its place.  ``normal`` and ``gap`` are
-    functions with the normal and the limited value of the gap at the nodes.  ``friction`` computes
+    boundary parts.  ``foundation`` is its foundation at its place.  ``normals`` (k, d) are the
+    contact normals, and ``gaps`` (k,) the limited values of the gap.  ``friction`` computes
     the friction bound of pressures and slips.  ``regularisation`` is the length that smooths
     friction in the problem that is to be solved.  ``free`` (k,) marks the nodes whose normal
     displacement is not prescribed; neither pressure nor friction acts at the other nodes.
@@ -70,8 +70,8 @@ class NodalContact:
 
     ``state`` is the memory of friction from earlier steps, ``travel`` (d,) how far forces
     have moved the foundation, and ``drag`` (k, d) how far the foundation has moved in the step.
-    On a foundation that moves, the slip is relative to it: ``reference`` is
-    ``(u_{k-1} + drag)_tau`` as a function, for the forms.
+    On a foundation that moves, the slip is relative to it: ``references`` (k, d) are
+    ``(u_{k-1} + drag)_tau``.
 
     The constructor is collective.  ``surface`` is the place of the contact, and ``slip`` the
     regularisation of a friction that has none of its own.
@@ -107,9 +107,8 @@ class NodalContact:
         regularisation = friction.regularisation
         self.regularisation = slip if regularisation is None else regularisation
         count, dim = len(surface.nodes), domain.dim
-        self.normal = surface.vector_function(normals, "contact_normal")
-        self.gap = surface.scalar_function(surface.limited_gap(gap), "gap")
-        self.reference = surface.vector_function(np.zeros((count, dim)), "old_slip")
+        self.normals, self.gaps = normals, surface.limited_gap(gap)
+        self.references: FloatArray = np.zeros((count, dim))
         self.state = ContactState.at_rest(count, dim)
         self.travel: FloatArray = np.zeros(dim)
         self._gaps = self.gaps
@@ -143,7 +142,7 @@ class NodalContact:
         return domain.where(held[np.lexsort(held.T[::-1])[0]])
 
     def enter(self, state: ContactState) -> None:
-        """Begin a step with the memory of friction; collective."""
+        """Begin a step with the memory of friction."""
         self.state = state
         self._refresh()
 
@@ -229,42 +228,19 @@ class NodalContact:
     def _put(self, gaps: FloatArray, normals: FloatArray) -> None:
         self._gaps = gaps
         self._moved = self.foundation.drag(self.surface, self.state.motion)
-        dim = self.surface.domain.dim
-        self.normal.x.array.reshape(-1, dim)[self.surface.blocks] = normals
-        self.normal.x.scatter_forward()
+        self.normals = normals
         self._refresh()
 
     def move_foundation(self, travel: FloatArray) -> None:
-        """Let forces have moved the foundation by ``travel`` (d,); collective."""
+        """Let forces have moved the foundation by ``travel`` (d,)."""
         self.travel = travel
         self._refresh()
 
     def _refresh(self) -> None:
-        """Take the travel of the foundation into gaps and slips; collective."""
-        normals = self.normals
-        opened = np.sum(normals * self.travel, axis=1)
-        self.gap.x.array[self.surface.nodes] = self._gaps + opened
-        self.gap.x.scatter_forward()
+        """Take the travel of the foundation into gaps and slips."""
+        self.gaps = self._gaps + np.sum(self.normals * self.travel, axis=1)
         self.drag = self._moved + (self.travel - self.state.travel)
-        place = self.state.place + self.drag
-        self._refer(place - np.sum(place * normals, axis=1)[:, None] * normals)
-
-    def _refer(self, tangential: FloatArray) -> None:
-        dim = self.surface.domain.dim
-        self.reference.x.array.reshape(-1, dim)[self.surface.blocks] = tangential
-        self.reference.x.scatter_forward()
-
-    @property
-    def references(self) -> FloatArray:
-        """``(u_{k-1} + drag)_tau`` (k, d) at the nodes."""
-        dim = self.surface.domain.dim
-        return np.asarray(self.reference.x.array.reshape(-1, dim)[self.surface.blocks])
-
-    @property
-    def normals(self) -> FloatArray:
-        """The contact normal (k, d) at the nodes."""
-        dim = self.surface.domain.dim
-        return np.asarray(self.normal.x.array.reshape(-1, dim)[self.surface.blocks])
+        self.references = self.split_nodal(self.state.place + self.drag)[1]
 
     @property
     def moves(self) -> bool:
@@ -286,11 +262,6 @@ class NodalContact:
     def is_free(self) -> bool:
         """Whether the place of the foundation is unknown: forces decide."""
         return self.given.is_free
-
-    @property
-    def gaps(self) -> FloatArray:
-        """The gap (k,) at the nodes."""
-        return np.asarray(self.gap.x.array[self.surface.nodes])
 
     def split(self, u: fem.Function) -> tuple[FloatArray, FloatArray]:
         """``u_nu`` (k,) and ``u_tau`` (k, d) at the nodes, of the limited values of u."""
@@ -357,7 +328,7 @@ class NodalContact:
         self.state = replace(self.state, slip=np.array(slip), displacement=displacement)
         if self.pairs_anew:
             self.place()
-        self._refer(reference)
+        self.references = reference
 
     def norm(self, values: FloatArray) -> float:
         """The L2 norm on this part of Gamma_C by the nodal weights; collective."""
@@ -368,40 +339,32 @@ class NodalContact:
 class BoundsInForce:
     """The friction bound G in force at each contact, a stress; all are zero at first.
 
-    ``bounds[contact]`` are the values (k,) at the owned nodes of the contact.  To set them is
-    collective.  ``lengths[contact]`` is the length that smooths friction at present.
+    ``bounds[contact]`` are the values (k,) at the owned nodes of the contact.
+    ``lengths[contact]`` is the length that smooths friction at present.
     """
 
     def __init__(self, contacts: Sequence[NodalContact]) -> None:
-        self._functions = {
-            contact: contact.surface.scalar_function(
-                np.zeros(len(contact.surface.nodes)), "friction_bound"
-            )
-            for contact in contacts
+        self._bounds: dict[NodalContact, FloatArray] = {
+            contact: np.zeros(len(contact.surface.nodes)) for contact in contacts
         }
-        self.lengths = {
-            contact: fem.Constant(contact.surface.domain.mesh, contact.regularisation)
-            for contact in contacts
-        }
-
-    def function(self, contact: NodalContact) -> fem.Function:
-        """G on a contact, for forms."""
-        return self._functions[contact]
+        self.lengths = {contact: contact.regularisation for contact in contacts}
 
     def __getitem__(self, contact: NodalContact) -> FloatArray:
-        return np.asarray(self._functions[contact].x.array[contact.surface.nodes])
+        return self._bounds[contact]
 
     def __setitem__(self, contact: NodalContact, values: FloatArray) -> None:
-        function = self._functions[contact].x
-        function.array[contact.surface.nodes] = values
-        function.scatter_forward()
+        self._bounds[contact] = np.array(values)
+
+    def smooth(self, lengths: Iterable[float]) -> None:
+        """Set the length that smooths friction at each contact."""
+        self.lengths = dict(zip(self.lengths, lengths, strict=True))
 
     def at(self, contacts: Iterable[NodalContact]) -> list[FloatArray]:
         """The values at some contacts."""
         return [self[contact] for contact in contacts]
 
     def enter(self, contacts: Iterable[NodalContact], values: Iterable[FloatArray]) -> None:
-        """Set the values at some contacts; collective."""
+        """Set the values at some contacts."""
         for contact, part in zip(contacts, values, strict=True):
             self[contact] = part
 

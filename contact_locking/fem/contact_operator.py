@@ -46,6 +46,9 @@ class ContactOperator:
         shape = (rows.shape[0], len(blocks))
         #: The same by the numbers of the blocks among those of :meth:`at_blocks`.
         self.local = csr_matrix((rows.data, places.reshape(-1), rows.indptr), shape=shape)
+        is_nodal = len(rows.data) == rows.shape[0] and bool(np.all(rows.data == 1.0))
+        # Of nodal values, where sparse products would take most of the time.
+        self._nodal = self.local.indices if is_nodal and np.all(np.diff(rows.indptr)) else None
         self._gathered = PETSc.Vec().createSeq(self.dim * len(blocks), bsize=self.dim)
         taken = PETSc.IS().createBlock(self.dim, blocks.astype(PETSc.IntType), PETSc.COMM_SELF)
         self._scatter = PETSc.Scatter().create(self._vector, taken, self._gathered, None)
@@ -59,11 +62,15 @@ class ContactOperator:
 
     def values(self, displacement: FloatArray) -> FloatArray:
         """``T u`` (k, d) of the owned values of a displacement; values behind them do not count."""
-        return np.asarray(self.local @ self.at_blocks(displacement))
+        at_blocks = self.at_blocks(displacement)
+        return np.asarray(self.local @ at_blocks if self._nodal is None else at_blocks[self._nodal])
 
     def add_forces(self, at_points: FloatArray, forces: PETSc.Vec) -> None:
         """``forces += T^T f`` for forces f (k, d) at the points."""
-        self._gathered.array_w[:] = (self.local.T @ at_points).reshape(-1)
+        if self._nodal is None:
+            self._gathered.array_w[:] = (self.local.T @ at_points).reshape(-1)
+        else:
+            self._gathered.array_w.reshape(-1, self.dim)[self._nodal] = at_points
         self._scatter.scatter(
             self._gathered, forces, PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE
         )
@@ -83,6 +90,7 @@ class ContactOperator:
         matrix.setUp()
         ones = np.ones((self.rows.shape[0], self.dim, self.dim))
         PointStiffness(self, ones).add_to(matrix, np.ones(self._owned))
+        matrix.assemble()
         return matrix
 
     def along(self, points: IndexArray, directions: FloatArray) -> PETSc.Mat:
@@ -126,20 +134,18 @@ class PointStiffness:
     blocks: FloatArray
 
     def add_to(self, matrix: PETSc.Mat, free: FloatArray) -> None:
-        """Add it to a matrix between free dofs; collective.
+        """Add it to a matrix, which is not assembled, between free dofs; collective.
 
         ``free`` is 1 at the free owned dofs, and 0 at the others.
         """
-        local, dim = self.operator.local, self.operator.dim
-        mask, counts = self.operator.at_blocks(free), np.diff(local.indptr)
+        local, mask = self.operator.local, self.operator.at_blocks(free)
+        counts = np.diff(local.indptr)
         for count in np.unique(counts[counts > 0]):
             points = np.flatnonzero(counts == count)
             entries = local.indptr[points][:, None] + np.arange(count)
             shares = local.data[entries][..., None] * mask[local.indices[entries]]
             products = np.einsum("kap,kpq,kbq->kapbq", shares, self.blocks[points], shares)
-            size = int(count) * dim
+            size = int(count) * self.operator.dim
             among = self.operator.rows.indices[entries].astype(PETSc.IntType)
-            matrix.setValuesBlockedRCV(
-                among, among, products.reshape(-1, size, size), PETSc.InsertMode.ADD
-            )
-        matrix.assemble()
+            values = products.reshape(-1, size, size)
+            matrix.setValuesBlockedRCV(among, among, values, PETSc.InsertMode.ADD)

@@ -58,10 +58,7 @@ def _is_at_one_point(integral: Any) -> bool:
 
 
 class JointForm:
-    """A compiled form, in the parts of :func:`compiled_together`.
-
-    ``compile_form`` compiles each part.
-    """
+    """A compiled form, in the parts of :func:`compiled_together`, each by ``compile_form``."""
 
     def __init__(
         self, form: ufl.Form, compile_form: Callable[[ufl.Form], fem.Form] = compiled.form

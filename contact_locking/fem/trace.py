@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 #: A quadrature rule as the metadata of a measure; the empty rule is exact for polynomials.
 Rule = Mapping[str, Any]
 
-
 # The shares of the values at the ends and in the middle of an edge in the control value of its
 # middle, and those of the control values in the value there.
 _CONTROL, _NODAL = np.array([-0.5, -0.5, 2.0]), np.array([0.25, 0.25, 0.5])
@@ -114,8 +113,8 @@ class ControlValues:
 
     def of_scalars(self, function: fem.Function) -> FloatArray:
         """The limited values (k,) of a function of the scalar space."""
-        every = np.arange(len(self.blocks))
-        return np.asarray(self._map(self._nodes, every, _CONTROL) @ function.x.array)
+        rows = self._map(self._nodes, np.arange(len(self.blocks)), _CONTROL)
+        return np.asarray(rows @ function.x.array)
 
     def forces(self, at_nodes: FloatArray) -> FloatArray:
         """The forces (k, d) on limited values for forces (k, d) on nodal values; collective."""

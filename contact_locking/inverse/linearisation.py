@@ -37,10 +37,11 @@ from contact_locking.inverse.equations import Equations, Residual
 from contact_locking.parallel import maximum, minimum
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.bound_step import BoundLaw
-from contact_locking.solver.interior_point.contact_cones import ContactCones
+from contact_locking.solver.interior_point.cones import Step
+from contact_locking.solver.interior_point.contact_cones import ContactCones, FrictionCones
 from contact_locking.solver.interior_point.families import families_of
-from contact_locking.solver.interior_point.family import Family, Reaction, Step, dot
-from contact_locking.solver.interior_point.friction_cones import FrictionCones
+from contact_locking.solver.interior_point.family import Family, Reaction
+from contact_locking.solver.interior_point.lorentz import dot
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.ksp import factorise

@@ -34,9 +34,8 @@ from contact_locking.problem import forms
 from contact_locking.problem.springs import ElasticSupport
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.quantities import QUANTITIES
-from contact_locking.solver.interior_point.contact_cones import ContactCones
+from contact_locking.solver.interior_point.contact_cones import ContactCones, FrictionCones
 from contact_locking.solver.interior_point.family import Family
-from contact_locking.solver.interior_point.friction_cones import FrictionCones
 
 
 @dataclass(frozen=True)

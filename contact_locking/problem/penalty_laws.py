@@ -22,7 +22,7 @@ class PenaltyLaws:
         self, contact: NodalContact, u: fem.Function, epsilon: float, bounds: BoundsInForce
     ) -> None:
         self._contact, self._epsilon = contact, epsilon
-        self._bound, length = bounds[contact], float(bounds.lengths[contact].value)
+        self._bound, length = bounds[contact], bounds.lengths[contact]
         normal, tangential = contact.split(u)
         self._depth = np.maximum(normal - contact.gaps, 0.0)
         self._slip = tangential - contact.references

@@ -207,8 +207,7 @@ class PenalisedSystem:
     def set_penalty(self, penalty: Penalty) -> None:
         """Set the parameters of the penalised forms."""
         self.data.n.value, self.data.epsilon.value = penalty.n, penalty.epsilon
-        for contact, length in zip(self.contacts, penalty.regularisations, strict=True):
-            self.bounds.lengths[contact].value = length
+        self.bounds.smooth(penalty.regularisations)
 
     @property
     def rubbing(self) -> tuple[NodalContact, ...]:

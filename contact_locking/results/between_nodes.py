@@ -133,7 +133,7 @@ class _Facets:
         blocks = surface.controls.blocks[nodes]
         self._x = surface.scalar_space.tabulate_dof_coordinates()[nodes, :dim]
         self._u = u.x.array.reshape(-1, dim)[blocks]
-        normals = contact.normal.x.array.reshape(-1, dim)[blocks]
+        normals = surface.vector_function(contact.normals).x.array.reshape(-1, dim)[blocks]
         self._u_normal = np.sum(self._u * normals, axis=2)
         #: The displacement relative to a foundation that forces have moved.
         self._past = self._u - contact.travel

@@ -61,7 +61,7 @@ class ContactFields:
         self.pressure = forces.pressure
         self.traction = contact.split_nodal(0.0 - forces.friction)[1]
         self.smoothed_stress = -contact.friction.smoothing.apply(self.pressure)
-        self.bound, self.regularisation = bounds[contact], float(bounds.lengths[contact].value)
+        self.bound, self.regularisation = bounds[contact], bounds.lengths[contact]
         slips = np.linalg.norm(self.traction, axis=1) >= _SLIP_SHARE * self.bound
         slips &= contact.slides
         self.state = np.where(forces.touches, np.where(slips, SLIP, STICK), OPEN)

@@ -141,7 +141,7 @@ def _first_step(newton: NewtonSolver, saved: SavedState, task: Task) -> None:
     bounds = in_force.at(contacts)
     for contact, bound, slip in zip(contacts, bounds, saved.slips, strict=True):
         # At slip zero this bound has the secant of the whole bound as its tangent.
-        length = float(in_force.lengths[contact].value)
+        length = in_force.lengths[contact]
         in_force[contact] = bound * length / np.hypot(slip, length) if length > 0.0 else bound
     newton.step()
     in_force.enter(contacts, bounds)

@@ -242,6 +242,7 @@ class Constraints:
         form.assemble_matrix(matrix, self.conditions)
         for stiffness in touching:
             stiffness.add_to(matrix, self._mask)
+        matrix.assemble()
         is_free = self._mask[: matrix.getLocalSize()[0]] > 0.0
         diagonal = matrix.getDiagonal()
         with diagonal as entries:

@@ -77,8 +77,7 @@ def kappa(state: SolvedState, wanted: bool) -> tuple[float, float]:
         raise NotApplicable("certificate.constants is false")
     slips = []
     for contact in rubbing:
-        normals = contact.normals
-        across = np.eye(state.dim) - normals[:, :, None] * normals[:, None, :]
+        across = np.eye(state.dim) - np.einsum("ki,kj->kij", contact.normals, contact.normals)
         slips.append((contact.surface, across))
     trace = trace_norm(state, state.system.bilinear, slips)
     return trace, _lift_constant(state, rubbing, constraints)
@@ -337,6 +336,7 @@ def trace_norm(
         for surface, blocks in traces:
             weighted = surface.weights[:, None, None] * blocks
             PointStiffness(surface.operator, weighted).add_to(trace, constraints.free_dofs())
+        trace.assemble()
         constraints.directions.eliminate(trace, holds=False)
         try:
             return float(_largest(trace, problem.matrix, problem.ksp) ** 0.5)

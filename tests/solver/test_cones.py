@@ -1,91 +1,78 @@
-"""The algebra of Lorentz cones, beside its definitions written out cone by cone."""
+"""The cones alone: their scaling beside its definition, and a problem beside a conic solver."""
 
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from lorentz import inside, product, scaled, unit
+from scipy.sparse import csc_matrix
 
 from contact_locking.arrays import FloatArray
-from contact_locking.solver.interior_point.family import Step
-from contact_locking.solver.interior_point.locking_cones import LockingCones
+from contact_locking.solver.interior_point.cones import Balls, Cone, HalfLines, Step
 from contact_locking.solver.interior_point.lorentz import Scaling
+from contact_locking.solver.interior_point.slips import Slips
 
 pytestmark = pytest.mark.serial
 
-
-class Case(NamedTuple):
-    """Points inside their cones, and any steps."""
-
-    x: FloatArray
-    z: FloatArray
-    dx: FloatArray
-    dz: FloatArray
+_SHAPES = [(size, count) for size in (2, 3, 4, 7) for count in (0, 1, 300)]
 
 
-@st.composite
-def cases(draw: st.DrawFn) -> Case:
-    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    shape = draw(st.integers(2, 7)), draw(st.sampled_from([0, 1, 5, 300]))
-    steps = random.standard_normal((2, *shape))
-    return Case(inside(random, *shape), inside(random, *shape), *steps)
+def _points_and_steps(size: int, count: int) -> tuple[FloatArray, FloatArray]:
+    """Two points (2, m, k) inside their cones, and any two steps."""
+    random = np.random.default_rng(size * (count + 1))
+    points, steps = random.standard_normal((2, 2, size, count))
+    points[:, 0] = np.linalg.norm(points[:, 1:], axis=1) + random.uniform(1e-6, 2.0, (2, count))
+    return points, steps
 
 
-def assert_close(a: FloatArray, b: FloatArray) -> None:
+def _product(x: FloatArray, z: FloatArray) -> FloatArray:
+    """``x o z``."""
+    return np.vstack([np.sum(x * z, axis=0), x[0] * z[1:] + z[0] * x[1:]])
+
+
+def _scaled(scaling: Scaling, y: FloatArray, power: int) -> FloatArray:
+    """``W y`` or ``W^-1 y`` (power -1), with W as a matrix for each cone."""
+    J, v = np.diag([1.0] + [-1.0] * (len(y) - 1)), scaling.w.copy()
+    v[0] += 1.0
+    v /= np.sqrt(2.0 * v[0])
+    W = scaling.eta[:, None, None] * (2.0 * np.einsum("ik,jk->kij", v, v) - J)
+    return np.einsum("kij,jk->ik", W if power == 1 else np.linalg.inv(W), y)
+
+
+def _assert_close(a: FloatArray, b: FloatArray) -> None:
     """To ten digits of the largest: W of a point near the boundary has a large condition."""
     np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-10 * (1.0 + np.abs(b).max(initial=0.0)))
 
 
-@settings(max_examples=30, deadline=None)
-@given(cases())
-def test_the_scaling_maps_both_points_to_the_same_one(case: Case) -> None:
-    scaling = Scaling.of(case.x, case.z)
-    assert_close(scaled(scaling, case.z, 1), scaling.point)
-    assert_close(scaled(scaling, scaling.point, 1), case.x)
-
-
-@settings(max_examples=30, deadline=None)
-@given(cases(), st.sampled_from([0.0, 0.7]), st.booleans())
-def test_what_is_aimed_at_is_reached(case: Case, target: float, corrects: bool) -> None:
-    for point in (case.x, case.z):
-        point[0] = 1.0 + np.linalg.norm(point[1:], axis=0)
-    correction = case.dx if corrects else None
-    scaling = Scaling.of(case.x, case.z)
-    b = scaling.aim(target, correction)
+@pytest.mark.parametrize("shape", _SHAPES)
+@pytest.mark.parametrize("corrects", [0.0, 1.0])
+def test_what_is_aimed_at_is_reached(shape: tuple[int, int], corrects: float) -> None:
+    points, (dx, dz) = _points_and_steps(*shape)
+    points[:, 0] = 1.0 + np.linalg.norm(points[:, 1:], axis=1)
+    scaling = Scaling.of(*points)
     # dz = b where dx = 0: lambda o W dz = target e - lambda o lambda - correction.
-    reached = product(scaling.point, scaling.point + scaled(scaling, b, 1))
-    wanted = target * unit(*case.x.shape) - (0.0 if correction is None else correction)
-    assert_close(reached, wanted)
+    moved = _scaled(scaling, scaling.aim(0.7, corrects * dx), 1)
+    wanted = 0.7 * np.eye(shape[0])[:, [0] * shape[1]] - corrects * dx
+    _assert_close(_product(scaling.point, scaling.point + moved), wanted)
+    # The second-order term is that of a step.
+    wanted = _product(_scaled(scaling, dx, -1), _scaled(scaling, dz, 1))
+    _assert_close(scaling.correction(dx, dz), wanted)
 
 
-@settings(max_examples=30, deadline=None)
-@given(cases())
-def test_the_correction_is_that_of_the_step(case: Case) -> None:
-    x, z, dx, dz = case
-    scaling = Scaling.of(x, z)
-    expected = product(scaled(scaling, dx, -1), scaled(scaling, dz, 1))
-    assert_close(scaling.correction(dx, dz), expected)
-
-
-@settings(max_examples=50, deadline=None)
-@given(cases(), st.sampled_from([0.0, 3.0]))
-def test_the_longest_step_ends_on_the_boundary_of_a_cone(case: Case, inwards: float) -> None:
-    points, steps = case[:2], np.array(case[2:])
+@pytest.mark.parametrize("shape", _SHAPES)
+@pytest.mark.parametrize("inwards", [0.0, 3.0])
+def test_the_longest_step_ends_on_a_boundary(shape: tuple[int, int], inwards: float) -> None:
+    points, steps = _points_and_steps(*shape)
     # The step has no limit if no point leaves its cone.
     steps[:, 0] += inwards
     speed = np.max(Scaling.of(*points).speeds(*steps), initial=0.0)
     t = 1.0 / speed if speed > 0.0 else math.inf
 
     def slack(t: float) -> float:
-        ends = [point + t * step for point, step in zip(points, steps, strict=True)]
-        least = [np.min(y[0] - np.linalg.norm(y[1:], axis=0), initial=math.inf) for y in ends]
-        return float(min(least))
+        ends = points + t * steps
+        return float(np.min(ends[:, 0] - np.linalg.norm(ends[:, 1:], axis=1), initial=math.inf))
 
     if math.isinf(t):
         assert slack(1e6) > 0.0
@@ -94,14 +81,66 @@ def test_the_longest_step_ends_on_the_boundary_of_a_cone(case: Case, inwards: fl
         assert slack(0.99 * t) > 0.0
 
 
+def _with(cones: Cone, **data: Any) -> Any:
+    cones.__dict__.update(data)
+    return cones
+
+
 @pytest.mark.parametrize("place", [0, 130, 199])
 def test_a_direction_that_is_no_number_allows_no_step(place: int) -> None:
     x = np.repeat([[1.0], [0.0]], 200, axis=1)
     still, broken = np.zeros((2, 200)), np.zeros((2, 200))
     broken[1, place] = math.nan
-    points: Any = SimpleNamespace(comm=None, weights=None, limit=x[0], rows=1)
-    cones = LockingCones(points, 0.0, 0)
-    cones.x, cones.z, cones.seen = x, x.copy(), x[1:]
+    cones = _with(Balls(), compliance=0.0, limit=x[0], x=x, z=x.copy(), seen=x[1:])
     cones.linearise()
     steps = Step(still, still), Step(still, broken), Step(broken, still)
     assert [cones.longest_step(step) for step in steps] == [math.inf, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_cones_alone_find_the_minimiser_of_a_conic_solver(seed: int) -> None:
+    """``|u|^2/2 - f . u + sum G |S u|`` under ``B u <= g`` and ``|C u| <= M``."""
+    clarabel, random, k, n = pytest.importorskip("clarabel"), np.random.default_rng(seed), 5, 12
+    B, C, S = (random.standard_normal((m, k, n)) for m in (1, 3, 3))
+    S[2] = 0.0
+    f, g, M, G = 3.0 * random.standard_normal(n), *random.random((3, k))
+    planes, still = np.repeat([[0.0], [1.0]], [2, 1], axis=0) + np.zeros(k), np.zeros(k)
+    every: list[tuple[Any, FloatArray]] = [
+        (_with(HalfLines(), limit=g, compliance=0.0), B[0]),
+        (_with(Balls(), limit=M, compliance=0.0), C),
+        (_with(Slips(), normal=planes, regularisation=0.0, growth=still), S),
+    ]
+    u = np.zeros(n)
+    for cones, matrix in every:
+        cones.weights, cones.seen = np.ones(k), matrix @ u
+        cones.start(1.0, 1.0)
+    every[2][0].set_bound(G)
+    for _ in range(22):
+        tangent, right = np.eye(n), f - u
+        mean = sum(cones.total() for cones, _ in every) / (3.0 * k)
+        for cones, matrix in every:
+            cones.linearise()
+            flat = matrix.reshape(-1, n)
+            blocks = [cones.block(matrix[..., i]).reshape(-1) for i in range(n)]
+            tangent += flat.T @ np.transpose(blocks)
+            right -= flat.T @ cones.aim(0.2 * mean).reshape(-1)
+        du = np.linalg.solve(tangent, right)
+        steps = [cones.step(matrix @ du) for cones, matrix in every]
+        t = min(1.0, *(0.9 * c.longest_step(s) for (c, _), s in zip(every, steps, strict=True)))
+        u += t * du
+        for (cones, matrix), step in zip(every, steps, strict=True):
+            cones.advance(t, step)
+            cones.seen = matrix @ u
+    # The conic solver has the bounds of |S u| as unknowns behind u.
+    rows = [np.pad(B[0], ((0, 0), (0, k)))]
+    for i in range(k):
+        vectors = np.pad(np.stack([C[:, i], S[:, i]]), ((0, 0), (1, 0), (0, k)))
+        vectors[1, 0, n + i] = 1.0
+        rows += list(-vectors)
+    right = np.concatenate([g, *(np.append(limit, np.zeros(7)) for limit in M)])
+    kinds = [clarabel.NonnegativeConeT(k), *[clarabel.SecondOrderConeT(4)] * (2 * k)]
+    options = clarabel.DefaultSettings()
+    options.verbose, options.tol_gap_abs, options.tol_gap_rel = False, 1e-12, 1e-12
+    P, A = (csc_matrix(x) for x in (np.diag(np.append(np.ones(n), still)), np.vstack(rows)))
+    solver = clarabel.DefaultSolver(P, np.append(-f, G), A, right, kinds, options)
+    assert u == pytest.approx(np.array(solver.solve().x[:n]), abs=1e-6)

@@ -22,10 +22,9 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged, raise_callback_error
 from contact_locking.parallel import on_any_rank, on_every_rank
 from contact_locking.solver.interior_point.bound_step import BoundStep, MovingBound
-from contact_locking.solver.interior_point.contact_cones import ContactCones
+from contact_locking.solver.interior_point.cones import HalfLines
+from contact_locking.solver.interior_point.contact_cones import ContactCones, FrictionCones
 from contact_locking.solver.interior_point.family import Direction, Family
-from contact_locking.solver.interior_point.friction_cones import FrictionCones
-from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.interior_point.judge import Judge
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain, LockingCones

@@ -33,10 +33,9 @@ from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.interior_point.contact_cones import ContactCones
-from contact_locking.solver.interior_point.family import Direction, Reaction, dot
-from contact_locking.solver.interior_point.friction_cones import FrictionCones
-from contact_locking.solver.interior_point.lorentz import norm
+from contact_locking.solver.interior_point.contact_cones import ContactCones, FrictionCones
+from contact_locking.solver.interior_point.family import Direction, Reaction
+from contact_locking.solver.interior_point.lorentz import dot, norm
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
 

@@ -1,17 +1,19 @@
-"""The cones of contact: half lines."""
+"""Contact and friction as families of cones."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
+from petsc4py import PETSc
 
-from contact_locking.arrays import FloatArray
-from contact_locking.parallel import minimum
+from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.parallel import maximum, minimum
 from contact_locking.problem.rounding import ROUNDING
+from contact_locking.solver.interior_point.cones import HalfLines
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes, OnContact
-from contact_locking.solver.interior_point.family import Springs
-from contact_locking.solver.interior_point.half_lines import HalfLines
+from contact_locking.solver.interior_point.lorentz import aligned
+from contact_locking.solver.interior_point.slips import Slips, along_planes
 from contact_locking.solver.multipliers import Multipliers
 
 
@@ -36,17 +38,17 @@ class ContactCones(OnContact, HalfLines):
         return np.asarray(self.nodes.normal * reactions)
 
     @property
-    def limit(self) -> FloatArray:
+    def limit(self) -> FloatArray:  # type: ignore[override]
+        # Tools that move change the gap.
         return self.nodes.gap
+
+    def along(self, points: IndexArray, directions: FloatArray) -> PETSc.Mat:
+        return self.nodes.along(points, directions * self.nodes.normal[:, points])
 
     # The iterate.
 
-    def start(self, level: float, least: float) -> None:
-        self.x = np.maximum(self.nodes.gap - self.seen, least)
-        self.z = np.asarray(level * self.scale / self.x)
-
-    def primal_residual(self, deformation: float) -> float:
-        return self.relative_gap(np.full_like(self.z, deformation))
+    def sizes(self, deformation: float) -> FloatArray:
+        return np.full_like(self.z, deformation)
 
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
         forces = multipliers.contacts[self.nodes.number]
@@ -54,19 +56,6 @@ class ContactCones(OnContact, HalfLines):
         # On the central path opening times pressure is constant; the larger one, in comparable
         # units, is the one that does not vanish.
         self.nodes.enter(self.z > self.x * stiffness / self.scale, forces.touches)
-
-    # The tangent.
-
-    def write_block(self) -> None:
-        self.write_springs([self.stiffness])
-
-    @property
-    def stiffest(self) -> FloatArray:
-        return self.stiffness
-
-    @property
-    def springs(self) -> Springs:
-        return [(self.nodes.normal, self.stiffness)]
 
     def write_springs(self, stiffness: Sequence[FloatArray]) -> None:
         normal = self.nodes.normal
@@ -84,3 +73,52 @@ class ContactCones(OnContact, HalfLines):
         gap = self.nodes.gap
         size = margin * np.abs(self.seen) + ROUNDING * displacement + ROUNDING * np.abs(gap)
         return bool(np.all(self.seen - gap <= size))
+
+
+class FrictionCones(OnContact, Slips):
+    """``|sigma_tau| <= G`` against the slip of the step, ``u_tau - u_{k-1,tau}``, node by node.
+
+    ``length`` is the extent of the body.
+    """
+
+    def __init__(self, nodes: ContactNodes, regularisation: float, length: float) -> None:
+        self.nodes, self.normal = nodes, nodes.normal
+        self.regularisation, self.scale = regularisation, length
+        self.comm, self.weights = nodes.comm, nodes.weights
+        rows = 1 + nodes.dim + (regularisation > 0.0)
+        self.x, self.z = np.zeros((2, rows, len(nodes.weights)))
+        self.bound_step, self.growth = np.zeros((2, len(nodes.weights)))
+
+    def see(self, displacement: FloatArray) -> FloatArray:
+        return self.nodes.slips(displacement)
+
+    def look(self, displacement: FloatArray) -> None:
+        self.seen = self.nodes.increments(displacement)
+
+    def tractions(self, reactions: FloatArray) -> FloatArray:
+        return reactions
+
+    def write(self, multipliers: Multipliers, stiffness: float) -> None:
+        self.nodes.enter(self.reactions, multipliers.contacts[self.nodes.number].friction)
+
+    def centred(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        # Data that turn the normal of a foundation turn slips and tractions with it.
+        x, z = self.tangential(x), self.tangential(z)
+        slips, bounds = (values[0] / (maximum(self.comm, values[0]) or 1.0) for values in (x, z))
+        return aligned(x, z, slips >= bounds)
+
+    def pull(self, stiffness: float) -> FloatArray:
+        """Springs rest where the nodes stood before the step."""
+        return -stiffness * self.nodes.old_slips()
+
+    def write_block(self) -> None:
+        self._write(self.a, self.b, self.w)
+
+    def write_springs(self, stiffness: Sequence[FloatArray]) -> None:
+        first, rest = stiffness[0], stiffness[-1]
+        self._write(rest, first - rest, self.springs[0][0])
+
+    def _write(self, a: FloatArray, b: FloatArray, w: FloatArray) -> None:
+        normal, w = self.normal, along_planes(w, self.normal)
+        across = np.eye(len(normal))[:, :, None] - normal[:, None] * normal
+        self.tangent_block = a * across + b * w[:, None] * w

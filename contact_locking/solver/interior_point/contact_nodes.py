@@ -13,7 +13,9 @@ from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.fem.contact_operator import PointStiffness
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.interior_point.family import Family, dot
+from contact_locking.solver.interior_point.family import Family
+from contact_locking.solver.interior_point.lorentz import dot
+from contact_locking.solver.interior_point.slips import along_planes
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
@@ -52,7 +54,7 @@ class ContactNodes:
 
     def slips(self, displacement: FloatArray) -> FloatArray:
         """``u_tau`` (d, k) of a displacement, relative to tools; collective."""
-        return self.tangential(self._at_points(displacement))
+        return along_planes(self._at_points(displacement), self.normal)
 
     def old_slips(self) -> FloatArray:
         """``u_{k-1,tau}`` (d, k), where the nodes stood before the step."""
@@ -60,23 +62,7 @@ class ContactNodes:
 
     def increments(self, displacement: FloatArray) -> FloatArray:
         """The slips (d, k) of the step, ``u_tau - u_{k-1,tau}``, of a displacement; collective."""
-        return self.tangential(self._at_points(displacement) - self.old_slips())
-
-    def tangential(self, values: FloatArray) -> FloatArray:
-        """The parts of vectors (d, k) along the foundation."""
-        # Once more, as rounding leaves a normal part that the stiffness of sticking enlarges.
-        for _ in range(2):
-            values = values - dot(values, self.normal) * self.normal
-        return values
-
-    def unit_tangents(self, vectors: FloatArray) -> FloatArray:
-        """Unit tangents (d, k) along the tangential parts of vectors, any where these vanish."""
-        tangents = self.tangential(vectors)
-        none = np.linalg.norm(tangents, axis=0) == 0.0
-        steepest = np.argmin(np.abs(self.normal), axis=0)
-        axes = np.eye(self.dim)[:, steepest]
-        tangents = np.where(none, self.tangential(axes), tangents)
-        return np.asarray(tangents / np.linalg.norm(tangents, axis=0))
+        return along_planes(self._at_points(displacement) - self.old_slips(), self.normal)
 
     def add_traction(self, traction: FloatArray, forces: PETSc.Vec) -> None:
         """``forces += int traction . (.)``; collective."""
@@ -143,11 +129,6 @@ class OnContact(Family):
     @abstractmethod
     def pull(self, stiffness: float) -> FloatArray:
         """The reactions of springs that rest where the body would come to rest; collective."""
-
-    @property
-    @abstractmethod
-    def stiffest(self) -> FloatArray:
-        """The springs (k,) by which a node is told to be stiff."""
 
     def soft_springs(self, material: float) -> tuple[FloatArray, FloatArray]:
         soft = self.nodes.material_springs(material)

@@ -9,8 +9,8 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.parallel import exceeded_by_few, maximum, minimum
 from contact_locking.problem.rounding import ROUNDING
+from contact_locking.solver.interior_point.contact_cones import FrictionCones
 from contact_locking.solver.interior_point.family import Direction, Family, Reaction
-from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.tangent import Tangent
 

@@ -13,7 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.solver.interior_point.family import Family, Step, dot
+
+
+def dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """``a . b`` of each column, (k,)."""
+    return np.einsum("ik,ik->k", a, b)
 
 
 def norm(a: FloatArray) -> FloatArray:
@@ -147,36 +151,3 @@ class Scaling:
         result[0] = w[0] * y[0] + rest
         result *= self.eta if sign > 0 else 1.0 / self.eta
         return result
-
-
-class LorentzCones(Family):
-    """Pairs (x, z) of points in Lorentz cones, and the block ``D = a I + b w w^T``.
-
-    ``a`` and ``b`` are (k,), ``w`` is (m, k).
-    """
-
-    a: FloatArray
-    b: FloatArray
-    w: FloatArray
-    _scaling: Scaling
-    _aim: FloatArray
-    _gap: FloatArray
-
-    def correction(self, step: Step) -> FloatArray:
-        return self._scaling.correction(step.primal, step.dual)
-
-    def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
-        return self._scaling.recentring(t, step.primal, step.dual, band)
-
-    def speeds(self, step: Step) -> FloatArray:
-        return self._scaling.speeds(step.primal, step.dual)
-
-    def move(self, gap: FloatArray) -> None:
-        self._gap, self._aim = gap, np.zeros_like(self.z)
-
-    def hold(self, stiffness: float | FloatArray) -> None:
-        self.a = np.full(len(self.weights), stiffness)
-        self.b, self.w = np.zeros_like(self.a), np.zeros_like(self.seen)
-
-    def block(self, seen: FloatArray) -> FloatArray:
-        return np.asarray(self.a * seen + self.b * dot(self.w, seen) * self.w)

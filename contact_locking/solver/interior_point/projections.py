@@ -13,16 +13,17 @@ infinite one, which acts on the change of reactions and so vanishes in the end.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.solver.interior_point.family import Family, Reaction, Step, dot
-from contact_locking.solver.interior_point.friction_cones import FrictionCones
-from contact_locking.solver.interior_point.half_lines import HalfLines
+from contact_locking.solver.interior_point.cones import HalfLines, Step
+from contact_locking.solver.interior_point.contact_cones import FrictionCones
+from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.locking_cones import LockingCones
-from contact_locking.solver.interior_point.lorentz import norm
+from contact_locking.solver.interior_point.lorentz import dot, norm
+from contact_locking.solver.interior_point.slips import along_planes
 from contact_locking.solver.task import Pair
 
 _TINY = float(np.finfo(float).tiny)
@@ -141,7 +142,7 @@ def _below_bound(size: FloatArray, product: FloatArray) -> FloatArray:
     return np.asarray(np.exp(0.5 * (least + most)))
 
 
-class HalfLineProjection(Projection[HalfLines]):
+class HalfLineProjection(Projection[Any]):
     """``y = max(0, y + c (lin(u) - limit))/(1 + c compliance)``; ``floor`` (>= 0) is added to D.
 
     The floor keeps the tangent regular where only open contact could stop a rigid motion.
@@ -198,7 +199,7 @@ class FrictionProjection(Projection[FrictionCones]):
 
     def recall(self, pair: Pair) -> None:
         # The foundation may have turned since.
-        slip, traction = (self.family.nodes.tangential(part[self._rows]) for part in pair)
+        slip, traction = (along_planes(part[self._rows], self.family.normal) for part in pair)
         self.family.z = pair[1].copy()
         self.family.z[self._rows] = traction
         self.start(self.family.reactions)
@@ -261,7 +262,7 @@ class FrictionProjection(Projection[FrictionCones]):
 
     def advance(self, step: Step) -> None:
         # The stiffness of sticking enlarges the rounding along the normal.
-        self.y = self.family.nodes.tangential(self.y - step.dual[self._rows])
+        self.y = along_planes(self.y - step.dual[self._rows], self.family.normal)
         self.family.z[0] += step.dual[0]
         self.settle()
 

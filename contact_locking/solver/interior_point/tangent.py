@@ -18,7 +18,7 @@ from contact_locking.fem import compiled
 from contact_locking.fem.joint_forms import JointForm
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.interior_point.contact_nodes import OnContact
+from contact_locking.solver.interior_point.contact_nodes import ContactNodes, OnContact
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.tuning import Tuning
@@ -426,7 +426,10 @@ class Tangent:
         return nodes[is_free[nodes]].astype(np.int32)
 
     def _assemble(self, matrix: PETSc.Mat) -> None:
-        touching = (family.nodes.stiffness(family.tangent_block) for family in self._touching)
+        blocks: dict[ContactNodes, FloatArray] = {}
+        for family in self._touching:
+            blocks[family.nodes] = blocks.get(family.nodes, 0.0) + family.tangent_block
+        touching = [nodes.stiffness(block) for nodes, block in blocks.items()]
         self.system.constraints.assemble_matrix(self._form, matrix, touching)
 
     def _refresh_border(self) -> None:

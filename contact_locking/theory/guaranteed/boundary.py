@@ -111,7 +111,7 @@ def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTra
     # The closure lists both ends before the inner nodes.
     order = [0, *range(2, closures.shape[1]), 1]
     nodes = dofmap.list[cells[:, None], closures[sides][:, order]]
-    normals = contact.normal.x.array.reshape(-1, 2)[nodes]
+    normals = surface.vector_function(contact.normals).x.array.reshape(-1, 2)[nodes]
     turning = np.abs(normals - normals[:, :1]) > _ROUNDING
     if on_any_rank(surface.domain.comm, turning):
         raise NotApplicable("the contact normal changes along a facet")
@@ -135,7 +135,7 @@ def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTra
         nodes,
         triangles.lengths[cells, sides],
         normal,
-        controls(contact.gap.x.array[nodes]),
+        of(contact.gaps),
         np.maximum(_continued(of(fields.pressure), fixed), 0.0),
         np.clip(_continued(along, fixed), -bound, bound),
         bound,
