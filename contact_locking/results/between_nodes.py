@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -206,7 +207,7 @@ class _Facets:
         box = np.stack([ends[0].min(axis=0, initial=np.inf), ends[1].max(axis=0, initial=-np.inf)])
         corners = foundation.corners(box, _SPACING * self._radius.min(initial=np.inf))
         depths, weights = np.zeros(count), np.full((count, dim), 1.0 / dim)
-        near = [[]] * count
+        near: Any = [[]] * count
         if len(corners) and count:
             near = cKDTree(corners).query_ball_point(centres, reach)
         # The pairs of a facet and a corner.
