@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from dolfinx import mesh as dmesh
@@ -15,7 +14,6 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.boundary_parts import marked, tags_of
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.skins import Skins, area_normals
 from contact_locking.parallel import on_any_rank
 
 #: Which points (d, k) are at a place, as (k,).
@@ -26,10 +24,6 @@ Test = Callable[[FloatArray], BoolArray]
 _PULLED = 1e-6
 # A facet faces a direction if the cosine between its normal and the direction is above this.
 _ALONG = 1e-6
-_NO_SKIN = (
-    "; a cavity that is open, or that a plane of symmetry cuts, belongs to the outer skin: name it "
-    "by a box, a plane or the direction that it is facing"
-)
 
 
 @dataclass(frozen=True)
@@ -37,14 +31,12 @@ class Place:
     """The facets of the boundary that hold every test at their corners and their centre.
 
     ``on`` names boundary parts that the facets belong to; empty for the whole boundary.  The mean
-    outward normal of a facet has a positive component along ``facing`` (d,), and the facet lies on
-    an inner or an outer ``skin`` of a body, if these are given.
+    outward normal of a facet has a positive component along ``facing`` (d,), if it is given.
     """
 
     tests: Sequence[Test]
     on: tuple[str, ...] = ()
     facing: tuple[float, ...] | None = None
-    skin: Literal["inner", "outer"] | None = None
 
 
 def with_parts(domain: Domain, places: Mapping[str, Place], key: str) -> Domain:
@@ -70,10 +62,8 @@ def with_parts(domain: Domain, places: Mapping[str, Place], key: str) -> Domain:
             flat = test(points.reshape(-1, dim).T)
             found &= flat.reshape(len(every), -1).all(axis=1)
         if place.facing is not None:
-            normals, areas = area_normals(domain, every)
+            normals, areas = domain.area_normals(every)
             found &= normals @ place.facing > _ALONG * np.linalg.norm(place.facing) * areas
-        if place.skin is not None:
-            found &= marked(mesh, Skins.of(domain).of_kind(place.skin))[every]
         marks[name] = np.zeros_like(outside)
         marks[name][every] = found
         if place.on:
@@ -81,9 +71,8 @@ def with_parts(domain: Domain, places: Mapping[str, Place], key: str) -> Domain:
             marks[name] &= np.any([marks[part] for part in place.on], axis=0)
         if not on_any_rank(mesh.comm, bool(marks[name].any())):
             low, high = (domain.where(end) for end in domain.bounding_box)
-            skin = "" if place.skin is None else _NO_SKIN
             raise InputError(
-                f"catches no facet of the boundary, which is between {low} and {high}{skin}", own
+                f"catches no facet of the boundary, which is between {low} and {high}", own
             )
     tags, names = tags_of(mesh, marks)
     return dataclasses.replace(domain, facet_tags=tags, facet_names=names)

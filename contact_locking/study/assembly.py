@@ -27,7 +27,6 @@ from contact_locking.mesh.file.xdmf_grids import is_xdmf
 from contact_locking.mesh.groups import groups
 from contact_locking.mesh.half_section import half_section, require_surface
 from contact_locking.mesh.named_parts import Place, Test, with_parts
-from contact_locking.mesh.skins import area_normals
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.study.loads import build_loads, springs_of
 from contact_locking.study.material import material_in_cells, material_warnings
@@ -234,7 +233,7 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
         key = dotted("loads", *place, "on")
         facets = domain.facets(condition.on, key)
         both = np.intersect1d(facets, np.concatenate([facets[:0], *contacts]))
-        normals, areas = area_normals(domain, both)
+        normals, areas = domain.area_normals(both)
         values = condition.value if isinstance(condition.value, tuple) else [condition.value]
         is_held = [value is not None for value in values]
         if domain.comm.allreduce(np.sum(np.abs(normals) * is_held > PRESCRIBED * areas[:, None])):
@@ -251,7 +250,7 @@ def _require_bodies(domain: Domain, on: tuple[str, ...], facets: IndexArray, key
     if len(set().union(*comm.allgather(domain.parts[domain.owners(facets)].tolist()))) > 1:
         return
     owned = domain.mesh.topology.index_map(domain.dim - 1).size_local
-    normals, _ = area_normals(domain, facets[facets < owned])
+    normals, _ = domain.area_normals(facets[facets < owned])
     across = np.linalg.eigh(comm.allreduce(normals.T @ normals))[1][:, -1]
     across *= np.sign(across[np.argmax(np.abs(across))])
     lips = [
@@ -308,7 +307,7 @@ def with_placed_parts(domain: Domain, given: MeshParameters) -> Domain:
     require_fitting(given, BodyKind(domain.dim), "mesh")
     rounding = _ROUNDING * float(np.ptp(domain.bounding_box, axis=0).max())
     places = {
-        name: Place(_tests(part, domain.dim, rounding), part.on, part.facing, part.skin)
+        name: Place(_tests(part, domain.dim, rounding), part.on, part.facing)
         for name, part in given.parts.items()
     }
     return with_parts(domain, places, "mesh.parts")

@@ -41,65 +41,6 @@ def test_a_part_has_the_facets_of_its_place(comm: MPI.Intracomm) -> None:
     assert found["corner"].measure == pytest.approx(1.0)
 
 
-def lattice(
-    folder: Path, comm: MPI.Intracomm, counts: tuple[int, ...], holes: list[tuple[int, ...]]
-) -> str:
-    """The file of a lattice of unit boxes, of two triangles in 2D, without some boxes."""
-    path = comm.bcast(folder) / "hollow.msh"
-    if comm.rank == 0:
-        points = [*np.ndindex(*(count + 1 for count in counts))]
-        numbers = {point: number for number, point in enumerate(points, start=1)}
-        square = [(0, 0), (1, 0), (1, 1), (0, 1)]
-        around: Any = [square[:3], [*square[2:], square[0]]]
-        if len(counts) == 3:
-            around = [[(*corner, z) for z in (0, 1) for corner in square]]
-        cells = [
-            [numbers[tuple(np.add(box, corner))] for corner in corners]
-            for box in np.ndindex(*counts)
-            for corners in around
-            if box not in holes
-        ]
-        write_msh(path, points, {"body": cells})
-    comm.Barrier()
-    return str(path)
-
-
-def hollow(
-    folder: Path, comm: MPI.Intracomm, counts: tuple[int, ...], hole: tuple[int, ...], parts: Any
-) -> dict[str, tuple[int, Any]]:
-    """The facets and mean normals of parts of a lattice of unit boxes with a box missing."""
-    path = lattice(folder, comm, counts, [hole])
-    mesh = {"file": path, "parts": parts, "axisymmetric": counts[0] == 2}
-    domain = mesh_of(from_mapping({"mesh": mesh, "contact": {"on": []}}), comm)
-    return {group.name: (group.count, group.normal) for group in groups(domain)}
-
-
-SKINS: dict[str, Any] = {"cavity": {"skin": "inner"}, "outside": {"skin": "outer"}}
-
-
-def test_the_skin_of_a_cavity_is_a_part(tmp_path: Path, comm: MPI.Intracomm) -> None:
-    parts = SKINS | {"floor": {"skin": "inner", "facing": [0, 0, 2]}}
-    found = hollow(tmp_path, comm, (3, 3, 3), (1, 1, 1), parts)
-    assert {name: found[name][0] for name in parts} == {"cavity": 6, "outside": 54, "floor": 1}
-    assert found["floor"][1] == pytest.approx((0.0, 0.0, 1.0))
-    assert found["cavity"][1] == pytest.approx((0.0, 0.0, 0.0))
-
-
-def test_a_cavity_on_the_axis_of_revolution_has_a_skin_of_its_own(
-    tmp_path: Path, comm: MPI.Intracomm
-) -> None:
-    found = hollow(tmp_path, comm, (2, 3), (0, 1), SKINS)
-    assert (found["cavity"][0], found["outside"][0]) == (3, 7)
-
-
-def test_an_open_cavity_is_no_inner_skin(tmp_path: Path, comm: MPI.Intracomm) -> None:
-    outside = {"outside": {"skin": "outer"}}
-    assert hollow(tmp_path, comm, (3, 3), (1, 0), outside)["outside"][0] == 14
-    with pytest.raises(InputError) as caught:
-        hollow(tmp_path, comm, (3, 3), (1, 0), SKINS)
-    assert caught.value.key == "mesh.parts.cavity" and "outer skin" in str(caught.value)
-
-
 def test_facets_face_a_direction_within_other_places(comm: MPI.Intracomm) -> None:
     parts = {
         "up": {"facing": [0, 1]},
@@ -150,10 +91,9 @@ def test_a_finer_mesh_keeps_the_parts_and_a_checkpoint_knows_them(
 @pytest.mark.parametrize(
     ("part", "key", "words"),
     [
-        ({}, "mesh.parts.new", "needs a place: on, plane, box, expression, facing or skin"),
+        ({}, "mesh.parts.new", "needs a place: on, plane, box, expression or facing"),
         ({"facing": [0, 0, 1]}, "mesh.parts.new.facing", "must have 2 components in 2D"),
         ({"facing": [0, 0]}, "mesh.parts.new.facing", "must not be the zero vector"),
-        ({"skin": "both"}, "mesh.parts.new.skin", "inner"),
         (
             {"box": [[1, 0], [0, 1]]},
             "mesh.parts.new.box",

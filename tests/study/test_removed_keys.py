@@ -27,6 +27,7 @@ pytestmark = pytest.mark.serial
         ("solver.friction", "nested"),
         ("discretisation.limit_at", "gauss"),
         ("mesh.facets", "facets.xdmf"),
+        ("mesh.parts.cavity.skin", "inner"),
     ],
 )
 def test_what_has_gone_is_refused_by_its_key_with_what_to_do_instead(key: str, value: Any) -> None:

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh.cell_kind import KINDS, TRIANGLE, CellKind
+from contact_locking.mesh.cell_kind import KINDS, CellKind
 from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.places import ONE_KIND
 from contact_locking.meshes import empty_model
@@ -68,24 +68,6 @@ def _with_straight_sides(mesh: MeshData) -> MeshData:
     )
     told = "its cells are of second order: their corners alone are taken, with straight sides"
     return MeshData(mesh.dim, mesh.points[kept], mesh.numbers[kept], cells, facets, (told,))
-
-
-def triangles(model: Any, origin: str) -> FloatArray:
-    """The corners (n, 3, 3) of all triangles of the surfaces of a model.
-
-    Raises InputError for surfaces without triangles, and for elements of other kinds.
-    """
-    numbers, coordinates, _ = model.mesh.getNodes()
-    order = np.argsort(numbers)
-    found = []
-    for kind, tags, nodes in zip(*model.mesh.getElements(2), strict=True):
-        if kind != TRIANGLE.gmsh:
-            raise InputError(f"{origin}: {_unsupported(model, TRIANGLE, kind, tags[0])}")
-        rows = np.searchsorted(numbers[order], nodes)
-        found.append(coordinates.reshape(-1, 3)[order][rows].reshape(-1, 3, 3))
-    if not found:
-        raise InputError(f"{origin} holds no triangles")
-    return np.concatenate(found)
 
 
 def _kind(model: Any, dim: int, origin: str) -> tuple[CellKind, int]:
@@ -197,11 +179,10 @@ def limit_process() -> None:
         resource.setrlimit(kind, (min(limits), hard))
 
 
-def main(source: str, target: str, origin: str, what: str) -> int:
+def main(source: str, target: str, origin: str) -> int:
     """Read the mesh in ``source`` and save its arrays in ``target``; returns the exit code.
 
-    ``origin`` names the mesh for messages, and ``what`` is the ``body``, or the ``triangles`` of a
-    surface.  The message of an InputError is printed.
+    ``origin`` names the mesh for messages.  The message of an InputError is printed.
     """
     import gmsh
 
@@ -212,10 +193,7 @@ def main(source: str, target: str, origin: str, what: str) -> int:
             except Exception as error:  # Gmsh raises Exception itself
                 said = str(error).replace(source, origin)
                 raise InputError(f"Gmsh cannot read {origin}: {said}") from error
-            if what == "triangles":
-                np.savez(target, corners=triangles(model, origin))
-            else:
-                extract(model, origin).save(Path(target))
+            extract(model, origin).save(Path(target))
     except InputError as error:
         sys.stdout.buffer.write(str(error).encode("utf-8", errors="backslashreplace"))
         return error.exit_code

@@ -6,7 +6,7 @@ import types
 from collections.abc import Iterator
 from dataclasses import asdict, fields
 from functools import cache
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError, model_serializer
 
@@ -69,14 +69,9 @@ class BoundaryPart(Concept):
         "of a cut",
         "1",
     )
-    skin: Literal["inner", "outer"] | None = entry(
-        None,
-        "the facets of a connected boundary: inner, one that does not reach the outside of its "
-        "body, as of a cavity or a crack, or outer",
-    )
 
     def _faults(self) -> Iterator[Fault]:
-        places = ("on", "plane", "box", "expression", "facing", "skin")
+        places = ("on", "plane", "box", "expression", "facing")
         if not any(getattr(self, place) for place in places):
             yield Fault((), f"needs a place: {', '.join(places[:-1])} or {places[-1]}")
         if self.box is not None:
