@@ -8,7 +8,7 @@
 #   |\mu(s) - \mu(t)| \le L_\mu |s - t|, \qquad L_\mu = \frac{\mu_0 - \mu_1}{s_0}.$$
 #
 # The bound of friction then depends on the displacement twice, by the pressure and by the slip:
-# $g(u) = \mu(|u_\tau|)\,|R\sigma_\nu(u)|$. With `solver.method: newton`, which
+# $g(u) = \mu(|u_\tau|)\,|R\sigma_\nu(u)|$. With `solver.method: penalty`, which
 # this study file has, the solver iterates to a fixed point. It solves with a frozen bound, which is
 # a convex problem, and then computes the bound anew,
 #

@@ -1,4 +1,4 @@
-"""Every demo runs on a coarse mesh, as study file and as script, on one and on two ranks."""
+"""Every demo runs on a coarse mesh: study files, on one and on two ranks, and scripts."""
 
 from __future__ import annotations
 
@@ -50,6 +50,8 @@ COARSE = {
     "ssnv128": ("mesh.h=2.5e-3", *PLAIN),
     "cyclic_slip": ("mesh.h=0.2", "mesh.h_contact=0.05", "steps.count=6", *PLAIN),
 }
+# Scripts without a study file: size and mesh.  They assert closed forms.
+ALONE = {"impact": ("0.06", "16"), "viscous": ("0.15", "16"), "wear": ("0.1", "40")}
 
 # The demos with a finite n; the study files of the others are solved for n = .inf already.
 PENALISED = ("block", "block_3d", "slip_friction", "anisotropic_regions", "stiffening")
@@ -57,8 +59,7 @@ PENALISED = ("block", "block_3d", "slip_friction", "anisotropic_regions", "stiff
 ON_RANKS = ("block", "block_3d", "two_foundations", "press_fit", "pressed_tool", "adaptive")
 # A static problem, a process, and a sequence of meshes.
 ALWAYS_ON_TWO_RANKS = ("block", "adaptive")
-# A law of the user's own, several contacts, a process with tools; building the documentation runs
-# all scripts.
+# A law of the user's own, several contacts, tools; building the documentation runs all scripts.
 ALWAYS_AS_A_SCRIPT = ("block", "stiffening", "two_foundations", "pressed_tool")
 
 
@@ -88,9 +89,9 @@ def of_file(name: str) -> float:
 
 
 @pytest.mark.serial
-def test_every_demo_is_a_study_file_and_a_script() -> None:
-    for suffix in ("yml", "py"):
-        assert {path.stem for path in DEMOS.glob(f"*.{suffix}")} == set(COARSE)
+def test_every_demo_is_a_script_with_a_study_file_or_alone() -> None:
+    assert {path.stem for path in DEMOS.glob("*.yml")} == set(COARSE)
+    assert {path.stem for path in DEMOS.glob("*.py")} == {*COARSE, *ALONE}
     given = {name: load(DEMOS / f"{name}.yml").parameters.penalty.n for name in COARSE}
     assert {name for name, n in given.items() if n < math.inf} == set(PENALISED)
 
@@ -117,12 +118,19 @@ def test_the_penalty_alone_may_be_changed_up_to_infinity(name: str, n: str, tmp_
 
 
 @pytest.mark.serial
+@pytest.mark.parametrize("name", ALONE)
+def test_script_alone_keeps_its_closed_forms_and_draws(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [name, *ALONE[name]])
+    runpy.run_path(str(DEMOS / f"{name}.py"), run_name="__main__")
+    assert (tmp_path / "results" / f"{name}.png").exists()
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=() if name in ALWAYS_AS_A_SCRIPT else pytest.mark.slow)
-        for name in COARSE
-    ],
+    "name", [name if name in ALWAYS_AS_A_SCRIPT else slow(name) for name in COARSE]
 )
 def test_script_gives_the_same_as_the_study_file(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -135,24 +143,14 @@ def test_script_gives_the_same_as_the_study_file(
 
 @pytest.mark.serial
 @pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=() if name in ALWAYS_ON_TWO_RANKS else pytest.mark.slow)
-        for name in COARSE
-    ],
+    "name", [name if name in ALWAYS_ON_TWO_RANKS else slow(name) for name in COARSE]
 )
 def test_script_gives_the_same_on_two_ranks(name: str, tmp_path: Path) -> None:
     mpirun = shutil.which("mpirun")
     if mpirun is None:
         pytest.skip("mpirun is not installed")
-    target = tmp_path / "two"
-    command = [mpirun, "-n", "2", sys.executable, str(DEMOS / f"{name}.py"), *COARSE[name]]
-    done = subprocess.run(
-        [*command, f"output.directory={target}"],
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
+    target, script = tmp_path / "two", str(DEMOS / f"{name}.py")
+    words = ["-n", "2", sys.executable, script, *COARSE[name], f"output.directory={target}"]
+    done = subprocess.run([mpirun, *words], capture_output=True, text=True, timeout=240)
     assert done.returncode == 0, done.stdout + done.stderr
     assert compliance(target, 2) == pytest.approx(of_file(name), rel=1e-8)

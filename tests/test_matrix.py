@@ -38,13 +38,14 @@ FEATURES: dict[str, tuple[str, ...]] = {
     "R": ("convolution", "helmholtz", "none"),
     "time": ("static", "steps"),
     "n": ("infinite", "finite"),
-    "solver": ("direct", "iterative", "newton"),
+    "solver": ("direct", "iterative", "penalty"),
     "with": (
         *("nothing", "eigenstrain", "springs", "oblique supports", "total forces"),
         *("parts by place", "adaptive meshes", "derivatives"),
     ),
 }
 _BODIES = ("two bodies", "many bodies", "two bodies, paired once")
+_NORMS = ("deviator", "volume", "direction", "weighted")
 _MOVING = ("moved", "pushed by a force", "on a spring")
 
 #: Pairs that do not go together, with the key that the refusal names.
@@ -67,7 +68,12 @@ EXCLUDED: dict[tuple[Item, Item], str | None] = {
     **{(("contact", a), ("foundation", b)): None for a in _BODIES for b in _MOVING},
     (("time", "steps"), ("with", "adaptive meshes")): "adapt",
     **{(("contact", bodies), ("with", "derivatives")): None for bodies in _BODIES[:2]},
-    (("solver", "newton"), ("n", "infinite")): "penalty.n",
+    (("solver", "penalty"), ("n", "infinite")): "penalty.n",
+    (("solver", "penalty"), ("element", "P2")): "discretisation.degree",
+    (("solver", "penalty"), ("element", "Q1")): "mesh.cells",
+    **{(("solver", "penalty"), ("contact", bodies)): "contact.against" for bodies in _BODIES},
+    **{(("solver", "penalty"), ("foundation", tool)): "contact.foundation" for tool in _MOVING[1:]},
+    **{(("solver", "penalty"), ("limit", limit)): "material.locking" for limit in _NORMS},
 }
 
 
@@ -131,10 +137,8 @@ def study_of(row: Row, folder: Path) -> Study:
     study["friction"] = friction
     study["discretisation"] = {"degree": 2 if row["element"] == "P2" else 1}
     study["penalty"] = {"n": math.inf if row["n"] == "infinite" else 1e4}
-    solver = {"method": "newton"} if row["solver"] == "newton" else {"linear": row["solver"]}
+    solver = {"method": "penalty"} if row["solver"] == "penalty" else {"linear": row["solver"]}
     study["solver"] = solver
-    if row["solver"] == "newton":
-        friction["regularisation"] = 1e-5
     if row["time"] == "steps":
         study["steps"] = {"to": 1.0, "count": 2}
     _with(row["with"], study, dim, hold)

@@ -1,4 +1,4 @@
-"""contact_locking itself: ``method=interior_point`` or ``newton``, with ``n`` (inf: no penalty)."""
+"""contact_locking itself: ``method=interior_point`` or ``penalty``, with ``n`` (inf: exact)."""
 
 from exchange import task
 from peer_problems import displaced

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from functools import cached_property
 
 import numpy as np
+import ufl
 from dolfinx import fem, la
 from petsc4py import PETSc
 from ufl.core.expr import Expr
@@ -14,7 +15,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import raise_callback_error
-from contact_locking.fem.joint_forms import JointForm, action
+from contact_locking.fem.joint_forms import JointForm
 from contact_locking.fem.trace import make_nodal
 from contact_locking.parallel import on_any_rank, on_every_rank
 from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
@@ -35,7 +36,7 @@ def require_still_foundations(state: SolvedState) -> None:
 
     Forces move it, or it is another body.
     """
-    if state.problem.data.jumps:
+    if state.problem.data.is_paired:
         raise NotApplicable("two bodies touch, and the proof is for foundations in a known place")
     if state.problem.data.tools:
         raise NotApplicable(
@@ -54,9 +55,7 @@ class EllipticProblem:
         self._owned = self._space.dofmap.index_map.size_local * self._space.dofmap.index_map_bs
         self._bilinear, self._kept = bilinear, state.system.kept
         self._constraints = constraints
-        form = self._kept(
-            ("certificate", bilinear), lambda: JointForm(bilinear, (), self._kept.form)
-        )
+        form = self._kept(("certificate", bilinear), lambda: JointForm(bilinear, self._kept.form))
         self.matrix = form.create_matrix()
         constraints.assemble_matrix(form, self.matrix)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
@@ -104,7 +103,7 @@ class EllipticProblem:
 
     def _action(self) -> tuple[fem.Function, JointForm]:
         held = fem.Function(self._space)
-        return held, JointForm(action(self._bilinear, held))
+        return held, JointForm(ufl.action(self._bilinear, held))
 
 
 def on_contacts(
@@ -162,7 +161,7 @@ class Lifting:
         # At a node of two contacts the values add up, and the check below judges the sum.
         prescribed = self._along_normals([np.minimum(f.gap, 0.0) for f in state.contacts])
         constraints.apply(prescribed)
-        make_nodal(prescribed, [surface.limited for surface in self._surfaces])
+        make_nodal(prescribed, [surface.controls for surface in self._surfaces])
         constraints.apply(prescribed)
         lifted = self._elastic(prescribed)
         self._check(lifted)
@@ -174,7 +173,7 @@ class Lifting:
         entered = [np.maximum(f.u_normal - f.gap, 0.0) for f in state.contacts]
         values = self._along_normals(entered)
         values.x.array[:] = constraints.free_part(values.x.array)
-        make_nodal(values, [surface.limited for surface in self._surfaces])
+        make_nodal(values, [surface.controls for surface in self._surfaces])
         values.x.array[:] = constraints.free_part(values.x.array)
         anywhere = on_any_rank(state.comm, any(np.any(depth > 0.0) for depth in entered))
         return self._elastic(values) if anywhere else values

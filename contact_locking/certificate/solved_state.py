@@ -125,7 +125,7 @@ class SolvedState:
         # The conditions of one side say nothing of a jump.
         return {
             id(fields): are_held(domain, constraints, fields.surface.blocks, fields.normal)
-            if fields.surface.jump is None
+            if not fields.surface.is_paired
             else ~fields.free
             for fields in self.contacts
         }

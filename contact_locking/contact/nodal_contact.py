@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from dolfinx import fem
-from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.contact import Contact
@@ -18,7 +17,6 @@ from contact_locking.contact.surface import ContactSurface
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.clock import Clock
 from contact_locking.fields.plausibility import about_the_gap
-from contact_locking.laws.convex import normal_part, tangential_part
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, on_any_rank
@@ -169,7 +167,7 @@ class NodalContact:
             before = self.state.displacement
             place = np.zeros_like(surface.points)
             if before is not None:
-                place = surface.limited.at_nodes(before)
+                place = surface.operator.values(before)
             self.state = replace(self.state, place=place)
         gap, normals = self.foundation.at_nodes(surface)
         self._put(surface.limited_gap(gap), normals)
@@ -210,7 +208,7 @@ class NodalContact:
         comm = surface.domain.comm
         frame = surface.frame_at(u.x.array.copy(), on_any_rank(comm, touches))
         assert frame is not None
-        jump = surface.limited.of_function(u)
+        jump = surface.operator.values(u.x.array)
         opening = self.gaps - self.split_nodal(jump)[0]
         anew = frame.distance + self.gaps - surface.distance
         entry = np.maximum(-anew, 0.0) - np.maximum(-opening, 0.0)
@@ -296,15 +294,7 @@ class NodalContact:
 
     def split(self, u: fem.Function) -> tuple[FloatArray, FloatArray]:
         """``u_nu`` (k,) and ``u_tau`` (k, d) at the nodes, of the limited values of u."""
-        return self.split_nodal(self.surface.limited.of_function(u))
-
-    def parts(self, v: Expr) -> tuple[Expr, Expr]:
-        """``v_nu`` and ``v_tau`` in UFL, of a field of the space of limited values."""
-        return normal_part(v, self.normal), tangential_part(v, self.normal)
-
-    def limited(self, v: Expr) -> Expr:
-        """The field of the space of limited values for a displacement or an argument."""
-        return self.surface.limited.of(v)
+        return self.split_nodal(self.surface.operator.values(u.x.array))
 
     def split_nodal(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The normal components (k,) and the tangential parts (k, d) of vectors (k, d)."""
@@ -423,15 +413,11 @@ def joint_norm(contacts: Sequence[NodalContact], values: Sequence[FloatArray]) -
 
 
 def place_of(
-    given: Contact,
-    domain: Domain,
-    space: fem.FunctionSpace,
-    element: Element,
-    limited: fem.FunctionSpace,
+    given: Contact, domain: Domain, space: fem.FunctionSpace, element: Element
 ) -> ContactSurface:
-    """The place of a contact; ``limited`` is the space of limited values; collective."""
+    """The place of a contact; collective."""
     if given.against is None:
-        return ContactSurface(domain, space, given.on, f"{given.key}.on", element, limited)
+        return ContactSurface(domain, space, given.on, f"{given.key}.on", element)
     # `check` of one body does without SciPy, whose import takes a tenth of its time.
     from contact_locking.contact.paired_surface import PairedSurface
 

@@ -15,10 +15,9 @@ from contact_locking.contact.contact import Contact
 from contact_locking.contact.pairing import Pairing, Side, pair
 from contact_locking.contact.surface import PRESCRIBED, ContactSurface, Frame
 from contact_locking.errors import InputError, Misplaced
-from contact_locking.fem.jump import JumpValues
+from contact_locking.fem.contact_operator import ContactOperator
 from contact_locking.fem.spaces import Element
 from contact_locking.fem.trace import facet_nodes
-from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.mesh.cell_kind import unit_normals
 from contact_locking.mesh.domain import Domain
 from contact_locking.supports.conditions import Constraints
@@ -47,7 +46,7 @@ class PairedSurface(ContactSurface):
         self, domain: Domain, space: fem.FunctionSpace, given: Contact, element: Element
     ) -> None:
         key, names = given.key, tuple(given.against or ())
-        super().__init__(domain, space, given.on, f"{key}.on", element, space)
+        super().__init__(domain, space, given.on, f"{key}.on", element)
         other = domain.facets(names, f"{key}.against")
         among = set(given.on) == set(names)
         self._one, self._mine = _side(domain, space, self.facets, among)
@@ -61,15 +60,10 @@ class PairedSurface(ContactSurface):
         self._here = np.searchsorted(self._mine, blocks)
         # The coefficients of side 1 on all ranks, in the order of its points.
         order = np.argsort(np.concatenate(domain.comm.allgather(blocks)))
-        self._coefficients = vstack(domain.comm.allgather(self.limited.by_blocks)).tocsr()[order]
+        self._coefficients = vstack(domain.comm.allgather(self.controls.rows)).tocsr()[order]
         self._whole = self.weights
-        self._density = self.scalar_function(np.ones(len(self.nodes)))
-        self.ds = WeightedMeasure(self.ds, self._density)
         frame = self.frame_at(None)
-        self._jump = JumpValues(
-            element.trace, self.scalar_space, space, self.nodes, self.limited.blocks, frame.rows
-        )
-        self.limited = self._jump
+        self.operator = ContactOperator(space, frame.rows, couples_cells=True)
         self.take(frame)
 
     def sides_at(self, displacement: FloatArray | None) -> tuple[Side, Side]:
@@ -105,12 +99,10 @@ class PairedSurface(ContactSurface):
     def take(self, frame: Frame) -> None:
         self.frame, self.weights = frame, frame.weights
         self._body_normals = frame.normals
-        self._density.x.array[self.nodes] = self.weights / self._whole
-        self._density.x.scatter_forward()
-        self._jump.join(frame.rows)
+        self.operator.join(frame.rows)
         self.distance = frame.distance
         if frame.displacement is not None:
-            before = self._jump.at_nodes(frame.displacement)
+            before = self.operator.values(frame.displacement)
             self.distance = frame.distance + np.sum(before * frame.normals, axis=1)
 
     def apart(
@@ -144,21 +136,24 @@ class PairedSurface(ContactSurface):
         return super().limited_gap(gap - self.distance) + self.distance
 
     @property
-    def jump(self) -> JumpValues:
-        return self._jump
+    def is_paired(self) -> bool:
+        return True
+
+    def of_motion(self, motion: FloatArray) -> FloatArray:
+        return self.operator.values(motion)
 
     def free_nodes(self, normal: FloatArray, constraints: Constraints) -> BoolArray:
         """(k,) the nodes that face the other side where conditions leave a part of the jump free.
 
         ``normal`` (k, d) is the contact normal; collective.
         """
-        freedom = self._freedom(constraints, self._jump.by_blocks.tocoo())
+        freedom = self._freedom(constraints, self.operator.rows.tocoo())
         sizes = np.einsum("ki,kij,kj->k", normal, freedom, normal)
         return np.sqrt(np.maximum(sizes, 0.0)) > PRESCRIBED
 
     def sliding_nodes(self, constraints: Constraints) -> BoolArray:
         # The nodes of both sides that have the largest shares in the jump decide.
-        rows = self._jump.by_blocks.tocoo()
+        rows = self.operator.rows.tocoo()
         order = np.lexsort((rows.data, rows.row))
         ends = np.diff(rows.row[order], prepend=-1, append=-1) != 0
         most = order[ends[:-1] | ends[1:]]

@@ -1,8 +1,7 @@
 """Gamma_C in the discrete problem: nodes, weights and nodal averages.
 
-Integrals over Gamma_C use the rule of the element's trace, whose points are the nodes, so that
-contact and friction act at the nodes.  They act on the limited values of the trace there: the nodal
-values, or the control values.
+The points are the nodes, with the weights of the rule of the element's trace.  Contact and friction
+act there on the limited values of the trace: the nodal values, or the control values.
 """
 
 from __future__ import annotations
@@ -17,14 +16,14 @@ import numpy as np
 import ufl
 from dolfinx import fem, la
 from petsc4py import PETSc
-from ufl.core.expr import Expr
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.contact.surface_mesh import SurfaceMesh
 from contact_locking.fem import compiled
+from contact_locking.fem.contact_operator import ContactOperator
 from contact_locking.fem.spaces import P1, Element
-from contact_locking.fem.trace import PointValues, facet_nodes
+from contact_locking.fem.trace import ControlValues, facet_nodes
 from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.half_section import is_on_axis
@@ -34,8 +33,6 @@ from contact_locking.supports.conditions import Constraints
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
-
-    from contact_locking.fem.jump import JumpValues
 
 #: The normal displacement is prescribed where the free directions hold less of the unit normal.
 PRESCRIBED = 1e-6
@@ -70,11 +67,10 @@ class Frame:
 class ContactSurface:
     """The nodes of Gamma_C in the element's spaces, with the weights of its rule.
 
-    ``space`` is the space of displacements, and ``limited`` the space of limited values that
-    several contacts share; by default the surface has its own.  ``nodes`` (k,) are the owned nodes
-    as indices of the scalar space, ``blocks`` (k,) the same nodes as blocks of the vector space,
-    ``points`` (k, d) the coordinates of the nodes, ``degree`` that of the displacement, and
-    ``weights`` (k,) their shares of the measure of Gamma_C.
+    ``space`` is the space of displacements.  ``nodes`` (k,) are the owned nodes as indices of the
+    scalar space, ``blocks`` (k,) the same nodes as blocks of the vector space, ``points`` (k, d)
+    the coordinates of the nodes, ``degree`` that of the displacement, and ``weights`` (k,) their
+    shares of the measure of Gamma_C.  ``controls`` knows the control values of fields.
     Raises InputError with the ``key`` for an element that has no contact.  The constructor is
     collective.
     """
@@ -86,7 +82,6 @@ class ContactSurface:
         names: tuple[str, ...],
         key: str = "on",
         element: Element = P1,
-        limited: fem.FunctionSpace | None = None,
     ) -> None:
         element.trace.check(domain.dim, element.degree, key)
         self._pieces = np.array(element.trace.pieces[domain.dim], dtype=np.int32)
@@ -106,11 +101,8 @@ class ContactSurface:
         self.points = self.scalar_space.tabulate_dof_coordinates()[self.nodes, : domain.dim]
         if domain.axisymmetric:
             self.points[is_on_axis(domain, self.points.T), 0] = 0.0
-        if limited is None:
-            limited = element.trace.limited_space(space)
-        #: The values of fields that contact and friction limit at the points.
-        self.limited = PointValues(
-            element.trace, self.scalar_space, limited, self.nodes, to_vector // domain.dim
+        self.controls = ControlValues(
+            element.trace, self.scalar_space, space, self.nodes, to_vector // domain.dim
         )
         #: Where the sides of two bodies face each other, None for a foundation.
         self.frame: Frame | None = None
@@ -124,6 +116,21 @@ class ContactSurface:
         if not is_plain:
             self.ds = self._with_density(lengths, compiled.assembled(test * self._exact_ds))
 
+    @cached_property
+    def operator(self) -> ContactOperator:
+        """The displacements that contact and friction limit; the first use is collective."""
+        return ContactOperator(self.vector_space, self.controls.rows)
+
+    def close(self) -> None:
+        """Destroy the PETSc objects; collective."""
+        if "operator" in self.__dict__:
+            self.operator.destroy()
+
+    def of_motion(self, motion: FloatArray) -> FloatArray:
+        """The limited values (k, d) of an affine displacement (local values); collective."""
+        # Those of an affine field are the nodal values.
+        return np.asarray(motion.reshape(-1, self.domain.dim)[self.blocks])
+
     def is_of(self, dofs: BoolArray) -> BoolArray:
         """(k,) whether each node is marked; ``dofs`` marks the local dofs of the vector space."""
         return np.asarray(dofs[self.blocks * self.domain.dim])
@@ -134,7 +141,9 @@ class ContactSurface:
 
     @cached_property
     def _body_normals(self) -> FloatArray:
-        normals = self.average(ufl.FacetNormal(self.domain.mesh))()
+        test = ufl.TestFunction(self.vector_space)
+        integrals = ufl.inner(ufl.FacetNormal(self.domain.mesh), test) * self.ds
+        normals = compiled.assembled(integrals).reshape(-1, self.domain.dim)[self.blocks]
         if self.domain.axisymmetric:
             # The facets around a point of the axis are those of a whole circle.
             normals[self.points[:, 0] == 0.0, 0] = 0.0
@@ -149,11 +158,11 @@ class ContactSurface:
         body at the corners and the tangent t (docs/problem.md).  The first use is collective.
         """
         found = self.points.copy()
-        if self.limited.are_nodal:
+        if self.controls.are_nodal:
             return found
         function = self.vector_function(self.body_normals())
         scalars = self.scalar_function(self.weights)
-        edges, nodes = (self.limited.edges(each) for each in (function, scalars))
+        edges, nodes = (self.controls.edges(each) for each in (function, scalars))
         ends, middles, corners = edges[:, :2], edges[:, 2], nodes[:, :2]
         normals = function.x.array.reshape(-1, self.domain.dim)
         x = self.scalar_space.tabulate_dof_coordinates()[corners, : self.domain.dim]
@@ -239,9 +248,9 @@ class ContactSurface:
         return math.inf
 
     @property
-    def jump(self) -> JumpValues | None:
-        """The jump to another body, if the limited values are jumps."""
-        return None
+    def is_paired(self) -> bool:
+        """Whether the limited values are jumps to another body."""
+        return False
 
     def whole(self, free: BoolArray | None = None, sides: IntArray | None = None) -> SurfaceMesh:
         """All of Gamma_C, on every rank; nodes that are not ``free`` have weight 0; collective.
@@ -298,11 +307,11 @@ class ContactSurface:
         They are between the least and the largest gap at the nodes of an edge.  The control value
         of a gap that has a kink, as beside the edge of a tool, would be far off.
         """
-        if self.limited.are_nodal:
+        if self.controls.are_nodal:
             return gap
         function = self.scalar_function(gap)
-        found = self.limited.of_function(function)
-        edges = self.limited.edges(function)
+        found = self.controls.of_scalars(function)
+        edges = self.controls.edges(function)
         values, rows = function.x.array[edges], np.searchsorted(self.nodes, edges[:, 2])
         found[rows] = np.clip(found[rows], values.min(axis=1), values.max(axis=1))
         return found
@@ -316,7 +325,11 @@ class ContactSurface:
 
     def nodal_forces(self, tractions: FloatArray) -> FloatArray:
         """``int t . v`` of tractions t (k, d) at the points, at all local dofs; collective."""
-        return self.limited.forces(self.weights[:, None] * tractions)
+        function = fem.Function(self.vector_space)
+        forces = self.operator.forces(self.weights[:, None] * tractions)
+        function.x.array[: len(forces)] = forces
+        function.x.scatter_forward()
+        return np.asarray(function.x.array)
 
     def facet_corners(self) -> FloatArray | None:
         """The corners (m, d, d) of the pieces of facets, on rank 0, otherwise None; collective.
@@ -331,10 +344,6 @@ class ContactSurface:
     def integral(self, values: FloatArray) -> FloatArray:
         """``int w`` over Gamma_C for nodal values w (k,) or (k, d); collective."""
         return self.domain.comm.allreduce(np.tensordot(self.weights, values, axes=(0, 0)))
-
-    def average(self, integrand: Expr) -> NodalAverage:
-        """The map to nodal averages ``int w phi_i / int phi_i`` of a scalar or a vector ``w``."""
-        return NodalAverage(self, integrand)
 
     def laplacian(self, sides: IntArray | None = None) -> PETSc.Mat:
         """``int grad_Gamma w . grad_Gamma v`` on the owned nodes of Gamma_C; collective.
@@ -361,13 +370,13 @@ class ContactSurface:
         nodal = full.createSubMatrix(rows, rows)
         rows.destroy()
         full.destroy()
-        if self.limited.are_nodal:
+        if self.controls.are_nodal:
             return nodal
         # The numbers of the nodes in ``nodal``; nodes off Gamma_C have none and are not used.
         mine = index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts))
         every = np.concatenate(self.domain.comm.allgather(index_map.local_to_global(self.nodes)))
         numbers = np.searchsorted(every, mine)
-        inverse = self.limited.inverse(self.nodes, numbers)
+        inverse = self.controls.inverse(self.nodes, numbers)
         starts, columns = (part.astype(PETSc.IntType) for part in (inverse.indptr, inverse.indices))
         to_nodal = PETSc.Mat().createAIJ(
             nodal.getSizes(), csr=(starts, columns, inverse.data), comm=self.domain.comm
@@ -387,7 +396,7 @@ class ContactSurface:
         functions.  The density of the measure, which counts at nodes, is the quotient of weights.
         """
         values = fem.Function(self.scalar_space)
-        to_nodal = self.limited.inverse(self.nodes, np.arange(len(values.x.array)))
+        to_nodal = self.controls.inverse(self.nodes, np.arange(len(values.x.array)))
         values.x.array[:] = to_nodal.T @ integrals[self.nodes]
         values.x.scatter_reverse(la.InsertMode.add)
         weights = values.x.array[self.nodes]
@@ -407,7 +416,7 @@ class ContactSurface:
         """The function of degree 1 on facets with the sides as values at corners; collective."""
         first = sum(self.domain.comm.allgather(len(self.nodes))[: self.domain.comm.rank])
         function = self.scalar_function(sides[first : first + len(self.nodes)].astype(float))
-        values, edges = function.x.array, self.limited.edges(function)
+        values, edges = function.x.array, self.controls.edges(function)
         values[edges[:, 2]] = values[edges[:, :2]].mean(axis=1)
         function.x.scatter_forward()
         return function
@@ -417,29 +426,3 @@ class ContactSurface:
         """The local nodes (m, n) of the facets of Gamma_C in the scalar space, corners first."""
         cells = self.domain.owners(self.facets)
         return facet_nodes(self.domain, self.scalar_space, self.facets, cells)
-
-
-class NodalAverage:
-    """``int w phi_i / int phi_i`` over Gamma_C as a compiled form.
-
-    A call returns the nodal values (k,) or (k, d) and is collective.
-    """
-
-    def __init__(self, surface: ContactSurface, integrand: Expr) -> None:
-        self._surface = surface
-        self._vector = integrand.ufl_shape != ()
-        space = surface.vector_space if self._vector else surface.scalar_space
-        test = ufl.TestFunction(space)
-        self._form = compiled.form(ufl.inner(integrand, test) * surface.ds)
-        self._work = fem.Function(space)
-
-    def __call__(self) -> FloatArray:
-        surface, work = self._surface, self._work.x
-        surface.limited.refresh()
-        work.array[:] = 0.0
-        fem.assemble_vector(work.array, self._form)
-        work.scatter_reverse(la.InsertMode.add)
-        if self._vector:
-            values = work.array.reshape(-1, surface.domain.dim)[surface.blocks]
-            return values / surface.weights[:, None]
-        return work.array[surface.nodes] / surface.weights

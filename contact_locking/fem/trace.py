@@ -4,16 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import basix
-import basix.ufl
 import numpy as np
-import ufl
 from dolfinx import fem, la
-from petsc4py import PETSc
-from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
@@ -61,15 +55,6 @@ class Trace:
                 key,
             )
 
-    def limited_space(self, vectors: fem.FunctionSpace) -> fem.FunctionSpace:
-        """The space of fields with limited values at the nodes; collective.
-
-        A field has the degrees of freedom of the displacement in ``vectors`` whose limited values
-        are the values of the field at the nodes.  All contacts of a problem share this space, as
-        the arguments of a form have one space.
-        """
-        return _control_space(vectors) if vectors.mesh.topology.dim in self.controls else vectors
-
 
 def facet_places(domain: Domain, facets: IndexArray, cells: IndexArray) -> IndexArray:
     """(m,) which facet of its cell each of m local facets is."""
@@ -90,97 +75,56 @@ def facet_nodes(
     return np.asarray(space.dofmap.list[cells[:, None], closure[place]])
 
 
-class PointValues:
+class ControlValues:
     """The linear map from nodal values on Gamma_C to the values that the laws limit.
 
-    ``scalars`` is the space of scalar fields of the displacement's degree, ``limited`` is
-    :meth:`Trace.limited_space` of displacements, and ``blocks`` (n,) are the n local nodes of
-    ``scalars`` as blocks of ``limited``.  ``nodes`` (k,) are the owned nodes of ``scalars`` on
-    Gamma_C.  The functions of ``limited`` have the degrees of freedom of displacements, and at the
-    nodes of Gamma_C the limited values of the displacement with the same ones.  The constructor is
-    collective.
+    ``scalars`` is the space of scalar fields of the displacement's degree, and ``blocks`` (n,) are
+    the n local nodes of ``scalars`` as blocks of the displacements in ``vectors``.  ``nodes`` (k,)
+    are the owned nodes of ``scalars`` on Gamma_C.
     """
 
     def __init__(
         self,
         trace: Trace,
         scalars: fem.FunctionSpace,
-        limited: fem.FunctionSpace,
+        vectors: fem.FunctionSpace,
         nodes: IndexArray,
         blocks: IndexArray,
     ) -> None:
-        self._nodes, self.blocks, self.space = nodes, blocks, limited
+        self._nodes, self.blocks, self._vectors = nodes, blocks, vectors
         #: Whether the limited values are the nodal values.
-        self.are_nodal = limited.mesh.topology.dim not in trace.controls
+        self.are_nodal = vectors.mesh.topology.dim not in trace.controls
         no_edges = np.empty((0, 3), dtype=np.int32)
         self._edges = no_edges if self.are_nodal else _edges(scalars, nodes)
 
-    @cached_property
-    def matrix(self) -> csr_matrix:
-        """The map (k, n) from the values of a displacement at its local blocks."""
-        return self._map(self._nodes, self.blocks, _CONTROL)
-
     @property
-    def by_blocks(self) -> csr_matrix:
-        """The same map (k, N) for all N blocks of displacements, by their global numbers."""
+    def rows(self) -> csr_matrix:
+        """The map (k, N) from all N blocks of displacements, by their global numbers."""
         from scipy.sparse import csr_matrix
 
-        index_map, local = self.space.dofmap.index_map, self.matrix
+        index_map, local = self._vectors.dofmap.index_map, self.of_blocks
         columns = index_map.local_to_global(local.indices.astype(np.int32))
         shape = (local.shape[0], index_map.size_global)
         return csr_matrix((local.data, columns, local.indptr), shape=shape)
 
-    @cached_property
-    def _of_scalars(self) -> csr_matrix:
-        return self._map(self._nodes, np.arange(len(self.blocks)), _CONTROL)
+    @property
+    def of_blocks(self) -> csr_matrix:
+        """The map (k, n) from the values of a displacement at its local blocks."""
+        return self._map(self._nodes, self.blocks, _CONTROL)
 
-    def of(self, v: Expr) -> Expr:
-        """A function or an argument of ``space`` with the degrees of freedom of ``v``."""
-        if self.space is v.ufl_function_space():
-            return v
-        if isinstance(v, fem.Function):
-            return fem.Function(self.space, x=v.x, name=v.name)
-        return ufl.Argument(self.space, v.number(), v.part())
-
-    def of_function(self, function: fem.Function) -> FloatArray:
-        """The limited values (k,) of a scalar or (k, d) of a vector function."""
-        shape = function.ufl_shape
-        if self.are_nodal:
-            nodes = self.blocks[self._nodes] if shape else self._nodes
-            return np.asarray(function.x.array.reshape(-1, *shape)[nodes])
-        if shape == ():
-            return np.asarray(self._of_scalars @ function.x.array)
-        return np.asarray(self.matrix @ function.x.array.reshape(-1, *shape))
-
-    def refresh(self) -> None:
-        """Take the present values of displacements; collective."""
-
-    def at_nodes(self, values: FloatArray) -> FloatArray:
-        """The displacement or the jump (k, d) at the nodes, for local values; collective."""
-        nodal = values.reshape(-1, self.space.dofmap.index_map_bs)
-        return np.asarray(nodal[self.blocks[self._nodes]])
+    def of_scalars(self, function: fem.Function) -> FloatArray:
+        """The limited values (k,) of a function of the scalar space."""
+        every = np.arange(len(self.blocks))
+        return np.asarray(self._map(self._nodes, every, _CONTROL) @ function.x.array)
 
     def forces(self, at_nodes: FloatArray) -> FloatArray:
-        """The forces at all local dofs of displacements for forces (k, d) on limited values.
-
-        Collective.
-        """
-        forces = self._summed(self.matrix.T @ at_nodes)
-        forces.scatter_forward()
-        return np.asarray(forces.array)
-
-    def limited_forces(self, at_nodes: FloatArray) -> FloatArray:
         """The forces (k, d) on limited values for forces (k, d) on nodal values; collective."""
         if self.are_nodal:
             return at_nodes
-        forces = self._summed(self.inverse(self._nodes, self.blocks).T @ at_nodes)
-        return np.asarray(forces.array.reshape(-1, at_nodes.shape[1])[self.blocks[self._nodes]])
-
-    def _summed(self, forces: FloatArray) -> la.Vector:
-        vector = fem.Function(self.space).x
-        vector.array[:] = forces.reshape(-1)
+        vector = fem.Function(self._vectors).x
+        vector.array[:] = (self.inverse(self._nodes, self.blocks).T @ at_nodes).reshape(-1)
         vector.scatter_reverse(la.InsertMode.add)
-        return vector
+        return np.asarray(vector.array.reshape(-1, at_nodes.shape[1])[self.blocks[self._nodes]])
 
     def edges(self, function: fem.Function) -> IndexArray:
         """(m, 3) the ends and the middle of each edge whose middle has a control value.
@@ -192,9 +136,6 @@ class PointValues:
     def inverse(self, nodes: IndexArray, numbers: IndexArray) -> csr_matrix:
         """The map from limited to nodal values (k, m), for numbers (n,) < m of the local nodes."""
         return self._map(nodes, numbers, _NODAL)
-
-    def destroy(self) -> None:
-        """Free PETSc's objects; collective."""
 
     def _map(self, nodes: IndexArray, numbers: IndexArray, shares: FloatArray) -> csr_matrix:
         """1 at corners, and at each middle the ``shares`` of the nodes of its edge."""
@@ -212,23 +153,7 @@ class PointValues:
         return csr_matrix((values, (rows, numbers[columns])), shape=shape)
 
 
-def displacement_map(rows: csr_matrix, vectors: fem.FunctionSpace) -> PETSc.Mat:
-    """The matrix of a map (k, N) of blocks, by global numbers, for each component; collective.
-
-    Its rows are k nodes of each rank, with the components of each node together.
-    """
-    from scipy.sparse import identity, kron
-
-    index_map, dim = vectors.dofmap.index_map, vectors.dofmap.index_map_bs
-    each = kron(rows, identity(dim), format="csr")
-    return PETSc.Mat().createAIJ(
-        ((each.shape[0], None), (dim * index_map.size_local, None)),
-        csr=(each.indptr.astype(PETSc.IntType), each.indices.astype(PETSc.IntType), each.data),
-        comm=vectors.mesh.comm,
-    )
-
-
-def make_nodal(function: fem.Function, places: Sequence[PointValues]) -> None:
+def make_nodal(function: fem.Function, places: Sequence[ControlValues]) -> None:
     """Replace limited values, given as values at the nodes, by nodal values; collective.
 
     This changes the owned nodes of the ``places``, which may overlap.
@@ -239,40 +164,6 @@ def make_nodal(function: fem.Function, places: Sequence[PointValues]) -> None:
         edges = place.edges(function)
         values[edges[:, 2]] = np.tensordot(_NODAL, limited[edges], axes=(0, 1))
     function.x.scatter_forward()
-
-
-def _control_space(vectors: fem.FunctionSpace) -> fem.FunctionSpace:
-    """The space in which nodal values u belong to the field with the control values at the nodes.
-
-    At a midpoint this field has the value ``2 u_m - (u_1 + u_2)/2``.  The degrees of freedom of a
-    field v are therefore ``v_m/2 + (v_1 + v_2)/4``, and ``v_1`` at a corner; collective.
-    """
-    mesh = vectors.mesh
-    dim, name = mesh.topology.dim, mesh.topology.cell_name()
-    element = lagrange(name, 2)
-    points: list[list[FloatArray]] = [[] for _ in range(4)]
-    shares: list[list[FloatArray]] = [[] for _ in range(4)]
-    for entity, numbers in enumerate(element.entity_dofs):
-        for number, own in enumerate(numbers):
-            # Corners and edges have a node.
-            nodes = sorted(element.entity_closure_dofs[entity][number]) if own else []
-            weights = _NODAL if entity == 1 else np.ones(len(nodes))
-            points[entity].append(element.points[nodes])
-            shares[entity].append(weights.reshape(len(own), 1, len(nodes), 1))
-    made = basix.ufl.custom_element(
-        element.cell_type,
-        (),
-        np.eye(element.dim),
-        points,
-        shares,
-        0,
-        basix.MapType.identity,
-        basix.SobolevSpace.H1,
-        False,
-        2,
-        2,
-    )
-    return fem.functionspace(mesh, basix.ufl.blocked_element(made, shape=(dim,)))
 
 
 def _edges(scalars: fem.FunctionSpace, nodes: IndexArray) -> IndexArray:

@@ -1,7 +1,7 @@
 """Contact, and Coulomb friction under a known bound: the regularised friction functional.
 
 The friction bound ``G = mu(s) |R sigma_nu|`` is a coefficient here, although it depends on the
-solution: the fixed point (solver.fixed_point) updates the bound until both agree.  For a given
+solution: the solvers update the bound until both agree.  For a given
 bound the functional is convex, and the solvers rely on this.  ``slip`` is ``u_tau`` in the static
 problem, and ``u_tau - u_{k-1,tau}`` in step k of a process.
 """

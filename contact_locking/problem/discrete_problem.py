@@ -92,12 +92,11 @@ class DiscreteProblem:
         self.limits = LimitsOnMesh.of(points, body.limits)
         epsilon = 1.0 / n if compliance is None else compliance
         self.follows_n = compliance is None
-        limited = element.trace.limited_space(space) if contacts else space
         # The paper uses the compliance epsilon also for the regularisation length in (22): here
         # Young's modulus converts the compliance to a length.
         slip = self.material.young * epsilon
         contacts = named(contacts)
-        places = [place_of(item, domain, space, element, limited) for item in contacts]
+        places = [place_of(item, domain, space, element) for item in contacts]
         nodal = tuple(
             NodalContact(item, place, body.constraints, slip, clock)
             for item, place in zip(contacts, places, strict=True)
@@ -192,13 +191,13 @@ class DiscreteProblem:
         """Destroy the PETSc objects; collective."""
         for contact in self.contacts:
             contact.friction.smoothing.destroy()
-            contact.surface.limited.destroy()
+            contact.surface.close()
 
 
 def _overlap_warnings(contact: NodalContact) -> list[str]:
     """The warning about a foundation with friction that overlaps the body at rest; collective."""
     friction, surface = contact.friction, contact.surface
-    if contact.moves or surface.jump or isinstance(contact.foundation, GivenGap):
+    if contact.moves or surface.is_paired or isinstance(contact.foundation, GivenGap):
         return []
     mu: FloatArray = np.ones(len(surface.nodes))
     if friction.is_coulomb:

@@ -1,14 +1,9 @@
-"""The penalised problem (25)/(26): the sum of all laws.
-
-The friction bound is a coefficient.  The residual is therefore the derivative of a convex energy,
-and the tangent is symmetric.
-"""
+"""The body's share of the penalised problem (25)/(26): the sum of its laws."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import ufl
 from dolfinx import fem
@@ -18,18 +13,9 @@ from contact_locking.contact.nodal_contact import BoundsInForce, NodalContact
 from contact_locking.contact.travel import Travel
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
-from contact_locking.laws.friction import (
-    contact_energy,
-    contact_pressure,
-    friction_energy,
-    friction_traction,
-)
 from contact_locking.problem.elasticity import EigenstrainOnMesh
 from contact_locking.problem.springs import ElasticSupport
 from contact_locking.problem.strain_sets import NormSet, StrainSet
-
-if TYPE_CHECKING:
-    from contact_locking.fem.jump import JumpValues
 
 
 @dataclass(frozen=True)
@@ -75,9 +61,9 @@ class ProblemData:
         return tuple(item for item in self.tools if not item.is_sprung)
 
     @property
-    def jumps(self) -> tuple[JumpValues, ...]:
-        """The jumps between bodies that contact limits."""
-        return tuple(item.surface.jump for item in self.contacts if item.surface.jump is not None)
+    def is_paired(self) -> bool:
+        """Whether bodies touch each other."""
+        return any(item.surface.is_paired for item in self.contacts)
 
     @property
     def sets(self) -> tuple[StrainSet, ...]:
@@ -144,22 +130,6 @@ def initial_energy(data: ProblemData) -> Expr:
     return data.eigenstrain.energy * data.element.elastic_dx(data.dx)
 
 
-def pressure(u: Expr, contact: NodalContact, data: ProblemData) -> Expr:
-    """The contact pressure ``p = -sigma_nu`` of the penalty law (25), for limited values u."""
-    return contact_pressure(contact.parts(u)[0], contact.gap, data.epsilon)
-
-
-def slip(u: Expr, contact: NodalContact) -> Expr:
-    """The slip of the step, ``u_tau - u_{k-1,tau}``."""
-    return contact.parts(u)[1] - contact.reference
-
-
-def friction(u: Expr, contact: NodalContact, data: ProblemData) -> Expr:
-    """The negative friction traction ``-sigma_tau`` of (22), for limited values u."""
-    bound = data.bounds.function(contact)
-    return friction_traction(slip(u, contact), bound, data.bounds.lengths[contact])
-
-
 def require_energy(energy: Callable[[fem.Function], Expr], space: fem.FunctionSpace) -> None:
     """Raise InputError for what is no energy of displacements in a space."""
     if not callable(energy) or isinstance(energy, Expr | ufl.Form):
@@ -174,6 +144,14 @@ def require_energy(energy: Callable[[fem.Function], Expr], space: fem.FunctionSp
         )
 
 
+def stiffness(u: fem.Function, v: Expr, du: Expr, data: ProblemData) -> Expr:
+    """``a(du, v)``, and ``J''(u)(v, du)`` of the user's own energy J, if there is one."""
+    form = elastic_form(du, v, data)
+    if data.own_energy is None:
+        return form
+    return form + ufl.derivative(own_forces(u, v, data), u, du)
+
+
 def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
     """``J'(u) v`` for the user's own energy J, which the data must have."""
     assert data.own_energy is not None
@@ -181,24 +159,7 @@ def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
 
 
 def residual(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
-    """The left side of (25) minus its right side; the arguments may differ (`JointForm`)."""
-    form = _of_body(u, v, data)
-    for contact in data.contacts:
-        form += _of_contact(contact.limited(u), contact.limited(v), contact, data)
-    return form
-
-
-def tangent(u: fem.Function, v: Expr, du: Expr, data: ProblemData) -> Expr:
-    """The Gateaux derivative of :func:`residual` at ``u`` in the direction ``du``."""
-    form = ufl.derivative(_of_body(u, v, data), u, du)
-    for contact in data.contacts:
-        limited = contact.limited(u)
-        touching = _of_contact(limited, contact.limited(v), contact, data)
-        form += ufl.derivative(touching, limited, contact.limited(du))
-    return form
-
-
-def _of_body(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
+    """The left side of (25) minus its right side, without the forces on Gamma_C."""
     form = elastic_form(u, v, data)
     for item in data.sets:
         form += item.virtual_work(data.strain(u), data.strain(v), data.n) * data.locking_dx
@@ -207,32 +168,9 @@ def _of_body(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
     return form - external_work(v, data)
 
 
-def _of_contact(u: fem.Function, v: Expr, contact: NodalContact, data: ProblemData) -> Expr:
-    """The forces of contact and friction, for limited values u and v."""
-    v_normal, v_slip = contact.parts(v)
-    traction = pressure(u, contact, data) * v_normal
-    traction += ufl.inner(friction(u, contact, data), v_slip)
-    return traction * contact.surface.ds
-
-
 def energy(u: fem.Function, data: ProblemData) -> Expr:
-    """The potential of (25) at a fixed friction bound; its derivative is :func:`residual`."""
+    """The potential whose derivative is :func:`residual`."""
     form = 0.5 * elastic_form(u, u, data) - external_work(u, data)
     for item in data.sets:
         form += item.energy(data.strain(u), data.n) * data.locking_dx
-    for contact in data.contacts:
-        limited = contact.limited(u)
-        density = contact_energy(contact.parts(limited)[0], contact.gap, data.epsilon)
-        bound = data.bounds.function(contact)
-        density += friction_energy(slip(limited, contact), bound, data.bounds.lengths[contact])
-        form += density * contact.surface.ds
     return form if data.own_energy is None else form + data.own_energy(u)
-
-
-def contact_stiffness(v: Expr, du: Expr, contacts: Sequence[NodalContact], factor: Expr) -> Expr:
-    """``factor int du_nu v_nu``: springs on Gamma_C along the contact normal."""
-    form = ufl.Form([])
-    for contact in contacts:
-        normal, v_normal = (contact.parts(contact.limited(field))[0] for field in (du, v))
-        form += factor * normal * v_normal * contact.surface.ds
-    return form

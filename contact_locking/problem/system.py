@@ -14,13 +14,14 @@ from petsc4py import PETSc
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.force_balance import Tools
 from contact_locking.contact.nodal_contact import NodalContact
-from contact_locking.contact.surface import NodalAverage
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import Kept
-from contact_locking.fem.joint_forms import JointForm
+from contact_locking.fem.contact_operator import PointStiffness
+from contact_locking.fem.joint_forms import JointForm, compiled_together
 from contact_locking.laws.convex import squared_norm
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem import forms
+from contact_locking.problem.penalty_laws import PenaltyLaws
 from contact_locking.problem.rigidity.at_contact import LooseMotion
 from contact_locking.problem.rounding import Rounding, largest_displacement
 from contact_locking.supports.affine_part import affine_part, near_nullspace
@@ -55,6 +56,25 @@ class BodyForms:
         """``a(w, .)``."""
         self._w.x.array[:] = w.x.array
         return self._nodal(self._elastic)
+
+    def body_forces(self, w: fem.Function) -> FloatArray:
+        """``a(w, .)``, and ``J'(w)`` of the user's own energy J, if there is one."""
+        forces = self.elastic_forces(w)
+        return forces if self._data.own_energy is None else forces + self._nodal(self._own)
+
+    def own_energy(self, w: fem.Function) -> float:
+        """``J(w)``, 0 without an energy of the user's; not a number where there is none."""
+        return 0.0 if self._data.own_energy is None else self._value(self._own_value, w)
+
+    @cached_property
+    def _own_value(self) -> fem.Form:
+        assert self._data.own_energy is not None
+        return compiled.form(self._data.own_energy(self._w))
+
+    @cached_property
+    def _own(self) -> JointForm:
+        test = ufl.TestFunction(self._w.function_space)
+        return JointForm(forms.own_forces(self._w, test, self._data))
 
     def loads(self) -> FloatArray:
         """``(f, .)`` at the present time."""
@@ -154,30 +174,29 @@ class PenalisedSystem:
         v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
         return forms.elastic_form(w, v, self.data)
 
+    @cached_property
+    def stiffness(self) -> ufl.Form:
+        """The derivative of the forces of the body at ``u``, of trial and test functions."""
+        space = self.u.function_space
+        v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
+        return forms.stiffness(self.u, v, du, self.data)
+
     # The penalised forms are compiled at their first use.  The solver for n = inf never uses them.
 
     @cached_property
     def _residual(self) -> JointForm:
         test = ufl.TestFunction(self.u.function_space)
-        return JointForm(forms.residual(self.u, test, self.data), self.data.jumps)
+        return JointForm(forms.residual(self.u, test, self.data))
 
     @cached_property
     def _tangent(self) -> JointForm:
-        space = self.u.function_space
-        v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
-        tangent = forms.tangent(self.u, v, du, self.data)
-        if self.held_by_contact:
-            factor = fem.Constant(space.mesh, self.CONTACT_FLOOR) / self.data.epsilon
-            tangent += forms.contact_stiffness(v, du, self.contacts, factor)
-        return JointForm(tangent, self.data.jumps)
+        test = ufl.TestFunction(self.u.function_space)
+        return JointForm(ufl.derivative(forms.residual(self.u, test, self.data), self.u))
 
-    @cached_property
-    def penalty_pressures(self) -> list[NodalAverage]:
-        """The pressures of the penalty law on each contact at present."""
-        return [
-            contact.surface.average(forms.pressure(contact.limited(self.u), contact, self.data))
-            for contact in self.contacts
-        ]
+    def penalty_laws(self) -> list[PenaltyLaws]:
+        """Pressure and friction by the penalty laws on each contact at present; collective."""
+        epsilon = float(self.data.epsilon.value)
+        return [PenaltyLaws(item, self.u, epsilon, self.bounds) for item in self.contacts]
 
     @property
     def size(self) -> int:
@@ -198,7 +217,8 @@ class PenalisedSystem:
 
     def create_matrix(self) -> PETSc.Mat:
         """A matrix with the tangent's sparsity and its near-nullspace; collective."""
-        matrix, motions = self._tangent.create_matrix(), self.near_nullspace()
+        operators = [contact.surface.operator for contact in self.contacts]
+        matrix, motions = self._tangent.create_matrix(operators), self.near_nullspace()
         matrix.setNearNullSpace(motions)
         motions.destroy()
         return matrix
@@ -215,7 +235,7 @@ class PenalisedSystem:
     def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """``f``, the free part of ``F(x)``; sets ``u = x``; collective."""
         self.set_displacement(x)
-        self.assemble_free(self._residual, f)
+        self._assemble_residual(f)
 
     def tangent(self, x: PETSc.Vec, matrix: PETSc.Mat) -> None:
         """The tangent at ``x``, with a positive diagonal for prescribed displacements.
@@ -224,13 +244,26 @@ class PenalisedSystem:
         property with new values, and MUMPS would then look for pivots.  Collective.
         """
         self.set_displacement(x)
-        self.constraints.assemble_matrix(self._tangent, matrix)
+        floor = self.CONTACT_FLOOR / float(self.data.epsilon.value) * self.held_by_contact
+        pairs = zip(self.contacts, self.penalty_laws(), strict=True)
+        touching = [
+            PointStiffness(item.surface.operator, laws.stiffness(floor)) for item, laws in pairs
+        ]
+        self.constraints.assemble_matrix(self._tangent, matrix, touching)
         matrix.setOption(PETSc.Mat.Option.SPD, True)
 
-    def assemble_free(self, form: JointForm, f: PETSc.Vec) -> None:
-        """Assemble the free part of a linear form into ``f``; collective."""
-        form.assemble_vector(self._work.x)
-        f.array_w[:] = self.constraints.free_part(self._work.x.array[: self._owned])
+    def _assemble_residual(self, f: PETSc.Vec) -> None:
+        """Assemble the free part of ``F(u)`` into ``f``; collective."""
+        self._residual.assemble_vector(self._work.x)
+        forces = sum(laws.forces() for laws in self.penalty_laws())
+        f.array_w[:] = self.constraints.free_part(self._work.x.array[: self._owned] + forces)
+
+    def potential(self) -> float:
+        """The energy whose derivative is ``F(u)`` at a fixed friction bound; collective."""
+        parts = compiled_together(forms.energy(self.u, self.data))
+        of_body = sum(fem.assemble_scalar(compiled.form(part)) for part in parts)
+        of_contact = sum(laws.energy() for laws in self.penalty_laws())
+        return float(self.comm.allreduce(of_body)) + of_contact
 
     def force_scale(self, tolerance: float) -> float:
         """``max(|f|, |a(u, .)|)`` over all dofs, reactions included, above rounding; collective."""
@@ -288,8 +321,8 @@ class PenalisedSystem:
     def penalty_bounds(self) -> list[FloatArray]:
         """The friction bounds of :attr:`rubbing` for the penalty law's pressures; collective."""
         return [
-            contact.friction_bound(self.u, contact.acting(pressure()))
-            for contact, pressure in zip(self.contacts, self.penalty_pressures, strict=True)
+            contact.friction_bound(self.u, contact.acting(laws.pressure))
+            for contact, laws in zip(self.contacts, self.penalty_laws(), strict=True)
             if not contact.friction.frictionless
         ]
 
@@ -340,7 +373,7 @@ class PenalisedSystem:
         """``|F(u)|`` over the free dofs, relative to :meth:`force_scale`; collective."""
         f, travels = self.u.x.petsc_vec.duplicate(), self.tools.travels
         self.tools.settle(self.u)
-        self.assemble_free(self._residual, f)
+        self._assemble_residual(f)
         self.tools.travels = travels
         residual, scale = float(f.norm()), self.force_scale(tolerance)
         f.destroy()

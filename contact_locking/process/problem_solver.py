@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 from dolfinx import fem
@@ -11,10 +10,11 @@ from numpy.linalg import norm
 
 from contact_locking import wings
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
+from contact_locking.penalty_method import method as penalty_method
+from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.derived import penalised
@@ -38,8 +38,7 @@ class ProblemSolver:
     """The solver of a discrete problem, for as many solves as there are steps; collective.
 
     Mesh, compiled forms and spaces are made once.  Before each solve the caller puts the problem to
-    its time, or to its new data.  Raises InputError for an ``own_energy`` with a method other than
-    ``newton``.
+    its time, or to its new data.  Raises InputError for what ``method: penalty`` does not serve.
     """
 
     def __init__(
@@ -47,7 +46,9 @@ class ProblemSolver:
     ) -> None:
         self.problem, self.monitor = problem, monitor or Monitor()
         self._derivatives: tuple[SolverReport, Differentiable] | None = None
-        self._method = _method(problem, settings.method)
+        self._method = settings.method
+        if self._method == "penalty":
+            require_served(problem)
         linear = linear_solver(problem, settings.linear)
         self._options = UserOptions(settings.petsc)
         self.settings = settings.model_copy(update={"petsc": self._options, "linear": linear})
@@ -102,6 +103,8 @@ class ProblemSolver:
                 searches=searches,
             )
 
+        if self._method == "penalty":
+            return penalty_method.solve(task(), saved)
         report = solve_system(self._method, task(), saved)
         for _ in range(_MOST_FRAMES):
             start = self._next_start(report) if report.converged else None
@@ -186,26 +189,3 @@ def linear_solver(problem: DiscreteProblem, linear: str) -> str:
     domain, size = problem.domain, problem.constraints.space.dofmap.index_map.size_global
     compact = domain.compact_size(size * domain.dim, problem.element.degree)
     return chosen(linear, domain.dim, compact)
-
-
-def _method(problem: DiscreteProblem, method: str) -> str:
-    if problem.data.own_energy is None:
-        return method
-    if method == "interior_point":
-        raise InputError(
-            "interior_point does not know an energy of the user's own; take newton, or auto",
-            "solver.method",
-        )
-    if not math.isfinite(problem.penalty.n):
-        raise InputError(
-            "an energy of the user's own is solved by Newton's method, which takes a finite n "
-            "such as 1e6",
-            "penalty.n",
-        )
-    if not min(problem.penalty.regularisations, default=1.0) > 0.0:
-        raise InputError(
-            "an energy of the user's own is solved by Newton's method, which needs a positive "
-            "length",
-            "friction.regularisation",
-        )
-    return "newton"

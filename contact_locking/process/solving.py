@@ -273,8 +273,7 @@ def solve_assembled(
     """Solve a problem of :func:`assemble`, which can be solved only once; collective.
 
     Before this call ``problem.data`` may be changed, to data that no study file can describe.  With
-    an ``own_energy`` the method is ``newton``, also for ``auto``.  With steps this is the solution
-    of the last step.  Raises InputError for an ``own_energy`` with another method.
+    steps this is the solution of the last step.
     """
     with contextlib.closing(SolvableStudy(problem, monitor, petsc_options)) as study:
         return deque(study.solutions(restart), maxlen=1)[0]

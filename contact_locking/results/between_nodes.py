@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -131,7 +130,7 @@ class _Facets:
         self._kind = surface.domain.kind.facet.name, degree
         halves = _HALVES[self._kind]
         nodes = np.concatenate([surface.facet_nodes[:, list(half)] for half in halves])
-        blocks = surface.limited.blocks[nodes]
+        blocks = surface.controls.blocks[nodes]
         self._x = surface.scalar_space.tabulate_dof_coordinates()[nodes, :dim]
         self._u = u.x.array.reshape(-1, dim)[blocks]
         normals = contact.normal.x.array.reshape(-1, dim)[blocks]
@@ -207,7 +206,7 @@ class _Facets:
         box = np.stack([ends[0].min(axis=0, initial=np.inf), ends[1].max(axis=0, initial=-np.inf)])
         corners = foundation.corners(box, _SPACING * self._radius.min(initial=np.inf))
         depths, weights = np.zeros(count), np.full((count, dim), 1.0 / dim)
-        near: Any = [[]] * count
+        near: list[list[int]] = [[]] * count
         if len(corners) and count:
             near = cKDTree(corners).query_ball_point(centres, reach)
         # The pairs of a facet and a corner.

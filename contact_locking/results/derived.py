@@ -14,12 +14,10 @@ from dolfinx import fem
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.contact.nodal_contact import BoundsInForce, NodalContact
-from contact_locking.contact.surface import NodalAverage
 from contact_locking.fem import compiled
 from contact_locking.fem.trace import make_nodal
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, peak
-from contact_locking.problem import forms
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.between_nodes import Entry, entry_between_nodes
 from contact_locking.results.contact_points import (
@@ -86,7 +84,7 @@ class ContactFields:
         Two bodies meet in the mean over a facet, and may overlap between the nodes by the error of
         the mesh.
         """
-        if self.surface.jump is not None:
+        if self.surface.is_paired:
             return Entry()
         return entry_between_nodes(self.contact, self._u, self.state != OPEN)
 
@@ -146,18 +144,10 @@ class Contacts:
 def penalised(system: PenalisedSystem) -> Multipliers:
     """Locking stress (23), pressure (25) and friction (22) of u by the penalty laws; collective."""
     data, u, kept = system.data, system.u, system.kept
-
-    def compile_frictions() -> list[NodalAverage]:
-        return [
-            contact.surface.average(forms.friction(contact.limited(u), contact, data))
-            for contact in data.contacts
-        ]
-
-    frictions, forces = kept("penalty frictions", compile_frictions), []
-    averages = zip(data.contacts, system.penalty_pressures, frictions, strict=True)
-    for contact, of_pressure, of_friction in averages:
-        pressure = contact.acting(of_pressure())
-        forces.append(ContactForces(pressure, of_friction(), pressure > 0.0))
+    forces = []
+    for contact, of_contact in zip(data.contacts, system.penalty_laws(), strict=True):
+        pressure = contact.acting(of_contact.pressure)
+        forces.append(ContactForces(pressure, of_contact.friction, pressure > 0.0))
     spaces = multiplier_spaces(data, kept, u.function_space.mesh)
     found = Multipliers.none(data, spaces, tuple(forces))
 
@@ -209,5 +199,5 @@ def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, 
     state.x.scatter_forward()
     for function in found.values():
         function.x.scatter_forward()
-        make_nodal(function, [fields.surface.limited for fields in contacts])
+        make_nodal(function, [fields.surface.controls for fields in contacts])
     return found | {"contact_state": state}

@@ -27,11 +27,18 @@ def _without_dash(options: dict[str, Any]) -> dict[str, Any]:
 _Option = Annotated[bool | int | float | str | None, BeforeValidator(_option)]
 
 
+def _method(value: Any) -> Any:
+    return "penalty" if value == "newton" else value
+
+
+_Method = Annotated[Literal["auto", "penalty", "interior_point"], BeforeValidator(_method)]
+
+
 class Settings(Concept):
     """The nonlinear method, its stopping criteria and the linear solver."""
 
-    method: Literal["auto", "newton", "interior_point"] = entry(
-        "auto", "interior_point, newton (with continuation in n) or auto: interior_point"
+    method: _Method = entry(
+        "auto", "interior_point, penalty (the method of the paper) or auto: interior_point"
     )
     tolerance: Tolerance = entry(1e-8, "relative equilibrium residual", "1")
     max_iterations: Count = entry(100, "steps of a solve or stage", "1")

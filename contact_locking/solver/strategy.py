@@ -10,15 +10,11 @@ import numpy as np
 
 from contact_locking import wings
 from contact_locking.errors import Infeasible, InputError, NotConverged
-from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
-from contact_locking.solver.fixed_point import Unsettled
 from contact_locking.solver.interior_point.feasibility import Verdict, judge
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE, is_direct
-from contact_locking.solver.newton import NewtonSolver
-from contact_locking.solver.penalty_path import PenaltyPath, follow
-from contact_locking.solver.polish import has_digits, is_in_reach, polish, settle, step_on
+from contact_locking.solver.polish import has_digits, is_in_reach, polish, step_on
 from contact_locking.solver.task import (
     LastIterate,
     Outcome,
@@ -28,8 +24,6 @@ from contact_locking.solver.task import (
     stage_of,
 )
 
-# Stages before the last only have to be good starting points.
-_INTERMEDIATE_TOLERANCE = 1e-2
 # Newton's steps from where the interior point method arrived.
 _POLISH = 4
 # Newton's steps from where the interior point method stopped early.
@@ -42,8 +36,6 @@ _TIMES, _AT_LEAST = 16, 1000
 # relative residual at the start is below the last of these numbers.
 _FEW_STEPS, _FEW_UPDATES, _NEAR = 6, 12, 0.1
 
-_NEWTON_WAY_OUT = "Try solver.method: interior_point, lower penalty.n or raise penalty.epsilon."
-_ENERGY_WAY_OUT = "Check that the energy is convex, lower penalty.n or raise penalty.epsilon."
 _FACTORISED = (
     "the iterative solver of solver.linear did not converge; the direct solver took its place"
 )
@@ -63,64 +55,6 @@ _VERGE_WAY_OUT = (
     "numbers may be chosen, change one of them by 0.1 %: then there is a solution, or a proof that "
     "there is none."
 )
-
-
-def newton_with_continuation(task: Task, saved: SavedState | None = None) -> SolverReport:
-    """SNES with the penalty made stiffer stage by stage and the friction bound updated outside.
-
-    From a saved state it goes on with the penalties of that state; where this fails, from nothing.
-    """
-    stages: list[dict[str, float | int]] = []
-    if saved is not None:
-        saved.enter(task.system)
-        cautious = task.with_settings(max_iterations=min(_RESCUE, task.settings.max_iterations))
-        try:
-            found = _follow(PenaltyPath.onwards(saved.penalty, task.target), cautious, stages)
-            return SolverReport.solved(found, task.counts, stages=stages, from_saved=True)
-        except NotConverged:
-            task.system.clear()
-            stages.clear()
-    if task.system.held_by_friction:
-        # Without a bound nothing would hold the body while its pressure is sought.
-        task.system.hold(task.target.young)
-    try:
-        found = _follow(PenaltyPath.towards(task.target), task, stages)
-    except NotConverged as failure:
-        is_own = task.system.data.own_energy is not None
-        own_way_out = _ENERGY_WAY_OUT if is_own else _NEWTON_WAY_OUT
-        way_out = "  ".join([own_way_out, *_friction_way_out(task)])
-        reached = Outcome()
-        if isinstance(failure, Unsettled):
-            reached = reached.settled(*failure.reached)
-        known = vars(reached) | vars(task.counts)
-        return SolverReport(**known, reason=str(failure), suggestion=way_out, stages=stages)
-    return SolverReport.solved(found, task.counts, stages=stages)
-
-
-def _follow(path: PenaltyPath, task: Task, stages: list[dict[str, float | int]]) -> Outcome:
-    """Newton's method along a path; adds to ``stages``; raises NotConverged, the last in place."""
-    newton, counts, found = NewtonSolver(task), task.counts, Outcome()
-
-    def stage(penalty: Penalty, last: bool) -> None:
-        nonlocal found
-        task.system.set_penalty(penalty)
-        index, estimate = len(stages) + 1, round(path.decades) + 1
-        task.monitor.stage(index, estimate, penalty.n, penalty.epsilon)
-        before = counts.tangents
-        if last:
-            found = settle(newton, task)
-        else:
-            newton.solve(_INTERMEDIATE_TOLERANCE)
-            task.system.update_bounds()
-            counts.updates += bool(task.system.rubbing)
-        stages.append(stage_of(penalty, counts.tangents - before))
-        task.monitor.counted(counts.tangents, counts.updates)
-
-    try:
-        follow(path, stage)
-        return found
-    finally:
-        newton.destroy()
 
 
 def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
@@ -327,7 +261,6 @@ def _newton_from(saved: SavedState, task: Task) -> Outcome | None:
 METHODS: Mapping[str, Callable[[Task, SavedState | None], SolverReport]] = {
     "auto": interior_point,
     "interior_point": interior_point,
-    "newton": newton_with_continuation,
 }
 
 

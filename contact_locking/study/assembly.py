@@ -27,6 +27,7 @@ from contact_locking.mesh.file.xdmf_grids import is_xdmf
 from contact_locking.mesh.groups import groups
 from contact_locking.mesh.half_section import half_section, require_surface
 from contact_locking.mesh.named_parts import Place, Test, with_parts
+from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.study.loads import build_loads, springs_of
 from contact_locking.study.material import material_in_cells, material_warnings
@@ -161,6 +162,8 @@ def check(
 ) -> dict[str, Any]:
     """The facts and warnings of the assembled problem, which ``checks`` may refuse; collective."""
     problem = assemble(parameters, comm)
+    if parameters.solver.method == "penalty":
+        require_served(problem)
     for check_problem in checks:
         check_problem(problem)
     problem.close()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -14,6 +14,7 @@ from petsc4py import PETSc
 from contact_locking import _compat
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
+from contact_locking.fem.contact_operator import PointStiffness
 from contact_locking.fem.joint_forms import JointForm
 from contact_locking.fields.clock import Clock
 from contact_locking.mesh.domain import Domain
@@ -155,13 +156,18 @@ class Constraints:
         mask = self._mask[: dofmap.index_map.size_local * dofmap.index_map_bs]
         return np.asarray(np.any(mask.reshape(-1, dofmap.index_map_bs) > 0.0, axis=1))
 
-    def assemble_matrix(self, form: JointForm, matrix: PETSc.Mat) -> None:
-        """Assemble a bilinear form, positive on the diagonal where conditions hold; collective.
+    def assemble_matrix(
+        self, form: JointForm, matrix: PETSc.Mat, touching: Iterable[PointStiffness] = ()
+    ) -> None:
+        """Assemble a bilinear form, positive on the diagonal everywhere; collective.
 
-        There the diagonal is its least entry at free dofs, in the same units.  With a 1 beside
-        entries of 1e12, multigrid would estimate its largest eigenvalue from the held dofs alone.
+        ``touching`` are stiffnesses that are added.  Where conditions hold, the diagonal is its
+        least entry at free dofs, in the same units.  With a 1 beside entries of 1e12, multigrid
+        would estimate its largest eigenvalue from the held dofs alone.
         """
         form.assemble_matrix(matrix, self.conditions)
+        for stiffness in touching:
+            stiffness.add_to(matrix, self._mask)
         is_free = self._mask[: matrix.getLocalSize()[0]] > 0.0
         diagonal = matrix.getDiagonal()
         with diagonal as entries:

@@ -11,7 +11,7 @@ The proof is in docs/certificate.md.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from types import SimpleNamespace
 from typing import Any
@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem, la
-from dolfinx.fem import petsc
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
@@ -32,9 +31,10 @@ from contact_locking.certificate.elliptic import (
 )
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import raise_callback_error
-from contact_locking.fem import compiled
-from contact_locking.fem.joint_forms import JointForm, action
+from contact_locking.fem.contact_operator import PointStiffness
+from contact_locking.fem.joint_forms import JointForm
 from contact_locking.fem.trace import make_nodal
 from contact_locking.mesh.rank_sums import marked
 from contact_locking.parallel import maximum, on_any_rank
@@ -61,10 +61,10 @@ def kappa(state: SolvedState, wanted: bool) -> tuple[float, float]:
     hypothesis of the proof that fails, and if nobody asks.
     """
     require_coulomb(state)
-    problem, space = state.problem, state.problem.u.function_space
+    problem = state.problem
     if problem.data.own_energy is not None:
         raise NotApplicable("the body has an energy of the user's own")
-    if problem.data.jumps:
+    if problem.data.is_paired:
         raise NotApplicable("two bodies touch")
     require_held(state)
     rubbing = [item for item in problem.contacts if not item.friction.frictionless]
@@ -75,11 +75,12 @@ def kappa(state: SolvedState, wanted: bool) -> tuple[float, float]:
     constraints = _constraints_of_lifts(state, rubbing)
     if not wanted:
         raise NotApplicable("certificate.constants is false")
-    v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
-    slips = [[item.parts(item.limited(field))[1] for field in (v, w)] for item in rubbing]
-    pairs = zip(rubbing, slips, strict=True)
-    traces = sum(ufl.inner(*pair) * contact.surface.ds for contact, pair in pairs)
-    trace = trace_norm(state, state.system.bilinear, traces)
+    slips = []
+    for contact in rubbing:
+        normals = contact.normals
+        across = np.eye(state.dim) - normals[:, :, None] * normals[:, None, :]
+        slips.append((contact.surface, across))
+    trace = trace_norm(state, state.system.bilinear, slips)
     return trace, _lift_constant(state, rubbing, constraints)
 
 
@@ -125,7 +126,7 @@ def _lift_constant(
     """rho, over the values g at the owned nodes of the contacts ``rubbing``; collective."""
     space, surfaces = state.problem.u.function_space, [contact.surface for contact in rubbing]
     lift = fem.Function(space)
-    form = JointForm(action(state.system.bilinear, lift))
+    form = JointForm(ufl.action(state.system.bilinear, lift))
     coefficients = [item.friction.coefficient(np.zeros(len(item.free))) for item in rubbing]
     roots = [np.sqrt(contact.surface.weights[contact.free]) for contact in rubbing]
     root, ends = np.concatenate(roots), np.cumsum([len(part) for part in roots])[:-1]
@@ -139,7 +140,7 @@ def _lift_constant(
             along = contact.rubbing(contact.friction.smoothing.adjoint(mu * g))
             values.append(along[:, None] * contact.normals)
         field = on_contacts(space, surfaces, values)
-        make_nodal(field, [surface.limited for surface in surfaces])
+        make_nodal(field, [surface.controls for surface in surfaces])
         return field
 
     def carried() -> list[FloatArray]:
@@ -149,7 +150,7 @@ def _lift_constant(
         nodal, found = forces.array.reshape(-1, state.dim), []
         for contact, mu in zip(rubbing, coefficients, strict=True):
             surface = contact.surface
-            limited = surface.limited.limited_forces(nodal[surface.blocks])
+            limited = surface.controls.forces(nodal[surface.blocks])
             normal = np.sum(limited * contact.normals, axis=1)
             stress = contact.acting(normal / surface.weights)
             found.append((mu * contact.friction.smoothing.apply(stress))[contact.free])
@@ -223,16 +224,13 @@ def _trace_constant(state: SolvedState, wanted: bool) -> float:
     fields.
     """
     require_held(state)
-    if state.problem.data.jumps:
+    if state.problem.data.is_paired:
         raise NotApplicable("two bodies touch, and c_0 is for traces of one body")
     if not wanted:
         raise NotApplicable("skipped: certificate.constants is false")
-    v, w = state.system.bilinear.arguments()
-    traces = sum(
-        ufl.inner(contact.limited(w), contact.limited(v)) * contact.surface.ds
-        for contact in state.problem.contacts
-    )
-    return trace_norm(state, inner_product(state), traces)
+    surfaces = [contact.surface for contact in state.problem.contacts]
+    wholes = [np.tile(np.eye(state.dim), (len(item.nodes), 1, 1)) for item in surfaces]
+    return trace_norm(state, inner_product(state), list(zip(surfaces, wholes, strict=True)))
 
 
 def _uniqueness(state: SolvedState, found: dict[str, Any], wanted: bool) -> dict[str, Any]:
@@ -323,26 +321,27 @@ def require_held(state: SolvedState) -> None:
         raise NotApplicable("displacement conditions alone do not hold the body")
 
 
-def trace_norm(state: SolvedState, product: Expr, traces: ufl.Form) -> float:
+def trace_norm(
+    state: SolvedState, product: Expr, traces: Sequence[tuple[ContactSurface, FloatArray]]
+) -> float:
     """``max sqrt(t(v, v)/b(v, v))`` over the displacements that are zero on Gamma_D; collective.
 
-    ``product`` is b and ``traces`` is t, bilinear forms.  The result comes from below.  Raises
-    NotApplicable if the eigenvalue solver fails.
+    ``product`` is b, a bilinear form, and t is ``int v . D v`` with the D (k, d, d) of ``traces``
+    at the points of each surface.  The result comes from below.  Raises NotApplicable if the
+    eigenvalue solver fails.
     """
     constraints = state.problem.constraints
-    surface = petsc.assemble_matrix(compiled.form(traces))
-    surface.assemble()
-    # The held part keeps the identity in the product and has no trace.
-    mask = surface.createVecLeft()
-    mask.array_w[:] = constraints.free_dofs()[: mask.getLocalSize()]
-    surface.diagonalScale(mask, mask)
-    constraints.supports.directions.eliminate(surface, holds=False)
-    try:
-        with closing(EllipticProblem(state, product, constraints)) as problem:
-            return float(_largest(surface, problem.matrix, problem.ksp) ** 0.5)
-    finally:
-        for item in (mask, surface):
-            item.destroy()
+    with closing(EllipticProblem(state, product, constraints)) as problem:
+        trace = problem.matrix.duplicate()
+        # The held part keeps the identity in the product and has no trace.
+        for surface, blocks in traces:
+            weighted = surface.weights[:, None, None] * blocks
+            PointStiffness(surface.operator, weighted).add_to(trace, constraints.free_dofs())
+        constraints.supports.directions.eliminate(trace, holds=False)
+        try:
+            return float(_largest(trace, problem.matrix, problem.ksp) ** 0.5)
+        finally:
+            trace.destroy()
 
 
 def largest_eigenvalue(comm: Any, size: int, operator: Callable[[FloatArray], FloatArray]) -> float:

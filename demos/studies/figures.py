@@ -191,18 +191,18 @@ def error_bound() -> list[Panel]:
 
 def contraction() -> list[Panel]:
     mu, factor = "friction.coefficient", "friction_fixed_point.contraction"
-    newton, inside = (rows("contraction", solver__method=m) for m in ("newton", "interior_point"))
-    line = Curve("1", [newton[0][mu], newton[-1][mu]], [1.0, 1.0], plain=True)
-    factors = [curve("factor", newton, mu, factor), line]
+    paper, inside = (rows("contraction", solver__method=m) for m in ("penalty", "interior_point"))
+    line = Curve("1", [paper[0][mu], paper[-1][mu]], [1.0, 1.0], plain=True)
+    factors = [curve("factor", paper, mu, factor), line]
     steps = [
         curve(method, [row for row in cases if row["converged"]], mu, "iterations.tangents")
-        for method, cases in (("newton", newton), ("interior_point", inside))
+        for method, cases in (("penalty", paper), ("interior_point", inside))
     ]
     body = [
         [f"{a[mu]:g}", f"{a[factor]:.3f}", _steps(a), _steps(b)]
-        for a, b in zip(newton, inside, strict=True)
+        for a, b in zip(paper, inside, strict=True)
     ]
-    table(["μ", "contraction factor", "tangents, newton", "tangents, interior_point"], body)
+    table(["μ", "contraction factor", "tangents, penalty", "tangents, interior_point"], body)
     return [
         Panel("Contraction of the friction bound's map", "μ", "", factors, logarithmic=False),
         Panel("Tangents where it converged", "μ", "", steps, logarithmic=False),

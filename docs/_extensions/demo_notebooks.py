@@ -16,7 +16,7 @@ _BEFORE = """\
 import os, sys
 os.chdir({root!r})
 __file__ = {script!r}
-sys.argv = [__file__, "output.directory={folder}"]"""
+sys.argv = [__file__, *{words!r}]"""
 _PICTURE = """\
 from IPython.display import Image
 Image("{folder}/picture.png")"""
@@ -32,19 +32,20 @@ _STUDY_FILE = """\
 
 
 def notebook(script: Path) -> Any:
-    """The notebook of a percent script, with its picture and its study file at the end."""
+    """The notebook of a percent script, with the picture and the text of its study file, if any."""
     book = jupytext.read(script, fmt="py:percent")
-    words = {"name": script.stem, "folder": f"{RESULTS}/{script.stem}"}
-    before = _BEFORE.format(root=str(ROOT), script=f"demos/{script.name}", **words)
-    title, *rest = book.cells
-    book.cells = [
-        title,
-        new_code_cell(before, metadata={"tags": ["remove-cell"]}),
-        *rest,
-        new_markdown_cell(_AFTER.format(**words)),
-        new_code_cell(_PICTURE.format(**words), metadata={"tags": ["remove-input"]}),
-        new_markdown_cell(_STUDY_FILE.format(**words)),
-    ]
+    names = {"name": script.stem, "folder": f"{RESULTS}/{script.stem}"}
+    has_study_file = script.with_suffix(".yml").exists()
+    words = [f"output.directory={names['folder']}"] if has_study_file else []
+    before = _BEFORE.format(root=str(ROOT), script=f"demos/{script.name}", words=words)
+    hidden = new_code_cell(before, metadata={"tags": ["remove-cell"]})
+    book.cells = [book.cells[0], hidden, *book.cells[1:]]
+    if has_study_file:
+        book.cells += [
+            new_markdown_cell(_AFTER.format(**names)),
+            new_code_cell(_PICTURE.format(**names), metadata={"tags": ["remove-input"]}),
+            new_markdown_cell(_STUDY_FILE.format(**names)),
+        ]
     for number, cell in enumerate(book.cells):
         cell.id = f"cell-{number}"
     book.metadata["kernelspec"] = {

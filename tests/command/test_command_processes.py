@@ -98,7 +98,7 @@ def test_a_reader_that_leaves_early_is_no_error(tmp_path: Path) -> None:
     "words", ["", slow("--quiet -- -snes_monitor"), slow("-- -ksp_view -snes_monitor")]
 )
 def test_a_reader_that_leaves_a_run_early_is_no_crash(words: str, tmp_path: Path) -> None:
-    newton = ("--set", "solver.method=newton", *words.split())
+    newton = ("--set", "solver.method=penalty", *words.split())
     result = without_a_reader(tmp_path, "run", "study.yml", *newton)
     assert (result.returncode, result.stderr) == (-signal.SIGPIPE, "")
 

@@ -270,25 +270,6 @@ def test_two_bodies_are_the_same_on_one_two_and_four_ranks(dim: int, tmp_path: P
         assert values[1:] == pytest.approx([values[0]] * 2, rel=1e-7)
 
 
-def test_newton_and_the_interior_point_method_agree_on_two_bodies() -> None:
-    held = [
-        {"on": "bottom", "value": [0.0, 0.0]},
-        {"on": "upper_left", "value": [0.001, None]},
-    ]
-    given: dict[str, Any] = {
-        "friction__coefficient": 0.3,
-        "material__locking_limit": 0.006,
-        "penalty__n": 1e3,
-        "loads__displacements": held,
-    }
-    found = [
-        solved(stack(2, 0.2, **given, solver__method=method))
-        for method in ("newton", "interior_point")
-    ]
-    energies = [one.summary["elastic_energy"] for one in found]
-    assert energies[0] == pytest.approx(energies[1], rel=1e-8)
-
-
 @pytest.mark.parametrize(
     ("limit", "cells"),
     [(None, "simplex"), (0, "simplex"), (0, "box")],

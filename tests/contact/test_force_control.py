@@ -111,21 +111,6 @@ def test_the_found_travel_gives_the_same_state_as_a_foundation_that_stands_there
         assert pushed.summary[key] == pytest.approx(fixed.summary[key], rel=SAME, abs=1e-8)
 
 
-@pytest.mark.serial
-def test_newton_and_the_interior_point_method_agree() -> None:
-    contacts = [tool([0.004, -0.03]), tool([0.02, 0.0], "left", sphere={"centre": [-1.02, 0.5],
-                                                                       "radius": 1.0})]  # fmt: skip
-    ways = [
-        solved(pressed(contacts, 1e3, solver__method=method))
-        for method in ("newton", "interior_point")
-    ]
-    u, w = (found.displacement.x.array for found in ways)
-    assert np.abs(u - w).max() <= 1e-7 * np.abs(w).max()
-    for number in range(2):
-        travels = [told(found, number)["travel"] for found in ways]
-        assert travels[0] == pytest.approx(travels[1], rel=1e-7)
-
-
 def test_several_ranks_find_what_one_finds(comm: MPI.Intracomm) -> None:
     parameters = pressed([tool([0.004, -0.03]), tool([0.02, 0.0], "left", half_space={
         "point": [-0.1, 0.0], "normal": [1.0, 0.0]})])  # fmt: skip

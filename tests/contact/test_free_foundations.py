@@ -24,7 +24,6 @@ PRESSED = {
     "tractions": [{"on": "right", "value": [-0.01, 0.003]}],
     "displacements": [{"on": "bottom", "value": [0.0, 0.01]}],
 }
-LAWS = [(math.inf, "auto"), (1e3, "newton"), (1e3, "interior_point")]
 
 
 def held(on: str = "top", mu: float = 0.3, **foundation: Any) -> dict[str, Any]:
@@ -43,10 +42,10 @@ def test_a_spring_alone_holds_a_body_that_is_free_to_move() -> None:
         "displacements": [{"on": "left", "value": [0.0, None]}],
     }
     floor: dict[str, Any] = {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}
-    for n, method in LAWS:
+    for n in (math.inf, 1e3):
         spring = {"stiffness": 0.5, "along": [0.0, 1.0]}
         on_springs = held("bottom", mu=0.0, spring=spring, **floor)
-        found = solved(pressed(on_springs, n, loads=loads, solver__method=method))
+        found = solved(pressed(on_springs, n, loads=loads))
         assert told(found)["travel"] == pytest.approx(-0.01 / 0.5, rel=1e-7)
 
 
@@ -75,20 +74,15 @@ def test_a_spring_that_nothing_touches_stays_where_it_is() -> None:
 
 
 @pytest.mark.serial
-def test_the_methods_and_solvers_find_the_same_place(comm: MPI.Intracomm) -> None:
+def test_ranks_and_linear_solvers_find_the_same_place(comm: MPI.Intracomm) -> None:
     contact = held(spring={"stiffness": 2.0}, force=[0.0, -0.01])
-    ways = [
-        solved(pressed(contact, n, loads=PRESSED, solver__method=method), comm)
-        for n, method in LAWS[1:]
-    ]
     alone = solved(pressed(contact, loads=PRESSED), MPI.COMM_SELF)
     others = [
         solved(pressed(contact, loads=PRESSED), comm),
         solved(pressed(contact, loads=PRESSED, solver__linear="iterative"), comm),
     ]
-    travels = [told(one)["travel"] for one in (*ways, alone, *others)]
-    assert travels[0] == pytest.approx(travels[1], rel=1e-7)
-    assert travels[2:] == pytest.approx([travels[2]] * 3, rel=1e-5)
+    travels = [told(one)["travel"] for one in (alone, *others)]
+    assert travels == pytest.approx([travels[0]] * 3, rel=1e-5)
 
 
 @pytest.mark.serial

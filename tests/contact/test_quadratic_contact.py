@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-import convergence
 import numpy as np
 import pytest
 import ufl
@@ -100,18 +99,6 @@ def test_forces_of_the_table_and_of_the_fields_balance_the_reactions(
     resultants = certificate["resultants"]
     assert resultants["contact"] == pytest.approx(total, abs=1e-12)
     assert np.add(resultants["loads"], resultants["reactions"]) == pytest.approx(-total, abs=1e-8)
-
-
-@pytest.mark.parametrize("dim", [2, slow(3)])
-def test_newton_finds_the_solution_of_the_interior_point_method(
-    dim: int, comm: MPI.Intracomm
-) -> None:
-    found = [
-        solved(block(dim, 0.5, solver__method=method), P2, comm)
-        for method in ("newton", "interior_point")
-    ]
-    assert convergence.distance(*found).v <= 1e-6
-    assert found[0].summary["contact_area"] > 0.3
 
 
 @pytest.mark.serial

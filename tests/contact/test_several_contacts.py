@@ -78,19 +78,6 @@ def test_the_order_of_the_entries_does_not_matter() -> None:
     assert forces[1] == pytest.approx(first["contact_force"], rel=1e-5, abs=1e-9)
 
 
-def test_newton_and_the_interior_point_method_agree_on_contacts_that_share_a_node() -> None:
-    contact = [
-        {"on": "bottom"},
-        {"on": "left", "gap": 0.001, "friction": {"coefficient": 0.5, "regularisation": 1e-3}},
-    ]
-    push = [{"on": "top", "value": [0.0, -0.03]}, {"on": "right", "value": [-0.02, 0.0]}]
-    changes: dict[str, Any] = {"loads": {"tractions": push}, "penalty__n": 200.0}
-    by_default = solved(between(2, contact, **changes))
-    by_newton = solved(between(2, contact, solver__method="newton", **changes))
-    same(by_default, by_newton, 1e-6)
-    assert by_newton.summary["friction_fixed_point"]["contraction"] is not None
-
-
 def test_friction_of_one_contact_leaves_the_other_frictionless() -> None:
     entries = [{"on": "bottom", "friction": {"coefficient": 0.0}}, {"on": "top", "gap": -0.003}]
     solution = solved(between(2, entries))

@@ -93,16 +93,6 @@ def test_the_stored_stresses_and_forces_do_the_work_of_the_loads(
 
 
 @pytest.mark.serial
-def test_newton_and_the_interior_point_method_agree(comm: MPI.Intracomm) -> None:
-    found = [
-        solved(quadratic(4, penalty__n=1e3, solver__method=method), comm)
-        for method in ("newton", "interior_point")
-    ]
-    apart = found[0].displacement.x.array - found[1].displacement.x.array
-    assert np.abs(apart).max() <= 1e-7 * np.abs(found[0].displacement.x.array).max()
-
-
-@pytest.mark.serial
 def test_a_stiffness_that_jumps_within_cells_stays_elliptic(comm: MPI.Intracomm) -> None:
     # Through the values 1 and 1000 an affine function is negative beyond the points.
     elasticity = {"young": "1000 if x < 0.45 else 1", "poisson": 0.3}

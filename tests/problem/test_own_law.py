@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
 import pytest
-from dolfinx import fem
+import ufl
+from dolfinx import fem, mesh
 from mpi4py import MPI
 from problems import block
 
+import contact_locking as cl
 from contact_locking import StudySolution, solve
 from contact_locking.errors import InputError
 from contact_locking.laws.convex import squared_norm
@@ -73,26 +76,65 @@ def test_no_bound_is_claimed_for_an_own_law(comm: MPI.Intracomm) -> None:
     assert "user's own" in summary["certificate"]["errors"]["penalty"]["reason"]
 
 
-def test_an_own_law_that_is_not_solved_for_does_not_converge(comm: MPI.Intracomm) -> None:
+def test_an_own_law_that_is_not_convex_does_not_converge(comm: MPI.Intracomm) -> None:
     def not_convex(problem: StudyProblem, u: fem.Function) -> Any:
         return -1e3 * squared_norm(strain(u)) * problem.data.dx
 
-    solution = with_energy(comm, not_convex)
-    assert not solution.converged
-    assert "positive definite" in solution.summary["reason"]
-    assert "Check that the energy is convex" in solution.summary["suggestion"]
+    assert not with_energy(comm, not_convex).converged
+
+
+def test_an_own_law_is_not_for_the_method_of_the_paper(comm: MPI.Intracomm) -> None:
+    with pytest.raises(InputError) as caught:
+        with_energy(comm, ball, solver__method="penalty")
+    assert caught.value.key == "energy"
+
+
+def gent(u: fem.Function) -> ufl.Form:
+    """``-(E M^2/2) ln(1 - |eps|^2/M^2)``, after Gent, whose stress is E eps/(1 - |eps|^2/M^2)."""
+    share = squared_norm(strain(u)) / LIMIT**2
+    return -0.5 * LIMIT**2 * ufl.ln(1.0 - share) * ufl.dx(degree=2)
+
+
+def rajagopal(u: fem.Function) -> ufl.Form:
+    """``sigma = E eps/sqrt(1 - |eps|^2/M^2)`` in all: strains stay below M under every stress."""
+    share = squared_norm(strain(u)) / LIMIT**2
+    return LIMIT**2 * (1.0 - ufl.sqrt(1.0 - share) - 0.5 * share) * ufl.dx(degree=2)
 
 
 @pytest.mark.parametrize(
-    ("changes", "key"),
+    ("energy", "stress"),
     [
-        ({"solver__method": "interior_point"}, "solver.method"),
-        ({"penalty__n": np.inf}, "penalty.n"),
+        (gent, lambda e: e + e / (1.0 - (e / LIMIT) ** 2)),
+        (rajagopal, lambda e: e / math.sqrt(1.0 - (e / LIMIT) ** 2)),
     ],
 )
-def test_an_own_law_takes_newtons_method(
-    changes: dict[str, Any], key: str, comm: MPI.Intracomm
+@pytest.mark.parametrize(("share", "limit"), [(0.5, math.inf), (0.99, math.inf), (0.99, 0.7)])
+def test_a_column_of_an_own_law_on_exact_contact_has_its_closed_form(
+    energy: Any, stress: Any, share: float, limit: float, comm: MPI.Intracomm
 ) -> None:
-    with pytest.raises(InputError, match="user's own") as caught:
-        with_energy(comm, ball, **changes)
-    assert caught.value.key == key
+    """The strain e under the pressure ``stress(e)``, or a strain limit that is exact beside it."""
+    body = mesh.create_unit_square(comm, 4, 4)
+    space = fem.functionspace(body, ("Lagrange", 1, (2,)))
+    bottom, left, top = (
+        mesh.locate_entities_boundary(body, 1, lambda x, i=i, at=at: np.isclose(x[i], at))
+        for i, at in ((1, 0.0), (0, 0.0), (1, 1.0))
+    )
+    tags = mesh.meshtags(body, 1, np.sort(top), np.full(len(top), 1, dtype=np.int32))
+    ds = ufl.Measure("ds", body, subdomain_data=tags)(1)
+    pressure = stress(share * LIMIT)
+    held = fem.locate_dofs_topological(space.sub(0), 1, left)
+    problem = cl.ContactProblem(
+        cl.Elasticity(young=1.0, poisson=0.0),
+        -pressure * ufl.TestFunction(space)[1] * ds,
+        [fem.dirichletbc(0.0, held, space.sub(0))],
+        [cl.StrainBall(limit * LIMIT)] if limit < 1.0 else [],
+        [cl.Contact(bottom, friction=cl.Coulomb(0.3, cl.Convolution(0.5)))],
+        energy=energy,
+    )
+    solution = problem.solve()
+    assert solution.converged, solution.summary["reason"]
+    strain_of_column = min(share, limit) * LIMIT
+    assert solution.summary["strain_norm_max"] == pytest.approx(strain_of_column, rel=1e-7)
+    assert solution.summary["contact_force"][1] == pytest.approx(pressure, rel=1e-7)
+    assert solution.summary["iterations"]["tangents"] <= 40
+    problem.close()

@@ -97,19 +97,6 @@ def test_random_sets_of_strains_agree_with_the_conic_solver(seed: int, dim: int,
     np.testing.assert_allclose(ours, u, atol=1e-4 * np.abs(u).max())
 
 
-def test_both_solvers_find_one_solution_of_the_penalised_problem() -> None:
-    found = []
-    for method in ("newton", "interior_point"):
-        penalty = {"n": 1e3, "epsilon": 1e-3}
-        given = block(2, 0.2, material=material(*SEVERAL), penalty=penalty, solver__method=method)
-        found.append(solved(given))
-    for name in ("elastic_energy", "strain_norm_max", "locked_fraction", "compliance"):
-        assert found[1][name] == pytest.approx(found[0][name], rel=1e-6)
-    assert found[0]["locked_fraction"] > 0.1
-    used = {entry["name"]: entry["utilisation_max"] for entry in found[0]["strain_sets"]}
-    assert len(used) == 5 and sum(share > 1.0 for share in used.values()) >= 3, used
-
-
 @pytest.mark.parametrize("n", [1e3, math.inf])
 def test_the_entry_of_the_ball_is_the_locking_limit_to_the_last_digit(n: float) -> None:
     ball = {"norm": "strain", "at_most": 0.02}

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import ufl
 from dolfinx import fem
 from problems import block, column
 
 from contact_locking.laws.penalty import Penalty
 from contact_locking.monitor import Monitor
-from contact_locking.problem import forms
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.process import solving
 from contact_locking.study.assembly import StudyProblem, assemble
@@ -65,12 +63,15 @@ def test_tangent_is_the_derivative_of_the_residual(dim: int, size: float) -> Non
 
 @pytest.mark.serial
 def test_residual_is_the_derivative_of_the_energy() -> None:
-    made, _ = _system(block(penalty__n=50.0, penalty__epsilon=0.1))
+    made, system = _system(block(penalty__n=50.0, penalty__epsilon=0.1, discretisation__degree=2))
     _rough_state(made, 0.1)
-    v = ufl.TestFunction(made.u.function_space)
-    written = fem.assemble_vector(fem.form(forms.residual(made.u, v, made.data)))
-    derived = fem.assemble_vector(fem.form(ufl.derivative(forms.energy(made.u, made.data), made.u)))
-    assert written.array == pytest.approx(derived.array, rel=1e-10, abs=1e-13)
+    f, x = made.u.x.petsc_vec.copy(), made.u.x.array.copy()
+    direction, slope = made.constraints.free_part(np.cos(np.arange(len(x)) ** 2)), 0.0
+    for t in (-1e-5, 1e-5):
+        made.u.x.array[:] = x + t * direction
+        slope += system.potential() / (2.0 * t)
+    system.residual(f.copy(), f)
+    assert slope == pytest.approx(float(f.array_r @ direction), rel=1e-6)
 
 
 def test_friction_bound_is_mu_times_the_smoothed_pressure() -> None:
@@ -120,7 +121,7 @@ def test_a_body_held_by_contact_alone_finds_its_place() -> None:
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("method", ["newton", "interior_point"])
+@pytest.mark.parametrize("method", ["penalty", "interior_point"])
 def test_too_few_iterations_are_reported_with_what_was_reached(method: str) -> None:
     solution = solving.solve(block(penalty__n=1e6, solver={"method": method, "max_iterations": 2}))
     assert not solution.converged
@@ -133,7 +134,7 @@ def test_too_few_iterations_are_reported_with_what_was_reached(method: str) -> N
 
 @pytest.mark.serial
 def test_friction_that_may_not_settle_is_reported() -> None:
-    solution = solving.solve(block(solver={"method": "newton", "max_friction_updates": 2}))
+    solution = solving.solve(block(solver={"method": "penalty", "max_friction_updates": 2}))
     assert not solution.converged
     assert "friction bound" in solution.summary["reason"]
 
@@ -145,7 +146,7 @@ def test_an_error_in_a_callback_is_that_error_and_not_a_failed_solve() -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        solving.solve(block(h=0.25, solver={"method": "newton"}), monitor=Interrupting())
+        solving.solve(block(h=0.25, solver={"method": "penalty"}), monitor=Interrupting())
 
 
 def test_equilibrium_of_forces_on_the_whole_body() -> None:

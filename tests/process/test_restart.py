@@ -59,7 +59,7 @@ CHANGES: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("method", ["interior_point", slow("newton")])
+@pytest.mark.parametrize("method", ["interior_point", slow("penalty")])
 def test_a_restart_in_3d_finds_what_a_cold_start_finds(method: str, folder: Path) -> None:
     save(solving.solve(given(method, 3)), folder)
     changed = given(method, 3, friction__coefficient=0.33)

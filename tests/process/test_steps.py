@@ -69,7 +69,7 @@ def test_newton_and_the_interior_point_method_go_the_same_way(
     law = {"coefficient": coefficient, "smoothing": smoothing}
     ends = [
         all_of(sheared(4, friction=law, penalty__n=1e3, solver__method=method))[-1]
-        for method in ("newton", "interior_point")
+        for method in ("penalty", "interior_point")
     ]
     u, w = (found.displacement.x.array for found in ends)
     assert np.abs(u - w).max() <= 1e-6 * np.abs(w).max()

@@ -45,7 +45,7 @@ class Impatient(Monitor):
         raise self.error
 
 
-@pytest.mark.parametrize("method", ["interior_point", "newton"])
+@pytest.mark.parametrize("method", ["interior_point", "penalty"])
 def test_ctrl_c_inside_a_linear_solve_is_no_failure_of_the_solver(method: str) -> None:
     data = SPRING | {"solver": {"method": method, "linear": "iterative"}}
     monitor = Impatient(KeyboardInterrupt)
@@ -54,7 +54,7 @@ def test_ctrl_c_inside_a_linear_solve_is_no_failure_of_the_solver(method: str) -
     assert monitor.calls == 1
 
 
-@pytest.mark.parametrize("method", ["interior_point", "newton"])
+@pytest.mark.parametrize("method", ["interior_point", "penalty"])
 @pytest.mark.parametrize(
     "error", [OSError(errno.ENOSPC, "No space left on device"), BrokenPipeError(), TypeError("k")]
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from typing import Any
 
@@ -24,13 +23,6 @@ def test_a_wrong_value_is_refused_with_its_key(key: str, value: Any) -> None:
     assert "\n" not in text
     assert "pydantic" not in text
     assert "Input should" not in text
-
-
-def test_an_infinite_penalty_is_not_for_newton() -> None:
-    given = {"penalty": {"n": math.inf}, "solver": {"method": "newton"}}
-    with pytest.raises(InputError, match=r"take solver\.method: interior_point"):
-        from_mapping(given)
-    assert from_mapping({"penalty": {"n": math.inf}}).penalty.n == math.inf
 
 
 def test_dimension_of_a_file_is_checked_when_it_is_known() -> None:

@@ -124,7 +124,7 @@ def test_a_value_that_the_iterative_solver_refuses_leaves_the_database_clean(
 
 def test_options_that_have_an_effect_are_no_warning(comm: MPI.Intracomm) -> None:
     petsc = {"ksp_type": "gmres", "pc_type": "gamg", "mg_levels_ksp_max_it": 4, "snes_max_it": 90}
-    parameters = block(h=0.25, solver__method="newton", penalty__n=10.0, solver__petsc=petsc)
+    parameters = block(h=0.25, solver__method="penalty", penalty__n=10.0, solver__petsc=petsc)
     solution = solve(parameters, comm)
     assert solution.converged
     assert not [text for text in solution.summary["warnings"] if "has not used" in text]

@@ -90,7 +90,7 @@ WRONG = [
     ("penalty.n", 1e-200),
     ("solver.petsc", {"ksp_type": ["cg"]}),
     ("solver.petsc", 1),
-    ("solver", "newton"),
+    ("solver", "penalty"),
     ("output.fields", 1),
     ("output.directory", ""),
     ("title", 2024),

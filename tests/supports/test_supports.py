@@ -80,7 +80,7 @@ def test_a_support_along_an_axis_is_the_condition_for_the_component(dim: int, al
 
 @pytest.mark.serial
 @pytest.mark.parametrize(
-    "solver", [{"method": "newton"}, {"linear": "iterative", "tolerance": 1e-10}]
+    "solver", [{"method": "penalty"}, {"linear": "iterative", "tolerance": 1e-10}]
 )
 def test_every_solver_keeps_the_held_directions(solver: dict[str, Any]) -> None:
     rotation = turn(2)

@@ -32,7 +32,6 @@ FEATURES: dict[str, tuple[str, ...]] = {
     "penalty": ("exact", "finite", "soft", "smooth"),
     "units": ("one", "pascal", "mm", "rubber"),
     "linear": ("direct", "iterative"),
-    "method": ("interior_point", "newton"),
     "material": ("isotropic", "incompressible", "graded", "lame", "matrix"),
 }
 
@@ -71,8 +70,6 @@ _EXCLUDED: dict[Item, dict[str, tuple[str, ...]]] = {
         "friction": ("zero",),
         "foundation": ("ball", "cylinder", "profile", "expression"),
     },
-    # Newton's method is for penalties.
-    ("method", "newton"): {"penalty": ("exact", "soft", "smooth")},
 }
 
 

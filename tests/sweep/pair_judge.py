@@ -11,7 +11,7 @@ itself, and compares what the package reports.  What has no check of its own:
 | holds a node along Gamma_C  |                                                                   |
 | moments around an axis      | the force along the axis                                          |
 | claims of no equilibrium    | whether the body at rest is admissible, for the claim infeasible  |
-| linear solver and method    | the solution alone is judged                                      |
+| linear solver               | the solution alone is judged                                      |
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ class _Draft:
         study |= {"loads": self._loads(), "contact": self._contacts(), "friction": self._friction()}
         study["discretisation"] = {"degree": 1 if row["element"] == "linear" else 2}
         study["penalty"] = self._penalty(study["friction"])
-        study["solver"] = {"linear": row["linear"], "method": row["method"]}
+        study["solver"] = {"linear": row["linear"]}
         if self.timed:
             times: dict[str, Study] = {
                 "steps": {"to": 1.0, "count": 2},

@@ -115,7 +115,7 @@ def test_kappa_is_that_of_dense_matrices(degree: int) -> None:
     form = fem.assemble_matrix(fem.form(ufl.inner(stress, strain(v)) * ufl.dx))
     stiffness = form.to_dense()
     is_free = problem.constraints.free_dofs() > 0.0
-    weights, limited = surface.weights, surface.limited.matrix.toarray()
+    weights, limited = surface.weights, surface.controls.of_blocks.toarray()
     along = np.kron(limited, [1.0, 0.0])[:, is_free]
     compliance = np.linalg.solve(stiffness[np.ix_(is_free, is_free)], along.T)
     root = np.sqrt(weights)

@@ -90,7 +90,7 @@ def test_v13_quadratic_block_agrees_with_the_conic_solver(
     assert_the_same(where, solution, block_problem(solution, QuadraticBody), found)
 
 
-@pytest.mark.parametrize("method", ["interior_point", "newton"])
+@pytest.mark.parametrize("method", ["interior_point", "penalty"])
 def test_v13_penalised_block_agrees_with_the_conic_solver(method: str, found: list[Row]) -> None:
     penalty = {"n": 1e4, "epsilon": 1e-4}
     solution = solving.solve(block(penalty=penalty, solver={"method": method}))

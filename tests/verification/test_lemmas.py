@@ -74,7 +74,7 @@ def test_lemma_4_5_i_two_methods_from_two_starts_find_one_solution(n: float) -> 
         return 0.01 * np.cos(3.0 * x)
 
     one = solved(h, penalty__n=n, solver__method="interior_point")
-    other = solved(h, penalty__n=n, solver__method="newton")
+    other = solved(h, penalty__n=n, solver__method="penalty")
     assert between(one, other) <= 1e-6 * norms(one.displacement, one.domain).v
 
 

@@ -71,7 +71,6 @@ def require_solved(solution: StudySolution) -> Mapping[str, Any]:
 @pytest.mark.parametrize(
     ("limit", "dim", "n", "method"),
     [
-        *(slow(make, 2, 1e3, "newton") for make in (deviator, volume, upright, weighted)),
         *((make, 2, math.inf, "auto") for make in (deviator, volume, upright, weighted)),
         (deviator, 2, 1e3, "interior_point"),
         (volume, 2, 1e3, "interior_point"),

@@ -33,8 +33,8 @@ class MotionsAtContact:
         tools: Sequence[Travel],
     ) -> None:
         self.contact, self.own = contact, contact.surface.is_of(part)
-        limited, dim = contact.surface.limited, contact.surface.domain.dim
-        at_nodes = np.array([limited.at_nodes(motion) for motion in motions])
+        surface, dim = contact.surface, contact.surface.domain.dim
+        at_nodes = np.array([surface.of_motion(motion) for motion in motions])
         of_body = at_nodes.reshape(len(motions), len(self.own), dim)[:, self.own]
         of_tools = np.zeros((len(tools), *of_body.shape[1:]))
         for number, tool in enumerate(tools):
@@ -136,7 +136,7 @@ class LooseMotion:
         motion = np.linalg.lstsq(self._triangles, seen)[0] @ self._motions
         distance, made = 0.0, [self._constraints.held_part(u), u - motion]
         for contact in self._contacts:
-            moved, stands = (contact.surface.limited.at_nodes(v) for v in (motion, u))
+            moved, stands = (contact.surface.operator.values(v) for v in (motion, u))
             distance = max(distance, self._largest(moved))
             if contact.is_free:
                 # The foundation follows the body, and gaps and slips are relative to its travel.

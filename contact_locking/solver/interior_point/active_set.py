@@ -306,6 +306,8 @@ class ActiveSet:
     def _advance(self, direction: Direction) -> None:
         """Take the step, and let the friction bounds follow the pressure; collective."""
         tangent = self._tangent
+        if tangent.trusted(1.0, direction.displacement) < 1.0:
+            raise NotConverged("the forces of the body are far from those of its tangent")
         tangent.move(1.0, direction.displacement)
         tangent.visit()
         for family, law in self._laws.items():

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.parallel import minimum
@@ -58,12 +57,6 @@ class ContactCones(OnContact, HalfLines):
 
     # The tangent.
 
-    def tangent_term(self, v: Expr, du: Expr) -> Expr:
-        """``int k du_nu v_nu``."""
-        self._k, contact = self.nodes.scalar(), self.nodes.contact
-        normal, v_normal = (contact.parts(contact.limited(field))[0] for field in (du, v))
-        return self._k * normal * v_normal * contact.surface.ds
-
     def write_block(self) -> None:
         self.write_springs([self.stiffness])
 
@@ -76,7 +69,8 @@ class ContactCones(OnContact, HalfLines):
         return [(self.nodes.normal, self.stiffness)]
 
     def write_springs(self, stiffness: Sequence[FloatArray]) -> None:
-        self.nodes.set_values(self._k, stiffness[0])
+        normal = self.nodes.normal
+        self.tangent_block = stiffness[0] * normal[:, None] * normal
 
     # The start, and whether anything is admissible.
 

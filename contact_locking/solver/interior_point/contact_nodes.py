@@ -7,12 +7,11 @@ from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.contact.nodal_contact import NodalContact
-from contact_locking.fem.trace import displacement_map
+from contact_locking.fem.contact_operator import PointStiffness
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.family import Family, dot
 
@@ -32,18 +31,15 @@ class ContactNodes:
         self.comm, self.dim = system.comm, system.dim
         surface, self._active = contact.surface, contact.free
         self.normal = np.ascontiguousarray(contact.normals[self._active].T)
-        self._nodes, self._blocks = surface.nodes[self._active], surface.blocks[self._active]
+        self.operator = surface.operator
+        self._points = np.flatnonzero(self._active).astype(np.int32)
         self.weights = surface.weights[self._active]
         contacts = [tool.contact for tool in system.tools]
         #: The number of the foundation here among the free ones, None if it is not free.
         self.tool = contacts.index(contact) if contact in contacts else None
         none = np.zeros(self.dim)
         self._direction = none if self.tool is None else system.tools[self.tool].direction
-        space = system.u.function_space
-        self._rows = surface.limited.by_blocks[self._active]
-        self._own_blocks = space.dofmap.index_map.local_range
-        self._matrix = displacement_map(self._rows, space)
-        self._displacement, self._values = self._matrix.createVecs()
+        self._owned = len(system.load)
 
     @property
     def gap(self) -> FloatArray:
@@ -84,8 +80,11 @@ class ContactNodes:
 
     def add_traction(self, traction: FloatArray, forces: PETSc.Vec) -> None:
         """``forces += int traction . (.)``; collective."""
-        self._values.array_w[:] = (self.weights * traction).T.reshape(-1)
-        self._matrix.multTransposeAdd(self._values, forces, forces)
+        self.operator.add_forces(self.at_all(self.weights * traction), forces)
+
+    def stiffness(self, block: FloatArray) -> PointStiffness:
+        """The stiffness of blocks D (d, d, k)."""
+        return PointStiffness(self.operator, self.at_all(self.weights * block))
 
     def add_tool_forces(
         self, traction: FloatArray, forces: FloatArray, magnitudes: bool = False
@@ -98,10 +97,7 @@ class ContactNodes:
 
     def stiffer_than(self, stiffness: float, springs: FloatArray) -> IndexArray:
         """The owned blocks that springs (k,) hold more stiffly than a material; collective."""
-        stiff = self._rows[springs > self.material_springs(stiffness)]
-        blocks = np.concatenate(self.comm.allgather(np.unique(stiff.indices)))
-        low, high = self._own_blocks
-        return np.unique(blocks[(blocks >= low) & (blocks < high)]) - low
+        return self.operator.blocks_of(self._points[springs > self.material_springs(stiffness)])
 
     def material_springs(self, material: float) -> FloatArray:
         """The springs (k,) per area that are as stiff as a material with this stiffness."""
@@ -109,25 +105,12 @@ class ContactNodes:
 
     def along(self, places: IndexArray, directions: FloatArray) -> PETSc.Mat:
         """The matrix of ``v -> directions . v``, (d, p), at nodes ``places`` (p,); collective."""
-        columns = self.dim * places[:, None] + np.arange(self.dim)
-        columns += self._matrix.getOwnershipRange()[0]
-        combination = PETSc.Mat().createAIJ(
-            ((len(places), None), (self._matrix.getLocalSize()[0], None)),
-            csr=(
-                self.dim * np.arange(len(places) + 1, dtype=PETSc.IntType),
-                columns.reshape(-1).astype(PETSc.IntType),
-                directions.T.reshape(-1),
-            ),
-            comm=self.comm,
-        )
-        matrix = combination.matMult(self._matrix)
-        combination.destroy()
-        return matrix
+        return self.operator.along(self._points[places], directions.T)
 
     def at_all(self, values: FloatArray) -> FloatArray:
-        """Values (k,) as values at all owned nodes of the contact, zero at the others."""
-        result = np.zeros(len(self._active))
-        result[self._active] = values
+        """Values (..., k) as values (K, ...) at all owned nodes of the contact, zero at others."""
+        result = np.zeros((len(self._active), *values.shape[:-1]))
+        result[self._active] = np.moveaxis(values, -1, 0)
         return result
 
     def of_all(self, values: FloatArray) -> FloatArray:
@@ -138,42 +121,20 @@ class ContactNodes:
         """Put values (k,) or (d, k) into an array over all owned nodes of the contact."""
         into[self._active] = values.T
 
-    def scalar(self) -> fem.Function:
-        """A function that :meth:`set_values` gives values (k,)."""
-        return fem.Function(self.contact.surface.scalar_space)
-
-    def vector(self) -> fem.Function:
-        """A function that :meth:`set_values` gives values (d, k)."""
-        return fem.Function(self.contact.surface.vector_space)
-
-    def set_values(self, function: fem.Function, values: FloatArray) -> None:
-        """Give a function its values at the nodes; collective."""
-        if values.ndim == 1:
-            function.x.array[self._nodes] = values
-        else:
-            function.x.array.reshape(-1, self.dim)[self._blocks] = values.T
-        function.x.scatter_forward()
-
-    def destroy(self) -> None:
-        """Free the PETSc objects; collective."""
-        for item in (self._matrix, self._displacement, self._values):
-            item.destroy()
-
     def _at_points(self, displacement: FloatArray) -> FloatArray:
         """The limited values (d, k) of a displacement, relative to tools; collective."""
-        owned = self._displacement.getLocalSize()
-        self._displacement.array_w[:] = displacement[:owned]
-        self._matrix.mult(self._displacement, self._values)
-        values = self._values.array_r.reshape(-1, self.dim).T
+        values = self.operator.values(displacement)[self._active].T
         if self.tool is None:
             return values
-        return np.asarray(values - displacement[owned + self.tool] * self._direction[:, None])
+        return np.asarray(values - displacement[self._owned + self.tool] * self._direction[:, None])
 
 
 class OnContact(Family):
     """The common part of families of cones at the nodes of a contact."""
 
     nodes: ContactNodes
+    #: The block D (d, d, k) that the tangent has, with the directions of vectors at the nodes.
+    tangent_block: FloatArray
 
     @abstractmethod
     def tractions(self, reactions: FloatArray) -> FloatArray:

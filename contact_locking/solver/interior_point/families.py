@@ -33,14 +33,11 @@ class Families:
     every: list[Family]
     bounds: list[MovingBound]
     strains: list[StrainOperator]
-    nodes: list[ContactNodes]
 
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
         for operator in self.strains:
             operator.destroy()
-        for item in self.nodes:
-            item.destroy()
 
 
 def families_of(
@@ -67,13 +64,12 @@ def families_of(
         strains.append(StrainOperator(space, data, item, system.kept))
         made = next(cones for law, cones in _CONES.items() if isinstance(item, law))
         families.append(made(strains[-1], penalty.compliance, number))
-    bounds, touching = [], []
+    bounds = []
     resting = [tool.contact for tool in system.tools if not tool.acts]
     for number, contact in enumerate(system.contacts):
         if contact in resting:
             continue
         nodes = ContactNodes(contact, number, system)
-        touching.append(nodes)
         pressing = ContactCones(nodes, penalty.epsilon, target.length)
         families.append(pressing)
         if not contact.friction.frictionless:
@@ -81,4 +77,4 @@ def families_of(
             rubbing = FrictionCones(nodes, regularisation, target.length)
             families.append(rubbing)
             bounds.append(MovingBound(system, contact, pressing, rubbing, least_bound, share))
-    return Families(families, bounds, strains, touching)
+    return Families(families, bounds, strains)

@@ -17,7 +17,6 @@ from typing import TypeAlias
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
-from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.solver.multipliers import Multipliers
@@ -219,12 +218,8 @@ class Family(ABC):
     # The tangent.
 
     @abstractmethod
-    def tangent_term(self, v: Expr, du: Expr) -> Expr:
-        """``int D lin(du) . lin(v)`` in UFL, with coefficients that belong to this family."""
-
-    @abstractmethod
     def write_block(self) -> None:
-        """Put the block D into the coefficients of the tangent's term; collective."""
+        """Put the block D into the tangent; collective."""
 
     def soften(self, factor: float, material: float) -> None:
         """Write the block without what the filter takes out of a body; collective."""

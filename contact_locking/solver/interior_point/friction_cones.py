@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import ufl
-from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.parallel import maximum
@@ -221,22 +219,13 @@ class FrictionCones(OnContact, LorentzCones):
 
     # The tangent.
 
-    def tangent_term(self, v: Expr, du: Expr) -> Expr:
-        """``int a du_tau . v_tau + b (w . du_tau) (w . v_tau)``."""
-        nodes = self.nodes
-        self._a, self._b, self._w = nodes.scalar(), nodes.scalar(), nodes.vector()
-        contact = nodes.contact
-        slip, slip_v = (contact.parts(contact.limited(field))[1] for field in (du, v))
-        along = self._b * ufl.inner(self._w, slip) * ufl.inner(self._w, slip_v)
-        ds = contact.surface.ds
-        return self._a * ufl.inner(slip, slip_v) * ds + along * ds
-
     def write_block(self) -> None:
         self._write(self.a, self.b, self.w)
 
     def _write(self, a: FloatArray, b: FloatArray, w: FloatArray) -> None:
-        for function, values in ((self._a, a), (self._b, b), (self._w, w)):
-            self.nodes.set_values(function, values)
+        normal, w = self.nodes.normal, self.nodes.tangential(w)
+        across = np.eye(self.nodes.dim)[:, :, None] - normal[:, None] * normal
+        self.tangent_block = a * across + b * w[:, None] * w
 
     @property
     def stiffest(self) -> FloatArray:

@@ -59,6 +59,10 @@ class LimitsOfStrain(Family):
     def penalised(self) -> FloatArray:
         """The reactions that the penalty law (23) gives for the seen strain, for n < inf."""
 
+    @abstractmethod
+    def tangent_term(self, v: Expr, du: Expr) -> Expr:
+        """``int D lin(du) . lin(v)`` in UFL, with coefficients that belong to this family."""
+
     def see(self, displacement: FloatArray) -> FloatArray:
         return self.strains.strains(displacement)
 

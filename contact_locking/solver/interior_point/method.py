@@ -385,6 +385,7 @@ class InteriorPoint:
             for bound in self._moving:
                 bound.friction.growth = np.maximum(bound.slope(), 0.0)
             direction, t = self._searched(measures)
+            t = self._tangent.trusted(t, direction.displacement)
         except PETSc.Error as error:
             raise_callback_error(error)
             raise NotConverged(LINEAR_FAILURE) from error
@@ -396,7 +397,7 @@ class InteriorPoint:
             return False
         iterate.advance(t, direction)
         # A step that leaves the friction bounds where it brought them leaves so much unbalanced.
-        self._left = (1.0 - t) * measures.equilibrium
+        self._left = (1.0 - t) * measures.equilibrium if self._tangent.is_linear else math.inf
         if self._moving:
             self._follow(t)
             counts.updates += 1

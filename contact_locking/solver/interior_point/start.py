@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
+from contact_locking.errors import NotConverged
 from contact_locking.parallel import maximum, on_every_rank
 from contact_locking.problem.rigidity.motions import prescribed_motion
 from contact_locking.solver.interior_point.contact_cones import ContactCones
@@ -28,7 +31,12 @@ class ElasticStart:
     """
 
     def __init__(self, task: Task, tangent: Tangent, tuning: Tuning) -> None:
-        self._system, self._target, self._tangent = task.system, task.target, tangent
+        self._task, self._system, self._target, self._tangent = (
+            task,
+            task.system,
+            task.target,
+            tangent,
+        )
         self._tolerance, self._tuning = task.settings.tolerance, tuning
         #: The strain of the elastic displacement, which others are compared with.
         self.strain = 0.0
@@ -47,9 +55,14 @@ class ElasticStart:
         is_at_rest = tangent.tools_rest and tangent.residual_norms([])[0] == 0.0
         if is_at_rest and self._is_admissible(0.0):
             return True
+        start = tangent.present()
         self._moved, self._loaded = tangent.elastic_parts(tuning.start_accuracy, push)
-        tangent.move(1.0, self._moved + self._loaded)
-        self._look()
+        if tangent.is_linear:
+            tangent.move(1.0, self._moved + self._loaded)
+            self._look()
+        else:
+            self._minimise(push)
+            self._loaded = tangent.present() - start - self._moved
         is_elastic = not (self._system.tools.act or self._system.held_by_contact)
         is_solution = is_elastic and self._is_admissible(tuning.start_margin)
         if is_solution:
@@ -65,6 +78,28 @@ class ElasticStart:
         if motion is not None and motion.any():
             # The values may be a share of what the conditions prescribe.
             u.x.array[:] = constraints.free_part(motion) + constraints.held_part(u.x.array)
+
+    def _minimise(self, push: list[Reaction]) -> None:
+        """Newton's method on the energy of a body with an energy of the user's; collective.
+
+        Raises NotConverged.
+        """
+        tangent, tolerance = self._tangent, self._tolerance
+        for number in range(self._task.settings.max_iterations):
+            springs = [Reaction(f.family, f.values + f.family.block(f.family.seen)) for f in push]
+            unbalanced = tangent.residual_norms(springs)[0]
+            self._task.monitor.iteration(number, unbalanced / (tangent.force_scale or 1.0))
+            if unbalanced <= tolerance * tangent.force_scale:
+                return
+            if not np.isfinite(unbalanced):
+                raise NotConverged("the energy of the body is not finite where the solve starts")
+            if number > 0:
+                tangent.refresh()
+                self._task.counts.tangents += 1
+            step = tangent.solve_step(springs, tolerance)
+            tangent.move(tangent.trusted(1.0, step), step)
+            self._look()
+        raise NotConverged("too many Newton steps to the displacement without contact and limits")
 
     def _sharpen(self) -> None:
         """Solve until the forces are balanced to the tolerance, from rough solves; collective."""
@@ -102,6 +137,8 @@ class ElasticStart:
         """Take back most of what the loads do; returns the strain of the rest; collective."""
         kept = self._tuning.start_load
         self._tangent.move(kept - 1.0, self._loaded)
+        if not math.isfinite(self._system.forms.own_energy(self._system.u)):
+            self._tangent.move(1.0 - kept, self._loaded)
         self._look()
         return max(self._size(), kept * self.strain)
 
@@ -120,15 +157,17 @@ class ElasticStart:
 
     def _set_springs(self) -> list[Reaction]:
         """Assemble the tangent of the springs; what they do to the body at rest; collective."""
-        springs, reactions = self._target.ellipticity / self._target.length, []
+        springs = self._target.ellipticity / self._target.length
         for family in self._tangent.families:
-            is_needed = self._system.held_by_contact or family.tool is not None
-            family.hold(0.0)
-            if isinstance(family, OnContact) and is_needed:
-                family.hold(springs)
-                reactions.append(Reaction(family, family.pull(springs)))
+            family.hold(springs if family in self._sprung else 0.0)
         self._tangent.refresh()
-        return reactions
+        return [Reaction(family, family.pull(springs)) for family in self._sprung]
+
+    @property
+    def _sprung(self) -> list[OnContact]:
+        """The families with springs."""
+        on_contact = [item for item in self._tangent.families if isinstance(item, OnContact)]
+        return [f for f in on_contact if self._system.held_by_contact or f.tool is not None]
 
     def _is_admissible(self, margin: float) -> bool:
         """Whether all limits are kept, but for a share of them; collective."""

@@ -13,11 +13,14 @@ from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.errors import NotConverged
 from contact_locking.fem import compiled
 from contact_locking.fem.joint_forms import JointForm
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.solver.interior_point.contact_nodes import OnContact
 from contact_locking.solver.interior_point.family import Family, Reaction
+from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.border import Border
 from contact_locking.solver.linear.filtered_multigrid import StiffPart
@@ -80,6 +83,8 @@ def energy_of(
     return energy if energy >= rounding else system.energy()
 
 
+# The most halvings of a step along which the forces of a body are not linear.
+_HALVINGS = 40
 # An iterative solver leaves this share of the column of a travel.
 _BORDER_ACCURACY = 1e-10
 
@@ -101,21 +106,27 @@ class Tangent:
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         self.energy = self.force_scale = self.acting = 0.0
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
-        elastic = system.bilinear
-        terms = [family.tangent_term(v, du) for family in families]
+        #: Whether the forces of the body are linear in its displacement.
+        self.is_linear = data.own_energy is None
+        elastic = system.stiffness
+        self._touching = [family for family in families if isinstance(family, OnContact)]
+        strained = [family for family in families if isinstance(family, LimitsOfStrain)]
+        operators = {id(family.nodes): family.nodes.operator for family in self._touching}
+        terms = [family.tangent_term(v, du) for family in strained]
         compiled_elastic = system.kept.form(elastic)
 
         def compile_form(part: ufl.Form) -> fem.Form:
             return compiled_elastic if part.equals(elastic) else compiled.form(part)
 
-        self._form = JointForm(sum(terms, start=elastic), data.jumps, compile_form)
+        self._form = JointForm(sum(terms, start=elastic), compile_form)
         # In blocks products are fast, but a factorisation needs none.
         if self.comm.size == 1 and is_direct(task.settings.linear, system.dim, system.size):
-            self.matrix = self._form.create_shared_matrix()
+            self.matrix = self._form.create_shared_matrix(list(operators.values()))
         else:
-            self.matrix = self._form.create_matrix(IN_BLOCKS)
+            self.matrix = self._form.create_matrix(list(operators.values()), IN_BLOCKS)
         self._near_nullspace = system.near_nullspace()
         self.matrix.setNearNullSpace(self._near_nullspace)
+        self._compiled_elastic = compiled_elastic
         self.elasticity = petsc.assemble_matrix(compiled_elastic)
         self.elasticity.assemble()
         self._stiffest = float(self.elasticity.norm(PETSc.NormType.NORM_INFINITY))
@@ -141,8 +152,12 @@ class Tangent:
         """Evaluate the elastic forces and the energy of the system's displacement; collective."""
         self._load.array_w[:] = self.system.load
         self._answer.array_w[:] = self.system.u.x.array[: self._owned]
-        self.elasticity.mult(self._answer, self._stretched)
-        self.energy = energy_of(self.system, self._answer, self._stretched, self._stiffest)
+        if self.is_linear:
+            self.elasticity.mult(self._answer, self._stretched)
+            self.energy = energy_of(self.system, self._answer, self._stretched, self._stiffest)
+        else:
+            self._stretched.array_w[:] = self._body_forces()
+            self.energy = self.system.energy()
         self.acting = float(max(self._load.norm(), self._stretched.norm()))
         self.force_scale = self.system.rounding.raise_above(self.acting, self._tolerance)
         self._unbalanced.waxpy(-1.0, self._load, self._stretched)
@@ -158,6 +173,10 @@ class Tangent:
         """Set up linear solves for the present blocks of all families; collective."""
         for family in self.families:
             family.write_block()
+        if not self.is_linear:
+            self.elasticity.zeroEntries()
+            petsc.assemble_matrix(self.elasticity, self._compiled_elastic)
+            self.elasticity.assemble()
         self._linear.refresh(self._assemble, self.stiff_part)
         self._refresh_border()
         self._step.set(0.0)
@@ -306,6 +325,39 @@ class Tangent:
         """The system's displacement, for gaps that contain the travels of the tools."""
         return self._with_tools_at_rest(self.system.u.x.array[: self._owned])
 
+    def trusted(self, t: float, step: FloatArray) -> float:
+        """The length t, halved until the tangent foresees the forces of the body; collective.
+
+        Along a step s with ``q = s . K s`` the slope of the convex energy of the body may be
+        ``q/2`` above that of the tangent K, or the forces differ by less than the tolerance.  The
+        full step of a body that nothing limits then at least halves the slope.
+        """
+        if self.is_linear:
+            return t
+        u, owned, most = self.system.u.x, step[: self._owned], self._tolerance * self.force_scale
+        start, before = u.array.copy(), self._body_forces()
+        self._moved.array_w[:] = owned
+        self.elasticity.mult(self._moved, self._whole)
+        foreseen = self._whole.array_r
+        for _ in range(_HALVINGS):
+            u.array[: self._owned] = start[: self._owned] + t * owned
+            u.scatter_forward()
+            above = self._body_forces() - before - t * foreseen
+            local = np.array([above @ owned, foreseen @ owned, above @ above, owned @ owned])
+            slope, square, distance, size = self.comm.allreduce(local)
+            if square < -most * math.sqrt(size):
+                raise NotConverged("the energy of the body is not convex")
+            # Beyond the strains for which there is an energy it is not a number.
+            exists = math.isfinite(self.system.forms.own_energy(self.system.u))
+            if exists and (slope <= 0.5 * square or math.sqrt(distance) <= most):
+                break
+            t *= 0.5
+        u.array[:] = start
+        return t
+
+    def _body_forces(self) -> FloatArray:
+        return self.system.forms.body_forces(self.system.u)[: self._owned]
+
     def move(self, t: float, step: FloatArray) -> None:
         """Add ``t step`` to the system's displacement and to the travels; collective."""
         self.system.u.x.array[: self._owned] += t * step[: self._owned]
@@ -372,7 +424,8 @@ class Tangent:
         return nodes[is_free[nodes]].astype(np.int32)
 
     def _assemble(self, matrix: PETSc.Mat) -> None:
-        self.system.constraints.assemble_matrix(self._form, matrix)
+        touching = (family.nodes.stiffness(family.tangent_block) for family in self._touching)
+        self.system.constraints.assemble_matrix(self._form, matrix, touching)
 
     def _refresh_border(self) -> None:
         """Solve for the response to each travel; collective."""

@@ -261,8 +261,6 @@ class Parameters(Concept):
             raise InputError(fault.message, dotted(*fault.place))
 
     def _faults(self) -> Iterator[Fault]:
-        if self.solver.method == "newton":
-            yield from self._newton_faults()
         keys = {name: contact.key for contact in reversed(self.contacts) for name in contact.on}
         for place, held in self.loads.held():
             # The mesh shows whether components are held along the surface only.
@@ -323,18 +321,6 @@ class Parameters(Concept):
                 given.against and has_steps and not given.pair
             )
             yield (*place, "pair"), derived and turns, f"{facing}: take once"
-
-    def _newton_faults(self) -> Iterator[Fault]:
-        """What only the interior point method solves."""
-        instead = (
-            "cannot be solved by Newton's method; take solver.method: interior_point (or auto)"
-        )
-        if self.penalty.n == math.inf:
-            yield Fault(("penalty", "n"), f".inf {instead}, or a finite n such as 1e6")
-        for contact in self.contacts:
-            if contact.friction is not None and contact.friction.regularisation == 0.0:
-                place = (*contact.key.split("."), "friction", "regularisation")
-                yield Fault(place, f"0, without a smooth law, {instead}, or a positive length")
 
     def _mesh_faults(self) -> Iterator[Fault]:
         for index, force in enumerate(self.loads.forces if self.mesh.axisymmetric else ()):

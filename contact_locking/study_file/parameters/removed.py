@@ -17,7 +17,7 @@ KEYS: dict[str, str] = {
     "limit_at": "the limit is kept at the vertices of triangles and tetrahedra, hence everywhere, "
     "and at the Gauss points elsewhere; leave the key out",
     "solver.friction": "the friction bound is updated inside the iteration; leave the key out, or "
-    "take solver.method: newton for updates around whole solves, with their contraction factor",
+    "take solver.method: penalty for updates around whole solves, with their contraction factor",
     "skin": "name the boundary of a cavity by a box, a plane or an expression",
     "facets": "tags of facets stand in mesh.file itself: write mesh and tags to one file with "
     "dolfinx.io.XDMFFile, or name parts of the boundary by place, mesh.parts",

@@ -117,7 +117,7 @@ def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTra
         raise NotApplicable("the contact normal changes along a facet")
 
     # Values that the laws limit are control values, unless the element limits nodal values.
-    controls = control_values if surface.limited.are_nodal else np.asarray
+    controls = control_values if surface.controls.are_nodal else np.asarray
 
     def of(values: FloatArray) -> FloatArray:
         return controls(surface.scalar_function(values).x.array[nodes])

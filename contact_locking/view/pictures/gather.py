@@ -125,7 +125,7 @@ def gather(solution: Solution) -> Snapshot | None:
             np.concatenate([np.empty(0), *smoothed]),
             names,
             tuple(drawn_tool(outline(one.tool, one.travel, domain), x) for one in touching),
-            tuple(one.surface.jump is not None for one in touching),
+            tuple(one.surface.is_paired for one in touching),
         ),
         title=solution.summary.get("title", ""),
         dofs=solution.summary["dofs"],

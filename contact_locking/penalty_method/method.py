@@ -1,0 +1,114 @@
+"""The method of the paper: continuation in n, the fixed point of the bound, and SNES on (26)."""
+
+from __future__ import annotations
+
+from contact_locking.errors import NotConverged
+from contact_locking.laws.penalty import Penalty
+from contact_locking.penalty_method.continuation import PenaltyPath, follow
+from contact_locking.penalty_method.equations import Equations
+from contact_locking.penalty_method.fixed_point import Unsettled, fixed_point
+from contact_locking.penalty_method.newton import Newton
+from contact_locking.solver.task import Outcome, SavedState, SolverReport, Task, stage_of
+
+# Stages before the last only have to be good starting points.
+_INTERMEDIATE_TOLERANCE = 1e-2
+# (26) is solved more sharply than the last change of the friction bound by the first factor, at the
+# first bound to the second one, and no more sharply than the tolerance by the third.
+_SHARE_OF_CHANGE, _FIRST, _SHARPEST = 1e-2, 1e-3, 0.1
+# Steps for one penalty from a saved state: where these do not arrive, the whole continuation does.
+_FROM_SAVED = 30
+
+_WAY_OUT = "Try solver.method: auto, lower penalty.n or raise penalty.epsilon."
+_BOUND_WAY_OUT = (
+    "If the friction bound does not settle, lower friction.coefficient or enlarge "
+    "friction.smoothing.radius."
+)
+
+
+def solve(task: Task, saved: SavedState | None = None) -> SolverReport:
+    """Solve (26) with the fixed point of its friction bound; collective.
+
+    From a saved state it goes on with the penalties of that state; where this fails, from nothing.
+    """
+    equations, settings = Equations(task.system), task.settings
+    stages: list[dict[str, float | int]] = []
+    if saved is not None:
+        _enter(saved, equations)
+        few = task.with_settings(max_iterations=min(_FROM_SAVED, settings.max_iterations))
+        path = PenaltyPath.onwards(saved.penalty, task.target)
+        try:
+            outcome = _along(path, few, equations, stages)
+            return SolverReport.solved(outcome, task.counts, stages=stages, from_saved=True)
+        except NotConverged:
+            task.system.clear()
+            stages.clear()
+    try:
+        outcome = _along(PenaltyPath.towards(task.target), task, equations, stages)
+    except NotConverged as failure:
+        reached = Outcome()
+        if isinstance(failure, Unsettled):
+            reached = reached.settled(failure.change, failure.contraction)
+        known = vars(reached) | vars(task.counts)
+        way_out = f"{_WAY_OUT}  {_BOUND_WAY_OUT}" if task.system.rubbing else _WAY_OUT
+        return SolverReport(**known, reason=str(failure), suggestion=way_out, stages=stages)
+    return SolverReport.solved(outcome, task.counts, stages=stages)
+
+
+def _along(
+    path: PenaltyPath, task: Task, equations: Equations, stages: list[dict[str, float | int]]
+) -> Outcome:
+    """The solution at the end of a path; adds to ``stages``; raises NotConverged; collective."""
+    newton, counts, system, outcome = Newton(task, equations), task.counts, task.system, Outcome()
+
+    def solve_stage(penalty: Penalty, is_last: bool) -> None:
+        nonlocal outcome
+        equations.set_penalty(penalty)
+        task.monitor.stage(len(stages) + 1, round(path.decades) + 1, penalty.n, penalty.epsilon)
+        before = counts.tangents
+        if is_last:
+            outcome = _settled(newton, task, equations)
+        else:
+            newton.solve(_INTERMEDIATE_TOLERANCE)
+            system.bounds.enter(system.rubbing, equations.friction_bounds())
+            counts.updates += bool(system.rubbing)
+        stages.append(stage_of(penalty, counts.tangents - before))
+        task.monitor.counted(counts.tangents, counts.updates)
+
+    try:
+        follow(path, solve_stage)
+        return outcome
+    finally:
+        newton.destroy()
+
+
+def _settled(newton: Newton, task: Task, equations: Equations) -> Outcome:
+    """(26) solved to the tolerances, with the fixed point of the bound if there is friction.
+
+    Each bound takes a step at least, and its solve is only as sharp as the bound is known.
+    """
+    tolerance, outcome = task.settings.tolerance, Outcome()
+    if task.system.rubbing:
+        outcome = outcome.settled(
+            *fixed_point(
+                task,
+                equations,
+                lambda change: newton.solve(
+                    max(_SHARPEST * tolerance, min(_SHARE_OF_CHANGE * change, _FIRST)),
+                    least_steps=1,
+                ),
+            )
+        )
+    newton.solve(tolerance)
+    return outcome
+
+
+def _enter(saved: SavedState, equations: Equations) -> None:
+    """Take the displacement and the friction bounds of a saved state; collective."""
+    system = equations.system
+    system.u.x.array[:] = saved.displacement
+    system.constraints.apply(system.u)
+    equations.set_penalty(saved.penalty)
+    for contact, pressure in zip(system.contacts, saved.pressures, strict=False):
+        system.bounds[contact] = contact.friction_bound(system.u, pressure)
+    if not saved.pressures:
+        system.bounds.enter(system.rubbing, equations.friction_bounds())
