@@ -76,7 +76,8 @@ def creep(body: Any, order: float, times: Any, weight: float, contact: Any, limi
 #
 # At the height y the weight w of the part above gives the stress $w\,(1-y)$, and the strain is
 # $\min(M,\ w\,(1-y)\,(1-r(t)))$ with $r = e^{-t}$ for $\alpha = 1$ and
-# $r = e^t\,\mathrm{erfc}\sqrt t$ for $\alpha = \frac{1}{2}$: the locked zone climbs from the ground.
+# $r = e^t\,\mathrm{erfc}\sqrt t$ for $\alpha = \frac{1}{2}$: the locked zone climbs from the
+# ground.
 
 # %%
 weight, M, crossed = 0.2, 0.1, mesh.DiagonalType.crossed

@@ -77,7 +77,7 @@ BUDGETS = {
     "process": 2435,
     "results": 2330,
     "running": 1190,
-    "shapes": 1010,
+    "shapes": 1000,
     "solver": 7370,
     "study_file": 2435,
     "supports": 765,

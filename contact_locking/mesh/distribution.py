@@ -15,6 +15,7 @@ from dolfinx import mesh as dmesh
 from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
+from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray, IntArray
 from contact_locking.mesh.boundary_parts import EntityGroup
 from contact_locking.mesh.cell_kind import CellKind
@@ -65,19 +66,33 @@ def distribute(comm: MPI.Intracomm, data: MeshData) -> Distributed:
     used = np.zeros(len(data.points), dtype=bool)
     used[cells] = True
     row = np.where(used, np.cumsum(used) - 1, -1)
-    mesh = mesh_of(comm, data.points[used], row[cells], kind)
+    corners = row[cells]
+    mesh = mesh_of(comm, data.points[used], corners, kind)
     mesh.topology.create_connectivity(dim - 1, dim)
     mesh.topology.create_connectivity(dim, dim - 1)
-    number = comm.bcast(data.numbers[used])[mesh.geometry.input_global_indices]
-    numbers = FileNumbers(number, of_cells(mesh, data.cells.numbers))
+    nodes = np.arange(np.count_nonzero(used))
+    of_nodes = _of_entities(mesh, 0, nodes[:, None], data.numbers[used])
+    vertices = np.arange(len(of_nodes), dtype=np.int32)
+    number: IntArray = np.zeros(len(mesh.geometry.x), dtype=np.int64)
+    number[_compat.entities_to_geometry(mesh, 0, vertices).reshape(-1)] = of_nodes
+    numbers = FileNumbers(number, of_cells(mesh, corners, data.cells.numbers))
     names = {name: tag for name, (tag,) in data.cells.names.items()}
-    regions = Regions(of_cells(mesh, data.cells.groups).astype(np.int32), names)
+    regions = Regions(of_cells(mesh, corners, data.cells.groups).astype(np.int32), names)
     return Distributed(mesh, regions, _facet_groups(mesh, data, row), numbers)
 
 
-def of_cells(mesh: dmesh.Mesh, values: IntArray) -> IntArray:
-    """The values (k,) of local cells, of which rank 0 has those of all cells; collective."""
-    return np.asarray(mesh.comm.bcast(values)[mesh.topology.original_cell_index])
+def of_cells(mesh: dmesh.Mesh, corners: IntArray, values: IntArray) -> IntArray:
+    """The values (k,) of local cells, of which rank 0 has those of all cells; collective.
+
+    ``corners`` (m, c) are the cells of this rank, as numbers of the points of `mesh_of`.
+    """
+    return _of_entities(mesh, mesh.topology.dim, corners, values)
+
+
+def _of_entities(mesh: dmesh.Mesh, dim: int, nodes: IntArray, values: IntArray) -> IntArray:
+    # Floating-point numbers hold whole ones up to 2^53, which int32 may not.
+    tags = _tags(mesh, dim, nodes, values.astype(float))
+    return tags.values[np.argsort(tags.indices)].astype(np.int64)
 
 
 def _tags(mesh: dmesh.Mesh, dim: int, nodes: IntArray, values: Any) -> dmesh.MeshTags:

@@ -33,6 +33,7 @@ from contact_locking.mesh.diagnosis import (
 from contact_locking.mesh.distribution import Regions, distribute
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData
+from contact_locking.mesh.lagrange import mean_normals
 from contact_locking.parallel import agree, maximum
 from contact_locking.plain_text import nearest
 
@@ -125,6 +126,16 @@ class Domain:
         """The local cells (k,) of exterior facets (k,)."""
         to_cell = self.mesh.topology.connectivity(self.dim - 1, self.dim)
         return to_cell.array[to_cell.offsets[facets]]
+
+    def area_normals(self, facets: IndexArray) -> tuple[FloatArray, FloatArray]:
+        """``int nu`` (k, d) with the outward normal nu, and ``int 1`` (k,) of local facets (k,)."""
+        x = self.mesh.geometry.x[:, : self.dim]
+        corners = x[_compat.entities_to_geometry(self.mesh, self.dim - 1, facets)]
+        normals, areas = mean_normals(self.kind.facet, corners)
+        cells = _compat.cell_corners(self.mesh)[self.owners(facets)]
+        inward = x[cells].mean(axis=1) - corners.mean(axis=1)
+        normals *= -np.sign(np.einsum("ki,ki->k", normals, inward))[:, None]
+        return normals, areas
 
     def facet_diameter(self, facets: IndexArray) -> float:
         """The longest edge among the given facets of all ranks; collective."""

@@ -9,7 +9,6 @@ import numpy as np
 from contact_locking import _compat
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.lagrange import measures
-from contact_locking.mesh.skins import area_normals
 
 # A boundary part is plane if the mean normal is longer, and closed if the mean normal is shorter.
 _FLAT, _CLOSED = 1.0 - 1e-6, 1e-2
@@ -69,7 +68,7 @@ def _region(domain: Domain, name: str) -> Group:
 def _boundary(domain: Domain, name: str, dim: int) -> Group:
     facets = domain.facets((name,))
     facets = facets[facets < domain.mesh.topology.index_map(dim).size_local]
-    normals, areas = area_normals(domain, facets)
+    normals, areas = domain.area_normals(facets)
     count, measure, total = (
         domain.comm.allreduce(x) for x in (len(facets), float(areas.sum()), normals.sum(axis=0))
     )

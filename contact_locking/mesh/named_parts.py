@@ -13,7 +13,7 @@ from contact_locking import _compat
 from contact_locking.errors import InputError
 from contact_locking.mesh.boundary_parts import marked, tags_of
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.skins import Skins, area_normals
+from contact_locking.mesh.skins import Skins
 from contact_locking.parallel import on_any_rank
 
 # A point is on a plane, or in a box, up to this share of the size of the body.
@@ -54,7 +54,7 @@ def with_parts(domain: Domain, places: Mapping[str, Any], key: str) -> Domain:
         held = place.holds(points.reshape(-1, dim).T, rounding)
         found = held.reshape(points.shape[:2]).all(axis=1)
         if place.facing is not None:
-            normals, areas = area_normals(domain, every)
+            normals, areas = domain.area_normals(every)
             found &= normals @ place.facing > _ALONG * np.linalg.norm(place.facing) * areas
         if place.skin is not None:
             found &= marked(mesh, Skins.of(domain).of_kind(place.skin))[every]

@@ -1,4 +1,4 @@
-"""Outward normals of facets, and the skins of the bodies: the connected parts of their boundary."""
+"""The skins of the bodies: the connected parts of their boundary."""
 
 from __future__ import annotations
 
@@ -12,21 +12,9 @@ from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file.topology import components
 from contact_locking.mesh.half_section import is_on_axis
-from contact_locking.mesh.lagrange import mean_normals
 
 # A skin encloses a body if the body is thicker than this share of its length.
 _THIN = 1e-9
-
-
-def area_normals(domain: Domain, facets: IndexArray) -> tuple[FloatArray, FloatArray]:
-    """``int nu`` (k, d) with the outward normal nu, and ``int 1`` (k,) of local facets (k,)."""
-    x = domain.mesh.geometry.x[:, : domain.dim]
-    corners = x[_compat.entities_to_geometry(domain.mesh, domain.dim - 1, facets)]
-    normals, areas = mean_normals(domain.kind.facet, corners)
-    cells = _compat.cell_corners(domain.mesh)[domain.owners(facets)]
-    inward = x[cells].mean(axis=1) - corners.mean(axis=1)
-    normals *= -np.sign(np.einsum("ki,ki->k", normals, inward))[:, None]
-    return normals, areas
 
 
 @dataclass(frozen=True)
@@ -34,10 +22,10 @@ class Skins:
     """The skins of the bodies: parts of the boundary whose facets are joined, by edges in 3D.
 
     ``facets`` (k,) are the owned facets of the boundary, ``numbers`` (k,) those of their skins,
-    ``normals`` (k, d) and ``areas`` (k,) as :func:`area_normals`.  ``is_inner`` (s,) marks the
-    skins that enclose no body: ``int x . nu <= 0``, as of a cavity or a crack.  A cavity that a
-    plane of symmetry cuts is a part of the outer skin; one on the axis of a body of revolution
-    is a skin, as the axis is no boundary.
+    ``normals`` (k, d) and ``areas`` (k,) as :meth:`Domain.area_normals`.  ``is_inner`` (s,) marks
+    the skins that enclose no body: ``int x . nu <= 0``, as of a cavity or a crack.  A cavity that a
+    plane of symmetry cuts is a part of the outer skin; one on the axis of a body of revolution is a
+    skin, as the axis is no boundary.
     """
 
     facets: IndexArray
@@ -64,7 +52,7 @@ class Skins:
         ridges = mesh.topology.index_map(dim - 2).local_to_global(ends.reshape(-1))
         numbers = _joined(np.concatenate(comm.allgather(ridges.reshape(ends.shape))))
         own = numbers[sum(comm.allgather(len(facets))[: comm.rank]) :][: len(facets)]
-        normals, areas = area_normals(domain, facets)
+        normals, areas = domain.area_normals(facets)
         # A skin is closed, or ends on the axis, where x = 0: the origin changes nothing.
         middle = domain.bounding_box.mean(axis=0)
         middle[0] *= not domain.axisymmetric

@@ -116,5 +116,5 @@ def spread(mesh: WholeMesh | None, comm: MPI.Intracomm) -> Domain:
     domain = sound(first, comm, "")
     parts: IntArray = np.empty(0, dtype=np.int64) if mesh is None else mesh.parts
     facts = comm.bcast(mesh.facts if mesh else {})
-    local = of_cells(domain.mesh, parts).astype(np.int32)
+    local = of_cells(domain.mesh, first.cells.nodes, parts).astype(np.int32)
     return replace(domain, parts=local, is_refined=True, **facts)

@@ -19,7 +19,6 @@ from contact_locking.fields.present import Clock
 from contact_locking.fields.sampling import Entities, features
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.half_section import require_surface
-from contact_locking.mesh.skins import area_normals
 from contact_locking.problem.loads import BodyForce, Load
 from contact_locking.problem.points import Placed
 from contact_locking.supports.support import HOLD_ALONG, Displacement, Spring, Support
@@ -88,7 +87,7 @@ class Body:
         on_contact = np.concatenate(facets)
         for condition in self.held:
             both = np.intersect1d(domain.facets(condition.on, f"{condition.key}.on"), on_contact)
-            normals, areas = area_normals(domain, both)
+            normals, areas = domain.area_normals(both)
             values = condition.value if isinstance(condition, Displacement) else [condition.value]
             across = np.abs(normals) * [value is not None for value in values]
             if domain.comm.allreduce(np.sum(across > PRESCRIBED * areas[:, None])):

@@ -1,4 +1,4 @@
-"""The points of Gamma_C, contact after contact, and the tables of contact.csv."""
+"""The points of Gamma_C in an order by geometry alone, and the tables of contact.csv."""
 
 from __future__ import annotations
 
@@ -126,3 +126,59 @@ def joined(
     firsts = itertools.accumulate((len(table) for table, _ in contacts), initial=0)
     facets = [first + own for first, (_, own) in zip(firsts, contacts, strict=False)]
     return points, np.concatenate([np.empty((0, dim), dtype=np.int64), *facets])
+
+
+def lexicographic(x: FloatArray) -> IntArray:
+    """The order of points (k, d) by x, then y, then z; rounding does not change the order."""
+    size = float(np.ptp(x, axis=0).max()) if len(x) else 1.0
+    return np.lexsort(np.round(x / (size or 1.0), 9).T[::-1])
+
+
+def facets_of(x: FloatArray, corners: FloatArray) -> IntArray:
+    """Facets (m, d) as numbers of points x (k, d), from the coordinates (m, d, d) of their corners.
+
+    Every facet occurs once, with ascending numbers, and the facets are sorted.
+    """
+    from scipy.spatial import cKDTree
+
+    numbers = cKDTree(x).query(corners)[1]
+    return np.unique(np.sort(numbers, axis=1), axis=0).astype(np.int64)
+
+
+def curves(segments: IntArray) -> list[IntArray]:
+    """The curves that consist of segments (m, 2) of numbered points, as numbers of their points.
+
+    An open curve begins at the end with the lower number.  A closed curve begins at its lowest
+    number, goes to the lower neighbour, and repeats its first point at the end.  The curves are
+    sorted by their first points.
+    """
+    neighbours: dict[int, list[int]] = {}
+    for a, b in np.unique(np.sort(segments, axis=1), axis=0):
+        neighbours.setdefault(int(a), []).append(int(b))
+        neighbours.setdefault(int(b), []).append(int(a))
+    for joined in neighbours.values():
+        joined.sort()
+    ends = [point for point, joined in neighbours.items() if len(joined) == 1]
+    found = []
+    for start in [*sorted(ends), *sorted(neighbours)]:
+        curve = [start]
+        while neighbours[curve[-1]]:
+            following = neighbours[curve[-1]].pop(0)
+            neighbours[following].remove(curve[-1])
+            curve.append(following)
+        if len(curve) > 1:
+            found.append(np.array(curve, dtype=np.int64))
+    return sorted(found, key=lambda curve: int(curve[0]))
+
+
+def along_curves(x: FloatArray, segments: FloatArray) -> IntArray:
+    """The order of points (k, 2) along the curves made of ``segments`` (s, 2, 2).
+
+    The points are numbered lexicographically; for the start of each curve see `curves`.
+    """
+    from scipy.spatial import cKDTree
+
+    order = lexicographic(x)
+    walked = curves(cKDTree(x[order]).query(segments)[1])
+    # A point where curves meet is on several curves and must occur once.
+    return order[list(dict.fromkeys(int(point) for curve in walked for point in curve))]

@@ -20,8 +20,16 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, peak
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.between_nodes import Entry, entry_between_nodes
-from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
-from contact_locking.results.ordering import along_curves, facets_of, lexicographic
+from contact_locking.results.contact_points import (
+    OPEN,
+    SLIP,
+    STICK,
+    ContactPoints,
+    along_curves,
+    facets_of,
+    joined,
+    lexicographic,
+)
 from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
 
 # The regularised friction traction never reaches the bound: a point slips from 99 % of the bound

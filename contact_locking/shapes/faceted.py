@@ -277,8 +277,7 @@ class TriangulatedSurface(FacetedFoundation):
     triangles: Any = hidden("triangles")
     file: ToolFile | None = entry(
         None,
-        "an STL file, a Gmsh file with triangles, or a height map (.csv, .npy), relative to the "
-        "study file",
+        "an STL file or a height map (.csv, .npy), relative to the study file",
     )
     spacing: tuple[Positive, Positive] | None = entry(
         None,

@@ -16,7 +16,6 @@ from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.files.readable import require_size
 from contact_locking.mesh.file import places
-from contact_locking.mesh.file.reader import read_triangles
 from contact_locking.mesh.file.topology import keys
 
 ENDINGS = (".csv", ".npy")
@@ -31,7 +30,6 @@ _HEAD, _RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)),
 _FLAT = 1e-9
 # Coordinates beyond are no lengths in any unit.
 _LARGEST = 1e50
-_GMSH = b"$MeshFormat"
 
 #: Corners (m, 3), triangles (n, 3) as numbers of corners, and warnings.
 Surface = tuple[FloatArray, IntArray, list[str]]
@@ -46,7 +44,7 @@ def read_surface(
 ) -> Surface:
     """The triangles of a file, at ``scale`` times their coordinates plus ``shift``.
 
-    The file is an STL file, a Gmsh file or a height map, whose ``spacing`` `read_heights` explains.
+    The file is an STL file or a height map, whose ``spacing`` `read_heights` explains.
     With ``turned`` the other side is outside.  Raises InputError for a file that cannot be read,
     and for triangles that are not the surface of a foundation (`checked`).
     """
@@ -57,9 +55,7 @@ def read_surface(
     elif spacing is not None:
         raise InputError(f"{path} has triangles; spacing is for a height map, .csv or .npy")
     else:
-        with path.open("rb") as stream:
-            is_gmsh = stream.read(len(_GMSH)) == _GMSH
-        corners = read_triangles(path) if is_gmsh else read_stl(path)
+        corners = read_stl(path)
         points, triangles = corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
     points = scale * points + np.asarray(shift)
     if not np.isfinite(points).all() or np.abs(points).max() > _LARGEST:
@@ -153,8 +149,8 @@ def read_stl(path: Path) -> FloatArray:
             raise InputError(f"{path} {message}") from None
     else:
         raise InputError(
-            f"{path} is cut off, or neither an STL file, which begins with solid or is binary, "
-            "nor a mesh of Gmsh, which begins with $MeshFormat"
+            f"{path} is cut off, or no STL file, which begins with solid or is binary; Gmsh writes "
+            "its meshes as .stl, too"
         )
     if not len(corners):
         raise InputError(f"{path} holds no triangles")

@@ -177,25 +177,14 @@ def test_a_polyline_gives_what_the_half_space_gives(tmp_path: Path) -> None:
     assert_same(plane, solve(on({"polyline": str(file)})), 1e-10)
 
 
-@pytest.mark.parametrize("kind", ["text", "binary", "gmsh"])
+@pytest.mark.parametrize("kind", ["text", "binary"])
 def test_a_surface_gives_what_the_half_space_gives(kind: str, tmp_path: Path) -> None:
     folder = Path(MPI.COMM_WORLD.bcast(tmp_path))
-    file = folder / ("tool.msh" if kind == "gmsh" else "tool.stl")
+    file = folder / "tool.stl"
     if MPI.COMM_WORLD.rank == 0:
         # In mm, while the body is in m.
         tool = box([-1000, -1000, -1005], [2000, 2000, -5])
-        if kind == "gmsh":
-            from msh import msh
-
-            points, numbers = np.unique(tool.reshape(-1, 3), axis=0, return_inverse=True)
-            file.write_text(
-                msh(
-                    [[float(x) for x in point] for point in points],
-                    {"": (1 + numbers).reshape(-1, 3).tolist()},
-                )
-            )
-        else:
-            file.write_bytes(binary_stl(tool) if kind == "binary" else ascii_stl(tool))
+        file.write_bytes(binary_stl(tool) if kind == "binary" else ascii_stl(tool))
     MPI.COMM_WORLD.Barrier()
     plane = solve(on({"half_space": {"point": [0, 0, -0.005], "normal": [0, 0, 1]}}, 3))
     found = solve(on({"surface": {"file": str(file), "scale": 0.001}}, 3))

@@ -14,7 +14,6 @@ from msh import MeshElements, msh
 
 from contact_locking import InputError
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.file.conversion import convert
 from contact_locking.mesh.groups import groups
 from contact_locking.mesh.sources import from_file
 from contact_locking.mesh.xdmf_mesh import from_xdmf
@@ -110,30 +109,6 @@ def solid(model: Any, order: int = 1, curved: bool = False) -> None:
     model.mesh.setOrder(order)
 
 
-def converted(mesh: Callable[[Any], Any], ending: str, **options: Any) -> Callable[[Path], Path]:
-    """A file of another program by meshio, converted to a Gmsh file."""
-
-    def write(folder: Path) -> Path:
-        meshio = pytest.importorskip("meshio")
-        source, target = folder / f"part{ending}", folder / "part.msh"
-        try:
-            mesh(meshio).write(source, **options)
-        except ImportError as error:
-            pytest.skip(str(error))
-        convert(source, target)
-        return target
-
-    return write
-
-
-def square_of(meshio: Any) -> Any:
-    return meshio.Mesh(np.array(SQUARE), [("triangle", np.array(CELLS) - 1)])
-
-
-def cube_of(meshio: Any) -> Any:
-    return meshio.Mesh(np.array(CUBE), [("hexahedron", np.arange(8)[None, :])])
-
-
 def xdmf(**options: Any) -> Callable[[Path], Path]:
     def write(folder: Path) -> Path:
         meshio = pytest.importorskip("meshio")
@@ -212,10 +187,6 @@ animal("tetrahedra of second order", Read({"sole": 1.0, "body": 1.0}, "with stra
 animal("triangles of third order", r"first or second order.*setOrder\(1\)")(
     with_gmsh(lambda model: plate(model, order=3))
 )
-for ending in (".vtk", ".vtu", ".mesh", ".bdf", ".su2", ".med"):
-    animal(f"triangles in {ending}", Read({"body": 4.0}))(converted(square_of, ending))
-    if ending != ".su2":
-        animal(f"a hexahedron in {ending}", Read({"body": 1.0}))(converted(cube_of, ending))
 animal("XDMF of meshio", Read({"Grid": 4.0}))(xdmf(data_format="HDF"))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -189,49 +188,6 @@ def test_parts_stand_where_their_instances_do_and_assemblies_name_their_sets(
     corners = _compat.entities_to_geometry(domain.mesh, 2, domain.facets(("Wall",)))
     walls = domain.mesh.geometry.x[corners]
     assert np.allclose(walls[..., 0], 1.0)
-
-
-def test_groups_of_salome_are_regions_and_parts(tmp_path: Path) -> None:
-    """MED keeps groups as families of cells and of nodes, facets as cells of their own."""
-    meshio = pytest.importorskip("meshio")
-    pytest.importorskip("h5py")
-    points = np.array([(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))])
-    mesh = meshio.Mesh(
-        points.astype(float),
-        [("hexahedron", [[0, 1, 2, 3, 4, 5, 6, 7]]), ("quad", [[0, 1, 2, 3], [4, 5, 6, 7]])],
-        point_data={"point_tags": np.array([0, 0, 0, 0, 2, 2, 2, 2])},
-        cell_data={"cell_tags": [np.array([-1]), np.array([-2, 0])]},
-    )
-    mesh.cell_tags, mesh.point_tags = {-1: ["steel"], -2: ["sole", "held"]}, {2: ["top"]}
-    mesh.write(tmp_path / "part.med")
-    warnings = convert(tmp_path / "part.med", tmp_path / "part.msh")
-    domain = from_file(tmp_path / "part.msh", MPI.COMM_SELF)
-    assert sizes(domain) == {"top": 1, "sole": 1, "held": 1}
-    assert list(domain.cell_names) == ["steel"] and len(warnings) == 1
-
-
-def test_sets_of_nodes_of_exodus_are_parts(tmp_path: Path) -> None:
-    meshio = pytest.importorskip("meshio")
-    pytest.importorskip("netCDF4")
-    points = [(x, y, z) for z in (0.0, 1.0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-    cells = [("hexahedron", [list(range(8))]), ("line", [[0, 1]])]
-    sole = {"sole": np.arange(4)}
-    meshio.write(tmp_path / "part.e", meshio.Mesh(points, cells, point_sets=sole))
-    warnings = convert(tmp_path / "part.e", tmp_path / "part.msh")
-    domain = from_file(tmp_path / "part.msh", MPI.COMM_SELF)
-    assert sizes(domain) == {"sole": 1} and list(domain.cell_names) == ["body"]
-    assert len(warnings) == 1 and warnings[0].endswith("left out: 1 line")
-
-
-@pytest.mark.parametrize(("ending", "module"), [(".med", "h5py"), (".e", "netCDF4")])
-def test_the_package_of_a_format_is_named_where_it_is_missing(
-    ending: str, module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pytest.importorskip("meshio")
-    monkeypatch.setitem(sys.modules, module, None)
-    (tmp_path / f"part{ending}").touch()
-    with pytest.raises(InputError, match=f"apt-get install python3-{module.lower()}"):
-        convert(tmp_path / f"part{ending}", tmp_path / "part.msh")
 
 
 def test_the_command_writes_the_file_and_a_study_tells_of_the_command(

@@ -185,7 +185,7 @@ def _nodal(points: ContactPoints) -> Any:
     own = slice(None if MPI.COMM_WORLD.rank == 0 else 0)
     return tuple(
         SimpleNamespace(
-            surface=SimpleNamespace(points=part.x[own], jump=None),
+            surface=SimpleNamespace(points=part.x[own], is_paired=False),
             smoothed_stress=-part.pressure[own],
             tool=None,
             travel=0.0,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain, takewhile
 from pathlib import Path
@@ -14,7 +14,66 @@ import numpy as np
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.laws.rigid_motion import rotation
-from contact_locking.mesh.file.foreign import KINDS, Block, ForeignMesh
+from contact_locking.mesh.cell_kind import (
+    HEXAHEDRON,
+    QUADRILATERAL,
+    TETRAHEDRON,
+    TRIANGLE,
+    CellKind,
+)
+
+#: Kinds, None for solids that no body may have, by dimension and nodes of a cell of any order.
+KINDS: Mapping[tuple[int, int], CellKind | None] = {
+    **dict.fromkeys(((2, 3), (2, 6), (2, 7)), TRIANGLE),
+    **dict.fromkeys(((2, 4), (2, 8), (2, 9)), QUADRILATERAL),
+    **dict.fromkeys(((3, 4), (3, 10)), TETRAHEDRON),
+    **dict.fromkeys(((3, 8), (3, 20), (3, 24), (3, 27)), HEXAHEDRON),
+    **dict.fromkeys(((3, 5), (3, 6), (3, 13), (3, 15)), None),
+}
+
+
+@dataclass(frozen=True)
+class Block:
+    """Cells that a deck calls by one ``name``.
+
+    ``nodes`` (k, n) are indices of points, the corners first, in the order of Gmsh.
+    """
+
+    name: str
+    dim: int
+    nodes: IntArray
+
+    @property
+    def kind(self) -> CellKind | None:
+        """The kind of the cells, None for one that no body may have."""
+        return KINDS[self.dim, self.nodes.shape[1]]
+
+    @property
+    def corners(self) -> IntArray:
+        return self.nodes[:, : self.kind.corners] if self.kind is not None else self.nodes
+
+
+@dataclass
+class DeckMesh:
+    """``points`` (m, 2 or 3), blocks of cells, and the sets by their names.
+
+    ``cell_sets`` have numbers of cells, block after block, ``point_sets`` indices of points, and
+    ``facet_sets`` lists of facets (f, c) by their corners.  ``left_out`` counts the elements
+    that are no cells, such as springs.
+    """
+
+    points: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    blocks: list[Block] = field(default_factory=list)
+    cell_sets: dict[str, IntArray] = field(default_factory=dict)
+    point_sets: dict[str, IntArray] = field(default_factory=dict)
+    facet_sets: dict[str, list[IntArray]] = field(default_factory=dict)
+    left_out: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def count(self) -> int:
+        """The number of cells of all blocks."""
+        return sum(len(block.nodes) for block in self.blocks)
+
 
 # The types of elements with the number of their nodes: solids, and those of planes and shells.
 _SOLID = re.compile(r"(?:DC3D|AC3D|C3D|SC)(\d+)")
@@ -63,7 +122,7 @@ class Card:
         return (self.scope if self.is_inside else "", word.upper())
 
 
-def read(source: Path) -> ForeignMesh:
+def read(source: Path) -> DeckMesh:
     """The mesh of a deck.  Raises InputError for one that cannot be read."""
     deck = _Deck()
     cards = _of_instances(_cards(source))
@@ -144,7 +203,7 @@ class _Deck:
     """What the cards have told so far; nodes and elements are numbered in their order."""
 
     def __init__(self) -> None:
-        self._mesh, self._points = ForeignMesh(), list[FloatArray]()
+        self._mesh, self._points = DeckMesh(), list[FloatArray]()
         # Nodes and elements by the numbers in the deck, of each instance, and the sets of these.
         self._numbers = {kind: defaultdict[str, dict[int, int]](dict) for kind in ("NSET", "ELSET")}
         self._sets = {kind: defaultdict[Name, list[int]](list) for kind in ("NSET", "ELSET")}
@@ -281,7 +340,7 @@ class _Deck:
                 chosen = sides if side is None else sides[int(side[1]) - 1 : int(side[1])]
                 facets += [block.nodes[inside][:, list(corners)] for corners in chosen]
 
-    def mesh(self) -> ForeignMesh:
+    def mesh(self) -> DeckMesh:
         """The mesh, with the names of sets as they are spelled, and of an instance if need be."""
         mesh = self._mesh
         mesh.points = np.concatenate([mesh.points, *self._points])

@@ -1,4 +1,4 @@
-"""Meshes of other programs, such as Abaqus, CalculiX, Salome, MOOSE and VTK, written as Gmsh files.
+"""Decks of Abaqus and CalculiX, written as Gmsh files.
 
 Sets of cells become regions; sets of nodes, surfaces and sets of facets parts of the boundary.
 """
@@ -15,23 +15,20 @@ from contact_locking.arrays import BoolArray, IntArray
 from contact_locking.errors import InputError, explained
 from contact_locking.files.atomic import staging
 from contact_locking.mesh.cell_kind import CellKind
-from contact_locking.mesh.file import abaqus, foreign
-from contact_locking.mesh.file.foreign import ForeignMesh
+from contact_locking.mesh.file import abaqus
+from contact_locking.mesh.file.abaqus import DeckMesh
 from contact_locking.mesh.file.topology import keys
 from contact_locking.meshes.session import check_complete, empty_model
 
-_DECK = ".inp"
-#: Of the files of other programs that can be read; meshio reads all but decks.
-ENDINGS = frozenset(
-    (_DECK, ".bdf", ".cgns", ".e", ".exo", ".fem", ".med", ".mesh", ".nas", ".su2", ".vtk", ".vtu")
-)
+#: The endings of decks.
+ENDINGS = (".inp",)
 
 #: A kind of elements, the name of a group, and its elements (k, c) by their corners.
 Group = tuple[CellKind, str, IntArray]
 
 
 def convert(source: Path, target: Path) -> list[str]:
-    """Write the mesh of ``source``, of another program, as a Gmsh file; returns warnings.
+    """Write the mesh of the deck ``source`` as a Gmsh file; returns warnings.
 
     The cells of the highest dimension are the body, by their corners.  A region is named after the
     sets that its cells are in, joined by +; a set of all cells names those that are in no other
@@ -42,7 +39,7 @@ def convert(source: Path, target: Path) -> list[str]:
     """
     if not source.is_file():
         raise InputError(f"there is no such file: {source}")
-    mesh = (abaqus if source.suffix.lower() == _DECK else foreign).read(source)
+    mesh = abaqus.read(source)
     dim = max((block.dim for block in mesh.blocks), default=0)
     kind = _kind(mesh, dim, source)
     cells = np.concatenate([block.corners for block in mesh.blocks if block.dim == dim])
@@ -63,7 +60,7 @@ def convert(source: Path, target: Path) -> list[str]:
     return [f"{source}: {text}" for text in warnings]
 
 
-def _kind(mesh: ForeignMesh, dim: int, source: Path) -> CellKind:
+def _kind(mesh: DeckMesh, dim: int, source: Path) -> CellKind:
     """The kind of the body's cells."""
     of_body = [block for block in mesh.blocks if block.dim == dim > 1]
     kinds = {block.kind for block in of_body}
@@ -79,7 +76,7 @@ def _kind(mesh: ForeignMesh, dim: int, source: Path) -> CellKind:
     )
 
 
-def _regions(mesh: ForeignMesh, kind: CellKind, cells: IntArray) -> list[Group]:
+def _regions(mesh: DeckMesh, kind: CellKind, cells: IntArray) -> list[Group]:
     """The cells of each region."""
     is_cell = np.concatenate([np.full(len(b.nodes), b.dim == kind.dim) for b in mesh.blocks])
     has: dict[str, BoolArray] = {}
@@ -98,7 +95,7 @@ def _regions(mesh: ForeignMesh, kind: CellKind, cells: IntArray) -> list[Group]:
     return [(kind, name, cells[number.reshape(-1) == k]) for k, name in enumerate(names)]
 
 
-def _parts(mesh: ForeignMesh, kind: CellKind, cells: IntArray) -> tuple[list[Group], list[str]]:
+def _parts(mesh: DeckMesh, kind: CellKind, cells: IntArray) -> tuple[list[Group], list[str]]:
     """The facets of each part of the boundary, and the names of those that have none."""
     count, of = len(mesh.points), kind.facet
     every = kind.facets_of(cells[:, list(kind.gmsh_order)])[:, list(of.gmsh_order)]
@@ -137,7 +134,7 @@ def _parts(mesh: ForeignMesh, kind: CellKind, cells: IntArray) -> tuple[list[Gro
     return [(of, name, rows) for name, rows in found.items() if len(rows)], empty
 
 
-def _write(target: Path, mesh: ForeignMesh, cells: IntArray, groups: Sequence[Group]) -> None:
+def _write(target: Path, mesh: DeckMesh, cells: IntArray, groups: Sequence[Group]) -> None:
     import gmsh
 
     used = np.unique(cells)

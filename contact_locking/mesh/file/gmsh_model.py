@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh.cell_kind import KINDS, TRIANGLE, CellKind
+from contact_locking.mesh.cell_kind import KINDS, CellKind
 from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.places import ONE_KIND
 from contact_locking.meshes import empty_model
@@ -39,7 +39,13 @@ def extract(model: Any, origin: str) -> MeshData:
     order = np.argsort(numbers)
     numbers = numbers[order].astype(np.int64)
     points = coordinates.reshape(-1, 3)[order]
-    kind, number = _kind(model, dim, origin)
+    found = [int(number) for number in model.mesh.getElementTypes(dim)]
+    if len(found) > 1:
+        names = [model.mesh.getElementProperties(number)[0].lower() for number in found]
+        raise InputError(f"{origin} has cells of several kinds ({', '.join(names)}); {ONE_KIND}")
+    kind = _kind_of(model, found[0])
+    if kind is None:
+        raise _unsupported(model, origin, found[0], model.mesh.getElements(dim)[1][0][0])
     cells, facets = (_elements(model, k, numbers, origin) for k in (kind, kind.facet))
     if dim == 2:
         height = points[0, 2]
@@ -56,7 +62,7 @@ def extract(model: Any, origin: str) -> MeshData:
         ones = np.ones_like(cells.groups)
         cells = MeshElements(cells.nodes, cells.numbers, ones, {_WHOLE: (1,)})
     mesh = MeshData(dim, np.ascontiguousarray(points[:, :dim]), numbers, cells, facets)
-    return mesh if number == kind.gmsh else _with_straight_sides(mesh)
+    return mesh if found[0] == kind.gmsh else _with_straight_sides(mesh)
 
 
 def _with_straight_sides(mesh: MeshData) -> MeshData:
@@ -70,41 +76,10 @@ def _with_straight_sides(mesh: MeshData) -> MeshData:
     return MeshData(mesh.dim, mesh.points[kept], mesh.numbers[kept], cells, facets, (told,))
 
 
-def triangles(model: Any, origin: str) -> FloatArray:
-    """The corners (n, 3, 3) of all triangles of the surfaces of a model.
-
-    Raises InputError for surfaces without triangles, and for elements of other kinds.
-    """
-    numbers, coordinates, _ = model.mesh.getNodes()
-    order = np.argsort(numbers)
-    found = []
-    for kind, tags, nodes in zip(*model.mesh.getElements(2), strict=True):
-        if kind != TRIANGLE.gmsh:
-            raise InputError(f"{origin}: {_unsupported(model, TRIANGLE, kind, tags[0])}")
-        rows = np.searchsorted(numbers[order], nodes)
-        found.append(coordinates.reshape(-1, 3)[order][rows].reshape(-1, 3, 3))
-    if not found:
-        raise InputError(f"{origin} holds no triangles")
-    return np.concatenate(found)
-
-
-def _kind(model: Any, dim: int, origin: str) -> tuple[CellKind, int]:
-    """The kind of all cells and their number in Gmsh; raises InputError for several kinds."""
-    found = [int(kind) for kind in model.mesh.getElementTypes(dim)]
-    if len(found) > 1:
-        names = [model.mesh.getElementProperties(kind)[0].lower() for kind in found]
-        raise InputError(f"{origin} has cells of several kinds ({', '.join(names)}); {ONE_KIND}")
-    for kind in KINDS.values():
-        if _has_corners_of(model, kind, found[0]):
-            return kind, found[0]
-    _, (tags, *_), _ = model.mesh.getElements(dim)
-    raise InputError(f"{origin}: {_unsupported(model, None, found[0], tags[0])}")
-
-
-def _has_corners_of(model: Any, kind: CellKind, number: int) -> bool:
-    """Whether elements of this number in Gmsh are of the kind, of first or second order."""
+def _kind_of(model: Any, number: int) -> CellKind | None:
+    """The kind of elements of this number in Gmsh, None beyond the second order."""
     _, dim, order, _, _, corners = model.mesh.getElementProperties(number)
-    return bool(dim == kind.dim and corners == kind.corners and order <= 2)
+    return KINDS.get((dim, corners)) if order <= 2 else None
 
 
 def _elements(model: Any, kind: CellKind, node_numbers: IntArray, origin: str) -> MeshElements:
@@ -122,8 +97,8 @@ def _elements(model: Any, kind: CellKind, node_numbers: IntArray, origin: str) -
 
     def add(entity: int, group: int) -> None:
         for number, tags, corners in zip(*model.mesh.getElements(dim, entity), strict=True):
-            if not _has_corners_of(model, kind, number):
-                raise InputError(f"{origin}: {_unsupported(model, kind, number, tags[0])}")
+            if _kind_of(model, number) is not kind:
+                raise _unsupported(model, origin, number, tags[0])
             numbers.append(tags.astype(np.int64))
             rows = np.searchsorted(node_numbers, corners.astype(np.int64))
             # The corners come first.
@@ -151,21 +126,13 @@ def _elements(model: Any, kind: CellKind, node_numbers: IntArray, origin: str) -
     )
 
 
-def _unsupported(model: Any, wanted: CellKind | None, kind: int, number: int) -> str:
-    """Why elements of this kind are not read, and the way out if there is one.
-
-    ``wanted`` is the kind that fits the others, None for any.
-    """
-    shape, dim, _, _, _, corners = model.mesh.getElementProperties(kind)
-    known = [wanted] if wanted else [one for one in KINDS.values() if one.dim == dim]
-    plurals = " and ".join(one.plural for one in known)
-    text = (
-        f"only {plurals} of first or second order are supported here, element {number} is a "
-        f"{shape} in Gmsh's words"
+def _unsupported(model: Any, origin: str, number: int, element: int) -> InputError:
+    """Why elements of this number in Gmsh are not read, and the way out."""
+    shape = model.mesh.getElementProperties(number)[0]
+    return InputError(
+        f"{origin}: element {element} is a {shape} in Gmsh's words; cells are of first or second "
+        f"order (gmsh.model.mesh.setOrder(1) before the mesh is saved), and {ONE_KIND}"
     )
-    if corners in [one.corners for one in known]:
-        return f"{text}; call gmsh.model.mesh.setOrder(1) before the mesh is saved"
-    return f"{text}; {ONE_KIND}"
 
 
 def _name(model: Any, dim: int, tag: int, origin: str) -> str:
@@ -197,11 +164,10 @@ def limit_process() -> None:
         resource.setrlimit(kind, (min(limits), hard))
 
 
-def main(source: str, target: str, origin: str, what: str) -> int:
+def main(source: str, target: str, origin: str) -> int:
     """Read the mesh in ``source`` and save its arrays in ``target``; returns the exit code.
 
-    ``origin`` names the mesh for messages, and ``what`` is the ``body``, or the ``triangles`` of a
-    surface.  The message of an InputError is printed.
+    ``origin`` names the mesh for messages.  The message of an InputError is printed.
     """
     import gmsh
 
@@ -212,10 +178,7 @@ def main(source: str, target: str, origin: str, what: str) -> int:
             except Exception as error:  # Gmsh raises Exception itself
                 said = str(error).replace(source, origin)
                 raise InputError(f"Gmsh cannot read {origin}: {said}") from error
-            if what == "triangles":
-                np.savez(target, corners=triangles(model, origin))
-            else:
-                extract(model, origin).save(Path(target))
+            extract(model, origin).save(Path(target))
     except InputError as error:
         sys.stdout.buffer.write(str(error).encode("utf-8", errors="backslashreplace"))
         return error.exit_code

@@ -21,9 +21,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-import numpy as np
-
-from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
 from contact_locking.files.readable import require_file
 from contact_locking.mesh.file.conversion import ENDINGS
@@ -85,25 +82,9 @@ def read(path: Path) -> MeshData:
 
     Raises InputError with the name of the file if it is not a mesh or cannot be read.
     """
-    with _read(path, "body") as arrays:
-        return MeshData.load(arrays)
-
-
-def read_triangles(path: Path) -> FloatArray:
-    """The corners (n, 3, 3) of the triangles in a mesh file, not checked yet; for one process.
-
-    Raises InputError with the name of the file if it has no triangles or cannot be read.
-    """
-    with _read(path, "triangles") as arrays, np.load(arrays, allow_pickle=False) as file:
-        return np.asarray(file["corners"])
-
-
-@contextmanager
-def _read(path: Path, what: str) -> Iterator[Path]:
-    """The file of arrays that the process has written; it lasts until the block ends."""
     with trusted_copy(path) as copy:
         target = copy.with_name("arrays.npz")
-        words = [sys.executable, "-P", "-m", _PROGRAM, str(copy), str(target), str(path), what]
+        words = [sys.executable, "-P", "-m", _PROGRAM, str(copy), str(target), str(path)]
         done = subprocess.run(
             words,
             stdin=subprocess.DEVNULL,
@@ -121,7 +102,7 @@ def _read(path: Path, what: str) -> Iterator[Path]:
                 f"Gmsh cannot read {path}: it {_end(done.returncode)}"
                 f"{' and said: ' if last else ''}{' '.join(last.split())}"
             )
-        yield target
+        return MeshData.load(target)
 
 
 def _environment() -> dict[str, str]:

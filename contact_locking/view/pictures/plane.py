@@ -16,8 +16,7 @@ from matplotlib.path import Path
 from matplotlib.tri import Triangulation
 
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.results.contact_points import ContactPoints
-from contact_locking.results.ordering import curves
+from contact_locking.results.contact_points import ContactPoints, curves
 from contact_locking.view.pictures import style
 from contact_locking.view.pictures.snapshot import ContactMap, Snapshot, tool, touched
 

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from contact_locking.arrays import AXES, FloatArray, IntArray
 from contact_locking.errors import with_key
 from contact_locking.results.contact_points import ContactPoints
-from contact_locking.results.ordering import curves as ordered
+from contact_locking.results.contact_points import curves as ordered
 from contact_locking.results.quantities import QUANTITIES, Quantity
 from contact_locking.results.table import Table
 from contact_locking.view.pictures import plane, style
