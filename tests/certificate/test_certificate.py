@@ -17,6 +17,7 @@ from contact_locking.certificate.verdict import certify
 from contact_locking.contact.smoothing import ConvolutionOperator
 from contact_locking.laws.convex import normal_part, positive_part, unit_ball_excess
 from contact_locking.penalty_method import equations
+from contact_locking.process import problem_solver
 from contact_locking.running import solving
 
 Tamper = Callable[[SolvedState], None]
@@ -77,7 +78,7 @@ def test_a_tampered_solution_is_not_converged_and_the_reason_names_what_failed(
         tamper(state)
         return certify(state, *more)
 
-    monkeypatch.setattr(solving, "certify", tampered)
+    monkeypatch.setattr(problem_solver, "certify", tampered)
     summary = solving.solve(block(penalty__n=n)).summary
     criteria = summary["certificate"]["criteria"]
     failed = {name for name, entry in criteria.items() if not entry["holds"]}

@@ -98,14 +98,14 @@ def test_the_certificate_judges_each_contact(
     tampered: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from contact_locking.certificate.verdict import certify
-    from contact_locking.running import solving
+    from contact_locking.process import problem_solver
 
     def tamper(state: Any, *more: Any) -> Any:
         fields = state.contacts[tampered]
         fields.pressure = 1.1 * fields.pressure
         return certify(state, *more)
 
-    monkeypatch.setattr(solving, "certify", tamper)
+    monkeypatch.setattr(problem_solver, "certify", tamper)
     entries = [{"on": "bottom"}, {"on": "top", "gap": -0.003}]
     summary = solve(between(2, entries)).summary
     criteria = summary["certificate"]["criteria"]

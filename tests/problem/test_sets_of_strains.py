@@ -17,6 +17,7 @@ from slow import slow
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.certificate.verdict import certify
+from contact_locking.process import problem_solver
 from contact_locking.running import solving
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
@@ -194,7 +195,7 @@ def test_a_half_space_that_pulls_is_caught(monkeypatch: pytest.MonkeyPatch) -> N
         state.body.locking_parts[1].x.array[:] -= 0.01
         return certify(state, *more)
 
-    monkeypatch.setattr(solving, "certify", tampered)
+    monkeypatch.setattr(problem_solver, "certify", tampered)
     limit = {"norm": "direction", "along": [1, 0], "at_most": 0.005}
     summary = solving.solve(block(2, 0.25, material=material(limit), penalty__n=1e3)).summary
     criteria = summary["certificate"]["criteria"]
