@@ -71,9 +71,15 @@ class Body:
             numbers = np.unique(domain.parts[domain.owners(domain.facets(part.on))])
             bodies = set[int]().union(*domain.comm.allgather(numbers.tolist()))
             if part.against and set(part.on) == set(part.against) and len(bodies) < 2:
+                normals, _ = domain.area_normals(domain.facets(part.on))
+                squares = domain.comm.allreduce(normals.T @ normals)
+                across = (np.round(np.linalg.eigh(squares)[1][:, -1], 2) + 0.0).tolist()
+                first, name = part.on[0], ", ".join(part.on)
                 raise InputError(
-                    f"{', '.join(part.on)} belongs to one body; where it holds both lips of a cut, "
-                    "give each lip a name, by mesh.parts with facing, for on and for against",
+                    f"{name} belongs to one body; where it holds both lips of a cut, give each lip "
+                    f"a name, by mesh.parts: {{{first}_1: {{on: [{name}], facing: {across}}}, "
+                    f"{first}_2: {{on: [{name}], facing: {[-item for item in across]}}}}}, for on "
+                    "and for against",
                     f"{part.key}.against",
                 )
 
@@ -83,7 +89,10 @@ class Body:
         A script may do so: contact then has nothing to do there.
         """
         domain = self.domain
-        facets = [np.empty(0, dtype=np.int32), *(domain.facets(part.on) for part in contacts)]
+        facets = [
+            np.empty(0, dtype=np.int32),
+            *(domain.facets(part.on, f"{part.key}.on") for part in contacts),
+        ]
         on_contact = np.concatenate(facets)
         for condition in self.held:
             both = np.intersect1d(domain.facets(condition.on, f"{condition.key}.on"), on_contact)
@@ -124,7 +133,7 @@ class Body:
             mu = None if contact.friction is None else contact.friction.coefficient
             if mu is None or mu.expression is None:
                 continue
-            key = f"{contact.key}.friction.coefficient"
+            key = contact.friction_key("coefficient")
             facets = Entities.of(domain, domain.dim - 1, domain.facets(contact.on))
             # Friction may begin with the slip; from the size of the body on the slip is as good as
             # endless.

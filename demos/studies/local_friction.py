@@ -30,6 +30,7 @@ RADII = (0.4, 0.2, 0.1, 0.05, 0.025)
 def solved(divisions: int, smoothing: str, domain: Domain | None = None) -> StudySolution:
     """The block on a grid, or on a mesh that there is already."""
     changes = [f"mesh.h={1.0 / divisions!r}", "penalty.n=.inf", f"friction.smoothing={smoothing}"]
+    changes.append("solver.method=auto")
     parameters = load(FILE, changes).parameters
     solution = solve_assembled(assemble(parameters, MPI.COMM_WORLD, domain))
     if not solution.converged:

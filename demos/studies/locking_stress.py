@@ -30,6 +30,7 @@ COARSEST = 8
 def solved(divisions: int) -> StudySolution:
     """The block on a grid of ``divisions`` squares along each side."""
     changes = [f"mesh.h={1.0 / divisions!r}", "penalty.n=.inf", "certificate.limit=false"]
+    changes.append("solver.method=auto")
     solution = solve(load(FILE, changes).parameters)
     if not solution.converged:
         raise SystemExit(f"h = 1/{divisions}: {solution.summary['reason']}")

@@ -154,7 +154,7 @@ def test_the_contraction_factor_is_the_mean_ratio_of_changes_without_the_first()
     [
         ({"penalty__n": math.inf}, "penalty.n"),
         ({"discretisation__degree": 2}, "discretisation.degree"),
-        ({"friction__regularisation": 0.0}, "contact.friction.regularisation"),
+        ({"friction__regularisation": 0.0}, "friction.regularisation"),
         ({"loads__displacements": [{"on": "left", "value": [0, None]}]}, "loads.displacements"),
     ],
 )

@@ -48,10 +48,6 @@ WRONG = [
     ("loads.tractions", [{"on": "top", "value": [None, 1]}]),
     ("loads.displacements", [{"on": "top", "value": [0, 0, 0]}]),
     ("loads.displacements", [{"on": "top", "value": [None, None]}]),
-    (
-        "loads.displacements",
-        [{"on": "top", "value": [0, None]}, {"on": ["left", "top"], "value": [1, 1]}],
-    ),
     ("output.directory", "d" * 3901),
     ("study", {"vary": {f"k{k}": [1] for k in range(101)}}),
     ("contact.on", "botom"),

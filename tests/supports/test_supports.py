@@ -79,11 +79,8 @@ def test_a_support_along_an_axis_is_the_condition_for_the_component(dim: int, al
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(
-    "solver", [{"method": "penalty"}, {"linear": "iterative", "tolerance": 1e-10}]
-)
-def test_every_solver_keeps_the_held_directions(solver: dict[str, Any]) -> None:
-    rotation = turn(2)
+def test_iterative_solvers_keep_the_held_directions() -> None:
+    rotation, solver = turn(2), {"linear": "iterative", "tolerance": 1e-10}
     found, wanted = solved(2, rotation, "given", solver=solver), unturned(2, 1, 1e3)
     assert differ(nodal(found) @ rotation, nodal(wanted)) < 1e-6
     normal = rotation[:, 0]
