@@ -73,7 +73,7 @@ class Body:
             if part.against and set(part.on) == set(part.against) and len(bodies) < 2:
                 normals, _ = domain.area_normals(domain.facets(part.on))
                 squares = domain.comm.allreduce(normals.T @ normals)
-                across = (np.round(np.linalg.eigh(squares)[1][:, -1], 2) + 0.0).tolist()
+                across = [round(float(share), 2) for share in np.linalg.eigh(squares)[1][:, -1]]
                 first, name = part.on[0], ", ".join(part.on)
                 raise InputError(
                     f"{name} belongs to one body; where it holds both lips of a cut, give each lip "
