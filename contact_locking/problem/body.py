@@ -73,12 +73,14 @@ class Body:
             if part.against and set(part.on) == set(part.against) and len(bodies) < 2:
                 normals, _ = domain.area_normals(domain.facets(part.on))
                 squares = domain.comm.allreduce(normals.T @ normals)
-                across = [round(float(share), 2) for share in np.linalg.eigh(squares)[1][:, -1]]
+                across = [
+                    round(float(share), 2) + 0.0 for share in np.linalg.eigh(squares)[1][:, -1]
+                ]
                 first, name = part.on[0], ", ".join(part.on)
                 raise InputError(
                     f"{name} belongs to one body; where it holds both lips of a cut, give each lip "
                     f"a name, by mesh.parts: {{{first}_1: {{on: [{name}], facing: {across}}}, "
-                    f"{first}_2: {{on: [{name}], facing: {[-item for item in across]}}}}}, for on "
+                    f"{first}_2: {{on: [{name}], facing: {[0.0 - item for item in across]}}}}}, for on "
                     "and for against",
                     f"{part.key}.against",
                 )
