@@ -71,17 +71,19 @@ class Body:
             numbers = np.unique(domain.parts[domain.owners(domain.facets(part.on))])
             bodies = set[int]().union(*domain.comm.allgather(numbers.tolist()))
             if part.against and set(part.on) == set(part.against) and len(bodies) < 2:
-                normals, _ = domain.area_normals(domain.facets(part.on))
+                facets = domain.facets(part.on)
+                owned = domain.mesh.topology.index_map(domain.dim - 1).size_local
+                normals, _ = domain.area_normals(facets[facets < owned])
                 squares = domain.comm.allreduce(normals.T @ normals)
-                across = [
-                    round(float(share), 2) + 0.0 for share in np.linalg.eigh(squares)[1][:, -1]
-                ]
+                across = np.round(np.linalg.eigh(squares)[1][:, -1], 2)
                 first, name = part.on[0], ", ".join(part.on)
+                lips = ", ".join(
+                    f"{first}_{number}: {{on: [{name}], facing: {list(map(float, way + 0.0))}}}"
+                    for number, way in ((1, across), (2, -across))
+                )
                 raise InputError(
                     f"{name} belongs to one body; where it holds both lips of a cut, give each lip "
-                    f"a name, by mesh.parts: {{{first}_1: {{on: [{name}], facing: {across}}}, "
-                    f"{first}_2: {{on: [{name}], facing: {[0.0 - item for item in across]}}}}}, for on "
-                    "and for against",
+                    f"a name, by mesh.parts: {{{lips}}}, for on and for against",
                     f"{part.key}.against",
                 )
 
