@@ -108,8 +108,8 @@ def test_study_file_converges(name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "n"),
     [
-        *(slow(name, "1e8") for name in COARSE),
-        # The method of the paper, which shows its contraction factor, takes a finite n.
+        # The method of the paper, which shows its contraction factor, is for n up to about 1e6.
+        *(slow(name, "1e8") for name in COARSE if name != "slip_friction"),
         *((name, ".inf") for name in PENALISED if name != "slip_friction"),
     ],
 )
