@@ -38,6 +38,7 @@ COARSE = {
         *("mesh.width=4.02", "mesh.count=7", "mesh.seed=1"),
         "contact.1.foundation.polyline=[[4.02, 20], [4.02, 0], [0, 0], [0, 20]]",
         "contact.2.foundation.half_space.point=[0, 8.894]",
+        *("steps.to=4", "steps.count=4"),
         *PLAIN,
     ),
     "soft_fingers": ("mesh.h=0.25", "mesh.h_contact=0.2", "steps.count=2", *PLAIN),
