@@ -43,7 +43,7 @@ class Pressure(OnBoundary):
 
 
 class TotalForce(OnBoundary):
-    """int sigma nu = F on a part of the boundary, spread evenly: sigma nu = F / |part|.
+    """``int sigma nu = F`` on a part of the boundary, spread evenly: ``sigma nu = F/|part|``.
 
     The parts in ``on`` share the force by their sizes.
     """
