@@ -1,4 +1,4 @@
-"""The time of the guaranteed error bound beside one linear elastic solve, for docs/certificate.md.
+"""The time of the guaranteed error bound beside one linear elastic solve, for docs/notes/bounds.md.
 
     ./in-env python3 benchmarks/bound_cost.py    a minute
 

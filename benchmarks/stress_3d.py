@@ -1,4 +1,4 @@
-"""The system of equilibrated stresses in 3D beside one elastic solve, for docs/certificate.md.
+"""The system of equilibrated stresses in 3D beside one elastic solve, for docs/notes/bounds.md.
 
     ./in-env python3 benchmarks/stress_3d.py [--full] [--uneven] 4 6 12      divisions of a cube
 

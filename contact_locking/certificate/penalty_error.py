@@ -25,7 +25,7 @@ def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
         eta^2 = a(w - u, w - u)/2 + int (M |Z| - Z : eps(w)) + int p (gap - w_nu)
                 + int (G |w_tau - u_old| - t . (w_tau - u_old)).
 
-    The proof, and how w is found, are in docs/certificate.md.  Returns ``energy_norm``, a bound of
+    The proof, and how w is found, are in docs/notes/bounds.md.  Returns ``energy_norm``, a bound of
     ``sqrt(a(u - u*, u - u*))``; ``relative``, this bound over the energy norm of u; and
     ``displacement_norm``, a bound of ``|u - u*|_V``; or None with a ``reason``.  Collective; takes
     one factorisation.

@@ -65,7 +65,7 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
     """The a priori bounds of Lemma 4.5 iii and Theorem 4.9 a)-c), with their sharp constants.
 
     They bound ``|u|_V``, ``int M |Z|``, ``|Z|^2/2n`` and ``eps |p|^2``, as sums over all sets of
-    strains.  The proofs in docs/certificate.md test with ``v = u - w`` for an admissible field w
+    strains.  The proofs in docs/notes/bounds.md test with ``v = u - w`` for an admissible field w
     without slip.
 
     Each entry holds ``value``, ``bound`` and ``holds``.  If no bound is proved, ``bound`` and
@@ -148,7 +148,7 @@ def _measured(state: SolvedState) -> dict[str, float]:
 def _held_bounds(state: SolvedState, w: fem.Function | None) -> dict[str, float]:
     """The bounds, with an admissible field w or None for zero.
 
-    Friction does the work ``-F`` at least (:func:`_remembered`); docs/certificate.md has F = 0.
+    Friction does the work ``-F`` at least (:func:`_remembered`); docs/notes/bounds.md has F = 0.
     """
     alpha = state.problem.material.ellipticity
     load, friction = dual_norm(state, w), _remembered(state)

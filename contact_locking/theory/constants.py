@@ -5,7 +5,7 @@ If ``kappa = c rho`` is below 1, no other displacement solves the problem on thi
 ``rho = max |w_g|_a / |g|`` over the values g at the nodes where friction acts, with the norms on
 Gamma_C by the weights of the nodes.  w_g has ``w_nu = R* (mu g)`` and ``w_tau = 0`` on Gamma_C, is
 zero on Gamma_D and in all cells that can lock, and has the least elastic energy of such fields.
-The proof is in docs/certificate.md.
+The proof is in docs/notes/bounds.md.
 """
 
 from __future__ import annotations
@@ -237,7 +237,7 @@ def _uniqueness(state: SolvedState, found: dict[str, Any], wanted: bool) -> dict
 
         mu* |R| c_0 < 2 sqrt(eps (alpha - L_mu |R sigma_nu|_inf c_0^2)),
 
-    the condition of Theorem 4.2 with an explicit constant (docs/certificate.md).  The norms on
+    the condition of Theorem 4.2 with an explicit constant (docs/notes/bounds.md).  The norms on
     Gamma_C use the nodal weights, c_0 is the constant of the discrete fields, approached from
     below, and mu* and L_mu may be sampled.  The verdict is therefore about the discrete problem,
     and as certain as these numbers, which ``found`` has.

@@ -1,6 +1,6 @@
 """A proved upper bound of the energy norm of the whole error, for the frozen friction bound.
 
-The problem of the bound, its proof and all choices are in docs/certificate.md.  So is the proof
+The problem of the bound, its proof and all choices are in docs/notes/bounds.md.  So is the proof
 that no displacement of the body follows the prescribed values, on no mesh: no field follows the
 multiple f of them for ``f > (int M |s| + int p gap)/int s nu . u_D``, with any stress s in balance
 that has the traction ``-p nu``, ``p >= 0``, on Gamma_C.
