@@ -303,7 +303,7 @@ class InteriorPoint:
         self._iterate = Iterate(tangent, tuning.band)
         self._iterate.soften(0.0)
         self._moving = [bound for bound in bounds if self.bound_moves and bound.friction.takes_part]
-        settings, foresees = task.settings, self.approach.foresees
+        settings, foresees = task.settings, self.approach.trusts_newton
         self._search = Search(self._iterate, self._moving, tuning, settings, foresees)
         return False
 
