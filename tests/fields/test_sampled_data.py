@@ -92,11 +92,11 @@ def test_a_load_that_is_mostly_lost_is_refused(load: str) -> None:
 _POLES: dict[str, tuple[str, Any, str]] = {
     "a gap": ("contact__gap", "1/(x - 0.23)", "contact.gap"),
     "a small pole of a gap": ("contact__gap", "0.1 + 1e-3/(x - 0.23)", "contact.gap"),
-    "friction": ("friction__coefficient", "0.3/abs(x - 0.5)", "contact.friction.coefficient"),
+    "friction": ("friction__coefficient", "0.3/abs(x - 0.5)", "friction.coefficient"),
     "friction at a node": (
         "friction__coefficient",
         "0.3/abs(x - 0.39)",
-        "contact.friction.coefficient",
+        "friction.coefficient",
     ),
     "a limit": ("material__locking_limit", "0.02/abs(x - 0.5)", "material.locking_limit"),
     "an elasticity": (
@@ -142,13 +142,13 @@ _JUMPS: dict[str, tuple[str, Any, str, str]] = {
     "friction": (
         "friction__coefficient",
         "0.3 if x < 0.43 else 0.1",
-        "contact.friction.coefficient",
+        "friction.coefficient",
         "facet",
     ),
     "friction in a spot": (
         "friction__coefficient",
         "0.3*exp(-((x - 0.5)/0.01)**2)",
-        "contact.friction.coefficient",
+        "friction.coefficient",
         "facet",
     ),
     "a limit": (
