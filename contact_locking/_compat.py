@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem, graph
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 from dolfinx.cpp.mesh import cell_entity_type, cell_num_vertices
 from petsc4py import PETSc
@@ -81,16 +81,6 @@ def point_owners(data: Any) -> IndexArray:
     """The ranks that own the points of interpolation data; -1 where no rank owns the point."""
     owners = data.src_owner
     return np.asarray(owners() if callable(owners) else owners)
-
-
-def no_redistribution(comm: Any, parts: int, types: Any, cells: Any) -> Any:
-    """The partition of a new mesh that leaves each cell on its rank.
-
-    DOLFINx 0.11 has a class of Python around the list.
-    """
-    count = len(cells[0]) // cell_num_vertices(types[0])
-    ranks = graph.adjacencylist(np.full((count, 1), comm.rank, dtype=np.int32))
-    return getattr(ranks, "_cpp_object", ranks)
 
 
 def checkpoint_library() -> Any:

@@ -47,7 +47,7 @@ class ContactOperator:
         #: The same by the numbers of the blocks among those of :meth:`at_blocks`.
         self.local = csr_matrix((rows.data, places.reshape(-1), rows.indptr), shape=shape)
         is_nodal = len(rows.data) == rows.shape[0] and bool(np.all(rows.data == 1.0))
-        # Of nodal values, where sparse products would take most of the time.
+        # Nodal values are picked by their places: a sparse product takes longer.
         self._nodal = self.local.indices if is_nodal and np.all(np.diff(rows.indptr)) else None
         self._gathered = PETSc.Vec().createSeq(self.dim * len(blocks), bsize=self.dim)
         taken = PETSc.IS().createBlock(self.dim, blocks.astype(PETSc.IntType), PETSc.COMM_SELF)

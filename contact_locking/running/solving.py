@@ -55,7 +55,7 @@ def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None 
 
 
 class Follower(Protocol):
-    """What a study asks for beside each of its solutions; collective."""
+    """Further results that a study asks for after each of its solutions; collective."""
 
     def after(self, solution: StudySolution, report: SolverReport) -> StudySolution:
         """The solution with what is added to it."""

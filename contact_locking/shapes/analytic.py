@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Annotated
 
 import numpy as np
@@ -85,10 +85,6 @@ class Cylinder(Sphere):
             return radial
         axis = _unit(self.axis or (0.0, 1.0, 0.0))
         return radial - np.outer(axis, axis @ radial)
-
-
-#: Maps points (d, k) to f (k,) and its gradient (d, k).
-WithGradient = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 class LevelSet(Shape):

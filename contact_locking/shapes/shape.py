@@ -1,4 +1,4 @@
-"""What every shape of a foundation is, for scripts and study files."""
+"""The base class of the shapes of foundations, for scripts and study files."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Shape(Concept):
 
     @property
     def warnings(self) -> list[str]:
-        """What is probably not intended about the shape."""
+        """Warnings about a shape that is probably not intended."""
         return []
 
 

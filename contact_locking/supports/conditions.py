@@ -188,7 +188,7 @@ class Constraints:
 
     @cached_property
     def conditions(self) -> list[fem.DirichletBC]:
-        """Those of DOLFINx for each component."""
+        """The conditions of DOLFINx for each component."""
         dim = self.space.dofmap.index_map_bs
         by_axis = [(i, self.dofs[self.dofs % dim == i]) for i in range(dim)]
         return [fem.dirichletbc(self._values, [d, d], self.space.sub(i)) for i, d in by_axis]

@@ -1,4 +1,4 @@
-"""What holds the body, for scripts and study files: supports, displacements and springs."""
+"""Supports, prescribed displacements and springs, for scripts and study files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from contact_locking.values.concept import PER_AXIS, Concept, Fault, entry, hidd
 from contact_locking.values.kinds import Along, Places, PositiveScalar, TimedScalar, components
 from contact_locking.values.value import Value
 
-#: What holds a part with contact along its surface.
+#: Advice for a part with contact that is to be held along its surface.
 HOLD_ALONG = (
     "null across it, as in [0, null], holds it along its surface, as do stiff loads.springs with "
     "along: a tangent"
@@ -19,7 +19,7 @@ HOLD_ALONG = (
 
 
 class OnBoundary(Concept):
-    """What acts on a part of the boundary.
+    """A condition or a load on a part of the boundary.
 
     ``on`` are names of boundary parts; in a script also local indices of exterior facets (k,), or a
     pair of mesh tags and a value.

@@ -1,1 +1,1 @@
-"""What concepts are made of: their base class, and the kinds of their values."""
+"""The base class of concepts, and the kinds of their values."""

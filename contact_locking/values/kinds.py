@@ -162,7 +162,7 @@ def _condition(value: Any) -> str:
 
 
 class Scope(NamedTuple):
-    """What expressions may use in the file that is being read: numbers and tables by name."""
+    """The names that expressions may use in the file that is being read: numbers and tables."""
 
     numbers: Mapping[str, float] = {}
     tables: Mapping[str, Table] = {}

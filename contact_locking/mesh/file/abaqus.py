@@ -200,7 +200,7 @@ def _of_instances(cards: Iterable[Card]) -> list[Card]:
 
 
 class _Deck:
-    """What the cards have told so far; nodes and elements are numbered in their order."""
+    """The data of the cards read so far; nodes and elements are numbered in their order."""
 
     def __init__(self) -> None:
         self._mesh, self._points = DeckMesh(), list[FloatArray]()

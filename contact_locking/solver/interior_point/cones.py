@@ -97,7 +97,7 @@ class Cone(ABC):
         """How far the points are from their laws, in the shape of x."""
 
     def sizes(self, deformation: float) -> FloatArray | None:
-        """What gaps are relative to, lengths to ``deformation``; None where they vanish."""
+        """The scale of gaps, which for lengths is ``deformation``; None where gaps vanish."""
         return None
 
     # The Newton step.
