@@ -20,7 +20,7 @@ from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.strain_sets import NormSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.body_fields import BodyFields
-from contact_locking.results.derived import ContactFields, penalised
+from contact_locking.results.derived import ContactFields
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.task import SolverReport, Target
 
@@ -48,8 +48,7 @@ class Criterion:
 class SolvedState:
     """A problem with its solution ``problem.u``, its multipliers and the report of the solver.
 
-    Without multipliers in the report the stresses are those of the penalty laws.  The constructor
-    is collective.
+    The constructor is collective.
     """
 
     def __init__(
@@ -62,7 +61,8 @@ class SolvedState:
     ) -> None:
         self.problem, self.system = problem, system
         self.target, self.settings, self.report = target, settings, report
-        self.multipliers = report.multipliers or penalised(system)
+        assert report.multipliers is not None
+        self.multipliers = report.multipliers
         self.body = BodyFields(problem, system, self.multipliers)
         pairs = zip(problem.contacts, self.multipliers.contacts, strict=True)
         self.contacts = tuple(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.penalty_method.continuation import PenaltyPath, follow
@@ -45,7 +47,7 @@ def solve(task: Task, saved: SavedState | None = None) -> SolverReport:
     try:
         outcome = _along(PenaltyPath.towards(task.target), task, equations, stages)
     except NotConverged as failure:
-        reached = Outcome()
+        reached = Outcome(equations.multipliers())
         if isinstance(failure, Unsettled):
             reached = reached.settled(failure.change, failure.contraction)
         known = vars(reached) | vars(task.counts)
@@ -95,7 +97,7 @@ def _settled(newton: Newton, task: Task, equations: Equations) -> Outcome:
     if task.system.rubbing:
         outcome = outcome.settled(*fixed_point(task, equations, solve_tresca))
     newton.solve(tolerance)
-    return outcome
+    return replace(outcome, multipliers=equations.multipliers())
 
 
 def _enter(saved: SavedState, equations: Equations) -> None:
@@ -104,7 +106,8 @@ def _enter(saved: SavedState, equations: Equations) -> None:
     system.u.x.array[:] = saved.displacement
     system.constraints.apply(system.u)
     equations.set_penalty(saved.penalty)
-    for contact, pressure in zip(system.contacts, saved.pressures, strict=False):
-        system.bounds[contact] = contact.friction_bound(system.u, pressure)
-    if not saved.pressures:
+    if saved.multipliers is None:
         system.bounds.enter(system.rubbing, equations.friction_bounds())
+        return
+    for contact, forces in zip(system.contacts, saved.multipliers.contacts, strict=True):
+        system.bounds[contact] = contact.friction_bound(system.u, forces.pressure)

@@ -71,10 +71,9 @@ def state_of(state: SolvedState) -> State:
     problem = state.problem
     saved = SavedState(
         displacement=problem.u.x.array.copy(),
-        pressures=tuple(fields.pressure for fields in state.contacts),
-        penalty=problem.penalty,
-        slips=tuple(np.linalg.norm(fields.increment, axis=1) for fields in state.contacts),
         travels=state.system.tools.travels,
+        multipliers=state.multipliers,
+        penalty=problem.penalty,
         last=state.report.last,
     )
     after = tuple(

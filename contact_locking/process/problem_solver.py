@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from dolfinx import fem
-from numpy.linalg import norm
 
 from contact_locking import wings
 from contact_locking.certificate.extras import USUAL, Extras
@@ -23,7 +22,6 @@ from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.distance import distance
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.process.judgement import solution_of
-from contact_locking.results.derived import penalised
 from contact_locking.results.solution import Differentiable, Solution
 from contact_locking.solver.interior_point.feasibility import Verdict, judge
 from contact_locking.solver.linear.factorised import chosen
@@ -128,18 +126,13 @@ class ProblemSolver:
         Returns where to go on from, None if they face each other so already.
         """
         problem, system = self.problem, self.system
-        forces = (report.multipliers or penalised(system)).contacts
-        if not problem.go_along([item.touches for item in forces]):
+        assert report.multipliers is not None
+        touching = [forces.touches for forces in report.multipliers.contacts]
+        if not problem.go_along(touching):
             return None
-        return SavedState(
-            displacement=problem.u.x.array.copy(),
-            pressures=tuple(item.pressure for item in forces),
-            penalty=problem.penalty,
-            slips=tuple(norm(item.increment(problem.u), axis=1) for item in problem.contacts),
-            travels=system.tools.travels,
-            last=report.last,
-            in_step=True,
-        )
+        displacement, travels = problem.u.x.array.copy(), system.tools.travels
+        penalty = problem.penalty
+        return SavedState(displacement, travels, report.multipliers, penalty, report.last)
 
     @property
     def task(self) -> Task:
@@ -178,7 +171,6 @@ class ProblemSolver:
 
     def state(self, report: SolverReport) -> SolvedState:
         """The solved state with its stresses and tractions; collective."""
-        self.system.set_penalty(self.problem.penalty)
         return SolvedState(self.problem, self.system, self.target, self.settings, report)
 
     def solution(
@@ -214,7 +206,6 @@ class ProblemSolver:
             system.clear()
             report = solve_system("auto", dataclasses.replace(self.task, target=limit), None)
             exact = problem.u.copy()
-        system.set_penalty(problem.penalty)
         if not report.converged:
             return {"reason": f"not solved for n = .inf: {report.reason}"}
         return distance(solution.displacement, exact, problem.data)

@@ -90,14 +90,17 @@ class Checkpoint:
     def restored(self, solver: ProblemSolver) -> SolvedState:
         """The saved state in place of what the solver would find; collective."""
         contacts, counts = solver.problem.contacts, Counts()
-        self.state.enter(solver.system)
+        system = solver.system
+        system.u.x.array[:] = self.state.displacement
+        system.constraints.apply(system.u)
+        system.tools.travels = self.state.travels
         # The travel of a foundation, which is part of the state, changes what slips refer to.
         if (step := self.step) is not None:
             for contact, (place, slip) in zip(contacts, step.memories, strict=True):
                 contact.recall(place, slip, step.displacement)
             row = step.history.rows[-1]
             counts = Counts(int(row["tangents"]), int(row["linear"]))
-        solver.system.bounds.enter(contacts, self.bounds)
+        system.bounds.enter(contacts, self.bounds)
         outcome = Outcome(self.multipliers)
         return solver.state(SolverReport.solved(outcome, counts, from_saved=True))
 
@@ -289,10 +292,9 @@ def read(directory: str | Path, problem: DiscreteProblem) -> Checkpoint:
     same_contacts = record.contacts == len(problem.contacts) or not problem.contacts
     if same_contacts and record.strain_sets == len(problem.data.sets):
         multipliers, bounds = _load_multipliers(fields, problem)
-    pressures = () if multipliers is None else tuple(c.pressure for c in multipliers.contacts)
     displacement = fields.field("displacement", problem.u.function_space).x.array
     penalty = Penalty(record.n, record.epsilon, record.regularisations)
-    state = SavedState(displacement, pressures, penalty, travels=record.travels)
+    state = SavedState(displacement, record.travels, multipliers, penalty)
     step = None
     if record.step is not None and multipliers is not None:
         step = _load_step(record.step, records.locate(directory), problem, fields)

@@ -33,6 +33,7 @@ from contact_locking.solver.interior_point.projections import (
     HalfLineProjection,
     LockingProjection,
     Projection,
+    SmoothFrictionProjection,
 )
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
@@ -109,7 +110,8 @@ class ActiveSet:
         """The semismooth equation of a family."""
         stiffness = self._task.target.stiffness
         if isinstance(family, FrictionCones):
-            return FrictionProjection(family, stiffness, _STIFFEST)
+            law = SmoothFrictionProjection if family.regularisation > 0.0 else FrictionProjection
+            return law(family, stiffness, _STIFFEST)
         if isinstance(family, LockingCones):
             return LockingProjection(family, stiffness, _STIFFEST)
         assert isinstance(family, HalfLines)
@@ -227,12 +229,12 @@ class ActiveSet:
     def _solve(self, is_linearised: bool) -> Iterate:
         """The iterate at the solution; raises NotConverged."""
         task, tangent = self._task, self._tangent
-        iterate = Iterate(tangent, self._tuning.band)
+        iterate, laws = Iterate(tangent, self._tuning.band), self._laws.values()
         left: list[_Left] = []
         bound_step: BoundStep | None = None
         keeps = reached = False
         for number in range(min(_MOST_STEPS, task.settings.max_iterations)):
-            for law in () if is_linearised else self._laws.values():
+            for law in () if is_linearised else laws:
                 if not keeps:
                     law.linearise()
                 law.evaluate()
@@ -246,6 +248,7 @@ class ActiveSet:
                 bound_step = BoundStep(self._moving, tangent, self._tuning)
             self._advance(self._direction(bound_step))
             measures = self._judge.measure(iterate)
+            measures.primal = max(measures.primal, *(law.misfit() for law in laws))
             task.monitor.iteration(number, measures.worst())
             reached_before = reached
             reached = measures.reached(task.settings, self._tuning.gap_tolerance)
@@ -258,7 +261,7 @@ class ActiveSet:
                 # One more step by the same tangent takes off most of what is left.
                 keeps = True
                 continue
-            changed = tangent.comm.allreduce(sum(law.changed for law in self._laws.values()))
+            changed = tangent.comm.allreduce(sum(law.changed for law in laws))
             left.append(_Left(measures.worst(), int(changed)))
             if self._leads_away(left):
                 raise NotConverged("the pieces of the laws are too far away")
