@@ -58,6 +58,8 @@ _FAR = 10.0
 # piece by this factor.
 _GAIN = 0.5
 _MOST_STEPS = 15
+# Where so few points are on another piece, friction goes on with a c that is larger by the factor.
+_FEW_CHANGE, _SHARPER = 10, 10.0
 # The products of the points and multipliers that solutions are differentiated by, over the density
 # of the elastic energy.
 _PRODUCT = 1e-10
@@ -65,9 +67,13 @@ _PRODUCT = 1e-10
 
 @dataclass(frozen=True)
 class _Left:
-    """The state after a step: the worst measure, and how many points are on another piece."""
+    """The state after a step: its measures, and how many points are on another piece.
+
+    ``worst`` is the worst measure, and ``unbalanced`` that of the forces.
+    """
 
     worst: float
+    unbalanced: float
     changed: int
 
     def is_less_than(self, before: _Left, factor: float) -> bool:
@@ -232,7 +238,7 @@ class ActiveSet:
         iterate, laws = Iterate(tangent, self._tuning.band), self._laws.values()
         left: list[_Left] = []
         bound_step: BoundStep | None = None
-        keeps = reached = False
+        keeps = reached = is_cycle = False
         for number in range(min(_MOST_STEPS, task.settings.max_iterations)):
             for law in () if is_linearised else laws:
                 if not keeps:
@@ -262,13 +268,19 @@ class ActiveSet:
                 keeps = True
                 continue
             changed = tangent.comm.allreduce(sum(law.changed for law in laws))
-            left.append(_Left(measures.worst(), int(changed)))
+            left.append(_Left(measures.worst(), measures.equilibrium, int(changed)))
             if self._leads_away(left):
-                raise NotConverged("the pieces of the laws are too far away")
+                if is_cycle or left[-1].worst > _FAR or left[-1].changed > _FEW_CHANGE:
+                    raise NotConverged("the pieces of the laws are too far away")
+                # Nodes that go round in a circle stick and slide at another shift of the law.
+                is_cycle = True
+                left.clear()
+                for bound in self._moving:
+                    self._laws[bound.friction].c *= _SHARPER
             kept_well = not keeps or (
-                not reached_before and left[-1].worst <= _KEPT_GAIN * left[-2].worst
+                not reached_before and len(left) > 1 and left[-1].worst <= _KEPT_GAIN * left[-2].worst
             )
-            is_near = left[-1].changed == 0 and left[-1].worst <= _KEEPS_BELOW
+            is_near = bool(left) and left[-1].changed == 0 and left[-1].worst <= _KEEPS_BELOW
             keeps = is_near and kept_well
         raise NotConverged("the pieces of the laws do not settle")
 
@@ -329,6 +341,7 @@ class ActiveSet:
     def _leads_away(self, left: Sequence[_Left]) -> bool:
         """Whether the steps so far lead nowhere."""
         last = left[-1]
-        if not np.isfinite(last.worst) or (len(left) > 1 and last.worst > _FAR):
+        is_far = last.worst > _FAR and last.unbalanced > _KEEPS_BELOW
+        if not np.isfinite(last.worst) or (len(left) > 1 and is_far):
             return True
         return len(left) > 2 and not any(last.is_less_than(before, _GAIN) for before in left[-4:-1])
