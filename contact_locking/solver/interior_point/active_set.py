@@ -59,7 +59,7 @@ _FAR = 10.0
 _GAIN = 0.5
 _MOST_STEPS = 15
 # Where so few points are on another piece, friction goes on with a c that is larger by the factor.
-_FEW_CHANGE, _SHARPER = 10, 10.0
+_FEW_CHANGE, _SHARPER = 4, 10.0
 # The products of the points and multipliers that solutions are differentiated by, over the density
 # of the elastic energy.
 _PRODUCT = 1e-10
@@ -270,6 +270,7 @@ class ActiveSet:
             changed = tangent.comm.allreduce(sum(law.changed for law in laws))
             left.append(_Left(measures.worst(), measures.equilibrium, int(changed)))
             if self._leads_away(left):
+                is_cycle = is_cycle or not self._moving
                 if is_cycle or left[-1].worst > _FAR or left[-1].changed > _FEW_CHANGE:
                     raise NotConverged("the pieces of the laws are too far away")
                 # Nodes that go round in a circle stick and slide at another shift of the law.
@@ -278,7 +279,9 @@ class ActiveSet:
                 for bound in self._moving:
                     self._laws[bound.friction].c *= _SHARPER
             kept_well = not keeps or (
-                not reached_before and len(left) > 1 and left[-1].worst <= _KEPT_GAIN * left[-2].worst
+                not reached_before
+                and len(left) > 1
+                and left[-1].worst <= _KEPT_GAIN * left[-2].worst
             )
             is_near = bool(left) and left[-1].changed == 0 and left[-1].worst <= _KEEPS_BELOW
             keeps = is_near and kept_well
