@@ -192,8 +192,8 @@ def unavailable() -> str | None:
         _compat.checkpoint_library()
     except ImportError as error:
         return (
-            f"checkpoints take adios4dolfinx, which cannot be imported here ({error}); "
-            "Debian has it as python3-adios4dolfinx, conda-forge as adios4dolfinx or io4dolfinx"
+            f"checkpoints take adios4dolfinx, which cannot be imported here ({error}); Debian has "
+            "it as python3-adios4dolfinx, conda-forge as adios4dolfinx, or pip install io4dolfinx"
         )
     return None
 
