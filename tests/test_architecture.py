@@ -302,7 +302,7 @@ def test_without_the_wings_a_study_runs_and_says_nothing_of_them(tmp_path: Path)
 
 
 def test_study_files_and_reports_are_read_without_dolfinx() -> None:
-    names = ("command.cli", "study_file", "running.studies", "view.report.pages")
+    names = ("command.cli", "study_file", "running.runner", "view.report.pages")
     script = "import importlib, sys\n"
     script += "".join(f"importlib.import_module('contact_locking.{name}')\n" for name in names)
     script += "print({'dolfinx', 'mpi4py', 'petsc4py', 'ufl', 'gmsh'} & set(sys.modules))"

@@ -20,7 +20,7 @@ from contact_locking.mesh.sources import from_arrays, from_geometry
 from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells, gather_mesh, spread
 from contact_locking.meshes import BUILDERS, Geometry
 from contact_locking.meshes.curved import Curved
-from contact_locking.process.refinement import marked_cells, refined
+from contact_locking.process.adaptive_meshes import marked_cells, refined
 
 SIZES = st.floats(0.0, 1e6) | st.just(0.0)
 BODIES: dict[str, tuple[str, dict[str, Any]]] = {
