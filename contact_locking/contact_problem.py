@@ -22,9 +22,8 @@ from contact_locking.fem.spaces import Element, element_of
 from contact_locking.fields.present import Clock
 from contact_locking.laws.material import Elasticity
 from contact_locking.mesh.cell_kind import NAMED
-from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.domain import Domain, half_section
 from contact_locking.mesh.given_mesh import NamedFacets
-from contact_locking.mesh.half_section import half_section
 from contact_locking.parallel import on_any_rank
 from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.body import Body

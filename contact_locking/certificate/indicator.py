@@ -15,8 +15,8 @@ from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem import gauss_points
 from contact_locking.laws.elasticity import mandel_values
-from contact_locking.mesh.lagrange import lagrange, nodal_functions
-from contact_locking.mesh.rank_sums import summed
+from contact_locking.mesh.cell_kind import lagrange, nodal_functions
+from contact_locking.mesh.distribution import summed
 
 # Where the points of a patch do not determine a quadratic polynomial, the quadratic terms vanish:
 # their squares, with this factor, are added to the squares of the differences at the points.

@@ -8,8 +8,7 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
-from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.half_section import is_on_axis
+from contact_locking.mesh.domain import Domain, is_on_axis
 from contact_locking.supports.conditions import Constraints
 
 # A unit normal lies along prescribed directions if less than this is left.

@@ -25,9 +25,8 @@ from contact_locking.fem.contact_operator import ContactOperator
 from contact_locking.fem.spaces import P1, Element
 from contact_locking.fem.trace import ControlValues, facet_nodes
 from contact_locking.laws.kinematics import WeightedMeasure
-from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.half_section import is_on_axis
-from contact_locking.mesh.rank_sums import marked, summed
+from contact_locking.mesh.distribution import marked, summed
+from contact_locking.mesh.domain import Domain, is_on_axis
 from contact_locking.parallel import maximum
 from contact_locking.supports.conditions import Constraints
 

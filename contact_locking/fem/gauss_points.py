@@ -14,8 +14,7 @@ import basix.ufl
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.mesh.cell_kind import NAMED
-from contact_locking.mesh.lagrange import lagrange, nodal_functions
+from contact_locking.mesh.cell_kind import NAMED, lagrange, nodal_functions
 
 
 @cache

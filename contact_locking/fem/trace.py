@@ -11,8 +11,8 @@ from dolfinx import fem, la
 
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
+from contact_locking.mesh.cell_kind import lagrange
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.lagrange import lagrange
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix

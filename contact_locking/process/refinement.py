@@ -20,10 +20,10 @@ from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.coulomb import default_radius
 from contact_locking.errors import NotRefined
+from contact_locking.mesh.cell_kind import longest_edges, signed_measures
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file.data import MeshData
-from contact_locking.mesh.file.topology import longest_edges, signed_measures
-from contact_locking.mesh.whole_mesh import WholeMesh, elements, gather_mesh, spread
+from contact_locking.mesh.sources import WholeMesh, elements, gather_mesh, spread
 from contact_locking.meshes.curved import Curved, rounded
 from contact_locking.parallel import on_root
 from contact_locking.results.solution import Solution

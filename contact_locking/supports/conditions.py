@@ -17,8 +17,7 @@ from contact_locking.errors import InputError
 from contact_locking.fem.contact_operator import PointStiffness
 from contact_locking.fem.joint_forms import JointForm
 from contact_locking.fields.present import Clock
-from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.half_section import axis_dofs
+from contact_locking.mesh.domain import Domain, axis_dofs
 from contact_locking.parallel import agree, maximum, minimum
 from contact_locking.supports.support import Displacement, Support
 from contact_locking.supports.supports import (

@@ -18,8 +18,8 @@ from contact_locking.errors import InputError
 from contact_locking.fem.trace import facet_nodes
 from contact_locking.fields.present import Clock, PresentValue
 from contact_locking.mesh.cell_kind import CellKind
+from contact_locking.mesh.distribution import summed
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.rank_sums import summed
 from contact_locking.parallel import agree, on_any_rank, on_every_rank
 from contact_locking.supports.support import Displacement, Support
 

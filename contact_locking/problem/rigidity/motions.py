@@ -8,8 +8,8 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import AXES, BoolArray, FloatArray
+from contact_locking.mesh.distribution import marked
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.rank_sums import marked
 from contact_locking.supports.conditions import Constraints
 
 # Motions whose share of a Gram matrix of all motions is less are none.
