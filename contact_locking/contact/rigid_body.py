@@ -13,8 +13,7 @@ from contact_locking.errors import InputError, with_key
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.shapes import analytic as analytic
 from contact_locking.shapes import faceted as faceted
-from contact_locking.shapes.distance import Distance
-from contact_locking.shapes.shape import SHAPES, Shape
+from contact_locking.shapes.shape import SHAPES, Distance, Shape
 from contact_locking.values.concept import (
     LIST,
     SECTION,
@@ -119,7 +118,7 @@ class Foundation(_Shapes):
     """A rigid body that the deformed body does not enter: shape, motion, and forces on it.
 
     The first argument of a script is a shape, or an object of its own with the methods of
-    :class:`~contact_locking.shapes.distance.Distance`.
+    :class:`~contact_locking.shapes.shape.Distance`.
     """
 
     motion: _Moved | None = entry(

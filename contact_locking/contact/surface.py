@@ -22,9 +22,8 @@ from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.contact.surface_mesh import SurfaceMesh
 from contact_locking.fem import compiled
 from contact_locking.fem.contact_operator import ContactOperator
-from contact_locking.fem.spaces import P1, Element
-from contact_locking.fem.trace import ControlValues, facet_nodes
-from contact_locking.laws.kinematics import WeightedMeasure
+from contact_locking.fem.spaces import P1, ControlValues, Element, facet_nodes
+from contact_locking.laws.elasticity import WeightedMeasure
 from contact_locking.mesh.distribution import marked, summed
 from contact_locking.mesh.domain import Domain, is_on_axis
 from contact_locking.parallel import maximum

@@ -22,7 +22,7 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
-from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
+from contact_locking.laws.elasticity import REVOLUTION, STRAIGHT, Kinematics
 from contact_locking.mesh.cell_kind import NAMED, CellKind, mean_normals
 from contact_locking.mesh.diagnosis import (
     DistributedCells,

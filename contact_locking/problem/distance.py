@@ -9,7 +9,7 @@ from dolfinx import fem
 
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
-from contact_locking.laws.convex import squared_norm
+from contact_locking.laws.locking import squared_norm
 from contact_locking.parallel import on_every_rank
 from contact_locking.problem import forms
 from contact_locking.problem.forms import ProblemData

@@ -9,7 +9,7 @@ import ufl
 from dolfinx import fem, la
 
 from contact_locking.arrays import FloatArray
-from contact_locking.fem.joint_forms import JointForm
+from contact_locking.fem.compiled import JointForm
 from contact_locking.parallel import maximum
 from contact_locking.problem import forms
 from contact_locking.problem.rigidity.at_contact import LooseMotion

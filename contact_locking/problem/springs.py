@@ -13,7 +13,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
-from contact_locking.fem.joint_forms import JointForm
+from contact_locking.fem.compiled import JointForm
 from contact_locking.fields.present import Clock, PresentValue
 from contact_locking.fields.sampling import Entities, rule
 from contact_locking.mesh.domain import Domain

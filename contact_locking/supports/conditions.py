@@ -14,8 +14,8 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
+from contact_locking.fem.compiled import JointForm
 from contact_locking.fem.contact_operator import PointStiffness
-from contact_locking.fem.joint_forms import JointForm
 from contact_locking.fields.present import Clock
 from contact_locking.mesh.domain import Domain, axis_dofs
 from contact_locking.parallel import agree, maximum, minimum

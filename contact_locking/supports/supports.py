@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
-from contact_locking.fem.trace import facet_nodes
+from contact_locking.fem.spaces import facet_nodes
 from contact_locking.fields.present import Clock, PresentValue
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.distribution import summed

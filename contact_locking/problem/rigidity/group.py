@@ -11,7 +11,7 @@ from dolfinx import fem, la
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
-from contact_locking.fem.joint_forms import JointForm
+from contact_locking.fem.compiled import JointForm
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, on_every_rank
 from contact_locking.problem import forms
