@@ -23,16 +23,16 @@ from contact_locking._version import __version__ as __version__
 if TYPE_CHECKING:
     from contact_locking.certificate.extras import Extras as Extras
     from contact_locking.contact.contact import Contact as Contact
+    from contact_locking.contact.contact import Convolution as Convolution
+    from contact_locking.contact.contact import Coulomb as Coulomb
+    from contact_locking.contact.contact import Helmholtz as Helmholtz
+    from contact_locking.contact.contact import Kernel as Kernel
+    from contact_locking.contact.contact import Local as Local
     from contact_locking.contact.coulomb import FrictionBound as FrictionBound
-    from contact_locking.contact.friction import Convolution as Convolution
-    from contact_locking.contact.friction import Coulomb as Coulomb
-    from contact_locking.contact.friction import Helmholtz as Helmholtz
-    from contact_locking.contact.friction import Kernel as Kernel
-    from contact_locking.contact.friction import Local as Local
+    from contact_locking.contact.coulomb import Smoothing as Smoothing
     from contact_locking.contact.rigid_body import Foundation as Foundation
     from contact_locking.contact.rigid_body import FoundationSpring as FoundationSpring
     from contact_locking.contact.rigid_body import Motion as Motion
-    from contact_locking.contact.smoothing import Smoothing as Smoothing
     from contact_locking.contact_problem import ContactProblem as ContactProblem
     from contact_locking.errors import ContactLockingError as ContactLockingError
     from contact_locking.errors import InputError as InputError
@@ -46,10 +46,6 @@ if TYPE_CHECKING:
     from contact_locking.laws.limits import Weighted as Weighted
     from contact_locking.laws.material import Eigenstrain as Eigenstrain
     from contact_locking.laws.material import Elasticity as Elasticity
-    from contact_locking.problem.loads import BodyForce as BodyForce
-    from contact_locking.problem.loads import Pressure as Pressure
-    from contact_locking.problem.loads import TotalForce as TotalForce
-    from contact_locking.problem.loads import Traction as Traction
     from contact_locking.process.adaptive_meshes import adapt as adapt
     from contact_locking.process.loop import Process as Process
     from contact_locking.process.settings import Adaptation as Adaptation
@@ -79,9 +75,13 @@ if TYPE_CHECKING:
     from contact_locking.study_file import from_mapping as from_mapping
     from contact_locking.study_file import load as load
     from contact_locking.study_file.parameters import Parameters as Parameters
+    from contact_locking.supports.support import BodyForce as BodyForce
     from contact_locking.supports.support import Displacement as Displacement
+    from contact_locking.supports.support import Pressure as Pressure
     from contact_locking.supports.support import Spring as Spring
     from contact_locking.supports.support import Support as Support
+    from contact_locking.supports.support import TotalForce as TotalForce
+    from contact_locking.supports.support import Traction as Traction
     from contact_locking.theory.solutions import branch as branch
     from contact_locking.theory.solutions import equilibria as equilibria
 

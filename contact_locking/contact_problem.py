@@ -15,8 +15,8 @@ from dolfinx import mesh as dmesh
 from ufl.core.expr import Expr
 
 from contact_locking.certificate.extras import Extras
-from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
+from contact_locking.contact.nodal_contact import check_friction
 from contact_locking.errors import InputError, require_kind
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.fields.present import Clock
@@ -30,11 +30,10 @@ from contact_locking.problem.body import Body
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.elasticity import elasticity_of, split
 from contact_locking.problem.forms import require_energy
-from contact_locking.problem.loads import Load
 from contact_locking.problem.points import Placed
 from contact_locking.results.solution import Solution
 from contact_locking.solver.settings import Settings
-from contact_locking.supports.support import Displacement, Spring, Support
+from contact_locking.supports.support import Displacement, Load, Spring, Support
 from contact_locking.values.concept import BodyKind, Concept, require_fitting
 
 if TYPE_CHECKING:
@@ -135,7 +134,7 @@ class ContactProblem:
         )
         self._discrete = DiscreteProblem(body, contacts, n, compliance, Clock(space.mesh))
         for contact in self._discrete.contacts:
-            contact_checks.check_friction(contact)
+            check_friction(contact)
         self._settings, self._monitor = settings or Settings(), monitor
         if self._settings.method == "penalty":
             require_served(self._discrete)
@@ -211,7 +210,7 @@ class ContactProblem:
             raise InputError("is not finite somewhere", "L" if problem.body.work else "loads")
         problem.rigidity.require_held()
         for contact in problem.contacts:
-            contact_checks.check_friction(contact)
+            check_friction(contact)
         system.clear()
 
     def close(self) -> None:

@@ -18,7 +18,7 @@ from contact_locking.fields.present import Clock, PresentValue
 from contact_locking.fields.sampling import Entities, rule
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import minimum
-from contact_locking.problem.rigidity.motions import null_motions
+from contact_locking.problem.motions import null_motions
 from contact_locking.supports.support import Spring
 
 # The rule of integration of an expression on a facet, beside two displacements.

@@ -20,10 +20,9 @@ from contact_locking.fem.contact_operator import PointStiffness
 from contact_locking.laws.locking import squared_norm
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem import forms
+from contact_locking.problem.affine_part import affine_part, near_nullspace
 from contact_locking.problem.penalty_laws import PenaltyLaws
-from contact_locking.problem.rigidity.at_contact import LooseMotion
-from contact_locking.problem.rounding import Rounding, largest_displacement
-from contact_locking.supports.affine_part import affine_part, near_nullspace
+from contact_locking.problem.rounding import LooseMotion, Rounding, largest_displacement
 from contact_locking.supports.conditions import Constraints
 
 

@@ -26,7 +26,7 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file.data import MeshData, point_words
 from contact_locking.mesh.given_mesh import NamedFacets
 from contact_locking.mesh.sources import gather_cells
-from contact_locking.meshes.curved import Curved
+from contact_locking.meshes.geometry import Curved
 from contact_locking.monitor import Monitor
 from contact_locking.process.refinement import (
     cells_at,

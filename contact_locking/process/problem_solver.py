@@ -19,8 +19,7 @@ from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.penalty_method import method as penalty_method
 from contact_locking.penalty_method.scope import require_served
-from contact_locking.problem.discrete_problem import DiscreteProblem
-from contact_locking.problem.distance import distance
+from contact_locking.problem.discrete_problem import DiscreteProblem, distance
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.process.judgement import solution_of
 from contact_locking.results.derived import penalised

@@ -24,7 +24,7 @@ from contact_locking.mesh.cell_kind import longest_edges, signed_measures
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file.data import MeshData
 from contact_locking.mesh.sources import WholeMesh, elements, gather_mesh, spread
-from contact_locking.meshes.curved import Curved, rounded
+from contact_locking.meshes.geometry import Curved, rounded
 from contact_locking.parallel import on_root
 from contact_locking.results.solution import Solution
 

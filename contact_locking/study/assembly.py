@@ -10,8 +10,7 @@ from mpi4py import MPI
 
 from contact_locking import wings
 from contact_locking.arrays import IndexArray
-from contact_locking.contact.contact import Contact
-from contact_locking.contact.friction import Mollifier
+from contact_locking.contact.contact import Contact, Mollifier
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.fields.present import Clock

@@ -9,8 +9,16 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from contact_locking.expressions import CONSTANTS, FUNCTIONS, POSITION, TIME
-from contact_locking.problem.loads import BodyForce, Load, Pressure, TotalForce, Traction
-from contact_locking.supports.support import Displacement, Spring, Support
+from contact_locking.supports.support import (
+    BodyForce,
+    Displacement,
+    Load,
+    Pressure,
+    Spring,
+    Support,
+    TotalForce,
+    Traction,
+)
 from contact_locking.values.concept import Concept, Fault, dotted, entry, leaves, place_of
 from contact_locking.values.kinds import TimedVector
 from contact_locking.values.value import Value
