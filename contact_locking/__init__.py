@@ -88,17 +88,14 @@ if TYPE_CHECKING:
 # The public names of each module.
 _NAMES = {
     "certificate.extras": "Extras",
-    "contact.contact": "Contact",
-    "contact.coulomb": "FrictionBound",
-    "contact.friction": "Convolution Coulomb Helmholtz Kernel Local",
+    "contact.contact": "Contact Convolution Coulomb Helmholtz Kernel Local",
+    "contact.coulomb": "FrictionBound Smoothing",
     "contact.rigid_body": "Foundation FoundationSpring Motion",
-    "contact.smoothing": "Smoothing",
     "contact_problem": "ContactProblem",
     "errors": "ContactLockingError InputError NotConverged",
     "laws.friction": "FrictionLaw",
     "laws.limits": "Deviator Direction StrainBall Volume Weighted",
     "laws.material": "Eigenstrain Elasticity",
-    "problem.loads": "BodyForce Pressure TotalForce Traction",
     "process.adaptive_meshes": "adapt",
     "process.loop": "Process",
     "process.settings": "Adaptation Steps",
@@ -116,7 +113,7 @@ _NAMES = {
     "study.solution": "StudySolution",
     "study_file": "from_mapping load",
     "study_file.parameters": "Parameters",
-    "supports.support": "Displacement Spring Support",
+    "supports.support": "BodyForce Displacement Pressure Spring Support TotalForce Traction",
     "theory.solutions": "branch equilibria",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
