@@ -32,7 +32,6 @@ from contact_locking.problem.programmes import (
     sliding_motions,
     unheld_motion,
 )
-from contact_locking.problem.rounding import LooseMotion
 from contact_locking.problem.springs import Springs, motions_past
 from contact_locking.supports.conditions import Constraints
 
@@ -463,11 +462,6 @@ class Rigidity:
             except InputError as error:
                 return str(error)
         return None
-
-    def loose_motion(self) -> LooseMotion:
-        """The motions that conditions leave free, as shares of displacements."""
-        _, fields = self.loose()
-        return LooseMotion(self._space, fields, self._constraints, self._data.contacts)
 
     def loose(self) -> tuple[list[FloatArray], FloatArray]:
         """The rigid motions of each part that conditions and springs leave free.

@@ -35,12 +35,9 @@ class LooseMotion:
     """
 
     def __init__(
-        self,
-        space: fem.FunctionSpace,
-        motions: FloatArray,
-        constraints: Constraints,
-        contacts: Sequence[NodalContact],
+        self, motions: FloatArray, constraints: Constraints, contacts: Sequence[NodalContact]
     ) -> None:
+        space = constraints.space
         self._comm, self._motions = space.mesh.comm, motions
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         self._constraints, self._contacts = constraints, contacts
