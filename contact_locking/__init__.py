@@ -22,16 +22,16 @@ from contact_locking._version import __version__ as __version__
 
 if TYPE_CHECKING:
     from contact_locking.contact.contact import Contact as Contact
+    from contact_locking.contact.contact import Convolution as Convolution
+    from contact_locking.contact.contact import Coulomb as Coulomb
+    from contact_locking.contact.contact import Helmholtz as Helmholtz
+    from contact_locking.contact.contact import Kernel as Kernel
+    from contact_locking.contact.contact import Local as Local
     from contact_locking.contact.coulomb import FrictionBound as FrictionBound
-    from contact_locking.contact.friction import Convolution as Convolution
-    from contact_locking.contact.friction import Coulomb as Coulomb
-    from contact_locking.contact.friction import Helmholtz as Helmholtz
-    from contact_locking.contact.friction import Kernel as Kernel
-    from contact_locking.contact.friction import Local as Local
+    from contact_locking.contact.coulomb import Smoothing as Smoothing
     from contact_locking.contact.rigid_body import Foundation as Foundation
     from contact_locking.contact.rigid_body import FoundationSpring as FoundationSpring
     from contact_locking.contact.rigid_body import Motion as Motion
-    from contact_locking.contact.smoothing import Smoothing as Smoothing
     from contact_locking.contact_problem import ContactProblem as ContactProblem
     from contact_locking.errors import ContactLockingError as ContactLockingError
     from contact_locking.errors import InputError as InputError
@@ -45,10 +45,6 @@ if TYPE_CHECKING:
     from contact_locking.laws.limits import Weighted as Weighted
     from contact_locking.laws.material import Eigenstrain as Eigenstrain
     from contact_locking.laws.material import Elasticity as Elasticity
-    from contact_locking.problem.loads import BodyForce as BodyForce
-    from contact_locking.problem.loads import Pressure as Pressure
-    from contact_locking.problem.loads import TotalForce as TotalForce
-    from contact_locking.problem.loads import Traction as Traction
     from contact_locking.process.adaptive_meshes import adapt as adapt
     from contact_locking.process.loop import Process as Process
     from contact_locking.process.settings import Adaptation as Adaptation
@@ -79,25 +75,26 @@ if TYPE_CHECKING:
     from contact_locking.study_file import from_mapping as from_mapping
     from contact_locking.study_file import load as load
     from contact_locking.study_file.parameters import Parameters as Parameters
+    from contact_locking.supports.support import BodyForce as BodyForce
     from contact_locking.supports.support import Displacement as Displacement
+    from contact_locking.supports.support import Pressure as Pressure
     from contact_locking.supports.support import Spring as Spring
     from contact_locking.supports.support import Support as Support
+    from contact_locking.supports.support import TotalForce as TotalForce
+    from contact_locking.supports.support import Traction as Traction
     from contact_locking.theory.solutions import branch as branch
     from contact_locking.theory.solutions import equilibria as equilibria
 
 # The public names of each module.
 _NAMES = {
-    "contact.contact": "Contact",
-    "contact.coulomb": "FrictionBound",
-    "contact.friction": "Convolution Coulomb Helmholtz Kernel Local",
+    "contact.contact": "Contact Convolution Coulomb Helmholtz Kernel Local",
+    "contact.coulomb": "FrictionBound Smoothing",
     "contact.rigid_body": "Foundation FoundationSpring Motion",
-    "contact.smoothing": "Smoothing",
     "contact_problem": "ContactProblem",
     "errors": "ContactLockingError InputError NotConverged",
     "laws.friction": "FrictionLaw",
     "laws.limits": "Deviator Direction StrainBall Volume Weighted",
     "laws.material": "Eigenstrain Elasticity",
-    "problem.loads": "BodyForce Pressure TotalForce Traction",
     "process.adaptive_meshes": "adapt",
     "process.loop": "Process",
     "process.settings": "Adaptation Steps",
@@ -113,7 +110,7 @@ _NAMES = {
     "study.assembly": "assemble check",
     "study_file": "from_mapping load",
     "study_file.parameters": "Parameters",
-    "supports.support": "Displacement Spring Support",
+    "supports.support": "BodyForce Displacement Pressure Spring Support TotalForce Traction",
     "theory.solutions": "branch equilibria",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}

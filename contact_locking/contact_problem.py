@@ -13,28 +13,26 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from ufl.core.expr import Expr
 
-from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
+from contact_locking.contact.nodal_contact import check_friction
 from contact_locking.errors import InputError, require_kind
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.fields.present import Clock
 from contact_locking.laws.material import Elasticity
 from contact_locking.laws.penalty import PenaltyParameters
 from contact_locking.mesh.cell_kind import NAMED
-from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.domain import Domain, half_section
 from contact_locking.mesh.given_mesh import NamedFacets
-from contact_locking.mesh.half_section import half_section
 from contact_locking.parallel import on_any_rank
 from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.body import Body
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.elasticity import elasticity_of, split
 from contact_locking.problem.forms import require_energy
-from contact_locking.problem.loads import Load
 from contact_locking.problem.points import Placed
 from contact_locking.results.solution import Solution
 from contact_locking.solver.settings import Settings
-from contact_locking.supports.support import Displacement, Spring, Support
+from contact_locking.supports.support import Displacement, Load, Spring, Support
 from contact_locking.values.concept import BodyKind, Concept, require_fitting
 
 if TYPE_CHECKING:
@@ -137,7 +135,7 @@ class ContactProblem:
         penalty = _penalty(n, compliance)
         self._discrete = DiscreteProblem(body, contacts, penalty, Clock(space.mesh))
         for contact in self._discrete.contacts:
-            contact_checks.check_friction(contact)
+            check_friction(contact)
         self._settings, self._monitor = settings or Settings(), monitor
         if self._settings.method == "penalty":
             require_served(self._discrete)
@@ -214,7 +212,7 @@ class ContactProblem:
             raise InputError("is not finite somewhere", "L" if problem.body.work else "loads")
         problem.rigidity.require_held()
         for contact in problem.contacts:
-            contact_checks.check_friction(contact)
+            check_friction(contact)
         system.clear()
 
     def close(self) -> None:

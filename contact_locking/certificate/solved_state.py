@@ -14,8 +14,7 @@ from mpi4py import MPI
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.fem import compiled
-from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.half_section import is_on_axis
+from contact_locking.mesh.domain import Domain, is_on_axis
 from contact_locking.parallel import maximum
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.strain_sets import NormSet, StrainSet

@@ -178,7 +178,7 @@ def check(arguments: argparse.Namespace) -> int:
     parameters = study.parameters
     comm = world_with_dolfinx(arguments)
     # The modules of the solvers and of the results take a third of the time of this command.
-    from contact_locking.mesh import groups
+    from contact_locking.mesh.parts import group_table
     from contact_locking.results import folder as output_folder
     from contact_locking.solver.linear.factorised import estimated_memory
     from contact_locking.study import assembly
@@ -222,7 +222,7 @@ def check(arguments: argparse.Namespace) -> int:
         about = "about" if parameters.adapt is None else "at most about"
         rows.append(("estimated memory", f"{about} {memory} on {count(comm.size, 'rank')}"))
         print(f"{arguments.file} can be run:\n{terminal.columns(rows)}\n")
-        print(terminal.columns(groups.table(table)))
+        print(terminal.columns(group_table(table)))
     return 0
 
 
@@ -237,23 +237,23 @@ def mesh(arguments: argparse.Namespace) -> int:
 
 def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
     """Write the mesh to ``place``, and return the warnings about it."""
-    from contact_locking.mesh.file import conversion
-    from contact_locking.mesh.file.xdmf_grids import data_file, is_xdmf
+    from contact_locking.mesh.file import abaqus
+    from contact_locking.mesh.file.data import data_file, is_xdmf
 
     def require_new() -> None:
         for path in (place, *([data_file(place)] if is_xdmf(place) else [])):
             if path.exists() or path.is_symlink():
                 raise InputError(f"{path}: there is a file already; -o FILE names another one")
 
-    if arguments.file.suffix.lower() in conversion.ENDINGS:
+    if arguments.file.suffix.lower() in abaqus.ENDINGS:
         if not terminal.is_root():
             return ()
         require_new()
-        return conversion.convert(arguments.file, place)
+        return abaqus.convert(arguments.file, place)
     study = _load(arguments.file, arguments.set)
     if is_xdmf(place):
         comm = world_with_dolfinx(arguments)
-        from contact_locking.mesh import xdmf_mesh
+        from contact_locking.mesh import xdmf
         from contact_locking.parallel import on_root
         from contact_locking.study import assembly
 
@@ -261,7 +261,7 @@ def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
 
         with _explained(study):
             domain = assembly.mesh_of(study.parameters, comm)
-            xdmf_mesh.export(domain, place)
+            xdmf.export(domain, place)
         return [f"{domain.origin}: {warning}" for warning in domain.warnings]
     geometry = study.parameters.mesh.geometry
     with _explained(study):

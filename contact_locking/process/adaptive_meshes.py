@@ -26,13 +26,12 @@ from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.contact.coulomb import default_radius
 from contact_locking.errors import InputError, NotRefined
+from contact_locking.mesh.cell_kind import longest_edges, signed_measures
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.file import places
-from contact_locking.mesh.file.data import MeshData
-from contact_locking.mesh.file.topology import longest_edges, signed_measures
+from contact_locking.mesh.file.data import MeshData, point_words
 from contact_locking.mesh.given_mesh import NamedFacets
-from contact_locking.mesh.whole_mesh import WholeMesh, elements, gather_cells, gather_mesh, spread
-from contact_locking.meshes.curved import Curved, rounded
+from contact_locking.mesh.sources import WholeMesh, elements, gather_cells, gather_mesh, spread
+from contact_locking.meshes.geometry import Curved, rounded
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
 from contact_locking.process.settings import Adaptation
@@ -135,7 +134,7 @@ def _refined(
         if stagnates and not entered:
             sizes = longest_edges(data.points, data.cells.nodes)
             least = int(np.argmin(sizes))
-            centre = places.at(data.points[data.cells.nodes[least]].mean(axis=0))
+            centre = point_words(data.points[data.cells.nodes[least]].mean(axis=0))
             raise NotRefined(
                 "the error has hardly fallen over the last meshes; the smallest cells, of size "
                 f"{sizes[least]:.2g}, are at {centre}, where the solution may be singular"

@@ -28,7 +28,7 @@ from contact_locking.fem.compiled import Kept
 from contact_locking.files.readable import file_digest
 from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.whole_mesh import WholeMesh, gather_mesh, spread
+from contact_locking.mesh.sources import WholeMesh, gather_mesh, spread
 from contact_locking.parallel import maximum, on_every_rank, on_root
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.process.problem_solver import ProblemSolver

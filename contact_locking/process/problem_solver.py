@@ -21,8 +21,8 @@ from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.penalty_method import method as penalty_method
 from contact_locking.penalty_method.scope import require_served
-from contact_locking.problem.discrete_problem import DiscreteProblem
-from contact_locking.problem.distance import distance
+from contact_locking.problem.discrete_problem import DiscreteProblem, distance
+from contact_locking.problem.rounding import LooseMotion
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.between_nodes import uncovered_entry
 from contact_locking.results.contact_points import OPEN
@@ -70,13 +70,17 @@ class ProblemSolver:
         linear = linear_solver(problem, settings.linear)
         self._options = UserOptions(settings.petsc)
         self.settings = settings.model_copy(update={"petsc": self._options, "linear": linear})
+        loose: LooseMotion | None = None
+        if problem.free:
+            _, motions = problem.rigidity.loose()
+            loose = LooseMotion(motions, problem.constraints, problem.contacts)
         self.system = PenalisedSystem(
             problem.data,
             problem.u,
             problem.constraints,
             held_by_contact=problem.free > 0,
             held_by_friction=problem.sliding > 0,
-            loose=problem.rigidity.loose_motion() if problem.free else None,
+            loose=loose,
         )
         one = fem.Constant(problem.domain.mesh, 1.0)
         self._volume = integral(problem.domain, one * problem.data.dx)

@@ -18,8 +18,7 @@ from contact_locking import _compat
 from contact_locking.arrays import LARGEST, FloatArray, IntArray
 from contact_locking.contact.nodal_contact import BoundsInForce, NodalContact
 from contact_locking.fem import compiled
-from contact_locking.fem.spaces import Element
-from contact_locking.fem.trace import make_nodal
+from contact_locking.fem.spaces import Element, make_nodal
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, minimum, peak
 from contact_locking.problem import forms

@@ -12,7 +12,7 @@ import numpy as np
 
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.problem.distance import distance
+from contact_locking.problem.discrete_problem import distance
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.table import Table
 

@@ -17,8 +17,7 @@ from test_elements import solved
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import integral
-from contact_locking.fem.spaces import P2
-from contact_locking.fem.trace import Trace
+from contact_locking.fem.spaces import P2, Trace
 from contact_locking.parallel import maximum
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble

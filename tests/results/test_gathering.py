@@ -21,7 +21,7 @@ from mpi4py import MPI
 from problems import block
 
 import contact_locking
-from contact_locking.mesh.whole_mesh import gather_mesh
+from contact_locking.mesh.sources import gather_mesh
 from contact_locking.process import checkpoint
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import run as writing

@@ -11,7 +11,7 @@ from problems import block, column
 from verification_table import Row
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.smoothing import (
+from contact_locking.contact.coulomb import (
     ConvolutionOperator,
     HelmholtzOperator,
     Identity,

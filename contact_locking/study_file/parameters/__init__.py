@@ -22,8 +22,7 @@ from pydantic import (
     model_validator,
 )
 
-from contact_locking.contact.contact import Contact
-from contact_locking.contact.friction import Coulomb
+from contact_locking.contact.contact import Contact, Coulomb
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, Table
 from contact_locking.laws.penalty import PenaltyParameters

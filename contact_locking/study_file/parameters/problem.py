@@ -13,8 +13,16 @@ from pydantic import Field
 from contact_locking.expressions import CONSTANTS, FUNCTIONS, POSITION, TIME
 from contact_locking.laws.limits import StrainBall, StrainLimit, StrainLimits
 from contact_locking.laws.material import Eigenstrain, Eigenstrains, Elasticity
-from contact_locking.problem.loads import BodyForce, Load, Pressure, TotalForce, Traction
-from contact_locking.supports.support import Displacement, Spring, Support
+from contact_locking.supports.support import (
+    BodyForce,
+    Displacement,
+    Load,
+    Pressure,
+    Spring,
+    Support,
+    TotalForce,
+    Traction,
+)
 from contact_locking.values.concept import (
     BodyKind,
     Concept,

@@ -1,15 +1,18 @@
-"""The rigid motions of the body, those that its conditions leave free, and motions in words."""
+"""The rigid motions of the body, and those that conditions and contacts leave free, in words."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from functools import cached_property
 
 import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import AXES, BoolArray, FloatArray
+from contact_locking.contact.nodal_contact import BoundsInForce, NodalContact
+from contact_locking.contact.travel import Travel
+from contact_locking.mesh.distribution import marked
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.rank_sums import marked
 from contact_locking.supports.conditions import Constraints
 
 # Motions whose share of a Gram matrix of all motions is less are none.
@@ -168,3 +171,85 @@ def axes_of(direction: FloatArray) -> str:
     """The axes along which a direction has a part: x and y."""
     share = np.abs(direction) / np.abs(direction).max()
     return " and ".join(axis for axis, part in zip(AXES, share, strict=False) if part > _SHARE)
+
+
+class MotionsAtContact:
+    """Rigid motions at the owned nodes of one contact on some parts of the body.
+
+    They are relative to the contact's tool, or to the body that it touches.  ``own`` marks the
+    nodes among those of the contact.
+    """
+
+    def __init__(
+        self,
+        contact: NodalContact,
+        motions: FloatArray,
+        part: BoolArray,
+        tools: Sequence[Travel],
+    ) -> None:
+        self.contact, self.own = contact, contact.surface.is_of(part)
+        surface, dim = contact.surface, contact.surface.domain.dim
+        at_nodes = np.array([surface.of_motion(motion) for motion in motions])
+        of_body = at_nodes.reshape(len(motions), len(self.own), dim)[:, self.own]
+        of_tools = np.zeros((len(tools), *of_body.shape[1:]))
+        for number, tool in enumerate(tools):
+            if tool.contact is contact:
+                of_tools[number] = -tool.direction
+        self._motions = np.concatenate([of_body, of_tools])
+        #: The normal components (k, f).
+        self.normals = np.einsum("fkd,kd->kf", self._motions, contact.normals[self.own])
+
+    def gram(self) -> FloatArray:
+        """The products (f, f) of the motions, summed over the nodes of this rank."""
+        return np.asarray(np.einsum("fkd,gkd->fg", self._motions, self._motions))
+
+    def tangents(self) -> FloatArray:
+        """The tangential components (k d, f) at the nodes with friction."""
+        rows = 0 if self.contact.friction.frictionless else len(self.normals)
+        along = self._along[:, :rows]
+        return along.reshape(len(along), -1).T
+
+    def knows_friction(self) -> bool:
+        """Whether the bound at any pressure p >= 0 is known before a solve; collective.
+
+        It is ``mu R p >= 0`` with a mu that does not depend on the slip, by the word of the law,
+        and with an R that has no negative entry.
+        """
+        bound = self.contact.friction
+        if bound.frictionless:
+            return True
+        return bound.is_coulomb and not bound.depends_on_slip and bound.smoothing.is_positive()
+
+    def largest_coefficient(self) -> float:
+        """The largest mu at the nodes of this rank, without slip; collective."""
+        mu = self.contact.friction.coefficient(np.zeros(len(self.own)))
+        return float(np.max(mu[self.own], initial=0.0))
+
+    def resistance(self, motion: FloatArray) -> FloatArray:
+        """The derivative (k, f) of ``c_nu + R* (mu |c_tau|)`` at a motion (f,); collective."""
+        contact = self.contact
+        if contact.friction.frictionless:
+            return self.normals
+        mu = contact.friction.coefficient(np.zeros(len(self.own))) * contact.free
+        rubbed = np.zeros((len(motion), len(self.own)))
+        rubbed[:, self.own] = self._towards(motion)
+        taken = np.array([contact.friction.smoothing.adjoint(mu * row) for row in rubbed])
+        return np.asarray(self.normals + taken[:, self.own].T)
+
+    def rub(self, motion: FloatArray, bounds: BoundsInForce) -> FloatArray:
+        """The derivative (f,) of ``int G |c_tau|`` at a motion c (f,), local."""
+        work = self.contact.surface.weights * bounds[self.contact]
+        return self._towards(motion) @ work[self.own]
+
+    @cached_property
+    def _along(self) -> FloatArray:
+        """The tangential parts (f, k, d)."""
+        normals = self.contact.normals[self.own]
+        return self._motions - np.einsum("kf,kd->fkd", self.normals, normals)
+
+    def _towards(self, motion: FloatArray) -> FloatArray:
+        """The derivative (f, k) of ``|c_tau|`` at a motion (f,)."""
+        slip = np.einsum("fkd,f->kd", self._along, motion)
+        size = np.linalg.norm(slip, axis=1)
+        unit = slip / np.where(size > 0.0, size, 1.0)[:, None]
+        return np.asarray(np.einsum("fkd,kd->fk", self._along, unit))
