@@ -276,14 +276,13 @@ class ActiveSet:
                 # Nodes that go round in a circle stick and slide at another shift of the law.
                 is_cycle = True
                 left.clear()
+                keeps = False
                 for bound in self._moving:
                     self._laws[bound.friction].c *= _SHARPER
-            kept_well = not keeps or (
-                not reached_before
-                and len(left) > 1
-                and left[-1].worst <= _KEPT_GAIN * left[-2].worst
-            )
-            is_near = bool(left) and left[-1].changed == 0 and left[-1].worst <= _KEEPS_BELOW
+                continue
+            gains = len(left) > 1 and left[-1].worst <= _KEPT_GAIN * left[-2].worst
+            kept_well = not keeps or (gains and not reached_before)
+            is_near = left[-1].changed == 0 and left[-1].worst <= _KEEPS_BELOW
             keeps = is_near and kept_well
         raise NotConverged("the pieces of the laws do not settle")
 
