@@ -20,6 +20,7 @@ from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.strain_sets import NormSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.derived import BodyFields, ContactFields
+from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.task import SolverReport, Target
 from contact_locking.supports.conditions import Constraints
@@ -61,8 +62,7 @@ class SolvedState:
     ) -> None:
         self.problem, self.system = problem, system
         self.target, self.settings, self.report = target, settings, report
-        assert report.multipliers is not None
-        self.multipliers = report.multipliers
+        self.multipliers = report.multipliers or Multipliers.zero(system)
         self.body = BodyFields(problem, system, self.multipliers)
         pairs = zip(problem.contacts, self.multipliers.contacts, strict=True)
         self.contacts = tuple(

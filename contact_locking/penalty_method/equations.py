@@ -169,7 +169,7 @@ class Equations:
             forces.append(ContactForces(pressure, friction, pressure > 0.0))
         spaces = multiplier_spaces(self.data, system.kept, system.u.function_space.mesh)
         result = Multipliers.none(self.data, spaces, tuple(forces))
-        stress = locking_stress(self.data.strain(system.u), self.data.inverse_limit, self.n)
+        stress = self.data.sets[0].multiplier(self.data.strain(system.u), self.n)
         result.locking_stress.interpolate(compiled.interpolation(stress, spaces[0]))
         result.locking_stress.x.scatter_forward()
         return result

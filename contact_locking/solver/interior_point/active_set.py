@@ -147,14 +147,8 @@ class ActiveSet:
         return self._solve_or_restore(is_linearised=False)
 
     def knows(self, last: LastIterate) -> bool:
-        """Whether it is worth to go on from a solution; collective.
-
-        In 3D so many cells reach their limit or leave it in a step that it takes more
-        tangents.
-        """
+        """Whether a solution is one of these laws; collective."""
         families = list(self._laws)
-        if self._task.system.dim == 3 and any(isinstance(f, LimitsOfStrain) for f in families):
-            return False
         fits = len(families) == len(last.cones) and all(
             pair is None or pair[1].shape == family.z.shape
             for family, pair in zip(families, last.cones, strict=True)

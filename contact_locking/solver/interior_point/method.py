@@ -48,7 +48,7 @@ from contact_locking.solver.interior_point.start import ElasticStart, rests
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Approach, Tuning
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
-from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
+from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.task import LastIterate, Outcome, SavedState, Task
 
 
@@ -119,13 +119,7 @@ class InteriorPoint:
     def multipliers(self) -> Multipliers:
         """The multipliers of the present iterate; collective."""
         system = self._task.system
-        contacts = (
-            ContactForces.none(len(contact.surface.nodes), system.dim)
-            for contact in system.contacts
-        )
-        mesh = system.u.function_space.mesh
-        spaces = multiplier_spaces(system.data, system.kept, mesh)
-        found = Multipliers.none(system.data, spaces, tuple(contacts))
+        found = Multipliers.zero(system)
         if not self.is_elastic:
             for family in self._iterate.families:
                 family.write(found, self._task.target.young)
@@ -164,10 +158,16 @@ class InteriorPoint:
         """The iterate that led to a saved state, or one of its multipliers; None without."""
         if saved is None or saved.last is not None or saved.multipliers is None:
             return None if saved is None else saved.last
-        every = self._families.every
+        families, system = self._families, self._task.system
+        with system.preserved():
+            system.u.x.array[:] = saved.displacement
+            for family in families.every:
+                family.z = family.read(saved.multipliers)
+            for bound in families.bounds:
+                bound.friction.z[0] = bound.friction.nodes.of_all(bound.wanted())
         # Where nodes have slid is not saved.
-        pairs = [(np.zeros_like(f.x), f.read(saved.multipliers)) for f in every]
-        return LastIterate(saved.displacement, saved.travels, tuple(pairs))
+        pairs = tuple((np.zeros_like(family.x), family.z) for family in families.every)
+        return LastIterate(saved.displacement, saved.travels, pairs)
 
     def _last(self) -> LastIterate:
         if self._pieces is not None:
