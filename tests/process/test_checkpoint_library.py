@@ -22,7 +22,8 @@ def install(monkeypatch: pytest.MonkeyPatch, **modules: ModuleType | None) -> No
 def test_io4dolfinx_writes_hdf5_unless_adios2_has_mpi(
     has_mpi: bool | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    library, adios2, backends = ModuleType("io4dolfinx"), ModuleType("adios2"), []
+    library, adios2 = ModuleType("io4dolfinx"), ModuleType("adios2")
+    backends: list[str] = []
     adios2.__dict__["is_built_with_mpi"] = has_mpi
     library.__dict__["set_default_backend"] = backends.append
     present = None if has_mpi is None else adios2
