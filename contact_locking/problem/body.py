@@ -15,8 +15,7 @@ from contact_locking.contact.contact import Contact
 from contact_locking.contact.surface import PRESCRIBED
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.present import Clock
-from contact_locking.fields.sampling import Entities, features
+from contact_locking.fields.present import Clock, Entities, features
 from contact_locking.mesh.domain import Domain, require_surface
 from contact_locking.problem.points import Placed
 from contact_locking.supports.support import (

@@ -31,10 +31,9 @@ from contact_locking.problem import forms
 from contact_locking.problem.body import Body
 from contact_locking.problem.elasticity import Material
 from contact_locking.problem.forms import ProblemData
-from contact_locking.problem.loads import Loads
+from contact_locking.problem.loads import ElasticSupport, Loads, OwnSupport, Springs
 from contact_locking.problem.points import LimitsOnMesh, Points
 from contact_locking.problem.rigidity import Held, Rigidity
-from contact_locking.problem.springs import ElasticSupport, OwnSupport, Springs
 from contact_locking.supports.conditions import Constraints
 from contact_locking.supports.support import Displacement, Support
 

@@ -21,8 +21,8 @@ from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.coulomb import default_radius
 from contact_locking.errors import NotRefined
 from contact_locking.mesh.cell_kind import longest_edges, signed_measures
+from contact_locking.mesh.data import MeshData
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.file.data import MeshData
 from contact_locking.mesh.sources import WholeMesh, elements, gather_mesh, spread
 from contact_locking.meshes.geometry import Curved, rounded
 from contact_locking.parallel import on_root

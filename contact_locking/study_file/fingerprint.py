@@ -10,7 +10,7 @@ from typing import Any
 
 from contact_locking.contact.rigid_body import Foundation
 from contact_locking.files.readable import file_digest
-from contact_locking.mesh.file.data import data_file, is_xdmf
+from contact_locking.mesh.data import data_file, is_xdmf
 from contact_locking.study_file.parameters import Parameters
 
 # 64 bits: 10 000 cases share one with a probability of 3e-12.

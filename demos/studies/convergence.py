@@ -20,7 +20,7 @@ from contact_locking.laws.locking import squared_norm
 from contact_locking.mesh.domain import Domain
 from contact_locking.results.names import TABLE_LINES
 from contact_locking.study.solution import StudySolution
-from contact_locking.view.report.folders import Row, read_rows
+from contact_locking.view.report.pages import Row, read_rows
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from mpi4py import MPI
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.cell_kind import keys, longest_edges
-from contact_locking.mesh.file.data import MeshData, and_more, listed, point_words
+from contact_locking.mesh.data import MeshData, and_more, listed, point_words
 from contact_locking.parallel import agree
 
 if TYPE_CHECKING:

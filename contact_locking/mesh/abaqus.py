@@ -26,7 +26,7 @@ from contact_locking.mesh.cell_kind import (
     CellKind,
     keys,
 )
-from contact_locking.meshes.session import check_complete, empty_model
+from contact_locking.meshes.geometry import check_complete, empty_model
 
 #: Kinds, None for solids that no body may have, by dimension and nodes of a cell of any order.
 KINDS: Mapping[tuple[int, int], CellKind | None] = {
