@@ -313,7 +313,8 @@ class ContactSurface:
         """How far two sides are from touching at a displacement (local values); collective.
 
         It is the largest length of `distances_apart` (paired_surface.py) less ``entered``, by which
-        penalties let them enter, as a share of what displacements differ by along the normal.  ``presses`` (k,) marks the nodes that press, and ``gap`` (k,) is that of
+        penalties let them enter, as a share of what displacements differ by along the normal.
+        ``presses`` (k,) marks the nodes that press, and ``gap`` (k,) is that of
         the laws.
         """
         return 0.0
