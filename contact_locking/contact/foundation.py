@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.contact.rigid_body import Foundation
+from contact_locking.contact.contact import Foundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, Misplaced, with_key
 from contact_locking.fields.plausibility import about_the_distance, about_the_size

@@ -19,8 +19,7 @@ from contact_locking.mesh.data import is_xdmf
 from contact_locking.mesh.domain import Domain, half_section
 from contact_locking.mesh.parts import groups, with_parts
 from contact_locking.penalty_method.scope import require_served
-from contact_locking.problem.body import Body
-from contact_locking.problem.discrete_problem import DiscreteProblem
+from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.points import Placed
 from contact_locking.results.probe_points import locate
 from contact_locking.study_file import require_parameters

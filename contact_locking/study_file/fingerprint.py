@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from contact_locking.contact.rigid_body import Foundation
+from contact_locking.contact.contact import Foundation
 from contact_locking.files.readable import file_digest
 from contact_locking.mesh.data import data_file, is_xdmf
 from contact_locking.study_file.parameters import Parameters
