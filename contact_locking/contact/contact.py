@@ -314,9 +314,7 @@ class Coulomb(Concept):
     """
 
     coefficient: NonNegativeSlipScalar | None = entry(
-        None,
-        "mu >= 0, a number or an expression of x, y, z and s = |u_tau|; null: 0",
-        "1",
+        None, "mu >= 0, a number or an expression of x, y, z and s = |u_tau|; null: 0", "1"
     )
     smoothing: Annotated[Mollifier, WrapValidator(_own_kernel)] | None = entry(
         None, "the mollifier R"

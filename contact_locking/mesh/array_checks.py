@@ -166,12 +166,7 @@ def _may_meet(facing: Facing, one: IntArray, other: IntArray, beside: BoolArray)
 
 
 def _cracks(
-    mesh: MeshData,
-    nodes: IntArray,
-    part: IntArray,
-    tree: cKDTree,
-    size: float,
-    facing: Facing,
+    mesh: MeshData, nodes: IntArray, part: IntArray, tree: cKDTree, size: float, facing: Facing
 ) -> list[str]:
     """A warning of double nodes in one part; raises InputError for those of two parts."""
     # The nearest neighbour suffices, and the number of nodes at one place has no bound.

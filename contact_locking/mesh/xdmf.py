@@ -23,12 +23,7 @@ from contact_locking.errors import InputError, with_key
 from contact_locking.files.readable import require_file
 from contact_locking.mesh.array_checks import check_arrays
 from contact_locking.mesh.cell_kind import INTERVAL, NAMED, CellKind
-from contact_locking.mesh.data import (
-    MeshData,
-    MeshElements,
-    and_more,
-    data_file,
-)
+from contact_locking.mesh.data import MeshData, MeshElements, and_more, data_file
 from contact_locking.mesh.diagnosis import DistributedCells, require_different
 from contact_locking.mesh.distribution import EntityGroup, Regions, mesh_of
 from contact_locking.mesh.domain import Domain, about, diagnosed

@@ -81,10 +81,7 @@ class Material:
     _young: FloatArray | None = None
 
     def __init__(
-        self,
-        points: Points,
-        elasticity: Sequence[Placed],
-        eigenstrains: Sequence[Placed] = (),
+        self, points: Points, elasticity: Sequence[Placed], eigenstrains: Sequence[Placed] = ()
     ) -> None:
         self._points, self._key = points, elasticity[-1].key
         given: Elasticity = elasticity[0].given

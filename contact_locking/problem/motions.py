@@ -186,11 +186,7 @@ class MotionsAtContact:
     """
 
     def __init__(
-        self,
-        contact: NodalContact,
-        motions: FloatArray,
-        part: BoolArray,
-        tools: Sequence[Travel],
+        self, contact: NodalContact, motions: FloatArray, part: BoolArray, tools: Sequence[Travel]
     ) -> None:
         self.contact, self.own = contact, contact.surface.is_of(part)
         surface, dim = contact.surface, contact.surface.domain.dim
@@ -375,10 +371,7 @@ def unheld_motion(
 
 
 def driven_motion(
-    some: FloatArray,
-    normals: FloatArray,
-    work: FloatArray,
-    rub: Callable[[FloatArray], FloatArray],
+    some: FloatArray, normals: FloatArray, work: FloatArray, rub: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
     """The motion c (f,) with ``normals c <= 0`` and the largest ``work . c - s(c)``, in a unit box.
 
