@@ -230,7 +230,13 @@ class LoadOnMesh:
         self.halvings = 0
         if self._is_seen and not self._constant:
             for time in clock.some_times if self.is_timed else [clock.now]:
-                self.halvings = self._enough(time)
+                # No less often than before, and as often as the integrals need.
+                fine = self._sample(self._on.halvings, _HIGHER_DEGREE, time)
+                most = max(self._on.halvings - 1, 0)
+                while self.halvings < most:
+                    if self._apart(self._sample(self.halvings, _DEGREE, time), fine) <= _ACCURATE:
+                        break
+                    self.halvings += 1
             self.density = self._acts * self.density if self.is_timed else self.density
         self._size, self._per = 0.0, 1.0
         if isinstance(given, BodyForce):
@@ -323,15 +329,6 @@ class LoadOnMesh:
             self._warned = True
             return largest, [f"{self.key}: {text}"]
         return largest, []
-
-    def _enough(self, time: float) -> int:
-        """How often to halve at a time, no less than before; collective."""
-        fine = self._sample(self._on.halvings, _HIGHER_DEGREE, time)
-        most = max(self._on.halvings - 1, 0)
-        for halvings in range(self.halvings, most):
-            if self._apart(self._sample(halvings, _DEGREE, time), fine) <= _ACCURATE:
-                return halvings
-        return most
 
     def _apart(self, one: _Sample, fine: _Sample) -> float:
         """How far integrals differ, as a share of ``int |g|``; collective."""
