@@ -11,7 +11,7 @@ from dolfinx import common, fem
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, flattened
-from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.penalty_error import NotApplicable
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem.spaces import gauss_points, gauss_shares
 from contact_locking.laws.elasticity import mandel_values

@@ -104,8 +104,8 @@ def study(arguments: argparse.Namespace) -> int:
         raise InputError("start a study without mpirun: --ranks K runs each case on K ranks")
     began = time.perf_counter()
     file = _load(arguments.file, _overrides(arguments))
-    from contact_locking.running.studies.executor import Plan
-    from contact_locking.running.studies.runner import Study, finish, summary_rows
+    from contact_locking.running.executor import Plan
+    from contact_locking.running.runner import Study, finish, summary_rows
 
     plan = Plan(arguments.jobs, arguments.ranks)
     with _explained(file):
@@ -143,7 +143,7 @@ def fit(arguments: argparse.Namespace) -> int:
 
 def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
     """The best of several searches that a fit asks for, None for one search."""
-    from contact_locking.running.studies.executor import Plan
+    from contact_locking.running.executor import Plan
 
     plan = Plan(arguments.jobs, arguments.ranks)
     given = file.parameters.fit
@@ -157,6 +157,19 @@ def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
 
     with _explained(file):
         return starts.search(file.parameters, plan, terminal.console())
+
+
+def serve(arguments: argparse.Namespace) -> int:
+    """Answer requests for quantities of a study at numbers that they bring, until Ctrl-C."""
+    if terminal.world() is not None:
+        raise InputError("start a server without mpirun; several have a --port each")
+    file = _load(arguments.file, arguments.set)
+    comm = world_with_dolfinx(arguments)
+    from contact_locking.inverse import um_bridge
+
+    with _explained(file):
+        um_bridge.serve(file.parameters, comm, arguments.host, arguments.port)
+    return CONVERGED
 
 
 def report(arguments: argparse.Namespace) -> int:
@@ -179,7 +192,7 @@ def check(arguments: argparse.Namespace) -> int:
     comm = world_with_dolfinx(arguments)
     # The modules of the solvers and of the results take a third of the time of this command.
     from contact_locking.mesh.parts import group_table
-    from contact_locking.results import output_folder
+    from contact_locking.results import folder as output_folder
     from contact_locking.solver.linear.factorised import estimated_memory
     from contact_locking.study import assembly
 
@@ -205,7 +218,7 @@ def check(arguments: argparse.Namespace) -> int:
         rows += [(name, _shown(value)) for name, value in facts.items()]
         rows += [(f"{part} is held by", words) for part, words in held.items()]
         if parameters.study is not None:
-            from contact_locking.running.studies.runner import Study
+            from contact_locking.running.runner import Study
 
             cases = Study.of(study)
             finished = f"{cases.finished} finished in {cases.directory}"
@@ -293,7 +306,7 @@ def schema(arguments: argparse.Namespace) -> int:
     return 0
 
 
-COMMANDS = {one.__name__: one for one in (new, run, study, fit, report, check, mesh, schema)}
+COMMANDS = {one.__name__: one for one in (new, run, study, fit, serve, report, check, mesh, schema)}
 
 
 @contextlib.contextmanager
@@ -318,7 +331,7 @@ def _overrides(arguments: argparse.Namespace) -> list[str]:
 def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
     """Which steps of an interrupted run are saved, and how to go on; not collective."""
     from contact_locking import study_file
-    from contact_locking.process.checkpoint import saved_steps
+    from contact_locking.process import saved_steps
 
     directory = Path(parameters.output.directory)
     if parameters.steps is not None and arguments.restart is None:
@@ -336,9 +349,9 @@ def _solving(
 
     It is the terminal, if the command speaks, and the progress file that a study asks for.
     """
-    from contact_locking.command.monitors import ProgressFile, TerminalMonitor
+    from contact_locking.command.terminal import ProgressFile, TerminalMonitor
     from contact_locking.monitor import Monitor
-    from contact_locking.results import output_folder
+    from contact_locking.results import folder as output_folder
 
     speaks = comm.rank == 0 and not arguments.quiet
     shown: contextlib.AbstractContextManager[Monitor] = (

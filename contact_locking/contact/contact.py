@@ -46,8 +46,7 @@ from contact_locking.values.kinds import (
     components,
     list_or,
 )
-from contact_locking.values.value import Value, vector_at
-from contact_locking.values.wording import show
+from contact_locking.values.value import Value, show, vector_at
 
 if TYPE_CHECKING:
     pass

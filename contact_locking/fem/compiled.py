@@ -32,7 +32,6 @@ from petsc4py import PETSc
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
 from contact_locking.fem.contact_operator import ContactOperator
-from contact_locking.files.lock import try_lock
 from contact_locking.mesh.domain import Domain
 
 T = TypeVar("T")
@@ -137,6 +136,8 @@ def _compiling(comm: MPI.Intracomm, signature: str) -> Iterator[dict[str, Any]]:
 @contextlib.contextmanager
 def _lock(folder: Path) -> Iterator[io.FileIO | None]:
     """The lock file of a folder, locked; None where there are no locks, or no leave to write."""
+    from contact_locking.files.atomic import try_lock  # only where something is compiled
+
     try:
         folder.mkdir(parents=True, exist_ok=True)
         file = io.FileIO(os.open(folder / "compiling", os.O_RDWR | os.O_CREAT, 0o666), "r+")

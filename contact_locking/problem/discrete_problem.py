@@ -28,7 +28,7 @@ from contact_locking.fem.spaces import Element
 from contact_locking.fields.plausibility import about_an_overlap_at_rest
 from contact_locking.fields.present import Clock, Entities, features
 from contact_locking.laws.locking import squared_norm
-from contact_locking.laws.penalty import Penalty
+from contact_locking.laws.penalty import Penalty, PenaltyParameters
 from contact_locking.mesh.domain import Domain, require_surface
 from contact_locking.parallel import on_every_rank
 from contact_locking.problem import forms
@@ -181,16 +181,15 @@ class DiscreteProblem:
     ``follows_n`` says that the compliance of the contact was not chosen, but is 1/n.  ``warnings``
     tell what is probably not intended.
 
-    The constructor is collective.  ``compliance`` is epsilon, None for 1/n.  Raises InputError for
-    data that cannot be used, and for a foundation behind Gamma_C.
+    The constructor is collective.  Raises InputError for data that cannot be used, and for a
+    foundation behind Gamma_C.
     """
 
     def __init__(
         self,
         body: Body,
         contacts: Sequence[Contact],
-        n: float,
-        compliance: float | None,
+        penalty: PenaltyParameters,
         clock: Clock,
     ) -> None:
         domain, element, space = body.domain, body.element, body.space
@@ -206,8 +205,8 @@ class DiscreteProblem:
         points = Points(domain, element, clock)
         self.material = Material(points, body.elasticity, body.eigenstrains)
         self.limits = LimitsOnMesh.of(points, body.limits)
-        epsilon = 1.0 / n if compliance is None else compliance
-        self.follows_n = compliance is None
+        n, epsilon = penalty.n, penalty.compliance
+        self.follows_n = penalty.epsilon is None
         # The paper uses the compliance epsilon also for the regularisation length in (22): here
         # Young's modulus converts the compliance to a length.
         slip = self.material.young * epsilon

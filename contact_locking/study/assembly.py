@@ -21,10 +21,10 @@ from contact_locking.mesh.parts import groups, with_parts
 from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.points import Placed
-from contact_locking.results.probe_points import locate
+from contact_locking.results.probes import locate
 from contact_locking.study_file import require_parameters
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.material import MaterialParameters, Region
+from contact_locking.study_file.parameters.problem import MaterialParameters, Region
 from contact_locking.values.concept import BodyKind, dotted, require_fitting
 
 
@@ -41,7 +41,7 @@ class StudyProblem(DiscreteProblem):
         told = [f"{domain.origin}: {warning}" for warning in domain.warnings]
         parameters.check_dimension(domain.dim)
         self.probes = locate(domain, parameters.output.probes)
-        steps, loads, penalty = parameters.steps, parameters.loads, parameters.penalty
+        steps, loads = parameters.steps, parameters.loads
         clock = Clock(domain.mesh, () if steps is None else steps.planned)
         body = Body(
             domain,
@@ -54,7 +54,7 @@ class StudyProblem(DiscreteProblem):
         )
         contacts = [_with_radius(domain, item) for item in parameters.contacts]
         body.require_free(contacts)
-        super().__init__(body, contacts, penalty.n, penalty.epsilon, clock)
+        super().__init__(body, contacts, parameters.penalty, clock)
         self.rigidity.require_held()
         # Two contacts may have one section of friction.
         self.warnings = list(dict.fromkeys([*told, *self.warnings]))

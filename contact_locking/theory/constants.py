@@ -23,7 +23,7 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.elliptic import (
+from contact_locking.certificate.penalty_error import (
     EllipticProblem,
     NotApplicable,
     on_contacts,

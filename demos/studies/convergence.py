@@ -18,9 +18,9 @@ from contact_locking.fem.compiled import integral
 from contact_locking.files.atomic import write_text
 from contact_locking.laws.locking import squared_norm
 from contact_locking.mesh.domain import Domain
-from contact_locking.results.names import TABLE_LINES
-from contact_locking.study.solution import StudySolution
-from contact_locking.view.report.pages import Row, read_rows
+from contact_locking.results.folder import TABLE_LINES
+from contact_locking.results.solution import StudySolution
+from contact_locking.view.report.folders import Row, read_rows
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from typing import Any
 from convergence import read_table
 from rates import Curve, Panel, rate_plot
 
-from contact_locking.view.report.pages import Row
+from contact_locking.view.report.folders import Row
 
 RESULTS = Path("results")
 MEASURED = "certificate.errors.penalty_measured.displacement_norm"

@@ -26,7 +26,7 @@ from contact_locking.mesh.sources import (
 )
 from contact_locking.meshes import BUILDERS, Geometry
 from contact_locking.meshes.geometry import Curved
-from contact_locking.process.refinement import marked_cells, refined
+from contact_locking.process.adaptive_meshes import marked_cells, refined
 
 SIZES = st.floats(0.0, 1e6) | st.just(0.0)
 BODIES: dict[str, tuple[str, dict[str, Any]]] = {

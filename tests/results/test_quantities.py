@@ -21,7 +21,7 @@ from contact_locking.results.quantities import QUANTITIES, quantity, touches
 from contact_locking.running.run import run
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.view import report
-from contact_locking.view.report.pages import read_all
+from contact_locking.view.report.folders import read_all
 
 PRESSURE, YOUNG, POISSON = 0.01, 2.0, 0.3
 

@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 from simplices import Body, IntArray, Place
 
 from contact_locking.arrays import FloatArray
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.solution import StudySolution
 
 # The material of every reference problem.
 YOUNG, POISSON, LIMIT = 1.0, 0.3, 0.02

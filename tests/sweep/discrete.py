@@ -23,7 +23,7 @@ from contact_locking.expressions import parse
 from contact_locking.laws.elasticity import mean_young
 from contact_locking.laws.material import Elasticity
 from contact_locking.mesh.domain import Domain
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 from .boxes import Boxes

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.solution import StudySolution
 
 from .own_body import Array, Index, Mesh
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.solution import StudySolution
 
 from . import judge
 from .case import Study

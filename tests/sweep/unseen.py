@@ -10,7 +10,7 @@ import dataclasses
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.solution import StudySolution
 
 from .case import Truth
 from .discrete import Discrete, State, at

@@ -12,8 +12,8 @@ from conic_quadratic import QuadraticBody
 from problems import block, with_changes
 from verification_table import Row
 
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 pytest.importorskip("clarabel")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from contact_locking._version import __version__
 from contact_locking.files import atomic
-from contact_locking.results.names import RECORD
+from contact_locking.results.folder import RECORD
 
 #: The folder of the saved steps in the folder of a run; it is removed when the run has ended.
 FOLDER = "steps"

@@ -1,4 +1,4 @@
-"""The points of the probes, and the cells of the mesh that contain the points."""
+"""The points of the probes, the cells that contain them, and the fields there: probes.csv."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from dolfinx import geometry
+from dolfinx import fem, geometry
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from contact_locking import _compat
-from contact_locking.arrays import FloatArray, IndexArray, IntArray
+from contact_locking.arrays import AXES, FloatArray, IndexArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.results.output import Probe
+from contact_locking.results.solution import Solution
+from contact_locking.results.table import Table
 from contact_locking.values.concept import dotted
 
 # A point is in a cell if it is off the reference cell by this share at most.  Rounding alone
@@ -41,20 +43,6 @@ class ProbePoints:
 
     def __len__(self) -> int:
         return len(self.x)
-
-
-@dataclass(frozen=True)
-class ProbeSample:
-    """The fields at all k points at one time.
-
-    ``values`` maps the name of a column to (k,) on rank 0 and to nothing on the other ranks.
-    ``step`` counts from 1; it is 0 without steps.
-    """
-
-    points: ProbePoints
-    values: dict[str, FloatArray]
-    step: int = 0
-    time: float = 0.0
 
 
 def locate(domain: Domain, probes: Sequence[Probe]) -> ProbePoints:
@@ -125,3 +113,59 @@ def _pulled_back(mesh: dmesh.Mesh, corners: FloatArray, place: FloatArray) -> Fl
         return np.asarray(_compat.coordinate_map(mesh).pull_back(place[None], corners)[0])
     except RuntimeError:  # Newton's method does not converge for places far off a distorted cell
         return np.full(len(place), np.inf)
+
+
+def sample(points: ProbePoints, solution: Solution) -> Table:
+    """The fields at the points, a row for each, on rank 0; empty elsewhere; collective.
+
+    The columns ``stress`` are the whole stress, ``A eps(u) + Z``, with the hoop stress of an
+    axisymmetric body.
+    """
+    dim, size = points.x.shape[1], solution.elastic_stress.ufl_shape[0]
+    axes = AXES[:dim]
+    pairs = {f"{axes[i]}{axes[j]}": (i, j) for i in range(dim) for j in range(i, dim)}
+    if size > dim:
+        pairs["hoop"] = (dim, dim)
+    components = [i * size + j for i, j in pairs.values()]
+    names = [
+        *(f"u_{axis}" for axis in axes),
+        "strain_norm",
+        *(f"stress_{pair}" for pair in pairs),
+        *(f"locking_stress_{pair}" for pair in pairs),
+    ]
+    stresses = (solution.elastic_stress, solution.locking_stress)
+    elastic, locking = (_local_values(points, field) for field in stresses)
+    local = np.column_stack(
+        [
+            _local_values(points, solution.displacement),
+            _local_values(points, solution.strain_norm),
+            (elastic + locking)[:, components],
+            locking[:, components],
+        ]
+    )
+    gathered = solution.domain.comm.gather((points.own, local))
+    if gathered is None:
+        return Table()
+    values = np.empty((len(points), len(names)))
+    for numbers, of_rank in gathered:
+        values[numbers] = of_rank
+    places = {"probe": points.probe, "point": points.number}
+    places |= zip(AXES, points.x.T, strict=False)
+    return Table(places | dict(zip(names, values.T, strict=True)))
+
+
+def in_step(sampled: Table, step: int, time: float) -> Table:
+    """The table with the columns ``step``, from 1, and ``t``; as it is for step 0."""
+    every = np.ones(len(sampled), dtype=np.int64)
+    when = {"step": step * every, "t": time * every} if step and len(sampled) else {}
+    return Table(when | sampled.columns)
+
+
+def _local_values(points: ProbePoints, field: fem.Function) -> FloatArray:
+    """The values (m, n) of a field at the m points of this rank."""
+    size = int(np.prod(field.ufl_shape, dtype=int))
+    places = np.zeros((len(points.own), 3))
+    places[:, : points.x.shape[1]] = points.x[points.own]
+    if not len(places):
+        return np.empty((0, size))
+    return np.asarray(field.eval(places, points.cells)).reshape(len(places), size)

@@ -22,9 +22,8 @@ from pathlib import Path
 from typing import Any
 
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.results.names import PARAMETERS
-
-from .cases import LOG, PROGRESS, Case, begin
+from contact_locking.results.folder import PARAMETERS
+from contact_locking.running.cases import LOG, PROGRESS, Case, begin
 
 #: The program that solves a case; its arguments follow.  With -P, Python takes no modules from the
 #: current folder, which may have come with the study.
@@ -37,7 +36,7 @@ _ERROR = re.compile(r"^error: (.+(?:\n {7}.+)*)", re.MULTILINE)
 _CRASH = re.compile(r"PETSC ERROR: Caught signal number \d+ ([^,\n]+)")
 # mpirun has this time to end its ranks.
 _GRACE_SECONDS = 10.0
-_WORKER = (sys.executable, "-P", "-m", "contact_locking.command.worker")
+_WORKER = (sys.executable, "-P", "-c", "from contact_locking.command import cli; cli.work()")
 # A worker is replaced after so many cases, so that no leak of memory adds up.
 _MOST_CASES = 100
 _PR_SET_PDEATHSIG = 1

@@ -1,12 +1,19 @@
-"""The names of the files in the folders of runs and studies, and the files that these replace."""
+"""The folder of a run or a study: the names of its files, and one run at a time in it."""
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
-from contact_locking.errors import InputError
+from contact_locking.errors import InputError, explained
+from contact_locking.files import atomic
+from contact_locking.files.atomic import locked, new_folders
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 #: The first line of every file with the parameters of a run or of a study.
 HEADER = "# All parameters, written by contact_locking\n"
@@ -70,3 +77,66 @@ def require_own(directory: Path, names: Sequence[str] = FILES_OF_RUN) -> None:
                 "or write to another folder",
                 KEY,
             )
+
+
+T = TypeVar("T")
+
+
+@contextlib.contextmanager
+def reserved(directory: str | Path, comm: MPI.Intracomm) -> Iterator[None]:
+    """Keep ``directory`` for the results of one run; collective.
+
+    Enter the block before the solve, which may take hours.  The unfinished files of a killed run
+    are removed, and a new folder is removed again if no file is written.  Raises the errors of
+    `prepare`, and InputError if another run or a study writes to the folder.
+    """
+    target = Path(directory)
+    with contextlib.ExitStack() as stack:
+
+        def attempt() -> None:
+            stack.enter_context(new_folders(target))
+            stack.enter_context(locked(target, "run"))
+            atomic.remove_abandoned(target)
+            require_own(target)
+            _require_writable(target)
+
+        on_root_of(comm, target, attempt)
+        yield
+
+
+def prepare(directory: str | Path, comm: MPI.Intracomm) -> None:
+    """Raise InputError if results cannot be written to ``directory``; leave no trace; collective.
+
+    Raises ContactLockingError if the disk has no room for the text files.
+    """
+    target = Path(directory)
+
+    def attempt() -> None:
+        with new_folders(target):
+            require_own(target)
+            _require_writable(target)
+
+    on_root_of(comm, target, attempt)
+
+
+def on_root_of(comm: MPI.Intracomm, directory: Path, work: Callable[[], T]) -> T:
+    """`on_root` with an error about the folder in place of an OSError; collective."""
+    # Study files are read without MPI.
+    from contact_locking.parallel import on_root
+
+    def attempt() -> T:
+        with explained_in(directory):
+            return work()
+
+    return on_root(comm, attempt)
+
+
+def explained_in(directory: Path) -> contextlib.AbstractContextManager[None]:
+    """Raise an error about the folder of the results in place of an OSError."""
+    return explained(not_writable(directory), directory, KEY)
+
+
+def _require_writable(directory: Path) -> None:
+    """Raise OSError if the folder has no room for the text files; leave no trace."""
+    with atomic.staging(directory) as folder:
+        atomic.require_room(folder, TEXTS_BYTES)

@@ -16,24 +16,25 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
+from pydantic import BaseModel, ValidationError
 
 from contact_locking import _compat
+from contact_locking._version import __version__
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.certificate.verdict import is_solved
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.fem.compiled import Kept
+from contact_locking.files.readable import file_digest
 from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.sources import WholeMesh, gather_mesh, spread
 from contact_locking.parallel import maximum, on_every_rank, on_root
 from contact_locking.problem.discrete_problem import DiscreteProblem
-from contact_locking.process.checkpoint import record as records
-from contact_locking.process.checkpoint.record import Record
-from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.process.saved_steps import saved_steps
 from contact_locking.results.contact_points import OPEN
-from contact_locking.results.names import HISTORY
+from contact_locking.results.folder import CHECKPOINT, HISTORY, RECORD
 from contact_locking.results.solution import Solution
 from contact_locking.results.table import Table
 from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
@@ -177,10 +178,10 @@ def refined_mesh(directory: str | Path | None, comm: MPI.Intracomm) -> Domain | 
     held: list[WholeMesh] = []
 
     def load() -> bool:
-        record, _ = records.load_fields(place)
-        folder = records.locate(place)
+        record, _ = load_fields(place)
+        folder = locate(place)
         if record.is_refined:
-            held.append(WholeMesh.load(folder, records.MESH))
+            held.append(WholeMesh.load(folder, MESH))
         return bool(held)
 
     return spread(next(iter(held), None), comm) if on_root(comm, load) else None
@@ -192,8 +193,8 @@ def unavailable() -> str | None:
         _compat.checkpoint_library()
     except ImportError as error:
         return (
-            f"checkpoints take adios4dolfinx, which cannot be imported here ({error}); "
-            "Debian has it as python3-adios4dolfinx, conda-forge as adios4dolfinx or io4dolfinx"
+            f"checkpoints take adios4dolfinx, which cannot be imported here ({error}); Debian has "
+            "it as python3-adios4dolfinx, conda-forge as adios4dolfinx, or pip install io4dolfinx"
         )
     return None
 
@@ -231,7 +232,7 @@ def write(solution: Solution, folder: Path) -> None:
     _compat.prepare_communicator(domain.comm)
     try:
         for name, function in _fields(solution).items():
-            _compat.save_function(folder / records.FIELDS, function, name)
+            _compat.save_function(folder / FIELDS, function, name)
     except RuntimeError as error:
         if domain.comm.size > 1:
             # The other ranks may wait inside ADIOS2, where no error reaches them.
@@ -244,7 +245,7 @@ def write(solution: Solution, folder: Path) -> None:
 
     def finish() -> None:
         if mesh is not None:
-            mesh.save(folder, records.MESH)
+            mesh.save(folder, MESH)
         record = Record(
             converged=solution.converged,
             n=penalties["n"],
@@ -254,20 +255,20 @@ def write(solution: Solution, folder: Path) -> None:
             is_refined=domain.is_refined,
             contacts=len(solution.contacts),
             strain_sets=len(solution.locking_parts),
-            problem=solution.fingerprint(),
+            problem=solution.problem,
             step=_about_step(solution),
             travels=solution.state.saved.travels,
         )
         if solution.history.rows:
             (folder / HISTORY).write_text(solution.history.text(), encoding="utf-8")
-        records.save(record, folder)
+        save(record, folder)
 
     on_root(domain.comm, finish)
 
 
 def expect(directory: str | Path, comm: MPI.Intracomm) -> None:
     """Raise the errors of :func:`read` that need neither mesh nor fields; collective."""
-    on_root(comm, lambda: records.load(directory))
+    on_root(comm, lambda: load(directory))
     _require_library()
 
 
@@ -280,7 +281,7 @@ def read(directory: str | Path, problem: DiscreteProblem) -> Checkpoint:
     comm = problem.domain.comm
     expect(directory, comm)
     _require_cells(problem.domain)
-    record, path = on_root(comm, lambda: records.load_fields(directory))
+    record, path = on_root(comm, lambda: load_fields(directory))
     _compat.prepare_communicator(comm)
     fields = _Reader(path, problem)
     _require_same_mesh(record, problem, fields)
@@ -295,7 +296,7 @@ def read(directory: str | Path, problem: DiscreteProblem) -> Checkpoint:
     state = SavedState(displacement, pressures, penalty, travels=record.travels)
     step = None
     if record.step is not None and multipliers is not None:
-        step = _load_step(record.step, records.locate(directory), problem, fields)
+        step = _load_step(record.step, locate(directory), problem, fields)
     return Checkpoint(state, multipliers, bounds, record.problem, record.converged, step)
 
 
@@ -418,3 +419,91 @@ def saved_step(path: Path, problem: DiscreteProblem) -> tuple[Checkpoint, SavedS
             "process starts from the last step of a process"
         )
     return saved, saved.step
+
+
+# A change of the written files raises this number.
+FORMAT = 7
+# The names in the folder of a checkpoint.
+FIELDS, MESH = "state.bp", "mesh"
+_AGAIN = "save it again with contact-locking run --checkpoint"
+
+
+class Record(BaseModel):
+    """Identifies the problem and the mesh that a checkpoint belongs to.
+
+    ``size`` has the dimension, the cells and the nodes of the mesh, the degree of the displacement,
+    and 1 for a body of revolution; ``is_refined`` that of the mesh.  ``problem`` is the fingerprint
+    of everything that defines the solution.  ``contacts`` is the number of contacts,
+    ``strain_sets`` that of the sets of strains, and ``regularisations`` has one length for each
+    contact.  ``travels`` are those of the tools.  ``step`` is about the step of a process, None for
+    a problem without steps.  ``files`` has the digest of each file.
+    """
+
+    # JSON has no infinity, which is a text.
+    model_config = {"frozen": True, "ser_json_inf_nan": "strings"}
+
+    format: int = FORMAT
+    version: str = __version__
+    converged: bool
+    n: float
+    epsilon: float
+    regularisations: tuple[float, ...]
+    size: tuple[int, ...]
+    is_refined: bool
+    contacts: int
+    strain_sets: int
+    problem: str
+    step: dict[str, Any] | None = None
+    travels: tuple[float, ...] = ()
+    files: dict[str, str] = {}
+
+
+def save(record: Record, folder: Path) -> None:
+    """Write the record of a checkpoint whose fields are complete.  Raises OSError."""
+    for path in (folder / FIELDS).glob("profiling*"):
+        path.unlink()  # timings of ADIOS2, which differ from run to run
+    # The files of the fields, and of a refined mesh.
+    paths = [*sorted((folder / FIELDS).iterdir()), *sorted(folder.glob(f"{MESH}.*"))]
+    files = {path.name: file_digest(str(path)) for path in paths}
+    whole = record.model_copy(update={"files": files})
+    text = whole.model_dump_json(indent=2, exclude_none=True)
+    (folder / RECORD).write_text(f"{text}\n", encoding="utf-8")
+
+
+def locate(directory: str | Path) -> Path:
+    """The folder of the checkpoint: ``directory`` itself, or in the folder of a run."""
+    given = Path(directory)
+    return given if (given / RECORD).is_file() else given / CHECKPOINT
+
+
+def load(directory: str | Path) -> Record:
+    """The record.
+
+    Raises InputError for a missing, damaged or other record, and OSError if it cannot be read.
+    """
+    path = locate(directory) / RECORD
+    if not path.is_file():
+        raise InputError(f"there is no checkpoint in {directory}; {_AGAIN}")
+    try:
+        record = Record.model_validate_json(path.read_bytes())
+    except ValidationError:
+        record = None
+    if record is None or record.format != FORMAT:
+        raise InputError(
+            f"{path} is damaged, or was saved by another version than contact_locking "
+            f"{__version__}; {_AGAIN}"
+        )
+    return record
+
+
+def load_fields(directory: str | Path) -> tuple[Record, Path]:
+    """The record and the folder of the fields, whose files are complete and unchanged.
+
+    Reads all files for their digests.  Raises as `load`.
+    """
+    record, folder = load(directory), locate(directory)
+    for name, digest in record.files.items():
+        path = (folder if Path(name).stem == MESH else folder / FIELDS) / Path(name).name
+        if not path.is_file() or file_digest(str(path)) != digest:
+            raise InputError(f"{path} is missing or damaged; {_AGAIN}")
+    return record, folder / FIELDS

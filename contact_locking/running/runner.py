@@ -7,14 +7,13 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from contact_locking import study_file
 from contact_locking.errors import NoRoom, explained, tells_of_full_disk
-from contact_locking.files.atomic import remove_abandoned, write_text
-from contact_locking.files.lock import locked, make_folders
-from contact_locking.plain_text import duration
-from contact_locking.results.names import (
+from contact_locking.files.atomic import locked, make_folders, remove_abandoned, write_text
+from contact_locking.plain_text import duration, printable
+from contact_locking.results.folder import (
     KEY,
     PARAMETERS,
     TABLE_CSV,
@@ -22,11 +21,8 @@ from contact_locking.results.names import (
     not_writable,
     require_own,
 )
-from contact_locking.running.studies.signals import stoppable
-from contact_locking.study_file import StudyFile
-from contact_locking.study_file.parameters import Parameters
-
-from .cases import (
+from contact_locking.running.cases import (
+    PROGRESS,
     Case,
     Outcome,
     State,
@@ -34,14 +30,19 @@ from .cases import (
     conclude,
     each_once,
     outcome,
+    read_mapping,
     row_of,
     write_rows,
 )
-from .executor import Executor, Plan, launcher
-from .view import View
+from contact_locking.running.executor import Executor, Plan, Slot, launcher
+from contact_locking.running.signals import stoppable
+from contact_locking.study_file import StudyFile
+from contact_locking.study_file.parameters import Parameters
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
+
 
 INDEX = "index.txt"
 _TABLE_SECONDS = 2.0
@@ -162,3 +163,82 @@ def summary_rows(study: Study, seconds: float) -> list[tuple[str, str]]:
     if warned := sum(bool(study.outcomes[case.name].warnings) for case in study.cases):
         rows.append(("with warnings", str(warned)))
     return [*rows, ("time", duration(seconds)), ("table in", str(study.directory / TABLE_CSV))]
+
+
+_STYLES: dict[State, str] = {"not converged": "yellow", "failed": "red"}
+
+
+class View:
+    """Shows the cases that run and that have ended; use it as a context manager.
+
+    ``total`` is the number of cases to be solved.
+    """
+
+    def __init__(self, console: Console, total: int) -> None:
+        from rich.live import Live
+
+        self._console = console
+        self._total = total
+        self._states: Counter[State] = Counter()
+        self._live: Live | None = None
+        if console.is_terminal:
+            # No thread refreshes the display, because this process forks others.
+            self._live = Live(console=console, auto_refresh=False, transient=True)
+
+    def __enter__(self) -> Self:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def line(self, text: str, style: str | None = None) -> None:
+        """Print a line that stays on the terminal."""
+        from rich.text import Text
+
+        self._console.print(Text(printable(text)), style=style, soft_wrap=True)
+
+    def ended(self, case: Case, outcome: Outcome, seconds: float) -> None:
+        self._states[outcome.state] += 1
+        width = len(str(self._total))
+        reason = f": {outcome.reason}" if outcome.state != "converged" else outcome.reservation
+        self.line(
+            f"[{self._states.total():{width}}/{self._total}] {case.label}  "
+            f"{outcome.state}{reason}  ({duration(seconds)})",
+            _STYLES.get(outcome.state),
+        )
+        for warning in outcome.warnings:
+            self.line(f"{'':{2 * width + 3}} warning: {warning}", "yellow")
+
+    def show(self, running: Sequence[Slot]) -> None:
+        """Refresh the display of the running cases."""
+        if self._live is not None:
+            self._live.update(self._picture(running), refresh=True)
+
+    def _picture(self, running: Sequence[Slot]) -> Table:
+        from rich.table import Table
+        from rich.text import Text
+
+        done = self._states.total()
+        counts = [f"{done} of {self._total} done", f"{len(running)} running"]
+        counts += [f"{self._states[state]} {state}" for state in _STYLES if self._states[state]]
+        outer = Table.grid()
+        outer.add_row(Text(", ".join(counts), style="bold"))
+        inner = Table.grid(padding=(0, 2))
+        for one in running:
+            cells = (one.case.label, status(one.case), duration(one.seconds))
+            inner.add_row(*(Text(f"  {printable(cell)}", no_wrap=True) for cell in cells))
+        outer.add_row(inner)
+        return outer
+
+
+def status(case: Case) -> str:
+    """The latest progress that a running case has recorded."""
+    now = read_mapping(case.folder / PROGRESS)
+    if now is None:
+        return "starting"
+    if "iteration" not in now:
+        return str(now.get("message", ""))
+    return f"n = {now.get('n')}  iteration {now['iteration']}  residual {now.get('residual')}"

@@ -13,13 +13,12 @@ from mpi4py import MPI
 
 from contact_locking.errors import ContactLockingError, InputError, NoRoom
 from contact_locking.process.loop import Process
+from contact_locking.results.folder import on_root_of
 from contact_locking.results.output import Output
-from contact_locking.results.output_folder import on_root_of
 from contact_locking.results.solution import summary_text
-from contact_locking.running import run, writing
+from contact_locking.running import run
+from contact_locking.running.cases import Outcome, State, case_folder, row_of, write_rows
 from contact_locking.study_file.parameters.study import StudyParameters
-
-from .cases import Outcome, State, case_folder, row_of, write_rows
 
 
 def solve_cases(
@@ -80,7 +79,7 @@ def _outcome(made: Any, place: Path | None, output: Output | None, comm: MPI.Int
         else:
             solution = made.solve() if hasattr(made, "solve") else deque(made, maxlen=1)[0]
             if place is not None:
-                writing.write(solution, place, output)
+                run.write(solution, place, output)
         summary = json.loads(summary_text(solution.summary))
     state: State = "converged" if solution.converged else "not converged"
     return Outcome(state, str(summary["reason"]), summary)
