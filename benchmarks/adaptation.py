@@ -28,9 +28,9 @@ from contact_locking import _compat
 from contact_locking.arrays import FloatArray
 from contact_locking.fem import compiled
 from contact_locking.laws.elasticity import strain
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 from contact_locking.running.solving import solve_adaptively
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))

@@ -20,7 +20,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from contact_locking.certificate.elliptic import EllipticProblem, Lifting
+from contact_locking.certificate.penalty_error import EllipticProblem, Lifting
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.running.solving import SolvableStudy
 from contact_locking.study.assembly import assemble

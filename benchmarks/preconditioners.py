@@ -27,10 +27,10 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse import diags
 
+from contact_locking.problem.affine_part import near_nullspace
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.gmres import Contexts
 from contact_locking.solver.linear.storage import IN_BLOCKS
-from contact_locking.supports.affine_part import near_nullspace
 
 PLACES = ("half", "scattered")
 DIRECTIONS = ("same", "random")

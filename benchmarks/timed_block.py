@@ -17,10 +17,10 @@ from petsc4py import PETSc
 from contact_locking.fem import compiled
 from contact_locking.problem import forms
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
 from contact_locking.study.assembly import assemble
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 # The reference problem belongs to the tests.

@@ -21,18 +21,17 @@ from typing import TYPE_CHECKING, Any
 from contact_locking._version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from contact_locking.certificate.extras import Extras as Extras
     from contact_locking.contact.contact import Contact as Contact
+    from contact_locking.contact.contact import Convolution as Convolution
+    from contact_locking.contact.contact import Coulomb as Coulomb
+    from contact_locking.contact.contact import Helmholtz as Helmholtz
+    from contact_locking.contact.contact import Kernel as Kernel
+    from contact_locking.contact.contact import Local as Local
     from contact_locking.contact.coulomb import FrictionBound as FrictionBound
-    from contact_locking.contact.friction import Convolution as Convolution
-    from contact_locking.contact.friction import Coulomb as Coulomb
-    from contact_locking.contact.friction import Helmholtz as Helmholtz
-    from contact_locking.contact.friction import Kernel as Kernel
-    from contact_locking.contact.friction import Local as Local
+    from contact_locking.contact.coulomb import Smoothing as Smoothing
     from contact_locking.contact.rigid_body import Foundation as Foundation
     from contact_locking.contact.rigid_body import FoundationSpring as FoundationSpring
     from contact_locking.contact.rigid_body import Motion as Motion
-    from contact_locking.contact.smoothing import Smoothing as Smoothing
     from contact_locking.contact_problem import ContactProblem as ContactProblem
     from contact_locking.errors import ContactLockingError as ContactLockingError
     from contact_locking.errors import InputError as InputError
@@ -46,26 +45,24 @@ if TYPE_CHECKING:
     from contact_locking.laws.limits import Weighted as Weighted
     from contact_locking.laws.material import Eigenstrain as Eigenstrain
     from contact_locking.laws.material import Elasticity as Elasticity
-    from contact_locking.problem.loads import BodyForce as BodyForce
-    from contact_locking.problem.loads import Pressure as Pressure
-    from contact_locking.problem.loads import TotalForce as TotalForce
-    from contact_locking.problem.loads import Traction as Traction
     from contact_locking.process.adaptive_meshes import adapt as adapt
     from contact_locking.process.loop import Process as Process
     from contact_locking.process.settings import Adaptation as Adaptation
     from contact_locking.process.settings import Steps as Steps
+    from contact_locking.results.output import Extras as Extras
     from contact_locking.results.output import Output as Output
     from contact_locking.results.output import Probe as Probe
     from contact_locking.results.solution import Solution as Solution
     from contact_locking.results.solution import State as State
+    from contact_locking.results.solution import StudySolution as StudySolution
+    from contact_locking.running.in_script import solve_cases as solve_cases
+    from contact_locking.running.run import save as save
+    from contact_locking.running.run import write as write
     from contact_locking.running.run import write_steps as write_steps
     from contact_locking.running.solving import solve as solve
     from contact_locking.running.solving import solve_adaptively as solve_adaptively
     from contact_locking.running.solving import solve_assembled as solve_assembled
     from contact_locking.running.solving import solve_steps as solve_steps
-    from contact_locking.running.studies.in_script import solve_cases as solve_cases
-    from contact_locking.running.writing import save as save
-    from contact_locking.running.writing import write as write
     from contact_locking.shapes.analytic import Cylinder as Cylinder
     from contact_locking.shapes.analytic import HalfSpace as HalfSpace
     from contact_locking.shapes.analytic import LevelSet as LevelSet
@@ -75,48 +72,45 @@ if TYPE_CHECKING:
     from contact_locking.solver.settings import Settings as Settings
     from contact_locking.study.assembly import assemble as assemble
     from contact_locking.study.assembly import check as check
-    from contact_locking.study.solution import StudySolution as StudySolution
     from contact_locking.study_file import from_mapping as from_mapping
     from contact_locking.study_file import load as load
     from contact_locking.study_file.parameters import Parameters as Parameters
+    from contact_locking.supports.support import BodyForce as BodyForce
     from contact_locking.supports.support import Displacement as Displacement
+    from contact_locking.supports.support import Pressure as Pressure
     from contact_locking.supports.support import Spring as Spring
     from contact_locking.supports.support import Support as Support
+    from contact_locking.supports.support import TotalForce as TotalForce
+    from contact_locking.supports.support import Traction as Traction
     from contact_locking.theory.solutions import branch as branch
     from contact_locking.theory.solutions import equilibria as equilibria
 
 # The public names of each module.
 _NAMES = {
-    "certificate.extras": "Extras",
-    "contact.contact": "Contact",
-    "contact.coulomb": "FrictionBound",
-    "contact.friction": "Convolution Coulomb Helmholtz Kernel Local",
+    "contact.contact": "Contact Convolution Coulomb Helmholtz Kernel Local",
+    "contact.coulomb": "FrictionBound Smoothing",
     "contact.rigid_body": "Foundation FoundationSpring Motion",
-    "contact.smoothing": "Smoothing",
     "contact_problem": "ContactProblem",
     "errors": "ContactLockingError InputError NotConverged",
     "laws.friction": "FrictionLaw",
     "laws.limits": "Deviator Direction StrainBall Volume Weighted",
     "laws.material": "Eigenstrain Elasticity",
-    "problem.loads": "BodyForce Pressure TotalForce Traction",
     "process.adaptive_meshes": "adapt",
     "process.loop": "Process",
     "process.settings": "Adaptation Steps",
-    "results.output": "Output Probe",
+    "results.output": "Extras Output Probe",
     "running.solving": "solve solve_adaptively solve_assembled solve_steps",
     "results.solution": "Solution State",
-    "running.run": "write_steps",
-    "running.studies.in_script": "solve_cases",
-    "running.writing": "save write",
+    "running.run": "save write write_steps",
+    "running.in_script": "solve_cases",
     "inverse.derivatives": "Number",
     "shapes.analytic": "Cylinder HalfSpace LevelSet Sphere",
     "shapes.faceted": "Polyline TriangulatedSurface",
     "solver.settings": "Settings",
     "study.assembly": "assemble check",
-    "study.solution": "StudySolution",
     "study_file": "from_mapping load",
     "study_file.parameters": "Parameters",
-    "supports.support": "Displacement Spring Support",
+    "supports.support": "BodyForce Displacement Pressure Spring Support TotalForce Traction",
     "theory.solutions": "branch equilibria",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
@@ -124,8 +118,8 @@ __all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:
-    # A further shape or limit of the strain needs no row here.
-    further = ("shapes.analytic", "laws.limits") if name[:1].isupper() else ()
+    # A further shape or limit of the strain needs no row here, nor does a second name.
+    further = ("shapes.analytic", "laws.limits", "results.solution") if name[:1].isupper() else ()
     for home in [_HOME[name]] if name in _HOME else further:
         module = importlib.import_module(f"{__name__}.{home}")
         if hasattr(module, name):

@@ -5,6 +5,7 @@ The differences include those of the PETSc and the checkpoint library that belon
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import functools
 import importlib
@@ -16,6 +17,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from dolfinx.cpp.mesh import cell_entity_type, cell_num_vertices
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray, IndexArray
@@ -84,7 +86,7 @@ def point_owners(data: Any) -> IndexArray:
 
 
 def checkpoint_library() -> Any:
-    """The module adios4dolfinx, or its successor io4dolfinx.
+    """The module adios4dolfinx, or its successor io4dolfinx, by HDF5 where ADIOS2 has no MPI.
 
     Raises ImportError where neither module works.
     """
@@ -92,10 +94,16 @@ def checkpoint_library() -> Any:
         return importlib.import_module("adios4dolfinx")
     except ImportError as error:
         try:
-            importlib.import_module("adios2")  # io4dolfinx would miss adios2 only as it writes
-            return importlib.import_module("io4dolfinx")
+            library = importlib.import_module("io4dolfinx")
         except ImportError:
             raise error from None
+    with contextlib.suppress(ImportError):
+        if importlib.import_module("adios2").is_built_with_mpi:
+            return library
+    if MPI.COMM_WORLD.size > 1 and not importlib.import_module("h5py").get_config().mpi:
+        raise ImportError("h5py without MPI serves one process only")
+    library.set_default_backend("h5py")
+    return library
 
 
 def petsc_option_used(name: str) -> bool:
@@ -144,10 +152,20 @@ def prepare_communicator(comm: Any) -> None:
 
 def save_function(path: Path, function: fem.Function, name: str) -> None:
     """Add a function to a file, in the order of the cells of the original mesh; collective."""
+    library = checkpoint_library()
     # Both libraries have these arguments.
-    checkpoint_library().write_function_on_input_mesh(path, function, time=0.0, name=name)
+    library.write_function_on_input_mesh(_file(library, path), function, time=0.0, name=name)
 
 
 def load_function(path: Path, function: fem.Function, name: str) -> None:
     """Fill a function from a file; the same mesh may be distributed differently; collective."""
-    checkpoint_library().read_function(path, function, time=0.0, name=name)
+    library = checkpoint_library()
+    library.read_function(_file(library, path), function, time=0.0, name=name)
+
+
+def _file(library: Any, path: Path) -> Path:
+    """ADIOS2 makes a folder of a path; HDF5 has a file in it."""
+    if getattr(library, "get_default_backend", str)() != "h5py":
+        return path
+    path.mkdir(exist_ok=True)
+    return path / "state.h5"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, get_args
 
 import numpy as np
@@ -14,40 +13,39 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from ufl.core.expr import Expr
 
-from contact_locking.certificate.extras import Extras
-from contact_locking.contact import checks as contact_checks
 from contact_locking.contact.contact import Contact
+from contact_locking.contact.nodal_contact import check_friction
 from contact_locking.errors import InputError, require_kind
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.fields.present import Clock
 from contact_locking.laws.material import Elasticity
+from contact_locking.laws.penalty import PenaltyParameters
 from contact_locking.mesh.cell_kind import NAMED
-from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.domain import Domain, half_section
 from contact_locking.mesh.given_mesh import NamedFacets
-from contact_locking.mesh.half_section import half_section
 from contact_locking.parallel import on_any_rank
 from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.body import Body
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.elasticity import elasticity_of, split
 from contact_locking.problem.forms import require_energy
-from contact_locking.problem.loads import Load
 from contact_locking.problem.points import Placed
 from contact_locking.results.solution import Solution
 from contact_locking.solver.settings import Settings
-from contact_locking.supports.support import Displacement, Spring, Support
+from contact_locking.supports.support import Displacement, Load, Spring, Support
 from contact_locking.values.concept import BodyKind, Concept, require_fitting
 
 if TYPE_CHECKING:
     from contact_locking.certificate.solved_state import Criterion, SolvedState
     from contact_locking.monitor import Monitor
     from contact_locking.process.problem_solver import ProblemSolver
+    from contact_locking.results.output import Extras
     from contact_locking.solver.task import SolverReport
 
 Condition: TypeAlias = fem.DirichletBC | Support | Displacement
 T = TypeVar("T", bound=Concept)
 
-_WANTED = {"contacts": "a Contact", "springs": "a Spring", "loads": "a load, such as a Traction"}
+_KINDS = {"contacts": "a Contact", "springs": "a Spring", "loads": "a load, such as a Traction"}
 
 
 class ContactProblem:
@@ -93,30 +91,30 @@ class ContactProblem:
         settings: Settings | None = None,
         monitor: Monitor | None = None,
     ) -> None:
-        _check(a, L, n, compliance, settings)
+        _check(a, L, axisymmetric, settings)
         _check_lists(bcs=bcs, limits=limits, contacts=contacts, loads=loads, springs=springs)
         space = _space_of(a, L, space)
-        if axisymmetric and not isinstance(a, Elasticity):
-            raise InputError("must be an Elasticity for an axisymmetric body", "a")
         element = _element_of(space, axisymmetric)
         places = NamedFacets(space.mesh, tags, names)
         contacts = _placed("contacts", contacts, Contact, places)
         loads = _placed("loads", loads, get_args(Load), places)
         springs = _placed("springs", springs, Spring, places)
-        held = [
-            item
-            for key, kind in (("supports", Support), ("displacements", Displacement))
-            for item in _placed(key, [one for one in bcs if isinstance(one, kind)], kind, places)
+        supports = [condition for condition in bcs if isinstance(condition, Support)]
+        displacements = [condition for condition in bcs if isinstance(condition, Displacement)]
+        held: list[Support | Displacement] = [
+            *_placed("supports", supports, Support, places),
+            *_placed("displacements", displacements, Displacement, places),
         ]
         domain = places.domain()
         domain = half_section(domain, "axisymmetric") if axisymmetric else domain
         form, others = (None, None) if isinstance(a, Elasticity) else split(a)
         law = a if form is None else elasticity_of(form)
-        of_limits = [(f"limits.{number}", item) for number, item in enumerate(limits)]
         body_kind = BodyKind(domain.dim, axisymmetric, law.plane == "stress")
-        concepts = [(item.key, item) for item in (*contacts, *held, *loads, *springs)]
-        for key, item in [*concepts, ("a", law), *of_limits]:
-            require_fitting(item, body_kind, key)
+        for concept in (*contacts, *held, *loads, *springs):
+            require_fitting(concept, body_kind, concept.key)
+        require_fitting(law, body_kind, "a")
+        for number, limit in enumerate(limits):
+            require_fitting(limit, body_kind, f"limits.{number}")
         if energy is not None:
             require_energy(energy, space)
         body = Body(
@@ -124,9 +122,9 @@ class ContactProblem:
             element,
             space,
             [Placed(law, "a")],
-            limits=[Placed(item, key) for key, item in of_limits],
+            limits=[Placed(limit, f"limits.{number}") for number, limit in enumerate(limits)],
             held=held,
-            bcs=[item for item in bcs if not isinstance(item, Support | Displacement)],
+            bcs=[condition for condition in bcs if isinstance(condition, fem.DirichletBC)],
             loads=loads,
             springs=springs,
             work=L,
@@ -134,9 +132,10 @@ class ContactProblem:
             others=others,
             own_energy=energy,
         )
-        self._discrete = DiscreteProblem(body, contacts, n, compliance, Clock(space.mesh))
+        penalty = _penalty(n, compliance)
+        self._discrete = DiscreteProblem(body, contacts, penalty, Clock(space.mesh))
         for contact in self._discrete.contacts:
-            contact_checks.check_friction(contact)
+            check_friction(contact)
         self._settings, self._monitor = settings or Settings(), monitor
         if self._settings.method == "penalty":
             require_served(self._discrete)
@@ -178,8 +177,9 @@ class ContactProblem:
         solver, report = self.solver, self.report(after, start)
         # Derivatives of a step need those of the memory that it began with.
         derivatives = solver.derivatives(report) if after is None else None
-        asked = (extras or Extras()) if certificate else None
-        solution = solver.solution(solver.state(report), None, asked, derivatives)
+        solution = solver.solution(
+            solver.state(report), None, extras, derivatives, certificate=certificate
+        )
         return solution.telling(warnings=[*solution.summary["warnings"], *solver.unused_options()])
 
     def report(self, after: Solution | None = None, start: Solution | None = None) -> SolverReport:
@@ -212,7 +212,7 @@ class ContactProblem:
             raise InputError("is not finite somewhere", "L" if problem.body.work else "loads")
         problem.rigidity.require_held()
         for contact in problem.contacts:
-            contact_checks.check_friction(contact)
+            check_friction(contact)
         system.clear()
 
     def close(self) -> None:
@@ -223,17 +223,22 @@ class ContactProblem:
         self._discrete.close()
 
 
-def _check(a: Any, L: Any, n: Any, compliance: float | None, settings: Any) -> None:
-    wanted = "a form, such as inner(sigma(u), eps(v))*dx, or an Elasticity"
-    require_kind(a, ufl.Form | Elasticity, wanted, "a")
+def _check(a: Any, L: Any, axisymmetric: bool, settings: Any) -> None:
+    words = "a form, such as inner(sigma(u), eps(v))*dx, or an Elasticity"
+    require_kind(a, ufl.Form | Elasticity, words, "a")
     if L is not None and not (isinstance(L, ufl.Form) and len(L.arguments()) == 1):
         raise InputError("must be a linear form, with a test function alone: inner(f, v)*dx", "L")
-    require_kind(n, Real, "a number or infinity", "n")
-    if not float(n) > 0.0:
-        raise InputError(f"must be > 0, not {n}", "n")
-    if compliance is not None and not compliance >= 0.0:
-        raise InputError(f"must be >= 0, not {compliance}", "compliance")
+    if axisymmetric and not isinstance(a, Elasticity):
+        raise InputError("must be an Elasticity for an axisymmetric body", "a")
     require_kind(settings, Settings | None, "Settings, as Settings(tolerance=1e-9)", "settings")
+
+
+def _penalty(n: Any, compliance: Any) -> PenaltyParameters:
+    try:
+        return PenaltyParameters(n, compliance)
+    except InputError as error:
+        key = "n" if str(error.key).endswith(".n") else "compliance"
+        raise InputError(str(error), key) from None
 
 
 def _check_lists(**lists: Any) -> None:
@@ -245,21 +250,19 @@ def _check_lists(**lists: Any) -> None:
 
 
 def _space_of(
-    a: ufl.Form | Elasticity, L: ufl.Form | None, given: fem.FunctionSpace | None
+    a: ufl.Form | Elasticity, L: ufl.Form | None, space: fem.FunctionSpace | None
 ) -> fem.FunctionSpace:
-    """The space of the arguments of a form, or the one that is given, on the same mesh."""
+    """``space`` on the mesh of the forms, or else the space of the arguments of a form."""
     forms = {key: form for key, form in (("a", a), ("L", L)) if isinstance(form, ufl.Form)}
     spaces = {key: form.arguments()[0].ufl_function_space() for key, form in forms.items()}
-    if given is None and not spaces:
-        raise InputError(
-            "needs the space of displacements: give L, a form for a, or space", "space"
-        )
-    for key, space in spaces.items():
-        if given is not None and space.mesh is not given.mesh:
-            raise InputError(
-                f"is on another mesh than {key}; give a space on the same one", "space"
-            )
-    return given or next(iter(spaces.values()))
+    if space is None and not spaces:
+        message = "needs the space of displacements: give L, a form for a, or space"
+        raise InputError(message, "space")
+    for key, of_form in spaces.items():
+        if space is not None and of_form.mesh is not space.mesh:
+            message = f"is on another mesh than {key}; give a space on the same one"
+            raise InputError(message, "space")
+    return space or next(iter(spaces.values()))
 
 
 def _element_of(space: fem.FunctionSpace, axisymmetric: bool) -> Element:
@@ -275,16 +278,16 @@ def _element_of(space: fem.FunctionSpace, axisymmetric: bool) -> Element:
     return element_of(degree, axisymmetric, boxes=not kind.is_simplex)
 
 
-def _placed(name: str, items: Sequence[T], kind: Any, places: NamedFacets) -> list[T]:
+def _placed(name: str, concepts: Sequence[T], kind: Any, places: NamedFacets) -> list[T]:
     """The concepts of a list with their keys, on boundary parts; collective."""
-    found = []
-    for number, item in enumerate(items):
+    placed = []
+    for number, concept in enumerate(concepts):
         key = f"{name}.{number}"
-        require_kind(item, kind, _WANTED.get(name, name), key)
-        placed = {
+        require_kind(concept, kind, _KINDS.get(name, name), key)
+        sides = {
             side: places.add(where, key if side == "on" else f"{key}.{side}")
             for side in ("on", "against")
-            if (where := getattr(item, side, None)) is not None
+            if (where := getattr(concept, side, None)) is not None
         }
-        found.append(item.model_copy(update={**placed, "at": key}))
-    return found
+        placed.append(concept.model_copy(update={**sides, "at": key}))
+    return placed

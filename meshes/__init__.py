@@ -7,15 +7,11 @@ A geometry is a frozen dataclass that checks its parameters without Gmsh. Gmsh m
 on one process, where `model` is ``gmsh.model`` with the physical groups that the class names.
 """
 
-from .annulus import Annulus
-from .block import Block, Inclusion, LShape, Punch
-from .disc_in_ring import DiscInRing
+from .block import Block, Inclusion, LShape, Punch, Stack
 from .geometry import Geometry
 from .grains import Grains
-from .grip import Grip
-from .round import Ball, Disc
+from .round import Annulus, Ball, Disc, DiscInRing, Grip
 from .session import build, empty_model, write
-from .stack import Stack
 
 BUILDERS: dict[str, type[Geometry]] = {
     "block": Block,

@@ -1,12 +1,13 @@
-"""Round bodies that touch the ground from above: the disc or half of it, and half of the ball."""
+"""Round bodies: the disc, half of it and of the ball, the annulus, the disc in a ring or a grip."""
 
 import math
+from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from .curved import Curved
-from .geometry import Geometry, Point, Zone, at_most, below, parameter
+from .geometry import GROWTH, Curved, Geometry, Point, Zone, at_most, below, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,3 +174,245 @@ class Ball(Round):
         if self.at(z, self.radius):
             return "top"
         return "contact" if z < self.rise else "side"
+
+
+class Rings(Geometry):
+    """The base of bodies between circles about the origin, or of their quarters x > 0 and y > 0.
+
+    Facets: the circles; of a quarter also bottom (y = 0) and left (x = 0).
+    """
+
+    quarter: bool
+    dim = 2
+
+    @property
+    @abstractmethod
+    def circles(self) -> dict[str, dict[str, float]]:
+        """For each region the radii of its circles from inside by the names of the facets."""
+
+    @property
+    def radii(self) -> dict[str, float]:
+        """The radii of all circles by the names of the facets."""
+        return {name: radius for ring in self.circles.values() for name, radius in ring.items()}
+
+    @property
+    def angle(self) -> float:
+        """The angle of the sector."""
+        return math.pi / 2 if self.quarter else 2 * math.pi
+
+    @property
+    def rings(self) -> dict[str, tuple[float, float]]:
+        """The inner radius, which may be 0, and the outer radius of each region."""
+        found = {}
+        for region, ring in self.circles.items():
+            *inner, outer = ring.values()
+            found[region] = (inner[0] if inner else 0.0, outer)
+        return found
+
+    @property
+    def thickness(self) -> float:
+        return min(outer - inner for inner, outer in self.rings.values())
+
+    @property
+    def measure(self) -> float:
+        return self.angle / 2 * sum(outer**2 - inner**2 for inner, outer in self.rings.values())
+
+    @property
+    def facet_names(self) -> tuple[str, ...]:
+        return (*self.radii, *["bottom", "left"][: 2 * self.quarter])
+
+    @property
+    def curved(self) -> tuple[Curved, ...]:
+        return tuple(Curved((name,), (0.0, 0.0), radius) for name, radius in self.radii.items())
+
+    def shape(self, occ: Any) -> dict[str, list[int]]:
+        """The regions between arcs of a quarter circle, each with corners of its own."""
+        origin = occ.addPoint(0, 0, 0)
+        return {
+            region: [sector(occ, origin, radii, self.quarter)]
+            for region, radii in self.rings.items()
+        }
+
+    def facet_name(self, centre: Point, region: str) -> str:
+        x, y, _ = centre
+        if self.at(y, 0):
+            return "bottom"
+        if self.at(x, 0):
+            return "left"
+        # The centre of a quarter circle is at sin(pi/4)/(pi/4) of the radius along the bisector.
+        radius = math.hypot(x, y) * math.pi / 4 / math.sin(math.pi / 4)
+        circles = self.circles[region]
+        return min(circles, key=lambda name: abs(circles[name] - radius))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Annulus(Rings):
+    """inner_radius < |x| < outer_radius; quartered by x > 0 and y > 0.
+
+    Facets: inner, outer; of the quarter also bottom (y = 0) and left (x = 0). The contact zone is
+    the inner circle.
+    """
+
+    inner_radius: float = parameter(1.0, "length", "radius of the hole")
+    outer_radius: float = parameter(2.0, "length", "radius of the annulus")
+    quarter: bool = parameter(False, "1", "only x > 0 and y > 0")
+
+    contact_names = ("inner",)
+
+    def validate(self) -> None:
+        below("inner_radius", self.inner_radius, self.outer_radius, "the outer radius")
+
+    @property
+    def circles(self) -> dict[str, dict[str, float]]:
+        return {"body": {"inner": self.inner_radius, "outer": self.outer_radius}}
+
+    @property
+    def zone(self) -> Zone:
+        """Two layers of elements around the hole."""
+        reach = self.inner_radius + 2 * self.finest
+        depth = 2 * self.finest + self.finest / GROWTH
+        return Zone("Ball", {"Radius": reach}, self.angle * reach * depth)
+
+
+def sector(occ: Any, origin: int, radii: tuple[float, float], quarter: bool) -> int:
+    """The tag of a new surface between two circles about ``origin``; the first radius may be 0.
+
+    It is bounded by arcs of a quarter circle.  With ``quarter`` it is the part in x > 0 and y > 0.
+    """
+    axes = [(1, 0), (0, 1), (-1, 0), (0, -1)][: 2 if quarter else 4]
+    rings = [
+        [occ.addPoint(radius * x, radius * y, 0) for x, y in axes]
+        if radius
+        else [origin] * len(axes)
+        for radius in radii
+    ]
+    inner, outer = (
+        [
+            occ.addCircleArc(start, origin, end)
+            for start, end in pairwise(points if quarter else [*points, points[0]])
+            if start != end
+        ]
+        for points in rings
+    )
+    if quarter:
+        bottom, left = (occ.addLine(*ends) for ends in zip(*rings, strict=True))
+        loops = [occ.addCurveLoop([bottom, *outer, left, *inner])]
+    else:
+        loops = [occ.addCurveLoop(part) for part in (outer, inner) if part]
+    return int(occ.addPlaneSurface(loops))
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiscInRing(Rings):
+    """hole < |x| < radius and inner_radius < |x| < outer_radius; quartered by x > 0 and y > 0.
+
+    Cells: disc, ring.  Facets: rim (of the disc), inner and outer (of the ring), hole if there is
+    one; of the quarter also bottom (y = 0) and left (x = 0) of both.  A radius above the inner
+    radius of the ring is an overlap.  The contact zone is the ring between rim and inner.
+    """
+
+    radius: float = parameter(1.0, "length", "radius of the disc")
+    hole: float | None = parameter(None, "length", "radius of a hole in the disc; null: none")
+    inner_radius: float = parameter(1.0, "length", "inner radius of the ring")
+    outer_radius: float = parameter(2.0, "length", "outer radius of the ring")
+    h_ring: float | None = parameter(
+        None, "length", "target element size of the ring, at most h; null: 0.7 h"
+    )
+    quarter: bool = parameter(False, "1", "only x > 0 and y > 0")
+
+    bodies = 2
+    cell_names = ("disc", "ring")
+    contact_names = ("rim", "inner")
+
+    def validate(self) -> None:
+        for name in ("inner_radius", "radius"):
+            below(name, getattr(self, name), self.outer_radius, "the outer radius")
+            below("hole", self.hole or 0.0, getattr(self, name), name)
+        at_most("h_ring", self.fine, self.h, "h")
+
+    @property
+    def fine(self) -> float:
+        """The element size of the ring."""
+        return 0.7 * self.h if self.h_ring is None else self.h_ring
+
+    @property
+    def circles(self) -> dict[str, dict[str, float]]:
+        hole = {} if self.hole is None else {"hole": self.hole}
+        ring = {"inner": self.inner_radius, "outer": self.outer_radius}
+        return {"disc": {**hole, "rim": self.radius}, "ring": ring}
+
+    @property
+    def zone(self) -> Zone:
+        """Two layers of elements on both sides of the interface."""
+        reach = max(self.radius, self.inner_radius) + 2 * self.finest
+        depth = 4 * self.finest + self.finest / GROWTH
+        return Zone("Ball", {"Radius": reach}, self.angle * reach * depth)
+
+    def set_sizes(self, model: Any, sides: Sequence[int] = ()) -> None:
+        super().set_sizes(model, sides)
+        self.refine_second(model, self.fine)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grip(Geometry):
+    """|x| < radius between the fingers radius < |x_1| < radius + width, -radius < x_2 < length.
+
+    Cells: ball, left, right.  Facets: rim (of the disc); of each finger left_pad and right_pad,
+    which touch the disc, left_root and right_root at the top, left_back and right_back for the
+    rest.  The contact zone is the disc and what is as near to its middle.
+    """
+
+    radius: float = parameter(1.0, "length", "radius of the disc")
+    width: float = parameter(0.5, "length", "width of the fingers")
+    length: float = parameter(2.5, "length", "height of the fingers above the middle of the disc")
+
+    dim = 2
+    bodies = 3
+    cell_names = ("ball", "left", "right")
+    contact_names = ("rim", "left_pad", "right_pad")
+
+    def validate(self) -> None:
+        below("radius", self.radius, self.length, "the length of the fingers")
+
+    @property
+    def thickness(self) -> float:
+        return min(self.width, self.radius)
+
+    @property
+    def measure(self) -> float:
+        return math.pi * self.radius**2 + 2 * self.width * (self.length + self.radius)
+
+    @property
+    def facet_names(self) -> tuple[str, ...]:
+        parts = ("pad", "root", "back")
+        return ("rim", *(f"{side}_{part}" for side in ("left", "right") for part in parts))
+
+    @property
+    def zone(self) -> Zone:
+        """The disc, and as much of the fingers."""
+        reach = 1.2 * self.radius
+        return Zone("Ball", {"Radius": reach}, math.pi * reach**2)
+
+    @property
+    def curved(self) -> tuple[Curved, ...]:
+        return (Curved(("rim",), (0.0, 0.0), self.radius),)
+
+    def shape(self, occ: Any) -> dict[str, list[int]]:
+        """The disc and the fingers; the disc has nodes where it touches them."""
+        r, high = self.radius, self.length + self.radius
+        middle = occ.addPoint(0, 0, 0)
+        ends = [occ.addPoint(x, 0, 0) for x in (-r, r)]
+        arcs = [occ.addCircleArc(a, middle, b) for a, b in (ends, ends[::-1])]
+        return {
+            "ball": [occ.addPlaneSurface([occ.addCurveLoop(arcs)])],
+            "left": [occ.addRectangle(-r - self.width, -r, 0, self.width, high)],
+            "right": [occ.addRectangle(r, -r, 0, self.width, high)],
+        }
+
+    def facet_name(self, centre: Point, region: str) -> str:
+        if region == "ball":
+            return "rim"
+        x, y, _ = centre
+        if self.at(abs(x), self.radius):
+            return f"{region}_pad"
+        return f"{region}_root" if self.at(y, self.length) else f"{region}_back"

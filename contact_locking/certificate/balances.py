@@ -10,8 +10,7 @@ import ufl
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray, moments
-from contact_locking.certificate.reactions import reactions_by_part
-from contact_locking.certificate.solved_state import Criterion, SolvedState
+from contact_locking.certificate.solved_state import Criterion, SolvedState, reactions_by_part
 from contact_locking.fem import compiled
 from contact_locking.problem import forms
 from contact_locking.problem.rounding import ROUNDING

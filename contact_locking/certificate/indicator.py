@@ -11,12 +11,12 @@ from dolfinx import common, fem
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, flattened
-from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.penalty_error import NotApplicable
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.fem import gauss_points
+from contact_locking.fem.spaces import gauss_points, gauss_shares
 from contact_locking.laws.elasticity import mandel_values
-from contact_locking.mesh.lagrange import lagrange, nodal_functions
-from contact_locking.mesh.rank_sums import summed
+from contact_locking.mesh.cell_kind import lagrange, nodal_functions
+from contact_locking.mesh.distribution import summed
 
 # Where the points of a patch do not determine a quadratic polynomial, the quadratic terms vanish:
 # their squares, with this factor, are added to the squares of the differences at the points.
@@ -105,11 +105,11 @@ def _defect_of_quadratic(state: SolvedState, values: FloatArray) -> FloatArray:
     ``values`` are those at the points of the strains.  Collective.
     """
     mesh, kind = state.problem.domain.mesh, state.problem.domain.kind
-    at_points = _at(state, values, gauss_points.points(kind.name))
+    at_points = _at(state, values, gauss_points(kind.name))
     given = _at(state, values, lagrange(kind.name, 2).points)
     affine, count = fem.functionspace(mesh, ("P", 1)).dofmap, len(given)
     x = mesh.geometry.x[_compat.cell_corners(mesh)[:count]][:, :, : state.dim]
-    points = np.einsum("qc,kcd->kqd", gauss_points.shares(kind.name), x)
+    points = np.einsum("qc,kcd->kqd", gauss_shares(kind.name), x)
     # (n, c) the share of each corner in each node.
     shares = kind.basis(lagrange(kind.name, 2).points)
     nodes = np.einsum("nc,kcd->knd", shares, x)
@@ -176,7 +176,7 @@ def _at(state: SolvedState, values: FloatArray, places: FloatArray) -> FloatArra
     element, name = state.problem.element, state.problem.domain.kind.name
     if element.strain_degree == 0:
         return values[:, None]
-    own = gauss_points.points(name) if element.at_gauss_points else lagrange(name, 1).points
+    own = gauss_points(name) if element.at_gauss_points else lagrange(name, 1).points
     inverse = np.linalg.inv(nodal_functions(name, 1, own))
     table = nodal_functions(name, 1, places) @ inverse
     return np.einsum("nq,kqm->knm", table, values.reshape(-1, len(own), values.shape[1]))

@@ -12,9 +12,8 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.solved_state import Criterion, SolvedState
-from contact_locking.contact.coulomb import FrictionBound
+from contact_locking.contact.coulomb import FrictionBound, Identity
 from contact_locking.contact.nodal_contact import joint_norm
-from contact_locking.contact.smoothing import Identity
 from contact_locking.parallel import maximum
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import ContactFields

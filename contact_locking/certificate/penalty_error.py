@@ -1,19 +1,224 @@
-"""The distance of a penalised solution from the solution of the inequality on the same mesh."""
+"""The distance of a penalised solution from that of the inequality, by lifts of boundary values."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from dolfinx import fem
+import ufl
+from dolfinx import fem, la
+from petsc4py import PETSc
+from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.elliptic import Lifting, NotApplicable, require_still_foundations
 from contact_locking.certificate.solved_state import SetAtPoints, SolvedState
-from contact_locking.parallel import maximum, minimum
+from contact_locking.contact.surface import ContactSurface
+from contact_locking.errors import raise_callback_error
+from contact_locking.fem.compiled import JointForm
+from contact_locking.fem.spaces import make_nodal
+from contact_locking.parallel import maximum, minimum, on_any_rank, on_every_rank
+from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
+from contact_locking.supports.conditions import Constraints
 
+# A prefix of its own: the options for the nonlinear solve do not concern these solves.
+_PREFIX = "contact_locking_certificate_"
+# The tolerance of CG, enough for a bound that holds with a margin.
+_RTOL = 1e-8
+# Rounding in strains and displacements, relative to the limit and to the body.
+_ROUNDING = 1e-12
 # The rounding in w_nu - gap after the penetration is subtracted, relative to the body.
-_ROUNDING = 1e-10
+_ENTRY_ROUNDING = 1e-10
+
+
+class NotApplicable(Exception):
+    """A part of the certificate does not exist for this problem; the message says why."""
+
+
+def require_still_foundations(state: SolvedState) -> None:
+    """Raise NotApplicable if the place of a foundation is an unknown.
+
+    Forces move it, or it is another body.
+    """
+    if state.problem.data.is_paired:
+        raise NotApplicable("two bodies touch, and the proof is for foundations in a known place")
+    if state.problem.data.tools:
+        raise NotApplicable(
+            "forces decide where a foundation is, and the proof is for foundations in a known place"
+        )
+
+
+class EllipticProblem:
+    """``b(z, v) = r(v)`` for all v without a held part; all methods are collective.
+
+    Arrays are local values of the displacement space, ghosts included.
+    """
+
+    def __init__(self, state: SolvedState, bilinear: Expr, constraints: Constraints) -> None:
+        self._space = state.problem.u.function_space
+        self._owned = self._space.dofmap.index_map.size_local * self._space.dofmap.index_map_bs
+        self._bilinear, self._kept = bilinear, state.system.kept
+        self._constraints = constraints
+        form = self._kept(("certificate", bilinear), lambda: JointForm(bilinear, self._kept.form))
+        self.matrix = form.create_matrix()
+        constraints.assemble_matrix(form, self.matrix)
+        self.matrix.setOption(PETSc.Mat.Option.SPD, True)
+        self._nullspace = state.system.near_nullspace()
+        self.matrix.setNearNullSpace(self._nullspace)
+        options = default_options(state.settings.linear, state.dim, state.system.size, state.comm)
+        self.ksp = create_ksp(state.comm, options | {"ksp_rtol": _RTOL}, prefix=_PREFIX)
+        self.ksp.setOperators(self.matrix)
+
+    def solve(
+        self, right: FloatArray | None = None, values: fem.Function | None = None
+    ) -> fem.Function:
+        """The z with ``b(z, v) = r(v)`` and the held part of ``values``; collective.
+
+        ``right`` are the nodal forces r.  Without ``values`` the held part is zero.  Raises
+        NotApplicable if the linear solver fails.
+        """
+        solution = fem.Function(self._space)
+        forces = np.zeros(self._owned) if right is None else right[: self._owned]
+        prescribed = None if values is None else self._constraints.held_part(values.x.array)
+        if prescribed is not None and on_any_rank(self._space.mesh.comm, prescribed != 0.0):
+            held, carried = self._kept(("certificate of held", self._bilinear), self._action)
+            solution.x.array[:] = held.x.array[:] = prescribed
+            vector = la.vector(self._space.dofmap.index_map, self._space.dofmap.index_map_bs)
+            carried.assemble_vector(vector)
+            forces = forces - vector.array[: self._owned]
+        b, x = self.matrix.createVecLeft(), self.matrix.createVecRight()
+        b.array_w[:] = self._constraints.free_part(forces)
+        try:
+            self.ksp.solve(b, x)
+        except PETSc.Error as error:
+            raise_callback_error(error)
+            raise NotApplicable("the linear solve that it takes failed") from error
+        # CG may change the held part.
+        solution.x.array[: self._owned] += self._constraints.free_part(x.array_r)
+        solution.x.scatter_forward()
+        for item in (b, x):
+            item.destroy()
+        return solution
+
+    def close(self) -> None:
+        destroy_ksp(self.ksp)
+        for item in (self.matrix, self._nullspace):
+            item.destroy()
+
+    def _action(self) -> tuple[fem.Function, JointForm]:
+        held = fem.Function(self._space)
+        return held, JointForm(ufl.action(self._bilinear, held))
+
+
+def on_contacts(
+    space: fem.FunctionSpace, surfaces: Sequence[ContactSurface], values: Iterable[FloatArray]
+) -> fem.Function:
+    """The sum of the fields with limited values (k, d) at the nodes of each surface; collective."""
+    field = fem.Function(space)
+    for surface, part in zip(surfaces, values, strict=True):
+        field.x.array[:] += surface.vector_function(part).x.array
+    return field
+
+
+def with_contacts_fixed(state: SolvedState, dofs: FloatArray | float = 0.0) -> Constraints:
+    """The conditions, and one for Gamma_C and the nodes where ``dofs`` are 1; collective."""
+    space, surfaces = state.problem.u.function_space, [item.surface for item in state.contacts]
+    ones = [np.ones_like(fields.normal) for fields in state.contacts]
+    marks = on_contacts(space, surfaces, ones).x.array + dofs
+    nodes = np.flatnonzero(marks.reshape(-1, state.dim)[:, 0] > 0.0).astype(np.int32)
+    return state.problem.constraints.with_fixed(nodes)
+
+
+class Lifting:
+    """Elastic fields with given values on Gamma_C and Gamma_D, with one factorisation for all.
+
+    They are for proofs with the test function ``v = 0`` where 0 is not admissible.  A field w is
+    admissible if w has the prescribed values on Gamma_D, ``w_nu <= gap`` on Gamma_C, and
+    ``|eps(w)| <= M``, with the strain in every other set of strains as well.  For proofs with
+    friction w must not slip either: ``w_tau = 0`` on Gamma_C.  :meth:`close` is collective.
+    """
+
+    def __init__(self, state: SolvedState) -> None:
+        self._state = state
+        self._surfaces = [fields.surface for fields in state.contacts]
+        self._problem: EllipticProblem | None = None
+
+    @cached_property
+    def admissible(self) -> fem.Function | None:
+        """An admissible field without slip, None for the zero field; collective.
+
+        The field has the prescribed values on Gamma_D, ``w = min(gap, 0) nu`` on Gamma_C, and the
+        least elastic energy.  Raises NotApplicable if its strain exceeds the locking limit, if
+        values prescribed at nodes of Gamma_C slip or enter the foundation, and for a user's own
+        energy, which no proof covers.
+        """
+        state, constraints = self._state, self._state.problem.constraints
+        if state.problem.data.own_energy is not None:
+            raise NotApplicable("no proof covers the user's own energy")
+        overlaps = any(np.any(fields.gap < 0.0) for fields in state.contacts)
+        if on_every_rank(state.comm, constraints.largest() == 0.0 and not overlaps):
+            return None
+        # At a node of two contacts the values add up, and the check below judges the sum.
+        prescribed = self._along_normals([np.minimum(f.gap, 0.0) for f in state.contacts])
+        constraints.apply(prescribed)
+        make_nodal(prescribed, [surface.controls for surface in self._surfaces])
+        constraints.apply(prescribed)
+        lifted = self._elastic(prescribed)
+        self._check(lifted)
+        return lifted
+
+    def push_back(self) -> fem.Function:
+        """``c = [u_nu - gap]^+ nu`` on Gamma_C, summed over the contacts, and 0 on Gamma_D."""
+        state, constraints = self._state, self._state.problem.constraints
+        entered = [np.maximum(f.u_normal - f.gap, 0.0) for f in state.contacts]
+        values = self._along_normals(entered)
+        values.x.array[:] = constraints.free_part(values.x.array)
+        make_nodal(values, [surface.controls for surface in self._surfaces])
+        values.x.array[:] = constraints.free_part(values.x.array)
+        anywhere = on_any_rank(state.comm, any(np.any(depth > 0.0) for depth in entered))
+        return self._elastic(values) if anywhere else values
+
+    def close(self) -> None:
+        if self._problem is not None:
+            self._problem.close()
+
+    def _along_normals(self, lengths: list[FloatArray]) -> fem.Function:
+        pairs = zip(lengths, self._state.contacts, strict=True)
+        values = [length[:, None] * fields.normal for length, fields in pairs]
+        return on_contacts(self._state.problem.u.function_space, self._surfaces, values)
+
+    def _elastic(self, values: fem.Function) -> fem.Function:
+        if self._problem is None:
+            constraints = with_contacts_fixed(self._state)
+            self._problem = EllipticProblem(self._state, self._state.system.bilinear, constraints)
+        return self._problem.solve(None, values)
+
+    def _check(self, lifted: fem.Function) -> None:
+        state = self._state
+        sets = state.points.sets
+        excesses = [
+            item.reach(item.measured(lifted)) - item.limit * (1.0 + _ROUNDING) for item in sets
+        ]
+        if not all([self._nowhere(excess) for excess in excesses]):
+            raise NotApplicable(
+                "the elastic displacement with the prescribed values exceeds the locking limit, "
+                "and no other field was tried"
+            )
+        small = _ROUNDING * state.target.length
+        for fields in state.contacts:
+            normal, tangential = fields.contact.split(lifted)
+            slip = np.linalg.norm(tangential, axis=1)
+            if not self._nowhere(normal - fields.gap - small):
+                raise NotApplicable(
+                    "prescribed displacements at the edge of Gamma_C exceed the gap"
+                )
+            if not fields.contact.friction.frictionless and not self._nowhere(slip - small):
+                raise NotApplicable("prescribed displacements at the edge of Gamma_C slip")
+
+    def _nowhere(self, values: FloatArray) -> bool:
+        """Whether no value of any rank is positive; collective."""
+        return not on_any_rank(self._state.comm, values > 0.0)
 
 
 def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
@@ -58,7 +263,7 @@ def admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
     w = fem.Function(back.function_space)
     w.x.array[:] = state.problem.u.x.array - back.x.array
     enters = [float(np.max(f.contact.split(w)[0] - f.gap, initial=0.0)) for f in state.contacts]
-    if maximum(state.comm, max(enters, default=0.0)) > _ROUNDING * state.target.length:
+    if maximum(state.comm, max(enters, default=0.0)) > _ENTRY_ROUNDING * state.target.length:
         raise NotApplicable("prescribed displacements at the edge of Gamma_C enter the foundation")
     theta = 1.0
     for item in state.points.sets:

@@ -9,13 +9,11 @@ from typing import Any
 
 from contact_locking import wings
 from contact_locking.certificate.balances import equilibrium
-from contact_locking.certificate.elliptic import Lifting, NotApplicable
-from contact_locking.certificate.extras import USUAL
-from contact_locking.certificate.extras import Extras as Extras
 from contact_locking.certificate.indicator import ErrorIndicator, error_indicator
 from contact_locking.certificate.laws import entry_criterion, law_criteria
-from contact_locking.certificate.penalty_error import penalty_error
+from contact_locking.certificate.penalty_error import Lifting, NotApplicable, penalty_error
 from contact_locking.certificate.solved_state import Criterion, SolvedState
+from contact_locking.results.output import Extras
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ def is_solved(state: SolvedState) -> bool:
 
 
 def certify(
-    state: SolvedState, extras: Extras = USUAL, criteria: Mapping[str, Criterion] | None = None
+    state: SolvedState, extras: Extras, criteria: Mapping[str, Criterion] | None = None
 ) -> Certificate:
     """Judge a solved state, also by further ``criteria``; collective.
 

@@ -10,6 +10,7 @@ import argparse
 import contextlib
 import functools
 import gc
+import json
 import os
 import re
 import sys
@@ -21,7 +22,7 @@ from contact_locking._version import __version__
 from contact_locking.command import commands, terminal
 from contact_locking.command.terminal import is_root
 from contact_locking.errors import ContactLockingError, InputError, interrupt_behind
-from contact_locking.running.studies import signals
+from contact_locking.running import signals
 
 _DESCRIPTION = "Frictional contact of locking materials: solves the problem of a study file."
 _EXIT_CODES = (
@@ -107,6 +108,9 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--quiet", action="store_true", help="print warnings and errors only")
     one.add_argument("--progress", type=Path, help=argparse.SUPPRESS)
     add_plan(one, "searches of fit.starts")
+    one = add_for_file("serve", "Answer requests of UM-Bridge for numbers of a study file.")
+    one.add_argument("--host", default="127.0.0.1", help="the address, 127.0.0.1 by default")
+    one.add_argument("--port", type=int, default=4242, help="the port, 4242 by default")
     one = add("report", "Write an HTML page and charts of a finished run or study.")
     one.add_argument("directory", metavar="DIR", type=Path, help="folder of the results")
     add_for_file("check", "Check a study file and list what would run, without a solve.")
@@ -247,3 +251,31 @@ def _unexpected(error: Exception) -> tuple[str, str]:
         text,
         "This is a defect; please report it with the study file and the output of --debug.",
     )
+
+
+def work() -> None:
+    """Run one command after the other, until standard input ends, as the worker of a study.
+
+    Each line of standard input is a JSON list: the log of a case, and the words of its command.
+    For each line the worker writes the exit code in a line of its standard output; what the command
+    prints goes to the log.  A worker that stays starts Python, MPI, PETSc and DOLFINx once, and a
+    case that ends the process ends the worker.
+    """
+    answers = os.dup(1)
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    orders = os.fdopen(os.dup(0), encoding="utf-8")
+    # No case reads the orders.
+    os.dup2(nowhere, 0)
+    with signals.stoppable():
+        for order in orders:
+            log, *words = json.loads(order)
+            file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
+            for stream in (1, 2):
+                os.dup2(file, stream)
+            os.close(file)
+            code = main(words)
+            sys.stdout.flush()
+            sys.stderr.flush()
+            for stream in (1, 2):
+                os.dup2(nowhere, stream)
+            os.write(answers, f"{code}\n".encode())

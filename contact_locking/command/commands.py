@@ -104,8 +104,8 @@ def study(arguments: argparse.Namespace) -> int:
         raise InputError("start a study without mpirun: --ranks K runs each case on K ranks")
     began = time.perf_counter()
     file = _load(arguments.file, _overrides(arguments))
-    from contact_locking.running.studies.executor import Plan
-    from contact_locking.running.studies.runner import Study, finish, summary_rows
+    from contact_locking.running.executor import Plan
+    from contact_locking.running.runner import Study, finish, summary_rows
 
     plan = Plan(arguments.jobs, arguments.ranks)
     with _explained(file):
@@ -143,7 +143,7 @@ def fit(arguments: argparse.Namespace) -> int:
 
 def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
     """The best of several searches that a fit asks for, None for one search."""
-    from contact_locking.running.studies.executor import Plan
+    from contact_locking.running.executor import Plan
 
     plan = Plan(arguments.jobs, arguments.ranks)
     given = file.parameters.fit
@@ -157,6 +157,19 @@ def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
 
     with _explained(file):
         return starts.search(file.parameters, plan, terminal.console())
+
+
+def serve(arguments: argparse.Namespace) -> int:
+    """Answer requests for quantities of a study at numbers that they bring, until Ctrl-C."""
+    if terminal.world() is not None:
+        raise InputError("start a server without mpirun; several have a --port each")
+    file = _load(arguments.file, arguments.set)
+    comm = world_with_dolfinx(arguments)
+    from contact_locking.inverse import um_bridge
+
+    with _explained(file):
+        um_bridge.serve(file.parameters, comm, arguments.host, arguments.port)
+    return CONVERGED
 
 
 def report(arguments: argparse.Namespace) -> int:
@@ -178,8 +191,8 @@ def check(arguments: argparse.Namespace) -> int:
     parameters = study.parameters
     comm = world_with_dolfinx(arguments)
     # The modules of the solvers and of the results take a third of the time of this command.
-    from contact_locking.mesh import groups
-    from contact_locking.results import output_folder
+    from contact_locking.mesh.parts import group_table
+    from contact_locking.results import folder as output_folder
     from contact_locking.solver.linear.factorised import estimated_memory
     from contact_locking.study import assembly
 
@@ -205,7 +218,7 @@ def check(arguments: argparse.Namespace) -> int:
         rows += [(name, _shown(value)) for name, value in facts.items()]
         rows += [(f"{part} is held by", words) for part, words in held.items()]
         if parameters.study is not None:
-            from contact_locking.running.studies.runner import Study
+            from contact_locking.running.runner import Study
 
             cases = Study.of(study)
             finished = f"{cases.finished} finished in {cases.directory}"
@@ -222,7 +235,7 @@ def check(arguments: argparse.Namespace) -> int:
         about = "about" if parameters.adapt is None else "at most about"
         rows.append(("estimated memory", f"{about} {memory} on {count(comm.size, 'rank')}"))
         print(f"{arguments.file} can be run:\n{terminal.columns(rows)}\n")
-        print(terminal.columns(groups.table(table)))
+        print(terminal.columns(group_table(table)))
     return 0
 
 
@@ -237,23 +250,23 @@ def mesh(arguments: argparse.Namespace) -> int:
 
 def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
     """Write the mesh to ``place``, and return the warnings about it."""
-    from contact_locking.mesh.file import conversion
-    from contact_locking.mesh.file.xdmf_grids import data_file, is_xdmf
+    from contact_locking.mesh.file import abaqus
+    from contact_locking.mesh.file.data import data_file, is_xdmf
 
     def require_new() -> None:
         for path in (place, *([data_file(place)] if is_xdmf(place) else [])):
             if path.exists() or path.is_symlink():
                 raise InputError(f"{path}: there is a file already; -o FILE names another one")
 
-    if arguments.file.suffix.lower() in conversion.ENDINGS:
+    if arguments.file.suffix.lower() in abaqus.ENDINGS:
         if not terminal.is_root():
             return ()
         require_new()
-        return conversion.convert(arguments.file, place)
+        return abaqus.convert(arguments.file, place)
     study = _load(arguments.file, arguments.set)
     if is_xdmf(place):
         comm = world_with_dolfinx(arguments)
-        from contact_locking.mesh import xdmf_mesh
+        from contact_locking.mesh import xdmf
         from contact_locking.parallel import on_root
         from contact_locking.study import assembly
 
@@ -261,7 +274,7 @@ def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
 
         with _explained(study):
             domain = assembly.mesh_of(study.parameters, comm)
-            xdmf_mesh.export(domain, place)
+            xdmf.export(domain, place)
         return [f"{domain.origin}: {warning}" for warning in domain.warnings]
     geometry = study.parameters.mesh.geometry
     with _explained(study):
@@ -293,7 +306,7 @@ def schema(arguments: argparse.Namespace) -> int:
     return 0
 
 
-COMMANDS = {one.__name__: one for one in (new, run, study, fit, report, check, mesh, schema)}
+COMMANDS = {one.__name__: one for one in (new, run, study, fit, serve, report, check, mesh, schema)}
 
 
 @contextlib.contextmanager
@@ -318,7 +331,7 @@ def _overrides(arguments: argparse.Namespace) -> list[str]:
 def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
     """Which steps of an interrupted run are saved, and how to go on; not collective."""
     from contact_locking import study_file
-    from contact_locking.process.checkpoint import saved_steps
+    from contact_locking.process import saved_steps
 
     directory = Path(parameters.output.directory)
     if parameters.steps is not None and arguments.restart is None:
@@ -336,9 +349,9 @@ def _solving(
 
     It is the terminal, if the command speaks, and the progress file that a study asks for.
     """
-    from contact_locking.command.monitors import ProgressFile, TerminalMonitor
+    from contact_locking.command.terminal import ProgressFile, TerminalMonitor
     from contact_locking.monitor import Monitor
-    from contact_locking.results import output_folder
+    from contact_locking.results import folder as output_folder
 
     speaks = comm.rank == 0 and not arguments.quiet
     shown: contextlib.AbstractContextManager[Monitor] = (

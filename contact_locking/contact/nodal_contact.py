@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
-from contact_locking.contact.contact import Contact
+from contact_locking.contact.contact import Contact, Coulomb
+from contact_locking.contact.coulomb import Identity
 from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
-from contact_locking.contact.friction import Coulomb
-from contact_locking.contact.smoothing import Identity
 from contact_locking.contact.surface import ContactSurface
+from contact_locking.errors import InputError, with_key
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.plausibility import about_the_gap
 from contact_locking.fields.present import Clock
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
-from contact_locking.parallel import maximum, on_any_rank
+from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
 from contact_locking.supports.conditions import Constraints
 
 # The share of the friction bound that acts at nodes that cannot slide.
@@ -385,3 +386,50 @@ def place_of(
     from contact_locking.contact.paired_surface import PairedSurface
 
     return PairedSurface(domain, space, given, element)
+
+
+# At this pressure, slight in every unit, a friction bound shows its sign; at 0 it may be 0.
+_SLIGHT = 1e-12
+
+
+def check_friction(contact: NodalContact) -> None:
+    """Raise InputError for a mu or a user's own bound that is not from 0 up at each point.
+
+    Both are evaluated without slip, and the bound at a slight pressure.  Collective.
+    """
+    law, points, comm = contact.friction.law, contact.surface.points, contact.surface.domain.comm
+    key, mu = contact.given.friction_key("coefficient"), np.zeros(len(points))
+    given = None if (friction := contact.given.friction) is None else friction.coefficient
+
+    def evaluate() -> None:
+        # A rank without points has no values whose shape could tell, but for an expression.
+        if len(points) or (given is not None and given.expression is not None):
+            mu[:] = with_key(key, lambda: law(points, np.zeros(len(points))))
+
+    agree(comm, evaluate)
+    is_right = np.isfinite(mu) & (mu >= 0.0)
+    if not on_every_rank(comm, is_right):
+        wrong = np.concatenate(comm.allgather(mu[~is_right]))
+        raise InputError(
+            f"mu must be a finite number from 0 up everywhere, and is {wrong[0]:g} somewhere", key
+        )
+    if not contact.friction.is_coulomb:
+        _check_bound(contact, f"{contact.key}.friction")
+
+
+def _check_bound(contact: NodalContact, key: str) -> None:
+    count, comm = len(contact.surface.points), contact.surface.domain.comm
+    found: Any = contact.friction.evaluate(np.full(count, _SLIGHT), np.zeros(count))
+    wanted = f"evaluate of {type(contact.friction).__name__} must give the friction bound (k,)"
+
+    def require() -> None:
+        if np.shape(found) != (count,):
+            raise InputError(f"{wanted}, here ({count},), not the shape {np.shape(found)}", key)
+
+    agree(comm, require)
+    is_right = np.isfinite(found) & (np.asarray(found) >= 0.0)
+    if not on_every_rank(comm, is_right):
+        wrong = np.concatenate(comm.allgather(np.asarray(found)[~is_right]))
+        raise InputError(
+            f"{wanted} of finite numbers from 0 up, and is {wrong[0]:g} somewhere without slip", key
+        )

@@ -9,7 +9,7 @@ with the coefficients c1 of u on side 1 in Bernstein's basis b, the nodal functi
 and the dual basis psi of side 1, ``int psi_i b_j = delta_ij int b_j`` (Wohlmuth,
 doi:10.1137/S0036142999350929), so that l is the identity.  For affine functions b and phi are hat
 functions and c1 the values at the nodes; for quadratic ones c1 are the control values
-(:class:`~contact_locking.fem.trace.Trace`).  chi(x) is the point of side 2 that the ray from x
+(:class:`~contact_locking.fem.spaces.Trace`).  chi(x) is the point of side 2 that the ray from x
 along the outward normal n of the facet meets, at the height ``h(x) = (chi(x) - x) . n``, which is
 negative where the sides overlap.  The b_i have the sum 1, and so have the psi_i: a constant
 pressure on side 1 is one on side 2.  All integrals are over the part of side 1 that side 2 covers,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,16 +10,85 @@ from dolfinx import fem
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.contact.nodal_contact import NodalContact
-from contact_locking.contact.rigid_body import FoundationSpring, Push
-from contact_locking.errors import InputError
+from contact_locking.contact.rigid_body import Foundation, FoundationSpring
+from contact_locking.errors import InputError, with_key
+from contact_locking.fields.present import Clock
 from contact_locking.parallel import maximum, minimum, on_any_rank
-from contact_locking.values.value import vector_at
+from contact_locking.values.value import Value, vector_at
 
+# A force below this share of the largest force is zero with rounding, as in sin(pi*t) at t = 1.
+_NO_FORCE = 1e-12
+# The share of the largest force by which the force may leave its line.
+_STRAIGHT = 1e-9
 # A way below this share of the displacements is rounding.
 _ROUNDING = 1e-12
 # A foundation is pushed towards a node if its direction has at least this share along the contact
 # normal.
 _FACING = 1e-9
+
+
+class Push:
+    """The force ``F(t) d`` on a foundation, along one line with the unit vector d.
+
+    ``direction`` (d,) is d, ``largest`` is the largest F at the times of the clock, and ``key``
+    names the force in messages.  Raises InputError for a force that is zero at all times or changes
+    its direction.
+    """
+
+    def __init__(self, foundation: Foundation, key: str, clock: Clock) -> None:
+        # Motion along a spring moves its far end.
+        moved = None if foundation.spring is not None else foundation.moved
+        self._translation: Sequence[Value] = () if moved is None else moved.translation or ()
+        self._force: Sequence[Value] = foundation.force or ()
+        self.key, self._clock = key, clock
+        is_timed = any(value.expression and value.is_timed for value in self._force)
+        times = clock.planned or (clock.some_times if is_timed else [clock.now])
+        forces = np.array([self._vector(self._force, time) for time in times])
+        sizes = np.linalg.norm(forces, axis=1)
+        self.largest = float(sizes.max())
+        if self.largest == 0.0:
+            raise InputError(
+                "is zero at all times, so that nothing pushes the foundation; leave it out for a "
+                "foundation that stands still",
+                key,
+            )
+        first = int(np.argmax(sizes > _NO_FORCE * self.largest))
+        self.direction: FloatArray = forces[first] / sizes[first]
+        for time in times:
+            self._size(time)
+
+    def size(self) -> float:
+        """F at present.  Raises InputError for a force that leaves its direction."""
+        return self._size(self._clock.now)
+
+    def _vector(self, components: Sequence[Value], time: float) -> FloatArray:
+        return with_key(self.key, lambda: vector_at(components, time))
+
+    def _size(self, time: float) -> float:
+        force = self._vector(self._force, time)
+        size = float(force @ self.direction)
+        at = f" at t = {time:g}" if any(value.is_timed for value in self._force) else ""
+        if np.linalg.norm(force - size * self.direction) > _STRAIGHT * self.largest:
+            raise InputError(
+                f"has another direction{at} than at first, and a foundation moves along one line; "
+                "keep the ratio of the components",
+                self.key,
+            )
+        if size < -_NO_FORCE * self.largest:
+            raise InputError(
+                f"is turned round{at}: a foundation pushes and cannot pull, and nothing would stop "
+                "the foundation; a force of 0 lets the body go",
+                self.key,
+            )
+        if self._translation:
+            moved = self._vector(self._translation, time)
+            if abs(moved @ self.direction) > _STRAIGHT * np.linalg.norm(moved):
+                raise InputError(
+                    f"is along foundation.motion at t = {time:g}: the force decides how far the "
+                    "foundation moves along it; leave out this component of the motion",
+                    self.key,
+                )
+        return size if size > _NO_FORCE * self.largest else 0.0
 
 
 class Travel:

@@ -9,20 +9,14 @@ tables     ``name(argument)`` with the name of a `Table`
 ========== ==================================================================
 """
 
-from .operations import CONSTANTS, FUNCTIONS, MAX_DEPTH, MAX_LENGTH, POSITION, TIME
-from .parsing import parse
-from .tree import NO_TABLES, Expression, Lookup, Table
-
-__all__ = [
-    "CONSTANTS",
-    "FUNCTIONS",
-    "MAX_DEPTH",
-    "MAX_LENGTH",
-    "NO_TABLES",
-    "POSITION",
-    "TIME",
-    "Expression",
-    "Lookup",
-    "Table",
-    "parse",
-]
+from .operations import CONSTANTS as CONSTANTS
+from .operations import FUNCTIONS as FUNCTIONS
+from .operations import MAX_DEPTH as MAX_DEPTH
+from .operations import MAX_LENGTH as MAX_LENGTH
+from .operations import POSITION as POSITION
+from .operations import TIME as TIME
+from .parsing import parse as parse
+from .tree import NO_TABLES as NO_TABLES
+from .tree import Expression as Expression
+from .tree import Lookup as Lookup
+from .tree import Table as Table

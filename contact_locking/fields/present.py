@@ -15,7 +15,7 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import AXES, FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import TIME, Lookup
-from contact_locking.mesh.lagrange import lagrange, nodal_functions
+from contact_locking.mesh.cell_kind import lagrange, nodal_functions
 from contact_locking.parallel import agree, maximum
 from contact_locking.values.value import Value
 

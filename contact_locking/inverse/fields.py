@@ -24,7 +24,7 @@ import ufl
 from dolfinx import fem, la
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from contact_locking.fem.joint_forms import JointForm
+from contact_locking.fem.compiled import JointForm
 from contact_locking.inverse.derivatives import Derivatives, along
 from contact_locking.inverse.quantities import scale_of
 from contact_locking.parallel import maximum, on_any_rank

@@ -24,7 +24,7 @@ import numpy as np
 import ufl
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.reactions import shares_by_part
+from contact_locking.certificate.solved_state import shares_by_part
 from contact_locking.errors import InputError
 from contact_locking.inverse.equations import Equations, Residual
 from contact_locking.inverse.linearisation import Gradient

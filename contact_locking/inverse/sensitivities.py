@@ -32,12 +32,12 @@ from contact_locking.process.problem_solver import ProblemSolver, linear_solver
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import ContactFields
 from contact_locking.results.quantities import look_up
+from contact_locking.results.solution import Solution
 from contact_locking.running.solving import SolvableStudy, settings_of, solve_assembled
 from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.task import SolverReport, Task
 from contact_locking.study.assembly import StudyProblem, assemble
-from contact_locking.study.solution import StudySolution
 
 # A family of points with more than this share near a change is told of.
 _MANY = 0.02
@@ -231,7 +231,7 @@ class Sensitivities:
         self._numbers = [StudyNumber(study.problem, name) for name in given.to]
         self._shares: dict[str, float] = {}
 
-    def after(self, solution: StudySolution, report: SolverReport) -> StudySolution:
+    def after(self, solution: Solution, report: SolverReport) -> Solution:
         """The solution with the entries of its summary.
 
         The shares near a change are the largest of the steps so far, as friction remembers each.
@@ -259,7 +259,7 @@ class Sensitivities:
             self._check(told["sensitivities"], solution)
         return solution.telling(**told)
 
-    def _check(self, found: dict[str, Any], solution: StudySolution) -> None:
+    def _check(self, found: dict[str, Any], solution: Solution) -> None:
         """Add to each derivative the difference of two solves; collective."""
         given, options = self._given, self._solver.settings.petsc
 
@@ -315,7 +315,7 @@ def in_words(shares: dict[str, float]) -> str:
     )
 
 
-def value_of(name: str, solution: StudySolution) -> float:
+def value_of(name: str, solution: Solution) -> float:
     """The value of a quantity that has a derivative, by the summary of a solution; collective."""
     if name == "pressure_max":
         comm = solution.domain.comm
@@ -331,11 +331,8 @@ def value_of(name: str, solution: StudySolution) -> float:
 
 def in_rows(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """The table of derivatives, the numbers that matter most first; none without derivatives."""
-    found = summary.get("sensitivities")
-    if not found:
-        return []
     rows: list[tuple[str, ...]] = []
-    for quantity, each in found.items():
+    for quantity, each in summary.get("sensitivities", {}).items():
         by_size = sorted(each.items(), key=lambda item: -abs(item[1]["elasticity"] or 0.0))
         for key, one in by_size:
             elasticity = one["elasticity"]

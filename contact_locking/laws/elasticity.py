@@ -1,9 +1,12 @@
-"""Linear elasticity: the operator A of the paper's (h1)-(h4), isotropic or fully anisotropic.
+"""Linear elasticity: the operator A of (h1)-(h4), and how a displacement strains a body.
 
 A matrix acts on symmetric tensors as Mandel vectors: ``(xx, yy, sqrt(2) xy)`` in 2D and
 ``(xx, yy, zz, sqrt(2) yz, sqrt(2) xz, sqrt(2) xy)`` in 3D.  With these square roots the Euclidean
 norm of the vector equals the Frobenius norm of the tensor, and the matrix has the eigenvalues of A.
 Two dimensions mean plane strain; for plane stress lambda is another (:func:`plane_stress_lambda`).
+
+Forms ask a :class:`Kinematics` for the strain and for the measure of their integrals, so that the
+laws and the solvers are the same in the plane, in space, and around an axis of revolution.
 """
 
 from __future__ import annotations
@@ -134,3 +137,83 @@ def young_from_lame(lame_lambda: Any, lame_mu: Any) -> Any:
 def isotropic_eigenvalues(lame_lambda: Any, lame_mu: Any, dim: int) -> tuple[Any, Any]:
     """The eigenvalues of an isotropic A: ``2 mu`` (shear) and ``2 mu + d lambda`` (volume)."""
     return 2.0 * lame_mu, 2.0 * lame_mu + dim * lame_lambda
+
+
+class Kinematics:
+    """``eps(u) = sym grad u``: bodies in space, and in the plane per unit of thickness.
+
+    A strain of another kind is a subclass.  Displacements are (d,), and strains symmetric (m, m)
+    tensors.  ``axisymmetric`` says that the mesh is the half section of a body of revolution.
+    """
+
+    axisymmetric = False
+
+    def strain(self, u: Expr) -> Expr:
+        """``eps(u)``, a symmetric (m, m) tensor without unit."""
+        return strain(u)
+
+    def tensor_size(self, dim: int) -> int:
+        """The size m of tensors, for a mesh of ``dim`` dimensions."""
+        return dim
+
+    def mandel_pairs(self, dim: int) -> tuple[tuple[int, int], ...]:
+        """The entries of tensors that can differ from zero, in the order of Mandel vectors."""
+        return MANDEL_PAIRS[dim]
+
+    def weighted(self, measure: ufl.Measure) -> ufl.Measure:
+        """The measure of the body for a measure of the mesh."""
+        return measure
+
+
+class Revolution(Kinematics):
+    """``eps(u) = sym grad u + (u_r/r) e x e``: a body of revolution without torsion.
+
+    The mesh is the half section with the coordinates (r, z) = (x, y).  The hoop strain ``u_r/r`` in
+    the circumferential direction e is the third diagonal entry of the (3, 3) tensors, and every
+    integral has the factor ``2 pi r``.
+    """
+
+    axisymmetric = True
+
+    def strain(self, u: Expr) -> Expr:
+        radius = ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(u))[0]
+        flat, hoop = strain(u), u[0] / radius
+        return ufl.as_tensor(
+            [[flat[0, 0], flat[0, 1], 0.0], [flat[1, 0], flat[1, 1], 0.0], [0.0, 0.0, hoop]]
+        )
+
+    def tensor_size(self, dim: int) -> int:
+        return 3
+
+    def mandel_pairs(self, dim: int) -> tuple[tuple[int, int], ...]:
+        return AXISYMMETRIC_PAIRS
+
+    def weighted(self, measure: ufl.Measure) -> ufl.Measure:
+        radius = ufl.SpatialCoordinate(measure.ufl_domain())[0]
+        return WeightedMeasure(measure, 2.0 * math.pi * radius)
+
+
+STRAIGHT, REVOLUTION = Kinematics(), Revolution()
+
+
+class WeightedMeasure(ufl.Measure):
+    """``f -> int f w``: a measure with a density w."""
+
+    __slots__ = ("_density", "_plain")
+
+    def __init__(self, plain: ufl.Measure, density: Expr) -> None:
+        super().__init__(
+            plain.integral_type(),
+            domain=plain.ufl_domain(),
+            subdomain_id=plain.subdomain_id(),
+            metadata=plain.metadata(),
+            subdomain_data=plain.subdomain_data(),
+        )
+        self._plain, self._density = plain, density
+
+    def __rmul__(self, integrand: Any) -> ufl.Form:
+        return (self._density * integrand) * self._plain
+
+    def reconstruct(self, **changes: Any) -> WeightedMeasure:
+        """The same density on another part of the domain, or with other metadata."""
+        return WeightedMeasure(self._plain.reconstruct(**changes), self._density)

@@ -21,8 +21,7 @@ from contact_locking.values.kinds import (
     PositiveScalarOrInfinite,
     ScalarDirection,
 )
-from contact_locking.values.value import Value
-from contact_locking.values.wording import show
+from contact_locking.values.value import Value, show
 
 # Each limit adds integrals to the forms, and compiling long forms takes long.
 _MOST = 20

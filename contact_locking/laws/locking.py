@@ -1,8 +1,10 @@
-"""The locking law: limits of the strain and their penalties.
+"""The locking law: limits of the strain and their penalties, by functions of convex analysis.
 
 The limit of the paper is the ball ``|eps| <= M`` with the penalty R_n (23).  A limit
 ``|L eps| <= M`` with a linear map L has the same penalty of ``L eps``, and a limit ``s <= M`` of a
-scalar ``s = N : eps`` has the penalty :func:`one_sided_stress`.
+scalar ``s = N : eps`` has the penalty :func:`one_sided_stress`.  All functions take and return UFL,
+which can differentiate each without a division by zero: no norm is taken of a quantity that can
+vanish.
 """
 
 from __future__ import annotations
@@ -12,8 +14,38 @@ import math
 import ufl
 from ufl.core.expr import Expr
 
-from contact_locking.laws.convex import positive_part, squared_norm, unit_ball_excess
 from contact_locking.laws.elasticity import mandel_product
+
+
+def positive_part(a: Expr) -> Expr:
+    """``[a]^+ = max(a, 0)`` of a scalar, with derivative 0 at ``a = 0``."""
+    return ufl.max_value(a, 0.0)
+
+
+def squared_norm(a: Expr) -> Expr:
+    """``|a|^2 = a : a``, the squared Euclidean (vectors) or Frobenius (tensors) norm."""
+    return ufl.inner(a, a)
+
+
+def unit_ball_excess(a: Expr, inverse_radius: Expr) -> Expr:
+    """``e(a) = 1 - 1/max(|a|/M, 1)``: the share of ``a`` outside the ball ``|.| <= M``.
+
+    ``e(a) a = a - P(a)`` with the projection ``P`` onto the ball, and ``e(a) |a| = [|a| - M]^+``.
+    The argument is ``1/M``, so that the number 0 stands for an infinite radius and gives exactly 0.
+    The maximum is taken of squares, so that neither the value nor its derivative divides by zero
+    at ``a = 0``.
+    """
+    return 1.0 - 1.0 / ufl.sqrt(ufl.max_value(inverse_radius**2 * squared_norm(a), 1.0))
+
+
+def normal_part(v: Expr, normal: Expr) -> Expr:
+    """``v_nu = v . nu``, a scalar."""
+    return ufl.inner(v, normal)
+
+
+def tangential_part(v: Expr, normal: Expr) -> Expr:
+    """``v_tau = v - (v . nu) nu``, a vector."""
+    return v - normal_part(v, normal) * normal
 
 
 def locking_stress(eps: Expr, inverse_limit: Expr, n: Expr) -> Expr:

@@ -33,8 +33,7 @@ from contact_locking.values.kinds import (
     Tensor,
     list_or,
 )
-from contact_locking.values.value import Value
-from contact_locking.values.wording import show
+from contact_locking.values.value import Value, show
 
 _MOST_ENTRIES = 50
 

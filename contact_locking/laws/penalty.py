@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from contact_locking.values.concept import Concept, entry
-from contact_locking.values.kinds import Positive, PositiveOrInfinite
+from contact_locking.values.kinds import NonNegative, PositiveOrInfinite
 
 
 class PenaltyParameters(Concept):
@@ -15,8 +15,10 @@ class PenaltyParameters(Concept):
     n: PositiveOrInfinite = entry(
         math.inf, "locking penalty; .inf: the variational inequality itself", "stress"
     )
-    epsilon: Positive | None = entry(
-        None, "compliance of the foundation, 1/epsilon is the penalty; null: 1/n", "length/stress"
+    epsilon: NonNegative | None = entry(
+        None,
+        "compliance of the foundation, 1/epsilon is the penalty; 0: none; null: 1/n",
+        "length/stress",
     )
 
     @property

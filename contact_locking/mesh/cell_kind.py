@@ -1,16 +1,19 @@
 """The kinds of cells: simplices, and boxes, which are quadrilaterals and hexahedra.
 
 Corners are numbered as in DOLFINx: those of a box as the numbers of its corners in binary digits,
-the first digit the coordinate along the first axis.
+the first digit the coordinate along the first axis.  basix is imported where an element is made, as
+study files are read without DOLFINx.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from contact_locking.arrays import FloatArray, IndexArray, IntArray
 
@@ -52,6 +55,11 @@ class CellKind:
     @property
     def facet(self) -> CellKind:
         return KINDS[self.dim - 1, len(self.facets[0])]
+
+    @property
+    def facet_word(self) -> str:
+        """The kind of the facets of a cell in words."""
+        return "line" if self.dim == 2 else self.facet.name
 
     @cached_property
     def opposite(self) -> IntArray:
@@ -153,3 +161,90 @@ def unit_normals(corners: FloatArray) -> FloatArray:
     """The unit normals (m, d) of facets (m, c, d), as :func:`facet_normals`."""
     normals = facet_normals(corners)
     return np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])
+
+
+@cache
+def lagrange(cell: str, degree: int) -> Any:
+    """Lagrange's element of a degree on a cell or a facet, whose ``points`` are its nodes."""
+    import basix
+
+    variant = basix.LagrangeVariant.gll_warped
+    return basix.create_element(basix.ElementFamily.P, basix.CellType[cell], degree, variant)
+
+
+def nodal_functions(cell: str, degree: int, points: FloatArray) -> FloatArray:
+    """The values (q, n) of the functions of the nodes, in DOLFINx's order, at points (q, d)."""
+    element = lagrange(cell, degree)
+    if not len(points):
+        # basix aborts without points.
+        return np.zeros((0, element.dim))
+    return np.asarray(element.tabulate(0, points)[0, :, :, 0])
+
+
+def measures(kind: CellKind, corners: FloatArray) -> FloatArray:
+    """The measures (k,) of cells with corners (k, c, d)."""
+    slopes, weights = _slopes(kind)
+    return np.abs(np.linalg.det(np.einsum("aqn,knd->kqda", slopes, corners))) @ weights
+
+
+def mean_normals(kind: CellKind, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The integrals of a normal (k, d) and of 1 (k,) over facets with corners (k, c, d)."""
+    slopes, weights = _slopes(kind)
+    along = np.einsum("aqn,knd->akqd", slopes, corners)
+    if len(along) == 1:
+        normals = np.stack([along[0][..., 1], -along[0][..., 0]], axis=-1)
+    else:
+        normals = np.cross(*along)
+    return np.einsum("kqd,q->kd", normals, weights), np.linalg.norm(normals, axis=2) @ weights
+
+
+def _slopes(kind: CellKind) -> tuple[FloatArray, FloatArray]:
+    """The derivatives (dim, q, c) of the corners' functions at Gauss's points, and the weights."""
+    import basix
+
+    rule = 1 if kind.is_simplex else 2
+    points, weights = basix.make_quadrature(basix.CellType[kind.name], rule)
+    return lagrange(kind.name, 1).tabulate(1, points)[1:, :, :, 0], np.asarray(weights)
+
+
+def keys(rows: IntArray, count: int) -> npt.NDArray[Any]:
+    """A sortable value for each row (k, d) of numbers below ``count``; equal rows, equal values."""
+    width = rows.shape[1]
+    if count**width < 2**63:
+        return rows @ count ** np.arange(width - 1, -1, -1, dtype=np.int64)
+    return np.ascontiguousarray(rows.astype(">u8")).view(f"V{8 * width}").ravel()
+
+
+def components(pairs: IntArray, size: int) -> tuple[int, IntArray]:
+    """The number of components of a graph with so many nodes, and that (size,) of each node.
+
+    ``pairs`` (k, 2) are the nodes that are joined.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (size, size))
+    count, numbers = connected_components(graph, directed=False)
+    return int(count), numbers.astype(np.int64)
+
+
+def signed_measures(points: FloatArray, simplices: IntArray) -> FloatArray:
+    """``d!`` times the signed volume (k,) of simplices (k, d + 1)."""
+    origin = points[simplices[:, -1]]
+    edges = [points[simplices[:, i]] - origin for i in range(points.shape[1])]
+    if len(edges) == 2:
+        a, b = edges
+        return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    a, b, c = edges
+    return np.einsum("ki,ki->k", a, np.cross(b, c))
+
+
+def longest_edges(points: FloatArray, cells: IntArray) -> FloatArray:
+    """The longest distance (k,) of two corners of each cell (k, c)."""
+    width = cells.shape[1]
+    longest = np.zeros(len(cells))
+    for i in range(width):
+        for j in range(i):
+            edge = points[cells[:, i]] - points[cells[:, j]]
+            np.maximum(longest, np.einsum("ki,ki->k", edge, edge), out=longest)
+    return np.sqrt(longest)

@@ -13,9 +13,8 @@ DOLFINx needs.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from dolfinx import mesh as dmesh
@@ -24,12 +23,10 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh.cell_kind import NAMED
-from contact_locking.mesh.file import places
-from contact_locking.mesh.file.contiguity import check_boundary
-from contact_locking.mesh.file.data import MeshData, MeshElements
-from contact_locking.mesh.file.topology import components, longest_edges, signed_measures
-from contact_locking.mesh.rank_sums import marked, summed
+from contact_locking.mesh.cell_kind import NAMED, components, longest_edges, signed_measures
+from contact_locking.mesh.distribution import EntityGroup, FileNumbers, marked, summed
+from contact_locking.mesh.file.data import MeshData, MeshElements, and_more, point_words
+from contact_locking.mesh.file.diagnosis import check_boundary
 from contact_locking.parallel import agree, on_root
 
 # A cell has collapsed, or nearly collapsed, if its least Jacobian at a corner, |cell| d! for a
@@ -41,13 +38,6 @@ _MOST_PARTS = 100
 
 #: Pairs of boundary parts, each by its names, that may touch each other without shared nodes.
 Touching = tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]
-
-
-class FileNumbers(NamedTuple):
-    """The numbers in the file of the local nodes, 0 for middles of edges, and of local cells."""
-
-    nodes: IntArray
-    cells: IntArray
 
 
 class DistributedCells:
@@ -95,7 +85,7 @@ class DistributedCells:
             return ""
         nodes = _compat.entities_to_geometry(self._mesh, self.data.dim - 1, facets[:1])[0]
         centre = self.data.points[nodes].mean(axis=0)
-        return f"at {places.at(centre)} ({places.nodes(self.data, nodes)})"
+        return f"at {point_words(centre)} ({self.data.nodes_words(nodes)})"
 
     @cached_property
     def parts(self) -> tuple[IndexArray, int]:
@@ -137,9 +127,9 @@ class DistributedCells:
             neighbour = "".join(f" {number}" for number in self.data.cells.numbers[beside])
             corners = self.corners(cells[:1], sides[:1])[0]
             raise InputError(
-                f"{places.cell(self.data, int(cells[0]))} and its neighbour{neighbour} overlap: "
-                f"they lie on one side of what they share ({places.nodes(self.data, corners)})"
-                f"{places.more(len(np.unique(self.facets[folded])))}; one of them is turned over"
+                f"{self.data.cell_words(int(cells[0]))} and its neighbour{neighbour} overlap: "
+                f"they lie on one side of what they share ({self.data.nodes_words(corners)})"
+                f"{and_more(len(np.unique(self.facets[folded])))}; one of them is turned over"
             )
 
     def _warnings_about_boundary(
@@ -218,21 +208,21 @@ def check_cells(mesh: MeshData) -> list[str]:
     bad = ~(share > np.maximum(_COLLAPSED, rounding))
     if bad.any():
         raise InputError(
-            f"{places.cell(mesh, int(np.argmax(bad)))} has collapsed: its nodes lie on one "
-            f"{'line' if mesh.dim == 2 else 'plane'}{places.more(int(bad.sum()))}"
+            f"{mesh.cell_words(int(np.argmax(bad)))} has collapsed: its nodes lie on one "
+            f"{'line' if mesh.dim == 2 else 'plane'}{and_more(int(bad.sum()))}"
         )
     turned = np.sign(jacobians).min(axis=1) != np.sign(jacobians).max(axis=1)
     if turned.any():
         raise InputError(
-            f"{places.cell(mesh, int(np.argmax(turned)))} is folded{places.more(int(turned.sum()))}"
+            f"{mesh.cell_words(int(np.argmax(turned)))} is folded{and_more(int(turned.sum()))}"
             f"; the corners of a {kind.name} must be convex and in Gmsh's order"
         )
     thin = share < _NEARLY_COLLAPSED
     if not thin.any():
         return []
     return [
-        f"{places.cell(mesh, int(np.argmax(thin)))} has nearly collapsed"
-        f"{places.more(int(thin.sum()))}; digits are lost where a {kind.name} is so thin"
+        f"{mesh.cell_words(int(np.argmax(thin)))} has nearly collapsed"
+        f"{and_more(int(thin.sum()))}; digits are lost where a {kind.name} is so thin"
     ]
 
 
@@ -288,7 +278,7 @@ def part_names(
         there = set().union(*mesh.comm.allgather(here))
         of_part = [name for name, number in names.items() if number in there]
         x = mesh.geometry.x[corners[own], : mesh.topology.dim].reshape(-1, mesh.topology.dim)
-        low, high = (places.at(corner) for corner in box(mesh.comm, x))
+        low, high = (point_words(corner) for corner in box(mesh.comm, x))
         words = ", ".join([*of_part, f"from {low} to {high}"])
         found.append(f"part {part + 1} of the body ({words})")
     return tuple(found)
@@ -299,3 +289,55 @@ def box(comm: MPI.Intracomm, points: FloatArray) -> FloatArray:
     low = comm.allgather(points.min(axis=0, initial=np.inf))
     high = comm.allgather(points.max(axis=0, initial=-np.inf))
     return np.array([np.min(low, axis=0), np.max(high, axis=0)])
+
+
+def on_boundary(
+    groups: Sequence[EntityGroup], cells: DistributedCells
+) -> tuple[list[EntityGroup], dict[str, str], list[str]]:
+    """The groups with their facets on the boundary, and warnings; collective.
+
+    For the name of every other group there is the reason why it bounds nothing.
+    """
+    kept: list[EntityGroup] = []
+    unusable: dict[str, str] = {}
+    warnings: list[str] = []
+    comm, kind = cells.comm, cells.data.kind
+    what, lines = "edge" if kind.dim == 2 else "face", f"{kind.facet_word}s"
+    for group in groups:
+        name, inner = group.name, cells.shared[group.entities] == 2
+        owned = group.entities < cells.owned_facets
+        here, inside = (
+            comm.allreduce(int(np.count_nonzero(marks))) for marks in (owned, owned & inner)
+        )
+        total = here + group.missing
+        if group.missing:
+            example = f", such as {group.example}" if group.example else ""
+            unusable[name] = (
+                f"{name!r} does not lie on the body: {group.missing} of its {total} {lines} are no "
+                f"{what}s of the body's {kind.plural}{example}; remove what dangles, or make it "
+                "part of the body's mesh (fragment)"
+            )
+            warnings.append(f"group {unusable[name]}")
+        elif inside == total:
+            unusable[name] = (
+                f"{name!r} lies inside the body and is not a part of its boundary: its {lines} "
+                "have cells on both sides"
+            )
+        else:
+            if inside:
+                own = group.entities[inner & owned]
+                example = next(filter(None, comm.allgather(cells.first_facet(own))))
+                warnings.append(
+                    f"group {name!r} is boundary in part only: {inside} of its {total} {lines} "
+                    f"have cells on both sides and are left out, such as the {what} {example}"
+                )
+            kept.append(EntityGroup(name, group.entities[~inner]))
+    require_different([group.name for group in kept], f"{what}s")
+    return kept, unusable, warnings
+
+
+def require_different(names: Sequence[str], kind: str) -> None:
+    """Raise InputError for a name that two groups of the kind have."""
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"it has two groups of {kind} named {name!r}")

@@ -1,28 +1,49 @@
-"""From a mesh as arrays on rank 0 to a DOLFINx mesh on all ranks."""
+"""From a mesh as arrays on rank 0 to a DOLFINx mesh on all ranks, and sums over the ranks."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import basix.ufl
 import numpy as np
 import ufl
-from dolfinx import default_real_type, graph
+from dolfinx import common, default_real_type, graph, la
 from dolfinx import mesh as dmesh
 from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
 from contact_locking import _compat
-from contact_locking.arrays import FloatArray, IndexArray, IntArray
-from contact_locking.mesh.boundary_parts import EntityGroup
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.mesh.cell_kind import CellKind
-from contact_locking.mesh.diagnosis import FileNumbers
-from contact_locking.mesh.file import places
 from contact_locking.mesh.file.data import MeshData
 from contact_locking.parallel import on_root
+
+
+def summed(index_map: common.IndexMap, places: IndexArray, values: FloatArray) -> FloatArray:
+    """(n, m) the sums over all ranks of values (..., m) at local places (...); collective."""
+    size, rows = values.shape[-1], places.reshape(-1)
+    total = la.vector(index_map, size)
+    at = total.array.reshape(-1, size)
+    for column, part in enumerate(values.reshape(-1, size).T):
+        at[:, column] = np.bincount(rows, part, len(at))
+    total.scatter_reverse(la.InsertMode.add)
+    total.scatter_forward()
+    return np.array(at)
+
+
+def marked(index_map: common.IndexMap, places: IndexArray) -> BoolArray:
+    """(n,) which local places, ghosts included, any rank has among ``places``; collective."""
+    return summed(index_map, places, np.ones((*places.shape, 1)))[:, 0] > 0.0
+
+
+def marked_facets(mesh: dmesh.Mesh, facets: IndexArray) -> BoolArray:
+    """Which local facets, ghosts included, any rank has in ``facets``; collective."""
+    return marked(mesh.topology.index_map(mesh.topology.dim - 1), facets)
+
 
 _SCOTCH_THREADS = "SCOTCH_PTHREAD_NUMBER"
 
@@ -32,6 +53,26 @@ class Regions(NamedTuple):
 
     numbers: IndexArray
     names: dict[str, int]
+
+
+class FileNumbers(NamedTuple):
+    """The numbers in the file of the local nodes, 0 for middles of edges, and of local cells."""
+
+    nodes: IntArray
+    cells: IntArray
+
+
+@dataclass(frozen=True)
+class EntityGroup:
+    """The local ``entities`` (k,), cells or facets, of a group in a file.
+
+    ``missing`` more entities of the group, one of them the ``example``, are no facets of the mesh.
+    """
+
+    name: str
+    entities: IndexArray
+    missing: int = 0
+    example: str = ""
 
 
 class Distributed(NamedTuple):
@@ -147,6 +188,6 @@ def _facet_groups(mesh: dmesh.Mesh, data: MeshData, row: IntArray) -> list[Entit
         off = np.setdiff1d(own, there)
         example = ""
         if len(off):
-            example = comm.bcast(places.facet(data, first[off[0]]) if comm.rank == 0 else "")
+            example = comm.bcast(data.facet_words(first[off[0]]) if comm.rank == 0 else "")
         found.append(EntityGroup(name, tags.indices[np.isin(tags.values, own)], len(off), example))
     return found

@@ -1,6 +1,7 @@
 """The mesh of the body with named parts: checked and distributed.
 
-Boundary parts and regions have the names of Gmsh's physical groups.
+Boundary parts and regions have the names of Gmsh's physical groups; parts of the boundary may
+overlap.
 """
 
 from __future__ import annotations
@@ -8,34 +9,56 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import ufl
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from contact_locking import _compat
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
-from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
-from contact_locking.mesh.boundary_parts import EntityGroup, marked, on_boundary, tags_of
-from contact_locking.mesh.cell_kind import NAMED, CellKind
+from contact_locking.laws.elasticity import REVOLUTION, STRAIGHT, Kinematics
+from contact_locking.mesh.cell_kind import NAMED, CellKind, mean_normals
 from contact_locking.mesh.diagnosis import (
     DistributedCells,
     Touching,
     box,
     connected_parts,
+    on_boundary,
     part_names,
 )
-from contact_locking.mesh.distribution import Regions, distribute
-from contact_locking.mesh.file import places
-from contact_locking.mesh.file.data import MeshData
-from contact_locking.mesh.lagrange import mean_normals
-from contact_locking.parallel import agree, maximum
+from contact_locking.mesh.distribution import EntityGroup, Regions, distribute, marked_facets
+from contact_locking.mesh.file.data import MeshData, and_more
+from contact_locking.parallel import agree, maximum, on_any_rank
 from contact_locking.plain_text import nearest
+
+
+def tags_of(
+    mesh: dmesh.Mesh, marks: Mapping[str, BoolArray]
+) -> tuple[dmesh.MeshTags, dict[str, tuple[int, ...]]]:
+    """Tags of facets, and for each name of ``marks`` the values of its facets; collective.
+
+    Facets that several names share have a value of their own.
+    """
+    facets_of_rank = mesh.topology.index_map(mesh.topology.dim - 1)
+    count = facets_of_rank.size_local + facets_of_rank.num_ghosts
+    every = np.array(list(marks.values())).reshape(len(marks), count)
+    facets = np.flatnonzero(every.any(axis=0)).astype(np.int32)
+    local, place = np.unique(every[:, facets].T, axis=0, return_inverse=True)
+    kinds: BoolArray = np.unique(np.concatenate(mesh.comm.allgather(local)), axis=0)[::-1]
+    values = 1 + np.nonzero((local[:, None] == kinds).all(axis=2))[1].astype(np.int32)
+    of_name = {
+        name: tuple(1 + int(place) for place in np.flatnonzero(kinds[:, column]))
+        for column, name in enumerate(marks)
+    }
+    tags = dmesh.meshtags(mesh, mesh.topology.dim - 1, facets, values[place.reshape(-1)])
+    return tags, of_name
+
 
 # A coordinate below this share of the largest is rounding.
 _ROUNDING = 1e-9
@@ -271,14 +294,14 @@ def diagnosed(
         if np.any(bare := owned == 0):
             raise InputError(
                 "it has cells outside every group (in Gmsh every physical group), such as "
-                f"{places.cell(cells.data, int(np.argmax(bare)))}{places.more(int(bare.sum()))}; "
+                f"{cells.data.cell_words(int(np.argmax(bare)))}{and_more(int(bare.sum()))}; "
                 "name them all"
             )
 
     agree(mesh.comm, require_regions)
     told = cells.check({group.name: group.entities for group in groups}, touching)
     kept, unusable, more = on_boundary(groups, cells)
-    facets = {group.name: marked(mesh, group.entities) for group in kept}
+    facets = {group.name: marked_facets(mesh, group.entities) for group in kept}
     said = (*warnings, *told, *more)
     return assembled(mesh, regions, facets, origin, cells.parts, unusable=unusable, warnings=said)
 
@@ -289,7 +312,7 @@ def sound(data: MeshData, comm: MPI.Intracomm, origin: str, bodies: int = 1) -> 
     Rank 0 has the mesh.
     """
     made = distribute(comm, data)
-    facets = {group.name: marked(made.mesh, group.entities) for group in made.groups}
+    facets = {group.name: marked_facets(made.mesh, group.entities) for group in made.groups}
     parts = connected_parts(made.mesh) if bodies > 1 else None
     return assembled(made.mesh, made.regions, facets, origin, parts)
 
@@ -301,3 +324,56 @@ def about(origin: str) -> Iterator[None]:
         yield
     except InputError as error:
         raise InputError(f"{origin}: {error}", error.key) from None
+
+
+# A node with a smaller radius than this share of the largest radius lies on the axis.
+_ON_AXIS = 1e-9
+
+
+def half_section(domain: Domain, key: str = "mesh.axisymmetric") -> Domain:
+    """The domain as the half section of a body of revolution about x = 0; collective.
+
+    Coordinates x that are zero except for rounding become zero.  Raises InputError for a mesh in
+    three dimensions, and for a mesh that crosses the axis; ``key`` is what asks for the section.
+    """
+    if domain.dim != 2:
+        raise InputError(
+            "needs a mesh in two dimensions, the half section of the body in the coordinates "
+            "(r, z) = (x, y)",
+            key,
+        )
+    low, high = domain.bounding_box
+    radius = domain.mesh.geometry.x[:, 0]
+    if low[0] < -_ON_AXIS * high[0]:
+        hint = "; take its half with quarter: true" if domain.origin in ("disc", "annulus") else ""
+        raise InputError(
+            f"the half section must lie in x >= 0, where x is the radius r, and {domain.origin} "
+            f"reaches x = {low[0]:.6g}{hint}",
+            key,
+        )
+    radius[np.abs(radius) <= _ON_AXIS * high[0]] = 0.0
+    return replace(domain, axisymmetric=True)
+
+
+def is_on_axis(domain: Domain, x: FloatArray) -> BoolArray:
+    """Which of the points x (d, k) lie on the axis, (k,); collective."""
+    return np.asarray(np.abs(x[0]) <= _ON_AXIS * domain.bounding_box[1, 0])
+
+
+def axis_dofs(domain: Domain, space: fem.FunctionSpace) -> IndexArray:
+    """The local dofs of u_r on the axis; collective."""
+    on_axis = is_on_axis(domain, space.tabulate_dof_coordinates().T)
+    return np.flatnonzero(on_axis).astype(np.int32) * np.int32(domain.dim)
+
+
+def require_surface(domain: Domain, names: tuple[str, ...], key: str) -> None:
+    """Raise InputError for boundary parts on the axis, which are no surface; collective."""
+    if not domain.axisymmetric:
+        return
+    for name in names:
+        facets = domain.facets((name,), key)
+        if not domain.comm.allreduce(len(facets)):
+            continue
+        nodes = _compat.entities_to_geometry(domain.mesh, 1, facets)
+        if not on_any_rank(domain.comm, domain.mesh.geometry.x[nodes, 0] > 0.0):
+            raise InputError(f"{name!r} lies on the axis of revolution and is no surface", key)

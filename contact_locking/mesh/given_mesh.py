@@ -12,10 +12,9 @@ from dolfinx import mesh as dmesh
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, IndexArray
 from contact_locking.errors import InputError
-from contact_locking.mesh.boundary_parts import marked
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.diagnosis import connected_parts
-from contact_locking.mesh.distribution import Regions
+from contact_locking.mesh.distribution import Regions, marked_facets
 from contact_locking.mesh.domain import Domain, Where, assembled
 from contact_locking.parallel import agree, on_any_rank
 from contact_locking.plain_text import nearest
@@ -52,7 +51,7 @@ class NamedFacets:
         self._places: dict[str, BoolArray] = {}
         if self._names and tags is None:
             raise InputError("needs the mesh tags whose values have the names", "tags")
-        self._outside = marked(mesh, np.asarray(dmesh.exterior_facet_indices(mesh.topology)))
+        self._outside = marked_facets(mesh, np.asarray(dmesh.exterior_facet_indices(mesh.topology)))
 
     def add(self, where: Where, key: str) -> tuple[str, ...]:
         """Tell of a place, and get its names; collective.
@@ -121,7 +120,7 @@ class NamedFacets:
         return facets
 
     def _put(self, name: str, facets: IndexArray, key: str) -> None:
-        marks = marked(self._mesh, facets)
+        marks = marked_facets(self._mesh, facets)
 
         def check() -> None:
             if np.any(marks & ~self._outside):

@@ -1,21 +1,29 @@
-"""The meshes of builders and of files: made or read on one rank, and distributed."""
+"""The meshes of builders and files, and refined ones: made on one rank, and distributed.
+
+A distributed mesh becomes arrays on rank 0 in the order in which it was distributed, which does not
+depend on the number of ranks; neither does what is made of these arrays.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import json
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 
+from contact_locking import _compat
+from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import with_key
 from contact_locking.mesh.diagnosis import DistributedCells, Touching, check_cells
-from contact_locking.mesh.distribution import distribute, on_first_rank
+from contact_locking.mesh.distribution import distribute, of_cells, on_first_rank
 from contact_locking.mesh.domain import Domain, about, diagnosed, sound
-from contact_locking.mesh.file.data import MeshData
+from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.diagnosis import check_arrays
-from contact_locking.mesh.file.gmsh_model import extract
-from contact_locking.mesh.file.reader import read
+from contact_locking.mesh.file.gmsh import extract, read
 from contact_locking.meshes import build
 
 
@@ -59,3 +67,103 @@ def from_arrays(
         cells = DistributedCells(made.mesh, made.numbers)
         groups, warnings = made.groups, data.warnings
         return diagnosed(made.mesh, cells, made.regions, groups, origin, touching, warnings)
+
+
+# What the mesh of a body knows beside its cells, as fields of `Domain`.
+_FACTS = ("part_names", "unusable", "warnings", "origin", "smoothing_radii")
+
+
+@dataclass(frozen=True)
+class WholeMesh:
+    """Points, cells and named facets, with what the mesh of a body knows beside them.
+
+    ``parts`` (k,) gives for each cell the index of its connected part, and ``facts`` are other
+    fields of `Domain`.
+    """
+
+    data: MeshData
+    parts: IntArray
+    facts: Mapping[str, Any]
+
+    def save(self, folder: Path, stem: str) -> None:
+        """Write ``STEM.npz`` and ``STEM.json``."""
+        self.data.save(folder / f"{stem}.npz")
+        text = json.dumps({"parts": self.parts.tolist(), "facts": self.facts})
+        (folder / f"{stem}.json").write_text(f"{text}\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, folder: Path, stem: str) -> WholeMesh:
+        """The mesh in the files of `save`."""
+        words = json.loads((folder / f"{stem}.json").read_text(encoding="utf-8"))
+        lists = {name: tuple(words["facts"][name]) for name in ("part_names", "warnings")}
+        parts = np.array(words["parts"], dtype=np.int64)
+        return cls(MeshData.load(folder / f"{stem}.npz"), parts, words["facts"] | lists)
+
+
+def gather_mesh(domain: Domain) -> WholeMesh | None:
+    """The mesh on rank 0, None elsewhere; collective."""
+    mesh, dim, comm = domain.mesh, domain.dim, domain.comm
+    numbers = np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
+    owned = mesh.topology.index_map(dim).size_local
+    cells = numbers[_compat.cell_corners(mesh)[:owned]]
+    facets = domain.facet_tags.indices
+    is_owned = facets < mesh.topology.index_map(dim - 1).size_local
+    corners = numbers[_compat.entities_to_geometry(mesh, dim - 1, facets[is_owned])]
+
+    def whole(local: Any) -> Any:
+        parts = comm.gather(np.ascontiguousarray(local))
+        return None if parts is None else np.concatenate(parts)
+
+    place, coordinates = whole(numbers), whole(mesh.geometry.x[:, :dim])
+    all_cells, groups, parts = (
+        gather_cells(domain, values)
+        for values in (cells, domain.cell_tags.values[:owned], domain.parts[:owned])
+    )
+    all_corners, marks = whole(corners), whole(domain.facet_tags.values[is_owned])
+    if place is None or all_cells is None or groups is None or parts is None:
+        return None
+    points = np.empty((int(place.max()) + 1, dim))
+    points[place] = coordinates
+    order = np.lexsort(np.sort(all_corners, axis=1).T[::-1])
+    named = elements(all_corners[order], marks[order], domain.facet_names)
+    regions = {name: (tag,) for name, tag in domain.cell_names.items()}
+    data = MeshData(
+        dim, points, np.arange(len(points)), elements(all_cells, groups, regions), named
+    )
+    facts = {name: getattr(domain, name) for name in _FACTS}
+    return WholeMesh(data, parts.astype(np.int64), facts)
+
+
+def gather_cells(domain: Domain, values: Any) -> FloatArray | None:
+    """Values (k, ...) of the owned cells of all ranks, on rank 0; None elsewhere; collective."""
+    topology = domain.mesh.topology
+    owned = topology.index_map(domain.dim).size_local
+    order = np.asarray(topology.original_cell_index[:owned], dtype=np.int64)
+    parts = domain.comm.gather((order, np.ascontiguousarray(values)))
+    if parts is None:
+        return None
+    places = np.concatenate([place for place, _ in parts])
+    return np.asarray(np.concatenate([local for _, local in parts])[np.argsort(places)])
+
+
+def elements(nodes: Any, groups: Any, names: Mapping[str, tuple[int, ...]]) -> MeshElements:
+    """Elements numbered from 1, as in a mesh file."""
+    count: IntArray = np.arange(1, len(nodes) + 1)
+    return MeshElements(
+        np.asarray(nodes, dtype=np.int64), count, np.asarray(groups, dtype=np.int64), dict(names)
+    )
+
+
+def spread(mesh: WholeMesh | None, comm: MPI.Intracomm) -> Domain:
+    """A refined mesh, distributed; only rank 0 has ``mesh``; collective."""
+
+    def data() -> MeshData:
+        assert mesh is not None
+        return mesh.data
+
+    first = on_first_rank(comm, data)
+    domain = sound(first, comm, "")
+    parts: IntArray = np.empty(0, dtype=np.int64) if mesh is None else mesh.parts
+    facts = comm.bcast(mesh.facts if mesh else {})
+    local = of_cells(domain.mesh, first.cells.nodes, parts).astype(np.int32)
+    return replace(domain, parts=local, is_refined=True, **facts)

@@ -23,8 +23,14 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.nodal_contact import NodalContact
-from contact_locking.laws.convex import normal_part, positive_part, squared_norm, tangential_part
-from contact_locking.laws.locking import locking_energy, locking_stress
+from contact_locking.laws.locking import (
+    locking_energy,
+    locking_stress,
+    normal_part,
+    positive_part,
+    squared_norm,
+    tangential_part,
+)
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem import forms
 from contact_locking.problem.system import PenalisedSystem

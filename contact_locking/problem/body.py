@@ -17,11 +17,16 @@ from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.present import Clock
 from contact_locking.fields.sampling import Entities, features
-from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.half_section import require_surface
-from contact_locking.problem.loads import BodyForce, Load
+from contact_locking.mesh.domain import Domain, require_surface
 from contact_locking.problem.points import Placed
-from contact_locking.supports.support import HOLD_ALONG, Displacement, Spring, Support
+from contact_locking.supports.support import (
+    HOLD_ALONG,
+    BodyForce,
+    Displacement,
+    Load,
+    Spring,
+    Support,
+)
 from contact_locking.values.concept import Concept, dotted
 from contact_locking.values.kinds import expressions
 

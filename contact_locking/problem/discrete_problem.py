@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import ufl
@@ -19,16 +20,20 @@ from contact_locking.contact.nodal_contact import (
     place_of,
 )
 from contact_locking.contact.travel import Travel
+from contact_locking.errors import InputError
+from contact_locking.fem import compiled
 from contact_locking.fields.plausibility import about_an_overlap_at_rest
 from contact_locking.fields.present import Clock
-from contact_locking.laws.penalty import Penalty
+from contact_locking.laws.locking import squared_norm
+from contact_locking.laws.penalty import Penalty, PenaltyParameters
+from contact_locking.parallel import on_every_rank
 from contact_locking.problem import forms
 from contact_locking.problem.body import Body
 from contact_locking.problem.elasticity import Material
-from contact_locking.problem.limits import LimitsOnMesh
-from contact_locking.problem.loads_on_mesh import Loads
-from contact_locking.problem.points import Points
-from contact_locking.problem.rigidity.rigidity import Held, Rigidity
+from contact_locking.problem.forms import ProblemData
+from contact_locking.problem.loads import Loads
+from contact_locking.problem.points import LimitsOnMesh, Points
+from contact_locking.problem.rigidity import Held, Rigidity
 from contact_locking.problem.springs import ElasticSupport, OwnSupport, Springs
 from contact_locking.supports.conditions import Constraints
 from contact_locking.supports.support import Displacement, Support
@@ -43,16 +48,15 @@ class DiscreteProblem:
     ``follows_n`` says that the compliance of the contact was not chosen, but is 1/n.  ``warnings``
     tell what is probably not intended.
 
-    The constructor is collective.  ``compliance`` is epsilon, None for 1/n.  Raises InputError for
-    data that cannot be used, and for a foundation behind Gamma_C.
+    The constructor is collective.  Raises InputError for data that cannot be used, and for a
+    foundation behind Gamma_C.
     """
 
     def __init__(
         self,
         body: Body,
         contacts: Sequence[Contact],
-        n: float,
-        compliance: float | None,
+        penalty: PenaltyParameters,
         clock: Clock,
     ) -> None:
         domain, element, space = body.domain, body.element, body.space
@@ -68,8 +72,8 @@ class DiscreteProblem:
         points = Points(domain, element, clock)
         self.material = Material(points, body.elasticity, body.eigenstrains)
         self.limits = LimitsOnMesh.of(points, body.limits)
-        epsilon = 1.0 / n if compliance is None else compliance
-        self.follows_n = compliance is None
+        n, epsilon = penalty.n, penalty.compliance
+        self.follows_n = penalty.epsilon is None
         # The paper uses the compliance epsilon also for the regularisation length in (22): here
         # Young's modulus converts the compliance to a length.
         slip = self.material.young * epsilon
@@ -229,3 +233,33 @@ def _elastic(body: Body, material: Material) -> Callable[[Expr, Expr], ufl.Form]
         return ufl.replace(form, {trial: u, test: w})
 
     return of_form
+
+
+def distance(u: fem.Function, other: fem.Function, data: ProblemData) -> dict[str, float]:
+    """``sqrt(a(u - w, u - w))`` and ``|eps(u - w)|`` of displacements u and w; collective.
+
+    They are ``energy_norm`` and ``displacement_norm``, and ``relative`` is the first over
+    ``sqrt(a(u, u))``.  Raises InputError for displacements of other meshes, distributions or
+    degrees.
+    """
+    mesh = u.function_space.mesh
+    comm = mesh.comm
+    here, there = mesh.geometry.x, other.function_space.mesh.geometry.x
+    is_alike = np.array_equal(here, there) and len(u.x.array) == len(other.x.array)
+    if not on_every_rank(comm, is_alike):
+        raise InputError("must be a solution on the same mesh, of the same degree", "other")
+    difference = fem.Function(u.function_space)
+    difference.x.array[:] = u.x.array - other.x.array
+
+    def total(form: Any) -> float:
+        return float(np.sqrt(comm.allreduce(fem.assemble_scalar(compiled.form(form)))))
+
+    energy = total(forms.elastic_form(difference, difference, data))
+    size = total(forms.elastic_form(u, u, data))
+    return {
+        "energy_norm": energy,
+        "relative": energy / size if size > 0.0 else energy,
+        "displacement_norm": total(
+            squared_norm(data.strain(difference)) * data.element.elastic_dx(data.dx)
+        ),
+    }

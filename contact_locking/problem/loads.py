@@ -1,62 +1,262 @@
-"""The loads of the body, for scripts and study files.
+"""The loads in UFL, with rules of integration that see them.
 
-Data are numbers, expressions of x, y, z and t, or tables; in a script also constants and functions
-of DOLFINx, expressions of UFL, and functions of points (d, k) with values (k,).
+An expression needs values at the quadrature points only.  The forms take its time from the clock of
+the problem.  Where a load is narrower than a cell or facet, the rule divides the cell or facet into
+parts, so that the resultant is right.  Data of a script that are no expressions are integrated as
+UFL estimates it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TypeAlias
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
-from contact_locking.supports.support import OnBoundary
-from contact_locking.values.concept import ONLY, BodyKind, Concept, Fault, entry, hidden
-from contact_locking.values.kinds import TimedDensity, TimedVector, TimeVector
+import numpy as np
+import ufl
+from dolfinx import fem
 
+from contact_locking.arrays import LARGEST, FloatArray
+from contact_locking.errors import InputError, with_key
+from contact_locking.fem.compiled import integral
+from contact_locking.fem.spaces import Element
+from contact_locking.fields.plausibility import about_a_load
+from contact_locking.fields.present import Clock, LargestSoFar, PresentValue
+from contact_locking.fields.sampling import Entities, refuse_poles, rule
+from contact_locking.mesh.domain import Domain
+from contact_locking.parallel import agree
+from contact_locking.supports.support import BodyForce, Load, Pressure, TotalForce
+from contact_locking.values.concept import ONLY
 
-class BodyForce(Concept):
-    """-div sigma = f0 in the whole body."""
-
-    value: TimedVector = entry(..., "components of f0", "force/volume", alias=ONLY)
-    at: str | None = hidden("at")
-
-    @property
-    def key(self) -> str:
-        """Its key in messages."""
-        return self.at or "bodyforce"
-
-
-class Traction(OnBoundary):
-    """sigma nu = g on a part of the boundary."""
-
-    value: TimedVector = entry(..., "components of g", "stress")
-
-
-class Pressure(OnBoundary):
-    """sigma nu = -p nu on a part of the boundary, with the outward normal nu of the mesh."""
-
-    value: TimedDensity = entry(
-        ...,
-        "pressure p along the normal: a positive p pushes on the body, a negative p pulls",
-        "stress",
-    )
+# The quadrature degree of an expression in each part of a cell or facet; test functions of degree 1
+# or 2 need no more.  The rule for comparison has a higher degree and parts half as long.
+_DEGREE, _HIGHER_DEGREE = 4, 6
+# A rule is good enough if the integrals over all cells or facets are right to this share of the
+# load.  A load of which the next share is uncertain is warned of, and the last share is refused.
+_ACCURATE, _UNCERTAIN, _LOST = 1e-3, 0.03, 0.3
+# Integrals over so many cells or facets that differ most are looked at for poles.
+_SUSPECTS = 8
 
 
-class TotalForce(OnBoundary):
-    """``int sigma nu = F`` on a part of the boundary, spread evenly: ``sigma nu = F/|part|``.
+class Loads:
+    """Loads on a mesh; collective.
 
-    The parts in ``on`` share the force by their sizes.
+    The constructor, :meth:`work` and :meth:`advance` raise InputError with the key and the point
+    for a value that is not finite, for a pole, and for a load that is mostly lost.
     """
 
-    value: TimeVector = entry(..., "components of F; in 2D for a unit of thickness", "force")
+    def __init__(
+        self, domain: Domain, element: Element, given: Sequence[Load], clock: Clock
+    ) -> None:
+        self._loads = [LoadOnMesh(domain, element, load, clock) for load in given]
+        self._told = [text for load in self._loads for text in load.advance()]
 
-    def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
-        if body.axisymmetric and self.value[0] != 0.0:
-            yield Fault(
-                ("value", 0),
-                "must be 0: the total force on a body of revolution acts along the axis; give "
-                "what acts along the radius as pressures or tractions",
-            )
+    def work(self, v: Any) -> ufl.Form | None:
+        """``(f, v)`` (13), None without loads."""
+        forms = [ufl.inner(load.density, v) * load.measure for load in self._loads]
+        return sum(forms) if forms else None
+
+    def warnings(self, stiffness: float) -> list[str]:
+        """Loads that no rule of integration resolves, or above the stiffness of the material."""
+        large = [about_a_load(item.stress, stiffness, item.key) for item in self._loads]
+        return [*self._told, *(text for texts in large for text in texts)]
+
+    def advance(self) -> list[str]:
+        """Put the loads to the present time, and check them.
+
+        Returns the first warning of each load that its rule of integration does not resolve.
+        """
+        return [text for load in self._loads if load.is_timed for text in load.advance()]
 
 
-Load: TypeAlias = BodyForce | Traction | Pressure | TotalForce
+class LoadOnMesh:
+    """A load: its ``density`` in UFL, a vector, on a ``measure``.
+
+    ``halvings`` says how often the rule of integration halves each cell or facet; it is the least
+    with which the integrals are right at the present time and at some planned times.
+    """
+
+    def __init__(self, domain: Domain, element: Element, given: Load, clock: Clock) -> None:
+        self._domain, self._element, self._clock = domain, element, clock
+        name, dim = given.key_of("value"), domain.dim
+        self.key = given.key if name == ONLY else f"{given.key}.{name}"
+        components = given.value if isinstance(given.value, tuple) else (given.value,)
+        is_vector = isinstance(given.value, tuple)
+        self._values = [
+            PresentValue(value, f"{self.key}.{i}" if is_vector else self.key, clock)
+            for i, value in enumerate(components)
+        ]
+        self._constant = all(value.is_constant for value in components)
+        self._is_seen = all(value.expression is not None for value in components)
+        self.is_timed = any(value.is_timed for value in components)
+        # 1, or 0 at the times at which the load is zero with rounding.
+        self._acts, self._so_far = fem.Constant(domain.mesh, 1.0), LargestSoFar()
+        self._warned = False
+        if isinstance(given, BodyForce):
+            owned = domain.mesh.topology.index_map(dim).size_local
+            self._on = Entities.of(domain, dim, np.arange(owned, dtype=np.int32))
+        else:
+            self._on = Entities.of(domain, dim - 1, domain.facets(given.on, f"{given.key}.on"))
+        self.density = ufl.as_vector([value.ufl(element.degree) for value in self._values])
+        self.halvings = 0
+        if self._is_seen and not self._constant:
+            for time in clock.some_times if self.is_timed else [clock.now]:
+                self.halvings = self._enough(time)
+            self.density = self._acts * self.density if self.is_timed else self.density
+        self._size, self._per = 0.0, 1.0
+        if isinstance(given, BodyForce):
+            self.measure, (low, high) = domain.dx(**self.metadata), domain.bounding_box
+            self._per = float((high - low).max())
+        else:
+            self.measure = domain.ds(given.on, **self.metadata)
+        if isinstance(given, TotalForce):
+            # Spread evenly over the part of the boundary.
+            area = integral(domain, fem.Constant(domain.mesh, 1.0) * self.measure)
+            self._per, self.density = 1.0 / area, self.density / area
+        elif isinstance(given, Pressure):
+            self.density = -self.density[0] * ufl.FacetNormal(domain.mesh)
+
+    @property
+    def stress(self) -> float:
+        """The largest size at present, as a stress."""
+        return self._per * self._size
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """The rule of integration, for the compiler of forms."""
+        if not self._is_seen:
+            return {}
+        if self._constant:
+            # The factor 2 pi r of an axisymmetric body has the degree 1, and so has the Jacobian of
+            # a box in each coordinate.
+            factor = int(self._domain.axisymmetric or self._element.boxes)
+            return {"quadrature_degree": self._element.degree + factor}
+        found: dict[str, Any] = {"quadrature_degree": _DEGREE}
+        if self.halvings > 0:
+            points, weights = self._on.reference_rule(self.halvings, _DEGREE)
+            found |= {
+                "quadrature_rule": "custom",
+                "quadrature_points": tuple(tuple(map(float, point)) for point in points),
+                "quadrature_weights": tuple(map(float, weights)),
+            }
+        return found
+
+    def advance(self) -> list[str]:
+        """Put the load to the present time, and return warnings; collective.
+
+        A load that depends on the time is put to zero where it is zero with rounding.
+        """
+        for value in self._values:
+            value.refresh()
+        self._size, told = self._largest()
+        self._acts.value = float(not (self.is_timed and self._so_far.hides(self._size)))
+        return told
+
+    def _largest(self) -> tuple[float, list[str]]:
+        """The largest ``|g|`` at the points of cells or facets, and warnings; collective."""
+        if not self._is_seen:
+            return 0.0, []
+        if self._constant:
+            return float(np.linalg.norm([float(item.value) for item in self._values])), []
+        comm, time = self._domain.comm, self._clock.now
+        used = agree(comm, lambda: self._sample(self.halvings, _DEGREE, time, is_used=True))
+        fine = self._sample(self._on.halvings, _HIGHER_DEGREE, time)
+        share = self._apart(used, fine)
+        tops = [top for pair in comm.allgather((used.top, fine.top)) for top in pair]
+        largest, where = max(tops)
+        if largest <= 0.0:
+            # A load that depends on the time may be zero at times.
+            if self.is_timed:
+                return 0.0, []
+            return 0.0, [
+                f"{self.key}: is zero at all points of the quadrature; is the load meant for "
+                "another place, or for a place smaller than the elements?"
+            ]
+        if self.halvings or share > _ACCURATE:
+            coarse = self._sample(0, _DEGREE, time)
+            rest = np.linalg.norm(coarse.integrals - fine.integrals, axis=1)
+            suspects = np.argsort(-rest, kind="stable")[:_SUSPECTS].astype(np.int32)
+
+            def size(x: FloatArray) -> FloatArray:
+                return np.asarray(np.linalg.norm(self._at(x, time), axis=1))
+
+            agree(comm, lambda: refuse_poles(self._on, suspects, size, self.key))
+        is_nodal = any(item.is_nodal for item in self._values)
+        nodes = " (its table counts at the nodes alone)" if is_nodal else ""
+        text = (
+            f"changes too sharply for this mesh near {where}, where it reaches {largest:.3g}; its "
+            f"resultant is uncertain by about {100.0 * share:.2g} %{nodes}: refine the mesh there, "
+            "or give a load that is wider"
+        )
+        if share > _LOST:
+            raise InputError(text, self.key)
+        if share > _UNCERTAIN and not self._warned:
+            self._warned = True
+            return largest, [f"{self.key}: {text}"]
+        return largest, []
+
+    def _enough(self, time: float) -> int:
+        """How often to halve at a time, no less than before; collective."""
+        fine = self._sample(self._on.halvings, _HIGHER_DEGREE, time)
+        most = max(self._on.halvings - 1, 0)
+        for halvings in range(self.halvings, most):
+            if self._apart(self._sample(halvings, _DEGREE, time), fine) <= _ACCURATE:
+                return halvings
+        return most
+
+    def _apart(self, one: _Sample, fine: _Sample) -> float:
+        """How far integrals differ, as a share of ``int |g|``; collective."""
+        rest = np.linalg.norm(one.integrals - fine.integrals, axis=1).sum()
+        left, whole = self._domain.comm.allreduce(np.array([rest, fine.size]))
+        return float(left / whole) if whole > 0.0 else 0.0
+
+    def _at(
+        self, x: FloatArray, time: float, used: Mapping[Any, FloatArray] | None = None
+    ) -> FloatArray:
+        """The components (k, c) at points (k, d).
+
+        ``used`` are the values (k,) of tables in the forms, if the forms use the points.  Then
+        InputError is raised for a value that is no number; at other points such a value is zero.
+        """
+        found = np.empty((len(x), len(self._values)))
+        for i, item in enumerate(self._values):
+            if used is not None:
+                with_key(item.key, partial(item.value.at, x.T, time))
+            found[:, i] = item.value.unchecked(x.T, time, used)
+        return np.where(np.abs(found) <= LARGEST, found, 0.0)
+
+    def _sample(self, halvings: int, degree: int, time: float, is_used: bool = False) -> _Sample:
+        points, weights = rule(self._on.dim, halvings, degree)
+        integrals = np.zeros((len(self._on.corners), len(self._values)))
+        size, top = 0.0, (-1.0, "")
+        for chunk, x in self._on.chunks(points):
+            places = x.reshape(-1, x.shape[2])
+            used = None
+            if is_used:
+                corners = self._on.corners[chunk]
+                parts = [item.in_simplices(corners, points, time) for item in self._values]
+                used = {table: values for part in parts for table, values in part.items()}
+            found = self._at(places, time, used)
+            sizes = np.linalg.norm(found, axis=1)
+            by_entity = found.reshape(*x.shape[:2], -1)
+            measures = self._on.sizes[chunk]
+            integrals[chunk] = measures[:, None] * np.einsum("q,kqc->kc", weights, by_entity)
+            size += float(measures @ (sizes.reshape(x.shape[:2]) @ weights))
+            largest = int(np.argmax(sizes))
+            if sizes[largest] > top[0]:
+                top = (float(sizes[largest]), self._domain.where(places[largest]))
+        return _Sample(integrals, size, top)
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """A load at the points of a rule, on the cells or facets (n,) of this rank.
+
+    ``integrals`` (n, c) are those of the components, ``size`` is ``int |g|``, and ``top`` the
+    largest ``|g|`` with its place in words.
+    """
+
+    integrals: FloatArray
+    size: float
+    top: tuple[float, str]

@@ -13,12 +13,12 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
-from contact_locking.fem.joint_forms import JointForm
+from contact_locking.fem.compiled import JointForm
 from contact_locking.fields.present import Clock, PresentValue
 from contact_locking.fields.sampling import Entities, rule
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import minimum
-from contact_locking.problem.rigidity.motions import null_motions
+from contact_locking.problem.motions import null_motions
 from contact_locking.supports.support import Spring
 
 # The rule of integration of an expression on a facet, beside two displacements.

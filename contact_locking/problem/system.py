@@ -15,16 +15,14 @@ from contact_locking.arrays import FloatArray
 from contact_locking.contact.force_balance import Tools
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.fem import compiled
-from contact_locking.fem.compiled import Kept
+from contact_locking.fem.compiled import JointForm, Kept, compiled_together
 from contact_locking.fem.contact_operator import PointStiffness
-from contact_locking.fem.joint_forms import JointForm, compiled_together
-from contact_locking.laws.convex import squared_norm
+from contact_locking.laws.locking import squared_norm
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem import forms
+from contact_locking.problem.affine_part import affine_part, near_nullspace
 from contact_locking.problem.penalty_laws import PenaltyLaws
-from contact_locking.problem.rigidity.at_contact import LooseMotion
-from contact_locking.problem.rounding import Rounding, largest_displacement
-from contact_locking.supports.affine_part import affine_part, near_nullspace
+from contact_locking.problem.rounding import LooseMotion, Rounding, largest_displacement
 from contact_locking.supports.conditions import Constraints
 
 

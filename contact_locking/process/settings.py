@@ -10,7 +10,7 @@ from pydantic import Field
 
 from contact_locking.values.concept import Concept, Fault, entry
 from contact_locking.values.kinds import Count, Number, Positive, Share, StepCount, Tolerance
-from contact_locking.values.wording import show
+from contact_locking.values.value import show
 
 _MOST_STEPS = 100_000
 

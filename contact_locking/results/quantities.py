@@ -17,8 +17,7 @@ from contact_locking.arrays import AXES, FloatArray, moments
 from contact_locking.results.contact_points import OPEN, SLIP
 
 if TYPE_CHECKING:
-    from contact_locking.results.body_fields import BodyFields
-    from contact_locking.results.derived import ContactFields, Contacts
+    from contact_locking.results.derived import BodyFields, ContactFields, Contacts
 
 Of = Literal["body", "contact", "certificate", "solver"]
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.problem.distance import distance
+from contact_locking.problem.discrete_problem import distance
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.table import Table
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from contact_locking.mesh.domain import Domain
     from contact_locking.problem.forms import ProblemData
     from contact_locking.results.derived import ContactFields
-    from contact_locking.results.probe_points import ProbeSample
     from contact_locking.solver.multipliers import Multipliers
     from contact_locking.solver.task import SavedState
 
@@ -106,9 +105,11 @@ class Solution:
     data: ProblemData | None = None
     time: float = 0.0  # the time of the step, 0 without steps
     history: Table = field(default_factory=Table)  # the steps up to this one, none without
-    probes: tuple[ProbeSample, ...] = ()  # the probes of the steps up to this one, none without
+    probes: Table | None = None  # a row for each point and step, on rank 0; None without probes
     halved: tuple[str, ...] = ()  # which steps were halved, in words
     others: tuple[Solution, ...] = ()  # further solutions, where a study asks for them
+    parameters: Any = None  # the parameters of a study file, None for a problem of a script
+    problem: str = ""  # the fingerprint of the problem of a study file, for restarts
 
     def distance(self, other: Solution) -> dict[str, float]:
         """``sqrt(a(u - w, u - w))`` as ``energy_norm`` for the displacement w of ``other``.
@@ -146,9 +147,9 @@ class Solution:
     def converged(self) -> bool:
         return bool(self.summary["converged"])
 
-    def fingerprint(self) -> str:
-        """What tells the problem from others, for restarts; empty for a problem of a script."""
-        return ""
+
+#: The name by which scripts know the solution of a study file.
+StudySolution = Solution
 
 
 def summary_text(summary: Mapping[str, Any]) -> str:

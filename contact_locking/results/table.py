@@ -44,6 +44,13 @@ class Table:
         for name, value in row.items():
             self.columns.setdefault(name, []).append(value)
 
+    def after(self, before: Table) -> Table:
+        """The rows of another table with the same columns, and then these."""
+        if not before.columns or not self.columns:
+            return self if self.columns else before
+        pairs = ((name, (before.columns[name], values)) for name, values in self.columns.items())
+        return Table({name: np.concatenate(both) for name, both in pairs})
+
     def column(self, name: str) -> FloatArray:
         """The numbers (k,) of a column, empty before the first row.  Raises KeyError."""
         return np.array(self.columns[name] if self.columns else [], dtype=float)

@@ -1,4 +1,4 @@
-"""A run of a study file, from its parameters to the files of its results.
+"""A run: from the parameters of a study file to its folder, whose files appear together or not.
 
 Each step of a process is saved when it is solved.  A run that was killed goes on from its last
 complete step when it is started again with the same parameters.
@@ -7,28 +7,44 @@ complete step when it is started again with the same parameters.
 from __future__ import annotations
 
 import contextlib
+import ctypes
+import gc
+import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from mpi4py import MPI
 
-from contact_locking import study_file
-from contact_locking.errors import InputError, ProcessEnded
+from contact_locking import study_file, wings
+from contact_locking.errors import (
+    MAKE_ROOM,
+    ContactLockingError,
+    InputError,
+    NoRoom,
+    ProcessEnded,
+    require_kind,
+)
+from contact_locking.files import atomic
+from contact_locking.files.atomic import make_folders
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
-from contact_locking.process.checkpoint import saved_steps
-from contact_locking.process.checkpoint import stored as checkpoint
-from contact_locking.process.checkpoint.record import locate
+from contact_locking.process import checkpoint as checkpoints
+from contact_locking.process import saved_steps
+from contact_locking.results import fields
+from contact_locking.results import folder as names
+from contact_locking.results.contact_points import facets_table
+from contact_locking.results.folder import explained_in, on_root_of
 from contact_locking.results.output import Output
-from contact_locking.results.output_folder import on_root_of
-from contact_locking.results.probe_points import ProbeSample
-from contact_locking.running import solving, writing
-from contact_locking.running.writing import S
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.probes import in_step, locate, sample
+from contact_locking.results.solution import Solution, summary_text
+from contact_locking.results.table import Table
+from contact_locking.running import solving
 from contact_locking.study_file.parameters import Parameters
+
+S = TypeVar("S", bound=Solution)
 
 
 def run(
@@ -39,28 +55,28 @@ def run(
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
     save_state: bool = False,
-) -> tuple[StudySolution, list[str]]:
+) -> tuple[Solution, list[str]]:
     """The last solution, its results in ``directory``, and the warnings of writing; collective.
 
     Of a process fields.bp has every step with its time, and history.csv a row for each.
     ``restart`` is the folder of another run to go on from; without it a process goes on from what
     an earlier run with the same parameters has left in ``directory``.  ``save_state`` adds the
-    checkpoint of the last solution.  Raises the errors of `solving.solve` and `writing.write`;
+    checkpoint of the last solution.  Raises the errors of `solving.solve` and `write`;
     where data cannot be used at a later time, the steps before are written first.
     """
     target, listener = Path(directory), monitor or Monitor()
-    if save_state and (missing := checkpoint.unavailable()) is not None:
+    if save_state and (missing := checkpoints.unavailable()) is not None:
         listener.message(f"warning: no checkpoint will be saved: {missing}")
-    given = None if restart is None or save_state else locate(restart).resolve()
-    if given == locate(target).resolve():
+    given = None if restart is None or save_state else checkpoints.locate(restart).resolve()
+    if given == checkpoints.locate(target).resolve():
         raise InputError(
             f"the results would replace the checkpoint in {target} that the run starts from: add "
             "--checkpoint to save the new state there, or give another folder by --output"
         )
     if parameters.steps is None:
         solution = solving.solve(parameters, comm, listener, petsc_options, restart)
-        return solution, writing.write(solution, target, parameters.output, save_state)
-    if checkpoint.unavailable() is None:
+        return solution, write(solution, target, parameters.output, save_state)
+    if checkpoints.unavailable() is None:
         name = on_root(comm, lambda: study_file.fingerprint(parameters))
         found = on_root_of(comm, target, lambda: saved_steps.unfinished(target, name))
         if found and restart is None:
@@ -84,25 +100,28 @@ def write_steps(
     """
     target, output = Path(directory), output or Output()
     last: S | None = None
-    taken: dict[int, ProbeSample] = {}
+    probes: Table | None = None
     with contextlib.ExitStack() as stack:
         series = None
         if output.fields:
-            series = stack.enter_context(writing.FieldSeries(target, comm))
+            series = stack.enter_context(FieldSeries(target, comm))
         ended: ProcessEnded | None = None
         try:
             for solution in solutions:
-                before, last = last, writing.completed(solution, output)
+                before, last = last, completed(solution, output)
                 if before is not None and before.time == last.time:
                     continue
-                taken |= {sample.step: sample for sample in last.probes}
+                # A study samples its probes itself, and has those of all steps.
+                if solution.probes is None and last.probes is not None:
+                    last = replace(last, probes=last.probes.after(probes or Table()))
+                probes = last.probes
                 if series is not None:
                     series.add(last)
                 is_new = last.converged and last.summary["restart"] is None
-                if is_new and checkpoint.is_possible(last.domain):
+                if is_new and checkpoints.is_possible(last.domain):
                     number = len(last.history)
                     folder, name = target / saved_steps.FOLDER, saved_steps.name_of(number)
-                    writing.save_as(last, folder, name)
+                    save_as(last, folder, name)
                     # Only fields and probes of all steps need the steps before.
                     first = 1 if output.fields or output.probes else number
                     on_root(comm, partial(saved_steps.keep, target, first, number))
@@ -111,11 +130,223 @@ def write_steps(
             ended = error
         assert last is not None
         last = last if ended is None else last.telling(**ended.entries)
-        last = replace(last, probes=tuple(taken.values()))
+        last = replace(last, probes=probes)
         file = series.finish() if series else None
-        warnings = writing.write(last, target, output, save_state, file)
+        warnings = write(last, target, output, save_state, file)
     if ended is not None:
         raise ended
     if last.converged:
         on_root(comm, lambda: saved_steps.remove(target))
     return last, warnings
+
+
+class FieldSeries(contextlib.ExitStack):
+    """fields.bp of a process, which grows in a staging folder from step to step; collective."""
+
+    def __init__(self, directory: Path, comm: MPI.Intracomm) -> None:
+        super().__init__()
+        self._target, self._comm = directory, comm
+        self._path = self.enter_context(_staging(comm, directory)) / names.FIELDS
+        self._series: fields.Series | None = None
+        # ADIOS2 closes its files before the folder goes.
+        self.callback(setattr, self, "_series", None)
+
+    def add(self, solution: Solution) -> None:
+        """Add the fields of a step with its time; collective."""
+        comm, functions = self._comm, fields.discontinuous(solution)
+        size = fields.size(functions, comm)
+        on_root_of(comm, self._target, partial(atomic.require_room, self._path.parent, size))
+        with _explained_alone(self._target, comm):
+            if self._series is None:
+                self._series = fields.Series(functions, self._path, comm)
+            for own, new in zip(self._series.functions, functions, strict=True):
+                own.x.array[:] = new.x.array
+            self._series.add(solution.time)
+
+    def finish(self) -> Path:
+        """Complete the file, which :func:`write` moves to its place; collective."""
+        if self._series is not None:
+            with _explained_alone(self._target, self._comm):
+                self._series.close()
+        return self._path
+
+
+def completed(solution: S, output: Output) -> S:
+    """A solution with the probes and the labels of units of ``output``; collective."""
+    domain = solution.domain
+    if output.probes and solution.probes is None:
+        sampled = sample(locate(domain, output.probes), solution)
+        sampled = in_step(sampled, len(solution.history), solution.time)
+        solution = replace(solution, probes=sampled)
+    labels = output.labels(domain.dim, domain.axisymmetric)
+    return solution.telling(units=labels) if labels else solution
+
+
+def write(
+    solution: Solution,
+    directory: str | Path,
+    output: Output | None = None,
+    checkpoint: bool = False,
+    series: Path | None = None,
+) -> list[str]:
+    """Write all files of a solution and return the warnings, the same on all ranks; collective.
+
+    The files are summary.json, contact.csv and contact_facets.csv, and parameters.yaml for a
+    study.  ``output``, by default the section of a study, adds fields.bp or fields.xdmf,
+    picture.png and probes.csv; ``checkpoint`` adds the folder checkpoint.  A step of a process adds
+    history.csv.  ``series``, the file of a `FieldSeries`, is fields.bp in place of
+    the fields of this step.  The files are written into a staging folder and moved when all are
+    complete.  They replace the results of an earlier run in the folder, also those that this one
+    does not have; all other files stay.
+
+    If the picture or the checkpoint cannot be made, a warning says so, also in summary.json.
+    Raises InputError for a folder that cannot be written to or holds files of these names that no
+    run has written, and ContactLockingError for a full disk; if only the picture or the checkpoint
+    has no room, all other files are written first.
+    """
+    require_kind(solution, Solution, "a solution", "solution")
+    comm, target = solution.domain.comm, Path(directory)
+    if output is None:
+        output = Output() if solution.parameters is None else solution.parameters.output
+    solution = completed(solution, output)
+    warnings: list[str] = []
+    refused: list[str] = []
+    return_freed_memory()
+    on_root_of(comm, target, partial(names.require_own, target))
+    with _staging(comm, target) as staging:
+        if series is not None:
+            on_root_of(comm, target, partial(series.rename, staging / names.FIELDS))
+        elif output.fields and "vtx" in output.formats:
+            with FieldSeries(target, comm) as own:
+                own.add(solution)
+                made = own.finish()
+                on_root_of(comm, target, partial(made.rename, staging / names.FIELDS))
+        if output.fields and "xdmf" in output.formats:
+            with _explained_alone(target, comm):
+                fields.write_xdmf(solution, staging / names.XDMF, comm)
+        for draw in wings.PICTURES if output.picture else ():
+            try:
+                warnings += draw(solution, staging)
+            except NoRoom as error:
+                refused.append(str(error))
+        if checkpoint and (problem := _checkpoint(solution, target, staging)) is not None:
+            is_possible = checkpoints.is_possible(solution.domain)
+            (refused if is_possible else warnings).append(f"no checkpoint was saved: {problem}")
+        told = [*solution.summary.get("warnings", []), *warnings, *refused]
+        complete = solution.telling(warnings=told)
+
+        def finish() -> None:
+            _write_texts(complete, staging)
+            for name in names.FILES_OF_RUN:
+                atomic.put_in_place(staging / name, target / name)
+
+        on_root_of(comm, target, finish)
+    for number, other in enumerate(solution.others, start=2):
+        warnings += write(other, target / names.folder_of(number), output, checkpoint)
+    if refused:
+        raise NoRoom(f"{'; '.join(refused)}; all other results are in {target}\n{MAKE_ROOM}")
+    return warnings
+
+
+def save(solution: Solution, directory: str | Path) -> None:
+    """Save a checkpoint in ``directory``/checkpoint, for ``restart=directory``; collective.
+
+    Any number of ranks can read the checkpoint on the same mesh.  Raises ContactLockingError if
+    adios4dolfinx is missing, and InputError for a folder that cannot be written to or holds a
+    checkpoint of others.
+    """
+    require_kind(solution, Solution, "a solution", "solution")
+    comm, target = solution.domain.comm, Path(directory)
+    on_root_of(comm, target, partial(names.require_own, target, [names.CHECKPOINT]))
+    save_as(solution, target, names.CHECKPOINT)
+
+
+def save_as(solution: Solution, directory: Path, name: str) -> None:
+    """Save a checkpoint as ``directory``/``name``, whole or not at all, as :func:`save` does."""
+    comm = solution.domain.comm
+    with _staging(comm, directory) as staging:
+        folder = staging / name
+        _write_checkpoint(solution, directory, folder)
+        on_root_of(comm, directory, lambda: atomic.put_in_place(folder, directory / name))
+
+
+def _checkpoint(solution: Solution, target: Path, staging: Path) -> str | None:
+    """Write a checkpoint and return None, or return why it failed; collective."""
+    try:
+        _write_checkpoint(solution, target, staging / names.CHECKPOINT)
+        return None
+    except ContactLockingError as error:
+        reason = str(error).splitlines()[0]
+    # ADIOS2 closes its files, and so frees the disk, when no reference to the error is left; the
+    # frames of the error may refer to each other in a circle.
+    gc.collect()
+    comm = solution.domain.comm
+    on_root_of(comm, target, lambda: shutil.rmtree(staging / names.CHECKPOINT, ignore_errors=True))
+    return reason
+
+
+def _write_checkpoint(solution: Solution, target: Path, folder: Path) -> None:
+    comm = solution.domain.comm
+    # The text files are written later and need room as well.
+    size = checkpoints.size(solution) + names.TEXTS_BYTES
+
+    def make_folder() -> None:
+        atomic.require_room(folder.parent, size)
+        folder.mkdir()
+
+    on_root_of(comm, target, make_folder)
+    checkpoints.write(solution, folder)
+
+
+def _write_texts(solution: Solution, folder: Path) -> None:
+    points, facets = solution.contact_points, solution.contact_facets
+    assert points is not None and facets is not None
+    texts = {
+        names.SUMMARY: summary_text(solution.summary),
+        names.CONTACT: points.table.text(),
+        names.FACETS: facets_table(facets).text(),
+    }
+    if solution.parameters is not None:
+        texts[names.PARAMETERS] = study_file.dump(solution.parameters)
+    if len(solution.history):
+        texts[names.HISTORY] = solution.history.text()
+    if branches := solution.summary.get("branches"):
+        # The points in the order of the branch.
+        texts[names.BRANCHES] = Table(branches["points"]).text()
+    if solution.probes is not None:
+        texts[names.PROBES] = solution.probes.text()
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+def _explained_alone(
+    directory: Path, comm: MPI.Intracomm
+) -> contextlib.AbstractContextManager[None]:
+    """`explained_in` on one rank.
+
+    On several ranks the other ranks may wait inside ADIOS2, where no error reaches them: there the
+    OSError of one rank has to end all ranks.
+    """
+    return explained_in(directory) if comm.size == 1 else contextlib.nullcontext()
+
+
+@contextlib.contextmanager
+def _staging(comm: MPI.Intracomm, directory: Path) -> Iterator[Path]:
+    """A staging folder that rank 0 makes and all ranks use; collective."""
+    with contextlib.ExitStack() as stack:
+
+        def attempt() -> Path:
+            make_folders(directory)
+            return stack.enter_context(atomic.staging(directory))
+
+        yield on_root_of(comm, directory, attempt)
+
+
+def return_freed_memory() -> None:
+    """Return the free memory of the C library to the system.
+
+    The GNU C library keeps the memory of matrices and factors, in pieces that are too small for the
+    arrays of the fields.  Other C libraries lack the function, and nothing happens.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)

@@ -22,17 +22,17 @@ from contact_locking.errors import InputError, with_key
 from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
+from contact_locking.process import checkpoint
 from contact_locking.process.adaptive_meshes import adapted
-from contact_locking.process.checkpoint import stored as checkpoint
-from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.loop import Process
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.process.saved_steps import saved_steps
 from contact_locking.process.settings import Adaptation
-from contact_locking.results.probe_table import sample
+from contact_locking.results.probes import sample
+from contact_locking.results.solution import Solution
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem, assemble, mesh_of
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file import problem_fingerprint, require_parameters
 from contact_locking.study_file.parameters import Parameters
 
@@ -57,7 +57,7 @@ def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None 
 class Follower(Protocol):
     """Further results that a study asks for after each of its solutions; collective."""
 
-    def after(self, solution: StudySolution, report: SolverReport) -> StudySolution:
+    def after(self, solution: Solution, report: SolverReport) -> Solution:
         """The solution with what is added to it."""
 
     def close(self) -> None:
@@ -80,6 +80,9 @@ class SolvableStudy:
         self.problem, self.parameters = problem, problem.parameters
         settings = settings_of(self.parameters, petsc_options)
         self.solver = ProblemSolver(problem, settings, monitor)
+        self._fingerprint = on_root(
+            problem.domain.comm, lambda: problem_fingerprint(self.parameters)
+        )
         for key, wing in _WINGS.items():
             if attrgetter(key)(self.parameters):
                 wings.require(wing, key)
@@ -93,19 +96,20 @@ class SolvableStudy:
 
     def judged(
         self, state: SolvedState, criteria: Mapping[str, Criterion] | None = None
-    ) -> StudySolution:
+    ) -> Solution:
         """The solution in a state, with title, probes and parameters of the study file."""
         problem, parameters = self.problem, self.parameters
         found = self.solver.solution(state, criteria, parameters.certificate)
         labels = parameters.output.labels(found.domain.dim, found.domain.axisymmetric)
         summary = {"title": parameters.title, "units": labels, **found.summary}
-        probes = (sample(problem.probes, found),) if len(problem.probes) else ()
-        changed = {"summary": summary, "probes": probes, "parameters": parameters}
-        return StudySolution(**(vars(found) | changed))
+        probes = sample(problem.probes, found) if len(problem.probes) else None
+        return dataclasses.replace(
+            found, summary=summary, probes=probes, parameters=parameters, problem=self._fingerprint
+        )
 
     def solution(
         self, state: SolvedState, criteria: Mapping[str, Criterion] | None = None
-    ) -> StudySolution:
+    ) -> Solution:
         """The solution in a state, with all that the file asks for beside it."""
         derivatives = self.solver.derivatives(state.report)
         solution = dataclasses.replace(self.judged(state, criteria), differentiable=derivatives)
@@ -113,7 +117,7 @@ class SolvableStudy:
             solution = follower.after(solution, state.report)
         return solution
 
-    def solutions(self, restart: str | Path | None = None) -> Iterator[StudySolution]:
+    def solutions(self, restart: str | Path | None = None) -> Iterator[Solution]:
         """The solutions of the steps, or the only one; the problem can be solved once.
 
         ``restart`` is as for :func:`contact_locking.running.solving.solve`.
@@ -128,8 +132,7 @@ class SolvableStudy:
         saved, report, start = None, None, None
         if restart is not None:
             saved = checkpoint.read(restart, problem)
-            same = on_root(problem.domain.comm, lambda: problem_fingerprint(self.parameters))
-            if saved.converged and saved.problem == same:
+            if saved.converged and saved.problem == self._fingerprint:
                 report = saved.solved_again(solver)
         report = report or solver.solve(saved.state if saved else None)
         if restart is not None:
@@ -153,7 +156,7 @@ def solve(
     monitor: Monitor | None = None,
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
-) -> StudySolution:
+) -> Solution:
     """Solve (25)/(26) for the given parameters; collective.
 
     With steps this is the solution of the last step, see :func:`solve_steps`, and with a section
@@ -179,7 +182,7 @@ def solve_adaptively(
     monitor: Monitor | None = None,
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
-) -> Iterator[StudySolution]:
+) -> Iterator[Solution]:
     """The solutions on the adapted meshes, one after the other; collective.
 
     The section ``adapt`` sets the tolerance and the limits; without it the defaults hold.  The
@@ -194,7 +197,7 @@ def solve_adaptively(
     require_parameters(parameters)
     geometry, starts = parameters.mesh.geometry, [restart]
 
-    def solve_on(domain: Domain) -> StudySolution:
+    def solve_on(domain: Domain) -> Solution:
         start = starts.pop() if starts else None
         (solution,) = solve_steps(parameters, comm, listener, petsc_options, start, domain)
         return solution
@@ -211,7 +214,7 @@ def solve_steps(
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
     domain: Domain | None = None,
-) -> Iterator[StudySolution]:
+) -> Iterator[Solution]:
     """Solve one step after the other, and yield the solution of each; collective.
 
     Without steps in the parameters there is one solution.  A step that does not converge is halved,
@@ -254,7 +257,7 @@ def solve_assembled(
     monitor: Monitor | None = None,
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
-) -> StudySolution:
+) -> Solution:
     """Solve a problem of :func:`assemble`, which can be solved only once; collective.
 
     Before this call ``problem.data`` may be changed, to data that no study file can describe.  With

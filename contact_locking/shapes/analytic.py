@@ -9,8 +9,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
-from contact_locking.shapes.distance import Distance
-from contact_locking.shapes.shape import Shape
+from contact_locking.shapes.shape import Distance, Shape
 from contact_locking.values.concept import ONLY, BodyKind, Components, Fault, entry
 from contact_locking.values.kinds import Direction, Point, Positive, TimedScalar
 from contact_locking.values.value import Value

@@ -15,8 +15,8 @@ import numpy as np
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.files.readable import require_size
-from contact_locking.mesh.file import places
-from contact_locking.mesh.file.topology import keys
+from contact_locking.mesh.cell_kind import keys
+from contact_locking.mesh.file.data import point_words
 
 ENDINGS = (".csv", ".npy")
 # As many heights are two million triangles.
@@ -92,9 +92,9 @@ def checked(corners: FloatArray, origin: str) -> Surface:
     if (counts > 2).any():
         a, b = points[sides[first[np.argmax(counts)]]]
         raise InputError(
-            f"{origin}: {counts.max()} triangles share the edge from {places.at(a)} to "
-            f"{places.at(b)}, and a surface has two sides only where two do; leave out inner walls "
-            "and doubled parts"
+            f"{origin}: {counts.max()} triangles share the edge from {point_words(a)} to "
+            f"{point_words(b)}, and a surface has two sides only where two do; leave out inner "
+            "walls and doubled parts"
         )
     # Of two triangles that look to one side, one runs along the common edge and one against it.
     if len(np.unique(keys(sides, len(points)))) < len(sides):

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BeforeValidator
 
 from contact_locking.values.concept import Concept, entry
 from contact_locking.values.kinds import Count, Tolerance
-from contact_locking.values.wording import show
+from contact_locking.values.value import show
 
 
 def _option(value: Any) -> str | int | float | bool | None:

@@ -10,25 +10,22 @@ from mpi4py import MPI
 
 from contact_locking import wings
 from contact_locking.arrays import IndexArray
-from contact_locking.contact.contact import Contact
-from contact_locking.contact.friction import Mollifier
+from contact_locking.contact.contact import Contact, Mollifier
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.fields.present import Clock
 from contact_locking.mesh import sources
-from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.file.xdmf_grids import is_xdmf
-from contact_locking.mesh.groups import groups
-from contact_locking.mesh.half_section import half_section
-from contact_locking.mesh.named_parts import with_parts
+from contact_locking.mesh.domain import Domain, half_section
+from contact_locking.mesh.file.data import is_xdmf
+from contact_locking.mesh.parts import groups, with_parts
 from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.body import Body
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.points import Placed
-from contact_locking.results.probe_points import locate
+from contact_locking.results.probes import locate
 from contact_locking.study_file import require_parameters
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.material import MaterialParameters, Region
+from contact_locking.study_file.parameters.problem import MaterialParameters, Region
 from contact_locking.values.concept import BodyKind, dotted, require_fitting
 
 
@@ -45,7 +42,7 @@ class StudyProblem(DiscreteProblem):
         told = [f"{domain.origin}: {warning}" for warning in domain.warnings]
         parameters.check_dimension(domain.dim)
         self.probes = locate(domain, parameters.output.probes)
-        steps, loads, penalty = parameters.steps, parameters.loads, parameters.penalty
+        steps, loads = parameters.steps, parameters.loads
         clock = Clock(domain.mesh, () if steps is None else steps.planned)
         body = Body(
             domain,
@@ -58,7 +55,7 @@ class StudyProblem(DiscreteProblem):
         )
         contacts = [_with_radius(domain, item) for item in parameters.contacts]
         body.require_free(contacts)
-        super().__init__(body, contacts, penalty.n, penalty.epsilon, clock)
+        super().__init__(body, contacts, parameters.penalty, clock)
         self.rigidity.require_held()
         # Two contacts may have one section of friction.
         self.warnings = list(dict.fromkeys([*told, *self.warnings]))
@@ -189,7 +186,7 @@ def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
         domain = sources.from_geometry(given.geometry, comm, parameters.refined_names)
     elif is_xdmf(path := Path(given.file or "")):
         # SciPy, which these meshes need, would take a tenth of the time of `check` for others.
-        from contact_locking.mesh.xdmf_mesh import from_xdmf
+        from contact_locking.mesh.xdmf import from_xdmf
 
         domain = from_xdmf(path, comm)
     else:

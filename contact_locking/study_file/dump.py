@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
 
-from contact_locking.results.names import HEADER
+from contact_locking.contact.rigid_body import Foundation
+from contact_locking.files.readable import file_digest
+from contact_locking.mesh.file.data import data_file, is_xdmf
+from contact_locking.results.folder import HEADER
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.mesh import MeshParameters
 from contact_locking.values.concept import ONLY, Concept
@@ -55,3 +62,88 @@ def plain(value: Any) -> Any:
                 items.fa.set_flow_style()
             return items
     return value
+
+
+# 64 bits: 10 000 cases share one with a probability of 3e-12.
+_DIGITS = 16
+# The sections that define a solution, beside contact and friction.
+_PROBLEM = ("mesh", "discretisation", "material", "loads", "steps", "tables", "penalty")
+
+
+def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_digest) -> str:
+    """16 hexadecimal digits of the parameters that define the results.
+
+    All parameters count except the title, the study, the fit, and the folder of the results and
+    the charts of their report.  A file of a mesh, a tool or a table counts by the ``digest`` of its
+    content and not by its path.  Raises OSError if it cannot be read.
+    """
+    data = parameters.model_dump(by_alias=True, exclude={"title", "study", "fit", "friction"})
+    del data["output"]["directory"], data["output"]["charts"]
+    return _short(_normalised(data, parameters, digest))
+
+
+def fit_fingerprint(parameters: Parameters) -> str:
+    """16 hexadecimal digits of the parameters that define a fit, its data too.  Raises OSError."""
+    assert parameters.fit is not None
+    data = parameters.fit.model_dump()
+    for curve in data["data"]:
+        curve["file"] = file_digest(curve["file"])
+    return _short({"study": fingerprint(parameters), "fit": data})
+
+
+def problem_fingerprint(parameters: Parameters) -> str:
+    """16 hexadecimal digits of the parameters that define the solution.  Raises OSError.
+
+    The solver and the output do not count.
+    """
+    data = parameters.model_dump(by_alias=True, include=set(_PROBLEM))
+    return _short(_normalised(data, parameters, file_digest))
+
+
+def _normalised(
+    data: dict[str, Any], parameters: Parameters, digest: Callable[[str], str]
+) -> dict[str, Any]:
+    """The data in one form, where a study file may write them in several ways."""
+    for table in (data.get("tables") or {}).values():
+        table["file"] = digest(table["file"])
+    # Every part of Gamma_C with its complete law of friction, wherever the file defines it.
+    contacts = [
+        {
+            "on": part.on,
+            "gap": part.gap.data,
+            "foundation": part.foundation and _foundation(part.foundation, digest),
+            "friction": part.friction and part.friction.model_dump(),
+        }
+        for part in parameters.contacts
+    ]
+    return {**data, "contact": contacts, "mesh": mesh_identity(parameters, digest)}
+
+
+def _foundation(given: Foundation, digest: Callable[[str], str]) -> dict[str, Any]:
+    data = given.model_dump()
+    if given.file is not None:
+        more = data[given.shape_key] if given.shape_key == "surface" else {}
+        data[given.shape_key] = {**more, "file": digest(given.file)}
+    if given.moved is not None:
+        data["motion"] = given.moved.model_dump()
+    return data
+
+
+def mesh_identity(
+    parameters: Parameters, digest: Callable[[str], str] = file_digest
+) -> dict[str, Any]:
+    """The parameters of a builder as JSON has them, or the digest of a mesh file.
+
+    Raises OSError if the file cannot be read.
+    """
+    data: dict[str, Any] = json.loads(json.dumps(parameters.mesh.model_dump()))
+    if parameters.mesh.file is None:
+        return data
+    path = data.pop("file")
+    files = [path, str(data_file(Path(path)))] if is_xdmf(path) else [path]
+    return {"content": " ".join(map(digest, files)), **data}
+
+
+def _short(data: Mapping[str, Any]) -> str:
+    text = json.dumps(data, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]

@@ -11,21 +11,25 @@ from typing import Any
 from pydantic import ValidationError
 
 from contact_locking.errors import InputError, require_kind
-from contact_locking.study_file.parameters import Parameters, removed
+from contact_locking.study_file.dump import dump
+from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.keys import known_keys
-from contact_locking.study_file.parameters.wording import labels, unknown_key
+from contact_locking.study_file.parameters.wording import (
+    REMOVED_KEYS,
+    REMOVED_VALUES,
+    labels,
+    unknown_key,
+)
+from contact_locking.study_file.schema import rows
+from contact_locking.study_file.source import MAX_BYTES, Source, assign, read, tell
 from contact_locking.values.concept import MOST_FAULTS, Fault, Place, dotted, faults_of
-from contact_locking.values.wording import show
-
-from .dump import dump
-from .schema import rows
-from .source import MAX_BYTES, Source, assign, read, tell
+from contact_locking.values.value import show
 
 
 def _message(details: Any, place: Place) -> str | None:
     """The message for an error at a key, if it is not that of the value alone."""
     given = show(details["input"])
-    gone = (removed.VALUES.get((str(key), str(details["input"]))) for key in details["loc"])
+    gone = (REMOVED_VALUES.get((str(key), str(details["input"]))) for key in details["loc"])
     if instead := next(filter(None, gone), None):
         return instead
     match details["type"]:
@@ -36,7 +40,7 @@ def _message(details: Any, place: Place) -> str | None:
             and details["input"] is not None
         ):
             return "contact is one section and not a list: leave the number out of the key"
-        case "extra_forbidden" if instead := removed.KEYS.get(dotted(*place)):
+        case "extra_forbidden" if instead := REMOVED_KEYS.get(dotted(*place)):
             return f"unknown key ({instead})"
         case "extra_forbidden":
             known = known_keys(Parameters, place[:-1])

@@ -18,7 +18,7 @@ from contact_locking.study_file.parameters.keys import sections_in, visible_fiel
 from contact_locking.study_file.parameters.mesh import MeshParameters, builder_types
 from contact_locking.study_file.parameters.study import MAX_CASES
 from contact_locking.values.concept import Concept, unit_of
-from contact_locking.values.wording import show
+from contact_locking.values.value import show
 
 
 class Row(NamedTuple):

@@ -10,29 +10,139 @@ from typing import NamedTuple
 
 import numpy as np
 from dolfinx import fem
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
+from contact_locking.fem.compiled import JointForm
 from contact_locking.fem.contact_operator import PointStiffness
-from contact_locking.fem.joint_forms import JointForm
 from contact_locking.fields.present import Clock
-from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.half_section import axis_dofs
-from contact_locking.parallel import agree, maximum, minimum
+from contact_locking.mesh.domain import Domain, axis_dofs
+from contact_locking.parallel import agree, maximum, minimum, on_any_rank
 from contact_locking.supports.support import Displacement, Support
-from contact_locking.supports.supports import (
-    SAME,
-    SMOOTH,
-    HeldDirections,
-    place,
-    pseudo_inverse,
-)
+from contact_locking.supports.supports import SAME, SMOOTH, place, pseudo_inverse
 
 # The sine of the angle between two directions that are too close to each other to be held both.
 _TOO_CLOSE = 1e-2
 # Two conditions for one direction agree up to this share of the largest prescribed value.
 _AGREES = 1e-9
+
+
+class HeldDirections:
+    """The directions that are held at some nodes, with the displacements that they prescribe.
+
+    At a node with the held directions m_1, ..., m_r (unit vectors, orthonormalised) let
+    ``H = sum m_i m_i^T`` and ``P = I - H``, and let g be the displacement in the span of the
+    directions that has the prescribed components.  Then ``u = P u + g``.  With the P of all nodes,
+    the free part of a residual r is ``P r``, and the tangent A is replaced by ``P A P + s H`` with
+    a stiffness s > 0 at each node, which is symmetric and, on the free displacements, the tangent
+    itself.  For a direction along an axis these are the usual zero rows and columns with s on the
+    diagonal.  Rounding in ``P A P`` couples the held directions with the free ones by a share of
+    the stiffness of the node, which grows without bound where the node sticks to a foundation.  So
+    s is the stiffness of the node itself.
+
+    ``nodes`` (k,) are local nodes (blocks of the displacement space), ghosts included, of which the
+    rank owns those below ``owned``.  ``held`` (k, d, d) are the projections H and ``values`` (k, d)
+    the displacements g.
+    """
+
+    def __init__(
+        self,
+        comm: MPI.Intracomm,
+        nodes: IndexArray,
+        owned: int,
+        held: FloatArray,
+    ) -> None:
+        self.nodes, self.held = nodes, held
+        self.values: FloatArray = np.zeros(held.shape[:2])
+        self._comm, self._owned, self._mine = comm, owned, nodes < owned
+        self._dim = held.shape[1]
+
+    def project(self, values: FloatArray) -> None:
+        """Take the held directions out of local or owned values of a displacement field."""
+        blocks, held = self._of(values)
+        nodal = values.reshape(-1, self._dim)
+        nodal[blocks] -= np.einsum("kij,kj->ki", held, nodal[blocks])
+
+    def part_of(self, values: FloatArray) -> FloatArray:
+        """The components along held directions of local or owned values, and 0 elsewhere."""
+        blocks, held = self._of(values)
+        found = np.zeros_like(values)
+        nodal = values.reshape(-1, self._dim)[blocks]
+        found.reshape(-1, self._dim)[blocks] = np.einsum("kij,kj->ki", held, nodal)
+        return found
+
+    def apply(self, values: FloatArray) -> None:
+        """Give local values the prescribed components along the held directions."""
+        self.project(values)
+        values.reshape(-1, self._dim)[self.nodes] += self.values
+
+    def without(self, nodes: IndexArray) -> HeldDirections:
+        """The same directions, but not at some local nodes."""
+        kept = ~np.isin(self.nodes, nodes)
+        found = HeldDirections(self._comm, self.nodes[kept], self._owned, self.held[kept])
+        found.values = self.values[kept]
+        return found
+
+    def eliminate(self, matrix: PETSc.Mat, holds: bool = True) -> None:
+        """Replace an assembled matrix A by ``P A P + s H``, or by ``P A P`` alone; collective.
+
+        s is the largest entry on the diagonal of A at the node.  The pattern of the matrix is
+        symmetric and has whole blocks of a node's components.
+        """
+        if not self._is_anywhere:
+            return
+        own, (first, _) = self.nodes[self._mine], matrix.getOwnershipRange()
+        diagonal = matrix.getDiagonal()
+        stiffness = diagonal.array_r.reshape(-1, self._dim)[own].max(axis=1)
+        # PETSc multiplies matrices that are stored entry by entry.
+        plain, projection = matrix.convert("aij", PETSc.Mat()), self._projection(matrix)
+        projected = plain.PtAP(projection)
+        projected.convert(matrix.getType())
+        matrix.zeroEntries()
+        matrix.axpy(1.0, projected, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        if holds:
+            rows = (first // self._dim + own[:, None]).astype(PETSc.IntType)
+            blocks = stiffness[:, None, None] * self.held[self._mine]
+            matrix.setValuesBlockedRCV(rows, rows, blocks, addv=PETSc.InsertMode.ADD_VALUES)
+            matrix.assemble()
+        for item in (diagonal, plain, projection, projected):
+            item.destroy()
+
+    def projected_columns(self, rows: PETSc.Mat) -> PETSc.Mat:
+        """``B P`` for linear forms B (n, k) of displacements; B is given away; collective."""
+        if not self._is_anywhere:
+            return rows
+        projection = self._projection(rows)
+        found = rows.matMult(projection)
+        for item in (projection, rows):
+            item.destroy()
+        return found
+
+    def _projection(self, like: PETSc.Mat) -> PETSc.Mat:
+        """P, to be multiplied to a matrix from the right; collective."""
+        from scipy.sparse import bsr_matrix
+
+        first, last = like.getOwnershipRangeColumn()
+        count = (last - first) // self._dim
+        blocks = np.tile(np.eye(self._dim), (count, 1, 1))
+        blocks[self.nodes[self._mine]] -= self.held[self._mine]
+        local = bsr_matrix((blocks, np.arange(count), np.arange(count + 1))).tocsr()
+        columns = (local.indices + first).astype(PETSc.IntType)
+        csr = local.indptr.astype(PETSc.IntType), columns, local.data
+        size = (last - first, None)
+        return PETSc.Mat().createAIJ((size, size), csr=csr, comm=like.getComm())
+
+    def _of(self, values: FloatArray) -> tuple[IndexArray, FloatArray]:
+        """The nodes that an array of values has, and their projections."""
+        inside = self.nodes < len(values) // self._dim
+        return self.nodes[inside], self.held[inside]
+
+    @cached_property
+    def _is_anywhere(self) -> bool:
+        """Whether any rank has such a node; collective."""
+        return on_any_rank(self._comm, self._mine)
 
 
 class _Condition(NamedTuple):

@@ -1,14 +1,27 @@
-"""Supports, prescribed displacements and springs, for scripts and study files."""
+"""Supports, prescribed displacements, springs and loads, for scripts and study files.
+
+Data of loads are numbers, expressions of x, y, z and t, or tables; in a script also constants and
+functions of DOLFINx, expressions of UFL, and functions of points (d, k) with values (k,).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 from pydantic import BeforeValidator
 
-from contact_locking.values.concept import PER_AXIS, Concept, Fault, entry, hidden
-from contact_locking.values.kinds import Along, Places, PositiveScalar, TimedScalar, components
+from contact_locking.values.concept import ONLY, PER_AXIS, BodyKind, Concept, Fault, entry, hidden
+from contact_locking.values.kinds import (
+    Along,
+    Places,
+    PositiveScalar,
+    TimedDensity,
+    TimedScalar,
+    TimedVector,
+    TimeVector,
+    components,
+)
 from contact_locking.values.value import Value
 
 #: Advice for a part with contact that is to be held along its surface.
@@ -63,3 +76,51 @@ class Spring(OnBoundary):
     along: Along | None = entry(
         None, "the direction m: normal, or a vector of any length; null: springs in all directions"
     )
+
+
+class BodyForce(Concept):
+    """-div sigma = f0 in the whole body."""
+
+    value: TimedVector = entry(..., "components of f0", "force/volume", alias=ONLY)
+    at: str | None = hidden("at")
+
+    @property
+    def key(self) -> str:
+        """Its key in messages."""
+        return self.at or "bodyforce"
+
+
+class Traction(OnBoundary):
+    """sigma nu = g on a part of the boundary."""
+
+    value: TimedVector = entry(..., "components of g", "stress")
+
+
+class Pressure(OnBoundary):
+    """sigma nu = -p nu on a part of the boundary, with the outward normal nu of the mesh."""
+
+    value: TimedDensity = entry(
+        ...,
+        "pressure p along the normal: a positive p pushes on the body, a negative p pulls",
+        "stress",
+    )
+
+
+class TotalForce(OnBoundary):
+    """``int sigma nu = F`` on a part of the boundary, spread evenly: ``sigma nu = F/|part|``.
+
+    The parts in ``on`` share the force by their sizes.
+    """
+
+    value: TimeVector = entry(..., "components of F; in 2D for a unit of thickness", "force")
+
+    def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
+        if body.axisymmetric and self.value[0] != 0.0:
+            yield Fault(
+                ("value", 0),
+                "must be 0: the total force on a body of revolution acts along the axis; give "
+                "what acts along the radius as pressures or tractions",
+            )
+
+
+Load: TypeAlias = BodyForce | Traction | Pressure | TotalForce

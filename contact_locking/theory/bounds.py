@@ -8,17 +8,18 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 
-from contact_locking.certificate.elliptic import (
+from contact_locking.certificate.penalty_error import (
     EllipticProblem,
     Lifting,
     NotApplicable,
     require_still_foundations,
 )
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.certificate.verdict import Extras, Proofs
+from contact_locking.certificate.verdict import Proofs
 from contact_locking.fem import compiled
 from contact_locking.parallel import maximum
 from contact_locking.problem.rounding import ROUNDING
+from contact_locking.results.output import Extras
 from contact_locking.theory.constants import (
     constant_supports,
     constants,

@@ -23,7 +23,7 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.elliptic import (
+from contact_locking.certificate.penalty_error import (
     EllipticProblem,
     NotApplicable,
     on_contacts,
@@ -33,10 +33,10 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import raise_callback_error
+from contact_locking.fem.compiled import JointForm
 from contact_locking.fem.contact_operator import PointStiffness
-from contact_locking.fem.joint_forms import JointForm
-from contact_locking.fem.trace import make_nodal
-from contact_locking.mesh.rank_sums import marked
+from contact_locking.fem.spaces import make_nodal
+from contact_locking.mesh.distribution import marked
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.supports.conditions import Constraints
 from contact_locking.theory.other_solutions import without_friction

@@ -8,15 +8,14 @@ from typing import Any
 
 from dolfinx import fem
 
-from contact_locking.certificate.extras import Extras
 from contact_locking.contact_problem import ContactProblem
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.results import names
+from contact_locking.results import folder as names
+from contact_locking.results.output import Extras
 from contact_locking.results.solution import Solution
 from contact_locking.running.solving import SolvableStudy
 from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.dump import plain
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.source import assign
@@ -114,7 +113,7 @@ class SectionsOfStudy:
     def __init__(self, study: SolvableStudy) -> None:
         self._study, self._monitor = study, study.solver.monitor
 
-    def after(self, solution: StudySolution, report: SolverReport) -> StudySolution:
+    def after(self, solution: Solution, report: SolverReport) -> Solution:
         """The solution with the branch in its summary, or with others, each certified."""
         given, solver = self._study.parameters, self._study.solver
         if given.branches is not None:
@@ -138,7 +137,7 @@ class SectionsOfStudy:
         """Nothing: the solutions are done."""
 
 
-def _entry(found: Sequence[StudySolution]) -> dict[str, Any]:
+def _entry(found: Sequence[Solution]) -> dict[str, Any]:
     """The key ``equilibria`` of summary.json.
 
     ``missing`` says in words that the indices prove others, where they do: where Phi is continuous

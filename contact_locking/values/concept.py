@@ -19,21 +19,13 @@ from typing import (
     get_type_hints,
 )
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 from pydantic.config import JsonDict
 from pydantic.fields import FieldInfo
 
 from contact_locking.errors import InputError
 
-from .value import Value
-from .wording import show, value_message
+from .value import Value, show, value_message
 
 Place = tuple[str | int, ...]
 

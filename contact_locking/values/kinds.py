@@ -48,8 +48,7 @@ from .concept import (
     refuse_if,
     sections,
 )
-from .value import Value
-from .wording import show
+from .value import Value, show
 
 T = TypeVar("T")
 

@@ -9,7 +9,7 @@ from rich.console import Console
 from solutions import made_up
 
 import contact_locking
-from contact_locking.command.monitors import TerminalMonitor
+from contact_locking.command.terminal import TerminalMonitor
 from contact_locking.results import in_words
 
 pytestmark = pytest.mark.serial

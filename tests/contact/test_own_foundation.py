@@ -23,8 +23,7 @@ from contact_locking import (
 )
 from contact_locking.arrays import FloatArray
 from contact_locking.results.contact_points import OPEN
-from contact_locking.shapes.distance import Distance
-from contact_locking.shapes.shape import Shape
+from contact_locking.shapes.shape import Distance, Shape
 
 pytestmark = pytest.mark.serial
 

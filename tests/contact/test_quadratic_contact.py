@@ -17,11 +17,10 @@ from test_elements import solved
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import integral
-from contact_locking.fem.spaces import P2
-from contact_locking.fem.trace import Trace
+from contact_locking.fem.spaces import P2, Trace
 from contact_locking.parallel import maximum
+from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 #: Contact at the nodes of edges with the weights of Simpson's rule.

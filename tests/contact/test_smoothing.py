@@ -14,9 +14,8 @@ from problems import block
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.smoothing import ConvolutionOperator
-from contact_locking.contact.surface import ContactSurface
-from contact_locking.contact.surface_mesh import SurfaceMesh
+from contact_locking.contact.coulomb import ConvolutionOperator
+from contact_locking.contact.surface import ContactSurface, SurfaceMesh
 from contact_locking.mesh.domain import Domain
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters

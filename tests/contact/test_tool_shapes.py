@@ -15,9 +15,9 @@ from tool_files import ascii_stl, binary_stl, box
 from contact_locking import InputError, Parameters, StudySolution, solve
 from contact_locking.arrays import FloatArray
 from contact_locking.expressions import parse
-from contact_locking.expressions.gradient import value_and_gradient
-from contact_locking.shapes.distance import Distance
+from contact_locking.expressions.tree import value_and_gradient
 from contact_locking.shapes.faceted import Polyline, TriangulatedSurface
+from contact_locking.shapes.shape import Distance
 
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0))
 

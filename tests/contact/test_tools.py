@@ -15,7 +15,7 @@ from slow import slow
 from contact_locking import Parameters, solve, solve_steps
 from contact_locking.parallel import maximum
 from contact_locking.results.contact_points import SLIP, STICK
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.solution import StudySolution
 
 WAY = ["0.02*sin(6*t)", "0.02*min(4*t, 1)"]
 

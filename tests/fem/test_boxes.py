@@ -15,8 +15,8 @@ from small_meshes import EDGES, SQUARE, Points
 
 from contact_locking import StudySolution, check, solve, study_file
 from contact_locking.errors import InputError
-from contact_locking.mesh.groups import groups
-from contact_locking.mesh.xdmf_mesh import export, from_xdmf
+from contact_locking.mesh.parts import groups
+from contact_locking.mesh.xdmf import export, from_xdmf
 from contact_locking.running.solving import solve as solve_adapted
 from contact_locking.study.assembly import mesh_of
 

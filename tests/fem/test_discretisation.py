@@ -18,8 +18,7 @@ from test_elements import LIMIT
 from test_verification_manufactured import problem_of
 
 from contact_locking.errors import InputError
-from contact_locking.fem import gauss_points
-from contact_locking.fem.spaces import P1, P2, element_of
+from contact_locking.fem.spaces import P1, P2, element_of, gauss_element, gauss_shares
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.study_file import from_mapping
 
@@ -38,7 +37,7 @@ def test_the_keys_choose_the_element() -> None:
 @pytest.mark.serial
 @pytest.mark.parametrize("cell", NAMED)
 def test_gauss_points_are_numbered_as_the_corners_and_integrate_quadratics(cell: str) -> None:
-    kind, shares = NAMED[cell], gauss_points.shares(cell)
+    kind, shares = NAMED[cell], gauss_shares(cell)
     count, dim = kind.corners, kind.dim
     assert np.array_equal(np.argmax(shares, axis=1), np.arange(count))
     assert shares.sum(axis=1) == pytest.approx(np.ones(count))
@@ -50,7 +49,7 @@ def test_gauss_points_are_numbered_as_the_corners_and_integrate_quadratics(cell:
         apart = np.abs(kind.places[:, None] - kind.places).sum(axis=2)
         wanted = 0.5**apart / 3.0**dim
     assert shares.T @ shares / count == pytest.approx(wanted)
-    element = gauss_points.element(cell)
+    element = gauss_element(cell)
     points, _ = basix.make_quadrature(basix.CellType[cell], 2)
     values = element.tabulate(0, points)[0]
     assert np.sort(values.reshape(count, count), axis=1)[:, -1] == pytest.approx(1.0)

@@ -15,8 +15,8 @@ from verification_table import Row
 
 from contact_locking import study_file
 from contact_locking.laws.elasticity import isotropic_stiffness, lame_from_young
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial

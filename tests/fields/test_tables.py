@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from contact_locking import InputError, NotConverged, solve, solve_steps, study_file
 from contact_locking.expressions import Table, parse
-from contact_locking.running.studies.cases import cases_of
+from contact_locking.running.cases import cases_of
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping, load
 

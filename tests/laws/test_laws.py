@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
-from contact_locking.laws.convex import positive_part
 from contact_locking.laws.elasticity import (
     anisotropic_stress,
     isotropic_eigenvalues,
@@ -23,7 +22,7 @@ from contact_locking.laws.elasticity import (
     lame_from_young,
     mean_young,
 )
-from contact_locking.laws.locking import locking_energy, locking_stress
+from contact_locking.laws.locking import locking_energy, locking_stress, positive_part
 from contact_locking.penalty_method.equations import psi
 from contact_locking.shapes.analytic import Cylinder, HalfSpace, Sphere
 

@@ -10,7 +10,7 @@ import pytest
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.shapes.analytic import HalfSpace, Sphere
-from contact_locking.shapes.distance import MovedDistance
+from contact_locking.shapes.shape import MovedDistance
 from contact_locking.study_file import from_mapping
 
 pytestmark = pytest.mark.serial

@@ -14,9 +14,9 @@ from msh import MeshElements, msh
 
 from contact_locking import InputError
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.groups import groups
+from contact_locking.mesh.parts import groups
 from contact_locking.mesh.sources import from_file
-from contact_locking.mesh.xdmf_mesh import from_xdmf
+from contact_locking.mesh.xdmf import from_xdmf
 
 gmsh = pytest.importorskip("gmsh")
 pytestmark = pytest.mark.serial

@@ -28,8 +28,8 @@ from small_meshes import (
 from contact_locking import check, solve
 from contact_locking.command import cli
 from contact_locking.errors import InputError
-from contact_locking.mesh.file import reader
-from contact_locking.mesh.groups import Group, groups
+from contact_locking.mesh.file import gmsh
+from contact_locking.mesh.parts import Group, groups
 from contact_locking.mesh.sources import from_file, from_geometry
 from contact_locking.meshes import BUILDERS, write
 
@@ -179,7 +179,7 @@ def test_a_file_without_its_end_is_refused(version: str, cut: float, tmp_path: P
 #: A reader that asks for more memory than the machine has.
 GREEDY = """
 import os, resource
-from contact_locking.mesh.file.gmsh_model import limit_process
+from contact_locking.mesh.file.gmsh import limit_process
 
 limit_process()
 memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
@@ -209,10 +209,10 @@ def test_a_crash_of_gmsh_is_told(
 ) -> None:
     path = write_msh(tmp_path / "body.msh", SQUARE, BODY)
     (tmp_path / "crashes.py").write_text(program)
-    monkeypatch.setattr(reader, "_PROGRAM", "crashes")
+    monkeypatch.setattr(gmsh, "_PROGRAM", "crashes")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with pytest.raises(InputError, match=rf"Gmsh cannot read .*body\.msh: .*{expected}"):
-        reader.read(path)
+        gmsh.read(path)
     (tmp_path / "study.yml").write_text("mesh: {file: body.msh}\n")
     assert cli.main(["check", str(tmp_path / "study.yml")]) == 2
     assert str(path) in capsys.readouterr().err

@@ -14,7 +14,7 @@ from small_meshes import BODY, SQUARE
 from xdmf import write_xdmf
 
 from contact_locking import InputError, assemble, from_mapping, save, solve
-from contact_locking.mesh.groups import groups
+from contact_locking.mesh.parts import groups
 from contact_locking.running import solving
 from contact_locking.study.assembly import mesh_of
 from contact_locking.study_file.parameters import Parameters

@@ -12,9 +12,9 @@ from mpi4py import MPI
 from problems import block
 
 from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet
+from contact_locking.results.solution import StudySolution
 from contact_locking.running.solving import solve_assembled
 from contact_locking.study.assembly import StudyProblem, assemble
-from contact_locking.study.solution import StudySolution
 
 pytestmark = pytest.mark.serial
 

@@ -20,8 +20,7 @@ from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
 from contact_locking.meshes import BUILDERS
 from contact_locking.meshes import write as write_mesh
-from contact_locking.process import adaptive_meshes
-from contact_locking.process.checkpoint import stored as checkpoint
+from contact_locking.process import adaptive_meshes, checkpoint
 from contact_locking.running import solving
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.view import report

@@ -16,7 +16,7 @@ from mpi4py import MPI
 from sheared_block import all_of, sheared
 
 import contact_locking as cl
-from contact_locking.process.checkpoint import stored as checkpoint
+from contact_locking.process import checkpoint
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.table import Table
 from contact_locking.solver.task import SolverReport

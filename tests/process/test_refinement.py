@@ -14,13 +14,19 @@ from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotRefined
-from contact_locking.mesh.file.topology import longest_edges, signed_measures
-from contact_locking.mesh.groups import groups
-from contact_locking.mesh.sources import from_arrays, from_geometry
-from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells, gather_mesh, spread
+from contact_locking.mesh.cell_kind import longest_edges, signed_measures
+from contact_locking.mesh.parts import groups
+from contact_locking.mesh.sources import (
+    WholeMesh,
+    from_arrays,
+    from_geometry,
+    gather_cells,
+    gather_mesh,
+    spread,
+)
 from contact_locking.meshes import BUILDERS, Geometry
-from contact_locking.meshes.curved import Curved
-from contact_locking.process.refinement import marked_cells, refined
+from contact_locking.meshes.geometry import Curved
+from contact_locking.process.adaptive_meshes import marked_cells, refined
 
 SIZES = st.floats(0.0, 1e6) | st.just(0.0)
 BODIES: dict[str, tuple[str, dict[str, Any]]] = {

@@ -11,9 +11,9 @@ from problems import block
 from slow import slow
 
 from contact_locking import save
-from contact_locking.process.checkpoint import stored as checkpoint
+from contact_locking.process import checkpoint
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.skipif(

@@ -10,7 +10,7 @@ from saved_block import on_rank_0, parameters
 
 from contact_locking import study_file
 from contact_locking.command import cli
-from contact_locking.process.checkpoint import stored as checkpoint
+from contact_locking.process import checkpoint
 
 pytestmark = pytest.mark.skipif(
     checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable())

@@ -22,8 +22,8 @@ from contact_locking import load, study_file
 from contact_locking.mesh import sources
 from contact_locking.mesh.domain import Domain
 from contact_locking.meshes.block import Block
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.solution import StudySolution
 
 STUDIES = Path(__file__).parents[2] / "demos" / "studies"
 MEASURED = "penalty_measured"

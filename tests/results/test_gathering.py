@@ -21,11 +21,12 @@ from mpi4py import MPI
 from problems import block
 
 import contact_locking
-from contact_locking.mesh.whole_mesh import gather_mesh
-from contact_locking.process.checkpoint import stored as checkpoint
-from contact_locking.running import solving, writing
-from contact_locking.running.writing import return_freed_memory
-from contact_locking.study.solution import StudySolution
+from contact_locking.mesh.sources import gather_mesh
+from contact_locking.process import checkpoint
+from contact_locking.results.solution import StudySolution
+from contact_locking.running import run as writing
+from contact_locking.running import solving
+from contact_locking.running.run import return_freed_memory
 from contact_locking.view.pictures.gather import gather
 
 OUTPUT = {

@@ -16,9 +16,10 @@ from solutions import made_up
 
 from contact_locking import study_file
 from contact_locking.errors import InputError
-from contact_locking.results import fields, output_folder
-from contact_locking.running import writing
-from contact_locking.study.solution import StudySolution
+from contact_locking.results import fields
+from contact_locking.results import folder as output_folder
+from contact_locking.results.solution import StudySolution
+from contact_locking.running import run as writing
 from contact_locking.view import pictures
 
 TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}

@@ -10,9 +10,9 @@ from solutions import made_up
 
 from contact_locking.command import cli
 from contact_locking.errors import InputError
-from contact_locking.files.lock import locked
-from contact_locking.process.checkpoint import saved_steps
-from contact_locking.running import writing
+from contact_locking.files.atomic import locked
+from contact_locking.process import saved_steps
+from contact_locking.running import run as writing
 from contact_locking.view import report
 
 pytestmark = pytest.mark.serial
@@ -85,7 +85,7 @@ def test_a_study_refuses_a_folder_with_a_file_of_the_user(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("contact_locking.running.studies.runner._solve", never)
+    monkeypatch.setattr("contact_locking.running.runner._solve", never)
     Path("study.yml").write_text(STUDY)
     mine = users(tmp_path / name)
     assert cli.main(["study", "study.yml"]) == 2

@@ -19,7 +19,7 @@ from problems import SMALL_BLOCK
 from report_folder import run_folder
 from study_folder import FAKE, Folder
 
-from contact_locking.process.checkpoint import stored as checkpoint
+from contact_locking.process import checkpoint
 
 pytestmark = pytest.mark.serial
 
@@ -162,7 +162,7 @@ def test_a_study_goes_on_from_wherever_the_disk_was_full(
     folder.write("{vary: {penalty.n: [10, 20]}}")
     script = f"""
     import functools
-    from contact_locking.running.studies import executor
+    from contact_locking.running import executor
     executor.Plan = functools.partial(executor.Plan, program={FAKE!r})
     """
     words = ["study", str(folder.file), "--output", str(disk.out)]

@@ -17,8 +17,9 @@ from hypothesis import strategies as st
 from mutations import BOMB, mutate_data, mutate_text
 
 from contact_locking.errors import InputError
-from contact_locking.running.studies.cases import cases_of
-from contact_locking.study_file import StudyFile, dump, fingerprint, from_mapping, load
+from contact_locking.running.cases import cases_of
+from contact_locking.study_file import StudyFile, dump, from_mapping, load
+from contact_locking.study_file import dump as fingerprint
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.source import Source, read
 

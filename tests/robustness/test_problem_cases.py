@@ -17,8 +17,8 @@ from sweep.case import Case, Study, clamp, study
 from sweep.solve import WEDGED, outcome_of_case
 
 from contact_locking import study_file
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.dump import plain
 from contact_locking.study_file.parameters import Parameters
 

@@ -15,11 +15,11 @@ from rich.console import Console
 
 from contact_locking import from_mapping
 from contact_locking.command import cli, terminal
-from contact_locking.command.monitors import TerminalMonitor
+from contact_locking.command.terminal import TerminalMonitor
 from contact_locking.errors import InputError
 from contact_locking.mesh.sources import from_file
 from contact_locking.plain_text import spreadsheet_cell
-from contact_locking.running.studies.executor import PROGRAM
+from contact_locking.running.executor import PROGRAM
 
 pytestmark = pytest.mark.serial
 

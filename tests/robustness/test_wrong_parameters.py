@@ -48,7 +48,7 @@ def test_ellipticity_depends_on_the_dimension() -> None:
 
 def test_all_that_is_wrong_is_reported_at_once() -> None:
     with pytest.raises(InputError) as caught:
-        from_mapping({"penalty": {"n": 0, "epsilon": 0}, "title": 1, "nonsense": 1})
+        from_mapping({"penalty": {"n": 0, "epsilon": -1}, "title": 1, "nonsense": 1})
     assert len(str(caught.value).splitlines()) == 4
 
 

@@ -17,7 +17,7 @@ from study_folder import Folder, wait_for
 
 from contact_locking.command import cli
 from contact_locking.errors import InputError
-from contact_locking.files.lock import locked
+from contact_locking.files.atomic import locked
 
 pytestmark = pytest.mark.serial
 

@@ -14,7 +14,7 @@ from contact_locking import meshes, study_file
 from contact_locking.command import cli, terminal
 from contact_locking.command.cli import parse
 from contact_locking.errors import InputError
-from contact_locking.files.lock import locked
+from contact_locking.files.atomic import locked
 
 pytestmark = pytest.mark.serial
 

@@ -12,7 +12,7 @@ from study_folder import STUDY
 
 from contact_locking import study_file
 from contact_locking.errors import InputError
-from contact_locking.running.studies.cases import Outcome, cases_of, row_of
+from contact_locking.running.cases import Outcome, cases_of, row_of
 
 pytestmark = pytest.mark.serial
 

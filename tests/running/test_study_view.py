@@ -11,12 +11,11 @@ import pytest
 from rich.console import Console
 from study_folder import Folder
 
-from contact_locking.command.monitors import ProgressFile
+from contact_locking.command.terminal import ProgressFile
 from contact_locking.monitor import Monitor
-from contact_locking.running.studies.cases import Case, Outcome
-from contact_locking.running.studies.executor import Slot
-from contact_locking.running.studies.runner import Study
-from contact_locking.running.studies.view import View
+from contact_locking.running.cases import Case, Outcome
+from contact_locking.running.executor import Slot
+from contact_locking.running.runner import Study, View
 
 pytestmark = pytest.mark.serial
 

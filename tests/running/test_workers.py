@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from study_folder import Folder
 
-from contact_locking.running.studies import executor
-from contact_locking.running.studies.executor import Executor, Plan
-from contact_locking.running.studies.runner import Study
+from contact_locking.running import executor
+from contact_locking.running.executor import Executor, Plan
+from contact_locking.running.runner import Study
 
 pytestmark = pytest.mark.serial
 

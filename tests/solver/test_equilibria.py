@@ -18,7 +18,8 @@ from contact_locking.errors import InputError, NotConverged
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results import in_words
 from contact_locking.results.solution import Solution
-from contact_locking.running import solving, writing
+from contact_locking.running import run as writing
+from contact_locking.running import solving
 from contact_locking.running.solving import SolvableStudy
 from contact_locking.solver.strategy import solve
 from contact_locking.solver.task import Outcome, Task

@@ -10,7 +10,7 @@ import pytest
 from mpi4py import MPI
 from problems import block
 
-from contact_locking.contact.friction import Coulomb, Mollifier
+from contact_locking.contact.contact import Coulomb, Mollifier
 from contact_locking.errors import InputError
 from contact_locking.running.solving import solve
 from contact_locking.study.assembly import assemble

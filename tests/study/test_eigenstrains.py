@@ -13,7 +13,7 @@ from problems import rollers_of, with_changes
 from contact_locking import solve
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.parallel import maximum
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial

@@ -114,7 +114,7 @@ def test_the_json_schema_has_the_bounds_of_numbers() -> None:
 
     positive = [{"exclusiveMinimum": 0}]
     assert bounds("PenaltyParameters", "n") == positive
-    assert bounds("PenaltyParameters", "epsilon") == positive
+    assert bounds("PenaltyParameters", "epsilon") == [{"minimum": 0}]
     assert bounds("Elasticity", "young") == positive
     assert bounds("Elasticity", "poisson") == [{"exclusiveMinimum": -1, "exclusiveMaximum": 0.5}]
     assert bounds("MaterialParameters", "locking_limit") == positive

@@ -8,7 +8,7 @@ import pytest
 
 from contact_locking.errors import InputError
 from contact_locking.study_file import from_mapping
-from contact_locking.study_file.parameters import removed
+from contact_locking.study_file.parameters.wording import REMOVED_KEYS, REMOVED_VALUES
 
 pytestmark = pytest.mark.serial
 
@@ -39,7 +39,7 @@ def test_what_has_gone_is_refused_by_its_key_with_what_to_do_instead(key: str, v
     with pytest.raises(InputError) as caught:
         from_mapping(data)
     message = str(caught.value)
-    advice = removed.KEYS.get(key) or removed.KEYS.get(last) or removed.VALUES[last, str(value)]
+    advice = REMOVED_KEYS.get(key) or REMOVED_KEYS.get(last) or REMOVED_VALUES[last, str(value)]
     assert key in message and advice in message
 
 
@@ -47,4 +47,4 @@ def test_a_norm_that_has_gone_is_refused_by_its_key() -> None:
     limit = {"norm": "largest_principal", "at_most": 0.01}
     with pytest.raises(InputError, match=r"material\.locking\.0\.norm") as caught:
         from_mapping({"material": {"locking": [limit]}})
-    assert removed.VALUES["norm", "largest_principal"] in str(caught.value)
+    assert REMOVED_VALUES["norm", "largest_principal"] in str(caught.value)

@@ -12,7 +12,7 @@ from problems import block, with_changes
 from slow import slow
 
 from contact_locking import InputError, solve
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial

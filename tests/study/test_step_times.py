@@ -8,8 +8,8 @@ from problems import block
 from sheared_block import all_of, sheared
 
 from contact_locking import InputError, solve_steps
+from contact_locking.process.loop import Timeline
 from contact_locking.process.settings import Steps
-from contact_locking.process.timeline import Timeline
 from contact_locking.results.table import Table
 
 pytestmark = pytest.mark.serial

@@ -24,7 +24,8 @@ def solved(study: dict[str, Any], **changes: Any) -> StudySolution:
 
 def moved(solution: StudySolution) -> float:
     """The vertical displacement of the first probe."""
-    return float(solution.probes[-1].values["u_y"][0])
+    assert solution.probes is not None
+    return float(solution.probes.last("u_y"))
 
 
 def steel_on_aluminium(path: Path, steel: str, **sections: Any) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from small_meshes import Groups, Points
 
 from contact_locking.arrays import FloatArray
 from contact_locking.mesh.given_mesh import NamedFacets
-from contact_locking.mesh.xdmf_mesh import export
+from contact_locking.mesh.xdmf import export
 
 # The corners of a quadrilateral and a hexahedron in Gmsh's order, as steps along the axes.
 _CORNERS: dict[int, list[tuple[int, ...]]] = {

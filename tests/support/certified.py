@@ -10,8 +10,8 @@ from mpi4py import MPI
 
 from contact_locking.fem.compiled import integral
 from contact_locking.laws.elasticity import strain
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 

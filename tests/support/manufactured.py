@@ -27,9 +27,9 @@ from problems import with_changes
 from contact_locking.arrays import FloatArray
 from contact_locking.fem.spaces import P1, Element
 from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 from contact_locking.study.assembly import StudyProblem, assemble
-from contact_locking.study.solution import StudySolution
 
 YOUNG, POISSON = 1.0, 0.3
 SYMBOLS = sp.symbols("x y z", real=True)

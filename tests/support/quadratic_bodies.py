@@ -9,8 +9,8 @@ from mpi4py import MPI
 from problems import with_changes
 from test_elements import LIMIT, benchmark
 
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 

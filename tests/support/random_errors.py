@@ -19,9 +19,9 @@ from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.fem.compiled import integral
 from contact_locking.fem.spaces import P1, Element
 from contact_locking.problem import forms
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 from contact_locking.study.assembly import assemble
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 

@@ -10,7 +10,7 @@ import pytest
 from solutions import of_kind
 
 from contact_locking import __version__, study_file
-from contact_locking.running import writing
+from contact_locking.running import run as writing
 from contact_locking.view import report
 
 TITLE = "<script>document.title = 'run'</script> & \"$x_1\" Käfer"

@@ -8,7 +8,7 @@ from typing import Any
 from problems import block
 
 from contact_locking import Parameters, solve_steps
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.solution import StudySolution
 
 SHEARED = ["0.02*sin(2*pi*t)", "-0.02*min(8*t, 1)"]
 

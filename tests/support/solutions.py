@@ -16,7 +16,7 @@ from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.fem.spaces import P1
 from contact_locking.mesh.sources import from_geometry
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.solution import StudySolution
 from contact_locking.view.pictures.gather import gather
 from contact_locking.view.pictures.snapshot import Snapshot
 

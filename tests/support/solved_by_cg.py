@@ -7,8 +7,8 @@ import math
 import pytest
 from problems import block
 
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 

@@ -17,8 +17,8 @@ from rich.console import Console
 
 from contact_locking import study_file
 from contact_locking.command import cli
-from contact_locking.running.studies.executor import Plan
-from contact_locking.running.studies.runner import Study, finish
+from contact_locking.running.executor import Plan
+from contact_locking.running.runner import Study, finish
 
 FAKE = (sys.executable, str(Path(__file__).parent / "fake_case.py"))
 STUDY = """\
@@ -76,7 +76,7 @@ class Folder:
         """The command line as a process of its own, with the fake program."""
         script = f"""
         import functools, sys
-        from contact_locking.running.studies import executor
+        from contact_locking.running import executor
         from contact_locking.command import cli
         executor.Plan = functools.partial(executor.Plan, program={FAKE!r})
         sys.exit(cli.main(sys.argv[1:]))

@@ -12,11 +12,11 @@ from sweep.case import Study
 
 from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.errors import InputError
-from contact_locking.problem.rigidity.motions import describe_motion
+from contact_locking.problem.motions import describe_motion
 from contact_locking.results import in_words
+from contact_locking.results.solution import StudySolution
 from contact_locking.running.solving import solve, solve_assembled
 from contact_locking.study.assembly import assemble
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial

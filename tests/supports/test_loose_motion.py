@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial

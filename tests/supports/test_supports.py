@@ -24,8 +24,8 @@ from turned_supports import (
 )
 
 from contact_locking.arrays import FloatArray
+from contact_locking.results.solution import StudySolution
 from contact_locking.running.solving import solve_assembled
-from contact_locking.study.solution import StudySolution
 
 
 @functools.cache

@@ -9,9 +9,9 @@ import numpy as np
 from mpi4py import MPI
 
 from contact_locking.mesh.domain import Domain
+from contact_locking.results.solution import StudySolution
 from contact_locking.running.solving import solve_assembled
 from contact_locking.study.assembly import assemble
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 from .case import Study, Truth

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from contact_locking.contact.pairing import Side, pair
 from contact_locking.mesh.domain import Domain
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.solution import StudySolution
 
 from .contact import Pairing
 from .elements import Array, Body, Index, Mesh

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.dump import plain
 
 from .elements import Array

@@ -16,8 +16,8 @@ from sweep.solve import judge_of
 
 import contact_locking as cl
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.extras import Extras
 from contact_locking.results.contact_points import OPEN, SLIP
+from contact_locking.results.output import Extras
 from contact_locking.running.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters

@@ -17,7 +17,7 @@ from test_verification_annulus import LAME_LAMBDA, LAME_MU, annulus, exact_displ
 
 from contact_locking import solve_steps
 from contact_locking.fem.spaces import P2
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 #: A displacement that vanishes on all sides but the bottom, along which it is.

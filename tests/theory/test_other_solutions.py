@@ -15,9 +15,9 @@ from msh import MeshElements
 from small_meshes import grid, shared
 from sweep.case import Study
 
+from contact_locking.results.solution import StudySolution
 from contact_locking.running.solving import solve, solve_assembled, solve_steps
 from contact_locking.study.assembly import assemble
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.theory.other_solutions import IF_CONVEX, OTHERS, OWN_ENERGY, UNIQUE
 

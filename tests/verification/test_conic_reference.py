@@ -11,8 +11,8 @@ from problems import block, with_changes
 from sweep.reference import of_solution
 from verification_table import Row
 
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 pytest.importorskip("clarabel")

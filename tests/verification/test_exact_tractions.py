@@ -14,7 +14,7 @@ from sweep.case import Study, clamp, study
 
 from contact_locking import from_mapping, solve
 from contact_locking.command import cli
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.solution import StudySolution
 
 pytestmark = pytest.mark.serial
 

@@ -11,7 +11,7 @@ from problems import block, column
 from verification_table import Row
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.smoothing import (
+from contact_locking.contact.coulomb import (
     ConvolutionOperator,
     HelmholtzOperator,
     Identity,
@@ -23,8 +23,8 @@ from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.sources import from_geometry
 from contact_locking.meshes.block import Block
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 LAME_LAMBDA, LAME_MU = lame_from_young(1.0, 0.3)

@@ -24,8 +24,8 @@ from verification_table import Row
 
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.solution import StudySolution
 
 INNER, OUTER, EDGE, LIMIT = 1.0, 2.0, 1.4, 0.02
 ANGLE = 0.5  # phi at the edge

@@ -16,11 +16,11 @@ from slow import slow
 from verification_table import Row
 
 from contact_locking.fem.compiled import integral
-from contact_locking.laws.convex import squared_norm
 from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.laws.locking import squared_norm
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 from contact_locking.study.assembly import assemble, mesh_of
-from contact_locking.study.solution import StudySolution
 
 TEST = "test_verification_axisymmetric.py"
 YOUNG, POISSON = 1.0, 0.3

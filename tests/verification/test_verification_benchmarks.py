@@ -12,8 +12,8 @@ from problems import with_changes
 from slow import slow
 from verification_table import Row
 
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.solution import StudySolution
 
 TEST = "test_verification_benchmarks.py"
 

@@ -17,8 +17,8 @@ from verification_table import Row
 import contact_locking as cl
 from contact_locking import FrictionLaw, assemble, solve
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.extras import Extras
 from contact_locking.results.contact_points import SLIP
+from contact_locking.results.output import Extras
 from contact_locking.running.solving import SolvableStudy
 
 pytestmark = pytest.mark.serial

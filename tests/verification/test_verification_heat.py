@@ -18,7 +18,7 @@ from verification_table import Row
 from contact_locking import solve
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.parallel import maximum
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.solution import StudySolution
 
 pytestmark = pytest.mark.serial
 

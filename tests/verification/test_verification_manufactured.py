@@ -10,7 +10,7 @@ from manufactured import Errors, Manufactured, X, Y, Z, rate, sampled
 from slow import slow
 from verification_table import Row
 
-from contact_locking.study.solution import StudySolution
+from contact_locking.results.solution import StudySolution
 
 # A shear, so that the strain is nowhere small, with waves.
 PLANE = (sp.sin(X + 2 * Y + 0.3) / 20 + 0.3 * Y, -sp.cos(2 * X - Y) / 20)

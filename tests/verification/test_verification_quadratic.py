@@ -22,9 +22,9 @@ from test_verification_penalty import SIGNORINI
 from verification_table import Row
 
 from contact_locking.fem.spaces import P1, P2, Element
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 from contact_locking.study.assembly import assemble
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 TEST = "test_verification_quadratic.py"

@@ -13,8 +13,8 @@ from verification_table import Row
 
 from contact_locking import FrictionLaw, assemble, solve_steps
 from contact_locking.arrays import FloatArray
+from contact_locking.results.solution import StudySolution
 from contact_locking.running.solving import SolvableStudy
-from contact_locking.study.solution import StudySolution
 
 pytestmark = pytest.mark.serial
 

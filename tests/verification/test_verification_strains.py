@@ -13,8 +13,8 @@ from slow import slow
 from verification_table import Row
 
 from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.solution import StudySolution
 
 pytestmark = pytest.mark.serial
 

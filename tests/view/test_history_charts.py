@@ -11,8 +11,8 @@ from seal import seal
 from contact_locking import InputError, solve
 from contact_locking.results.output import UnitLabels
 from contact_locking.results.table import Table
+from contact_locking.running.cases import Outcome, row_of
 from contact_locking.running.run import run
-from contact_locking.running.studies.cases import Outcome, row_of
 from contact_locking.study_file import from_mapping
 from contact_locking.view import report
 from contact_locking.view.report.run_charts import Process, column_of, history_charts, wanted_charts

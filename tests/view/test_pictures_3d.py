@@ -21,7 +21,7 @@ from solutions import made_up, snapshot
 from contact_locking import solve
 from contact_locking.arrays import BoolArray
 from contact_locking.errors import NoRendering
-from contact_locking.running import writing
+from contact_locking.running import run as writing
 from contact_locking.view.pictures import space
 from contact_locking.view.pictures.gather import gather
 from contact_locking.view.pictures.snapshot import save

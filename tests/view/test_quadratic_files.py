@@ -14,9 +14,10 @@ from test_elements import benchmark
 
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
-from contact_locking.process.checkpoint import stored as checkpoint
+from contact_locking.process import checkpoint
 from contact_locking.results import fields
-from contact_locking.running import solving, writing
+from contact_locking.running import run as writing
+from contact_locking.running import solving
 from contact_locking.study_file import from_mapping
 
 

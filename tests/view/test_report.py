@@ -16,7 +16,7 @@ import pytest
 from matplotlib.figure import Figure
 from report_folder import page, quick, run_folder
 
-from contact_locking.results import names as result_files
+from contact_locking.results import folder as result_files
 from contact_locking.view import report
 from contact_locking.view.report import pages
 from contact_locking.view.report.page import Chart, environment

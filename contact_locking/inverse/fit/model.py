@@ -23,9 +23,9 @@ from contact_locking.inverse.numbers import with_values
 from contact_locking.inverse.sensitivities import value_of
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import on_root
-from contact_locking.results.output_folder import on_root_of
+from contact_locking.results.folder import on_root_of
+from contact_locking.running.cases import read_mapping
 from contact_locking.running.solving import solve_steps
-from contact_locking.running.studies.cases import read_mapping
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.numerics import SensitivityParameters
 

@@ -22,11 +22,9 @@ from contact_locking.files import atomic
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
 from contact_locking.plain_text import count, per_cent
-from contact_locking.results.names import FIT, FIT_PICTURE
-from contact_locking.results.output_folder import on_root_of, reserved
-from contact_locking.results.solution import summary_text
+from contact_locking.results.folder import FIT, FIT_PICTURE, on_root_of, reserved
+from contact_locking.results.solution import Solution, summary_text
 from contact_locking.running.run import run
-from contact_locking.study.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 from .curves import Experiment, read_experiments
@@ -55,7 +53,7 @@ def fit(
     comm: MPI.Intracomm = MPI.COMM_WORLD,
     monitor: Monitor | None = None,
     begun: Begun | None = None,
-) -> tuple[dict[str, Any], StudySolution]:
+) -> tuple[dict[str, Any], Solution]:
     """Fit numbers of a study file to its curves: the content of fit.json, and the last solution.
 
     ``directory`` gets the run at the numbers that were found, fit.json and fit.png; the runs of
@@ -88,7 +86,7 @@ def fit(
 
 def _final_runs(
     model: Model, found: Estimate, target: Path, comm: MPI.Intracomm, monitor: Monitor
-) -> StudySolution:
+) -> Solution:
     """Run each experiment at the numbers that were found, and return the first; collective."""
     cases = [[case for case in model.cases if case.experiment is one] for one in model.experiments]
     if len(cases) > 1:

@@ -18,9 +18,9 @@ from contact_locking import study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError, NotConverged
 from contact_locking.inverse.numbers import number_at, with_values
-from contact_locking.running.studies.cases import Case, case_folder
-from contact_locking.running.studies.executor import Plan
-from contact_locking.running.studies.runner import Study, finish
+from contact_locking.running.cases import Case, case_folder
+from contact_locking.running.executor import Plan
+from contact_locking.running.runner import Study, finish
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.wording import labels
 
@@ -99,7 +99,7 @@ def search(parameters: Parameters, plan: Plan, console: Console) -> Begun:
     """Search from all starts, of which those that are done are found again.
 
     Raises InputError for data or keys that cannot be used, and NotConverged if no search comes to
-    an end; others as :func:`contact_locking.running.studies.runner.finish`.
+    an end; others as :func:`contact_locking.running.runner.finish`.
     """
     assert parameters.fit is not None
     read_experiments(parameters)

@@ -1,4 +1,4 @@
-"""A mesh as NumPy arrays, and a file of these arrays."""
+"""A mesh as NumPy arrays, a file of these arrays, and the words of messages about them."""
 
 from __future__ import annotations
 
@@ -106,3 +106,57 @@ class MeshData:
             )
             dim, points, numbers = int(file["dim"]), file["points"], file["numbers"]
             return MeshData(dim, points, numbers, cells, facets, tuple(warnings))
+
+    def node_words(self, index: int) -> str:
+        """A node by its number, with its coordinates."""
+        return f"node {self.numbers[index]} at {point_words(self.points[index])}"
+
+    def nodes_words(self, indices: IntArray) -> str:
+        """Several nodes by their numbers."""
+        return f"nodes {listed(self.numbers[indices])}"
+
+    def cell_words(self, index: int) -> str:
+        """A cell by its number, with its centre."""
+        centre = self.points[self.cells.nodes[index]].mean(axis=0)
+        return f"{self.kind.name} {self.cells.numbers[index]} at {point_words(centre)}"
+
+    def facet_words(self, index: int) -> str:
+        """A facet of a group by its number, with its centre."""
+        centre = self.points[self.facets.nodes[index]].mean(axis=0)
+        number = self.facets.numbers[index]
+        return f"{self.kind.facet_word} {number} at {point_words(centre)}"
+
+
+#: The advice for a mesh of several kinds of cells.
+ONE_KIND = (
+    "a body needs cells of one kind: in Gmsh leave out Recombine and mesh again for simplices, or "
+    "recombine every surface and volume (Mesh.RecombineAll with Mesh.SubdivisionAlgorithm = 1 for "
+    "quadrilaterals, 2 for hexahedra)"
+)
+
+
+def point_words(point: FloatArray) -> str:
+    """The coordinates of a point in brackets."""
+    # Adding zero turns -0 into 0.
+    return "(" + ", ".join(f"{x + 0.0:.6g}" for x in point) + ")"
+
+
+def listed(numbers: IntArray) -> str:
+    """Two numbers or more, with an "and" before the last."""
+    *first, last = map(str, numbers)
+    return f"{', '.join(first)} and {last}"
+
+
+def and_more(count: int) -> str:
+    """The number of further cases, for a message that names one; empty without any."""
+    return f", and {count - 1} more" if count > 1 else ""
+
+
+def is_xdmf(path: str | Path) -> bool:
+    """Whether a mesh file is an XDMF file, which its ending tells."""
+    return Path(path).suffix.lower() == ".xdmf"
+
+
+def data_file(path: Path) -> Path:
+    """The HDF5 file with the numbers of an XDMF file."""
+    return path.with_suffix(".h5")

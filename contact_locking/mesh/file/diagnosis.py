@@ -1,21 +1,25 @@
-"""The check of the arrays of a mesh for what DOLFINx needs: each rank has a share of the arrays.
+"""Checks of the arrays of a mesh: what DOLFINx needs, and that neighbouring cells share nodes.
 
-DOLFINx needs cells that occur once, of different nodes, and facets of two cells at most.
+DOLFINx needs cells that occur once, of different nodes, and facets of two cells at most.  Duplicate
+and hanging nodes are looked for on the boundary, which consists of the facets of a single cell.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 
-from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh.file import places
-from contact_locking.mesh.file.data import MeshData
-from contact_locking.mesh.file.topology import keys
+from contact_locking.mesh.cell_kind import keys, longest_edges
+from contact_locking.mesh.file.data import MeshData, and_more, listed, point_words
 from contact_locking.parallel import agree
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 
 class _Defect(NamedTuple):
@@ -47,14 +51,14 @@ def check_arrays(comm: MPI.Intracomm, share: MeshData) -> None:
     if found := _first(comm, share, own):
         raise InputError(
             f"{kind.name} {found.cells[0]} at {found.centre} has the same node twice"
-            f"{places.more(found.defects)}"
+            f"{and_more(found.defects)}"
         )
     total = comm.allreduce(len(share.points))
     if found := _first(comm, share, _shared(comm, corners, cells.numbers, 1, total)):
         one, other = found.cells[:2]
         raise InputError(
             f"{kind.name} {other} is {kind.name} {one} once more, at {found.centre}: they have the "
-            f"same nodes{places.more(found.defects)}; remove the duplicates (in Gmsh "
+            f"same nodes{and_more(found.defects)}; remove the duplicates (in Gmsh "
             "gmsh.model.mesh.removeDuplicateElements)"
         )
     facets = np.sort(kind.facets_of(cells.nodes), axis=1)
@@ -62,8 +66,8 @@ def check_arrays(comm: MPI.Intracomm, share: MeshData) -> None:
     if found := _first(comm, share, _shared(comm, facets, numbers, 2, total)):
         raise InputError(
             f"{len(found.cells)} {kind.plural} share one {'edge' if kind.dim == 2 else 'face'} "
-            f"(nodes {found.numbers} at {found.centre}): {places.listed(found.cells)}"
-            f"{places.more(found.defects)}; at most two can, as cells do not overlap"
+            f"(nodes {found.numbers} at {found.centre}): {listed(found.cells)}"
+            f"{and_more(found.defects)}; at most two can, as cells do not overlap"
         )
 
 
@@ -71,8 +75,8 @@ def _check_coordinates(mesh: MeshData) -> None:
     bad = ~np.isfinite(mesh.points).all(axis=1)
     if bad.any():
         raise InputError(
-            f"the coordinates of {places.node(mesh, int(np.argmax(bad)))} are not finite numbers"
-            f"{places.more(int(bad.sum()))}"
+            f"the coordinates of {mesh.node_words(int(np.argmax(bad)))} are not finite numbers"
+            f"{and_more(int(bad.sum()))}"
         )
 
 
@@ -108,6 +112,150 @@ def _first(comm: MPI.Intracomm, share: MeshData, own: _Defect | None) -> _Defect
     numbers: IntArray = np.zeros(len(nodes), dtype=np.int64)
     points: FloatArray = np.zeros((len(nodes), share.dim))
     numbers[here], points[here] = share.numbers[local[here]], share.points[local[here]]
-    words = places.listed(comm.allreduce(numbers))
-    centre = places.at(comm.allreduce(points).mean(axis=0))
+    words = listed(comm.allreduce(numbers))
+    centre = point_words(comm.allreduce(points).mean(axis=0))
     return found[0]._replace(defects=count, numbers=words, centre=centre)
+
+
+# Nodes are at one place if they are nearer than this share of a facet: files hold rounded numbers.
+_SAME_PLACE = 1e-5
+_FRAGMENT = (
+    "make one mesh of what meets there (fragment in Gmsh before it is meshed, or "
+    "gmsh.model.mesh.removeDuplicateNodes)"
+)
+
+
+#: Marks of nodes (m,) on both sides of boundary parts that may touch each other.
+Facing = Sequence[tuple[BoolArray, BoolArray]]
+
+
+def check_boundary(
+    mesh: MeshData, boundary: IntArray, owner: IntArray, parts: IntArray, facing: Facing
+) -> list[str]:
+    """Raise InputError where parts touch without shared nodes, or a node hangs on a facet.
+
+    ``boundary`` (f, n) are the facets of a single cell, as nodes of ``mesh``, ``owner`` (f,) these
+    cells and ``parts`` (f,) the parts of the cells.  Other cells and nodes of the mesh may be
+    missing.  Returns warnings of cracks.
+    """
+    from scipy.spatial import cKDTree
+
+    facet = mesh.kind.facet
+    boundary = facet.split(boundary)
+    owner, parts = (np.repeat(values, len(facet.simplices)) for values in (owner, parts))
+    size = longest_edges(mesh.points, boundary)
+    nodes = np.unique(boundary)
+    part = np.empty(len(mesh.points), dtype=np.int64)
+    part[boundary] = parts[:, None]
+    tree = cKDTree(mesh.points[nodes])
+    warnings = _cracks(mesh, nodes, part, tree, float(size.min()), facing)
+    _check_hanging(mesh, nodes, tree, boundary, owner, size, facing)
+    return warnings
+
+
+def _may_meet(facing: Facing, one: IntArray, other: IntArray, beside: BoolArray) -> BoolArray:
+    """(k,) whether nodes ``one`` (k,) and those ``beside`` (k, n) are on facing sides.
+
+    They are the marked ones of ``other`` (k, n).
+    """
+    found = np.zeros(len(one), dtype=bool)
+    for pair in facing:
+        for a, b in (pair, pair[::-1]):
+            found |= a[one] & (b[other] | ~beside).all(axis=1)
+    return found
+
+
+def _cracks(
+    mesh: MeshData,
+    nodes: IntArray,
+    part: IntArray,
+    tree: cKDTree,
+    size: float,
+    facing: Facing,
+) -> list[str]:
+    """A warning of double nodes in one part; raises InputError for those of two parts."""
+    # The nearest neighbour suffices, and the number of nodes at one place has no bound.
+    distance, near = tree.query(tree.data, k=2, distance_upper_bound=_SAME_PLACE * size)
+    # Of several nodes at one place, a node need not be the first in the list of its own neighbours.
+    own = np.arange(len(nodes))
+    other = np.where(near[:, 0] == own, near[:, 1], near[:, 0])
+    double = np.isfinite(distance[:, 1])
+    there = nodes[np.minimum(other, len(nodes) - 1)][:, None]
+    double &= ~_may_meet(facing, nodes, there, np.ones(there.shape, dtype=bool))
+    if not double.any():
+        return []
+    pairs = np.column_stack([nodes[double], nodes[other[double]]])
+    apart = part[pairs[:, 0]] != part[pairs[:, 1]]
+    chosen = pairs[apart] if apart.any() else pairs
+    one, two = sorted(chosen[0])
+    said = (
+        f"nodes {mesh.numbers[one]} and {mesh.numbers[two]} are both at "
+        f"{point_words(mesh.points[one])}"
+    )
+    rest = len(np.unique(chosen)) - 2
+    said += f", and {rest} more nodes" if rest else ""
+    if apart.any():
+        raise InputError(
+            f"two parts of the body touch and share no nodes: {said}; {_FRAGMENT}, or leave a gap"
+        )
+    return [
+        f"the body is cut where nodes are double: {said}; unless it is meant to be, {_FRAGMENT}"
+    ]
+
+
+def _check_hanging(
+    mesh: MeshData,
+    nodes: IntArray,
+    tree: cKDTree,
+    boundary: IntArray,
+    owner: IntArray,
+    size: FloatArray,
+    facing: Facing,
+) -> None:
+    corners = mesh.points[boundary]
+    middle = corners.mean(axis=1)
+    reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
+    # The ball around a facet holds the corners of the facet, and seldom many other nodes.
+    count = tree.query_ball_point(middle, reach, return_length=True)
+    more = np.flatnonzero(count > mesh.dim)
+    lists = tree.query_ball_point(middle[more], reach[more])
+    if not len(more):
+        return
+    facet = np.repeat(more, [len(found) for found in lists])
+    node = nodes[np.concatenate([np.asarray(found, dtype=np.int64) for found in lists])]
+    keep = (node[:, None] != boundary[facet]).all(axis=1)
+    facet, node = facet[keep], node[keep]
+    inside, share = _inside(mesh.points[node], corners[facet], size[facet])
+    # At the rim of a side nodes are on an edge of a facet beside the other one.
+    meets = _may_meet(facing, node, boundary[facet], share > _SAME_PLACE)
+    hanging = np.flatnonzero(inside & ~meets)
+    if not len(hanging):
+        return
+    first = int(hanging[np.argmin(mesh.numbers[node[hanging]])])
+    article, what = ("an", "edge") if mesh.dim == 2 else ("a", "face")
+    number = mesh.cells.numbers[owner[facet[first]]]
+    raise InputError(
+        f"{mesh.node_words(int(node[first]))} hangs: it lies on {article} {what} of "
+        f"{mesh.kind.name} {number} ({mesh.nodes_words(boundary[facet[first]])}), and is "
+        f"none of its corners{and_more(len(np.unique(node[hanging])))}, so that the body would "
+        f"be cut there; neighbours have to share whole {what}s: {_FRAGMENT}"
+    )
+
+
+def _inside(
+    points: FloatArray, corners: FloatArray, size: FloatArray
+) -> tuple[BoolArray, FloatArray]:
+    """(k,) whether points (k, d) lie on facets with corners (k, d, d) without being a corner.
+
+    Returns the barycentric coordinates (k, d) as well.
+    """
+    # In units of the size of the facet, so that no product underflows.
+    edges = (corners[:, :-1] - corners[:, -1:]) / size[:, None, None]
+    gram = np.einsum("kia,kja->kij", edges, edges)
+    away = (points - corners[:, -1]) / size[:, None]
+    right = np.einsum("kia,ka->ki", edges, away)
+    inside = np.linalg.solve(gram, right[:, :, None])[:, :, 0]
+    share = np.column_stack([inside, 1.0 - inside.sum(axis=1)])
+    off = np.linalg.norm(away - np.einsum("ki,kia->ka", inside, edges), axis=1)
+    on = (off <= _SAME_PLACE) & (share >= -_SAME_PLACE).all(axis=1)
+    return on & (share <= 1.0 - 10 * _SAME_PLACE).all(axis=1), share

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import NotConverged
 from contact_locking.fem import compiled
-from contact_locking.fem.joint_forms import JointForm
+from contact_locking.fem.compiled import JointForm
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes, OnContact

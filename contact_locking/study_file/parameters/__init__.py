@@ -22,16 +22,27 @@ from pydantic import (
     model_validator,
 )
 
-from contact_locking.certificate.extras import Extras
-from contact_locking.contact.contact import Contact
-from contact_locking.contact.friction import Coulomb
+from contact_locking.contact.contact import Contact, Coulomb
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, Table
 from contact_locking.laws.penalty import PenaltyParameters
 from contact_locking.plain_text import nearest
 from contact_locking.process.settings import Adaptation, Steps
-from contact_locking.results.output import Output
+from contact_locking.results.output import Extras, Output
 from contact_locking.solver.settings import Settings
+from contact_locking.study_file.parameters.mesh import MeshParameters
+from contact_locking.study_file.parameters.numerics import (
+    BranchesParameters,
+    DiscretisationParameters,
+    EquilibriaParameters,
+    SensitivityParameters,
+)
+from contact_locking.study_file.parameters.problem import (
+    LoadParameters,
+    MaterialParameters,
+    name_faults,
+)
+from contact_locking.study_file.parameters.study import FitParameters, StudyParameters
 from contact_locking.values.concept import (
     LIST,
     SECTION,
@@ -50,18 +61,6 @@ from contact_locking.values.concept import (
 from contact_locking.values.kinds import SCOPE, Number, Scope, Text, expressions, list_or
 from contact_locking.values.table_file import TableFile
 from contact_locking.values.value import Value
-
-from .boundary import LoadParameters, name_faults
-from .fit import FitParameters
-from .material import MaterialParameters
-from .mesh import MeshParameters
-from .numerics import (
-    BranchesParameters,
-    DiscretisationParameters,
-    EquilibriaParameters,
-    SensitivityParameters,
-)
-from .study import StudyParameters
 
 
 def _no_characters(value: Any, place: Place = ()) -> Iterator[Place]:

@@ -10,10 +10,9 @@ from typing import Annotated, Any, Union, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from contact_locking.meshes import BUILDERS
+from contact_locking.study_file.parameters.mesh import MeshParameters, builder_types
 from contact_locking.values.concept import ONLY, Concept
 from contact_locking.values.kinds import OneOf
-
-from .mesh import MeshParameters, builder_types
 
 Path = tuple[str, ...]
 

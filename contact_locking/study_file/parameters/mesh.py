@@ -15,6 +15,7 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, parse
 from contact_locking.meshes import BUILDERS
+from contact_locking.study_file.parameters.wording import meant, unknown_key
 from contact_locking.values.concept import (
     PER_AXIS,
     BodyKind,
@@ -36,9 +37,7 @@ from contact_locking.values.kinds import (
     Switch,
     Text,
 )
-from contact_locking.values.wording import show, value_message
-
-from .wording import meant, unknown_key
+from contact_locking.values.value import show, value_message
 
 #: The keys that are no parameters of builders.
 _SHARED = ("builder", "file", "axisymmetric", "parts")

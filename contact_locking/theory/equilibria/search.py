@@ -17,7 +17,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.contact.smoothing import Identity
+from contact_locking.contact.coulomb import Identity
 from contact_locking.errors import InputError, NotConverged
 from contact_locking.parallel import maximum, minimum
 from contact_locking.results.contact_points import OPEN

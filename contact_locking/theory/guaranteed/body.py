@@ -19,8 +19,8 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from contact_locking.arrays import BoolArray, FloatArray, flattened
-from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.indicator import nodal_means
+from contact_locking.certificate.penalty_error import NotApplicable
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import raise_callback_error
 from contact_locking.fem import compiled

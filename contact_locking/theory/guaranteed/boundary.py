@@ -17,7 +17,7 @@ from ufl.algorithms.analysis import extract_arguments, extract_type
 from ufl.differentiation import Derivative
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.penalty_error import NotApplicable
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem import compiled
 from contact_locking.parallel import maximum, on_any_rank

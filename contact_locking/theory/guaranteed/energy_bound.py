@@ -16,8 +16,13 @@ from dolfinx import fem
 from scipy.optimize import minimize_scalar
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.elliptic import Lifting, NotApplicable, require_still_foundations
-from contact_locking.certificate.penalty_error import admissible_neighbour, energy_distance
+from contact_locking.certificate.penalty_error import (
+    Lifting,
+    NotApplicable,
+    admissible_neighbour,
+    energy_distance,
+    require_still_foundations,
+)
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.theory.guaranteed.body import LARGEST_JUMP, Body, Gap, HybridSystem

@@ -9,7 +9,7 @@ import numpy as np
 
 from contact_locking.errors import NoRendering, NoRoom, is_full
 from contact_locking.files.atomic import require_room
-from contact_locking.results.names import PICTURE, TEXTS_BYTES
+from contact_locking.results.folder import PICTURE, TEXTS_BYTES
 
 if TYPE_CHECKING:
     from contact_locking.results.solution import Solution

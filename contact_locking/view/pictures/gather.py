@@ -12,13 +12,12 @@ from scipy.spatial import cKDTree
 
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.fem.trace import facet_places
+from contact_locking.fem.spaces import facet_places
 from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.domain import Domain
 from contact_locking.results.solution import Solution
-from contact_locking.shapes.distance import Distance, MovedDistance
 from contact_locking.shapes.faceted import FacetedFoundation
-from contact_locking.shapes.shape import Shape
+from contact_locking.shapes.shape import Distance, MovedDistance, Shape
 from contact_locking.view.pictures.snapshot import ContactMap, Snapshot, drawn_tool
 
 # Nodes of a cell of degree 2: first the corners, then the middles of the edges in the order of

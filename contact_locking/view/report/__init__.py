@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from contact_locking.errors import InputError, explained
 from contact_locking.files.atomic import remove_abandoned, staging
 from contact_locking.plain_text import defect
-from contact_locking.results.names import CHARTS, PAGE
+from contact_locking.results.folder import CHARTS, PAGE
 
 if TYPE_CHECKING:
     from .page import Chart

@@ -12,11 +12,11 @@ import numpy as np
 from contact_locking._version import __version__
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.results import names
+from contact_locking.results import folder as names
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.quantities import look_up
 from contact_locking.results.table import Table
-from contact_locking.running.studies.cases import case_folder, read_mapping
+from contact_locking.running.cases import case_folder, read_mapping
 
 Row = dict[str, Any]
 

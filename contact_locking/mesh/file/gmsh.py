@@ -1,0 +1,299 @@
+"""A mesh file as arrays, read by Gmsh in a process of its own, and the arrays of a mesh in Gmsh.
+
+A damaged file can crash Gmsh.  In this process the crash would end all ranks.  Gmsh runs a file
+that is not a mesh as a Gmsh script, which can start programs.  For some endings of the name Gmsh
+starts programs whatever the file holds, and it passes the names of compressed files to a shell.  A
+file must therefore begin like a mesh, and Gmsh reads a copy with a fixed name in a folder of its
+own.  The process runs this module.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from contact_locking.arrays import IntArray
+from contact_locking.errors import InputError
+from contact_locking.files.readable import require_file
+from contact_locking.mesh.cell_kind import KINDS, CellKind
+from contact_locking.mesh.file.abaqus import ENDINGS
+from contact_locking.mesh.file.data import ONE_KIND, MeshData, MeshElements
+from contact_locking.meshes import empty_model
+
+_FLAT = 1e-12  # of the largest coordinate
+# The name of all cells where none has a group.
+_WHOLE = "body"
+
+
+def extract(model: Any, origin: str) -> MeshData:
+    """The points, the cells and the facets of a model.
+
+    Cells of second order are read by their corners.  Raises InputError, where ``origin`` names the
+    mesh, unless the cells are of one kind, and those of a body in 2D in a plane z = constant.
+    Cells without any group are one.
+    """
+    dim = max((d for d, _ in model.getEntities()), default=0)
+    if dim < 2:
+        raise InputError(f"{origin} is a {dim}D mesh; a body in 2D or 3D is needed")
+    if not len(model.mesh.getElementTypes(dim)):
+        raise InputError(f"{origin} holds no cells of dimension {dim}; generate the mesh")
+    numbers, coordinates, _ = model.mesh.getNodes()
+    order = np.argsort(numbers)
+    numbers = numbers[order].astype(np.int64)
+    points = coordinates.reshape(-1, 3)[order]
+    found = [int(number) for number in model.mesh.getElementTypes(dim)]
+    if len(found) > 1:
+        names = [model.mesh.getElementProperties(number)[0].lower() for number in found]
+        raise InputError(f"{origin} has cells of several kinds ({', '.join(names)}); {ONE_KIND}")
+    kind = _kind_of(model, found[0])
+    if kind is None:
+        raise _unsupported(model, origin, found[0], model.mesh.getElements(dim)[1][0][0])
+    cells, facets = (_elements(model, k, numbers, origin) for k in (kind, kind.facet))
+    if dim == 2:
+        height = points[0, 2]
+        off = np.abs(points[:, 2] - height) > _FLAT * np.abs(points).max()
+        if off.any():
+            first = int(np.argmax(off))
+            raise InputError(
+                f"{origin} is a surface in space; a 2D body lies in a plane z = constant, and node "
+                f"{numbers[0]} has z = {height:g}, node {numbers[first]} z = {points[first, 2]:g}"
+            )
+    if facets.names.keys() & {""} or cells.names.keys() & {""}:
+        raise InputError(f"{origin} has a physical group with an empty name")
+    if not cells.names:
+        ones = np.ones_like(cells.groups)
+        cells = MeshElements(cells.nodes, cells.numbers, ones, {_WHOLE: (1,)})
+    mesh = MeshData(dim, np.ascontiguousarray(points[:, :dim]), numbers, cells, facets)
+    return mesh if found[0] == kind.gmsh else _with_straight_sides(mesh)
+
+
+def _with_straight_sides(mesh: MeshData) -> MeshData:
+    """The mesh of the corners of elements of second order, without their other nodes."""
+    parts = (mesh.cells, mesh.facets)
+    kept = np.unique(np.concatenate([elements.nodes.reshape(-1) for elements in parts]))
+    cells, facets = (
+        replace(elements, nodes=np.searchsorted(kept, elements.nodes)) for elements in parts
+    )
+    told = "its cells are of second order: their corners alone are taken, with straight sides"
+    return MeshData(mesh.dim, mesh.points[kept], mesh.numbers[kept], cells, facets, (told,))
+
+
+def _kind_of(model: Any, number: int) -> CellKind | None:
+    """The kind of elements of this number in Gmsh, None beyond the second order."""
+    _, dim, order, _, _, corners = model.mesh.getElementProperties(number)
+    return KINDS.get((dim, corners)) if order <= 2 else None
+
+
+def _elements(model: Any, kind: CellKind, node_numbers: IntArray, origin: str) -> MeshElements:
+    """The elements of one kind: group after group, then the elements without a group.
+
+    A facet is there once for each of its groups.  Raises InputError for elements of the dimension
+    and another kind.
+    """
+    dim, order = kind.dim, list(kind.gmsh_order)
+    names: dict[str, tuple[int, ...]] = {}
+    owner: dict[int, str] = {}
+    nodes: list[IntArray] = [np.empty((0, kind.corners), dtype=np.int64)]
+    numbers: list[IntArray] = [np.empty(0, dtype=np.int64)]
+    groups: list[IntArray] = [np.empty(0, dtype=np.int64)]
+
+    def add(entity: int, group: int) -> None:
+        for number, tags, corners in zip(*model.mesh.getElements(dim, entity), strict=True):
+            if _kind_of(model, number) is not kind:
+                raise _unsupported(model, origin, number, tags[0])
+            numbers.append(tags.astype(np.int64))
+            rows = np.searchsorted(node_numbers, corners.astype(np.int64))
+            # The corners come first.
+            nodes.append(rows.reshape(len(tags), -1)[:, order])
+            groups.append(np.full(len(tags), group, dtype=np.int64))
+
+    for _, tag in model.getPhysicalGroups(dim):
+        name = _name(model, dim, tag, origin)
+        if name in names:
+            raise InputError(f"{origin} has two physical groups of dimension {dim} named {name!r}")
+        names[name] = (int(tag),)
+        for entity in map(int, model.getEntitiesForPhysicalGroup(dim, tag)):
+            if entity in owner and dim == model.getDimension():
+                raise InputError(
+                    f"{origin}: physical groups {owner[entity]!r} and {name!r} share an entity; "
+                    "let each region have one name"
+                )
+            owner[entity] = name
+            add(entity, int(tag))
+    for _, entity in model.getEntities(dim):
+        if int(entity) not in owner:
+            add(int(entity), 0)
+    return MeshElements(
+        np.concatenate(nodes), np.concatenate(numbers), np.concatenate(groups), names
+    )
+
+
+def _unsupported(model: Any, origin: str, number: int, element: int) -> InputError:
+    """Why elements of this number in Gmsh are not read, and the way out."""
+    shape = model.mesh.getElementProperties(number)[0]
+    return InputError(
+        f"{origin}: element {element} is a {shape} in Gmsh's words; cells are of first or second "
+        f"order (gmsh.model.mesh.setOrder(1) before the mesh is saved), and {ONE_KIND}"
+    )
+
+
+def _name(model: Any, dim: int, tag: int, origin: str) -> str:
+    try:
+        name = model.getPhysicalName(dim, tag) or str(tag)
+    except UnicodeDecodeError:
+        raise InputError(
+            f"{origin}: the name of physical group {tag} of dimension {dim} is not in UTF-8"
+        ) from None
+    # Names are printed, and terminals read some characters as commands.
+    if not name.isprintable():
+        raise InputError(
+            f"{origin}: the name of a physical group holds characters that cannot be printed: "
+            f"{name!a}"
+        )
+    return str(name)
+
+
+# No mesh takes Gmsh so many seconds of the processor.
+_LONGEST = 3600
+
+
+def limit_process() -> None:
+    """Let this process have the memory of the machine, and an hour of its processor, at most."""
+    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    for kind, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, _LONGEST)):
+        soft, hard = resource.getrlimit(kind)
+        limits = [limit for limit in (most, soft, hard) if limit != resource.RLIM_INFINITY]
+        resource.setrlimit(kind, (min(limits), hard))
+
+
+def main(source: str, target: str, origin: str) -> int:
+    """Read the mesh in ``source`` and save its arrays in ``target``; returns the exit code.
+
+    ``origin`` names the mesh for messages.  The message of an InputError is printed.
+    """
+    import gmsh
+
+    try:
+        with empty_model() as model:
+            try:
+                gmsh.merge(source)
+            except Exception as error:  # Gmsh raises Exception itself
+                said = str(error).replace(source, origin)
+                raise InputError(f"Gmsh cannot read {origin}: {said}") from error
+            extract(model, origin).save(Path(target))
+    except InputError as error:
+        sys.stdout.buffer.write(str(error).encode("utf-8", errors="backslashreplace"))
+        return error.exit_code
+    return 0
+
+
+if __name__ == "__main__":
+    limit_process()
+    sys.exit(main(*sys.argv[1:]))
+
+
+# The first two lines of a mesh: "$MeshFormat", then version, 0 (text) or 1 (binary), and size.
+_BEGIN = re.compile(rb"\$MeshFormat[ \t]*\r?\n[ \t]*(\d+(?:\.\d+)?)[ \t]+[01][ \t]+\d+[ \t]*\r?\n")
+_BEGIN_LENGTH = 200
+_VERSIONS = ("2", "2.1", "2.2", "4", "4.0", "4.1")
+
+
+@contextmanager
+def trusted_copy(path: Path) -> Iterator[Path]:
+    """A copy of the mesh file that Gmsh can read as a mesh only; it lasts until the block ends.
+
+    Raises InputError unless the path is a file in Gmsh's mesh format (MSH 2 or 4).
+    """
+    require_file(path)
+    with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
+        copy = Path(folder, "mesh.msh")
+        with path.open("rb") as source, copy.open("wb") as target:
+            _check_begin(source, path)
+            shutil.copyfileobj(source, target, 1 << 20)
+        yield copy
+
+
+def _check_begin(stream: BinaryIO, path: Path) -> None:
+    begin = stream.read(_BEGIN_LENGTH)
+    stream.seek(0)
+    found = _BEGIN.match(begin)
+    if found is None and path.suffix.lower() in ENDINGS:
+        made = path.with_suffix(".msh")
+        raise InputError(
+            f"{path} is a mesh of another program; this writes one that is read: "
+            f"contact-locking mesh {path} -o {made}"
+        )
+    if found is None:
+        raise InputError(
+            f"{path} is not a mesh in Gmsh's format, which begins with the line $MeshFormat; "
+            "in Gmsh, save the mesh as .msh (File > Export, or gmsh.write); a .geo script is not "
+            "run here, as it can start programs"
+        )
+    version = found[1].decode()
+    if version not in _VERSIONS:
+        raise InputError(
+            f"{path} is in version {version} of Gmsh's mesh format; 2.2, 4.0 and 4.1 can be read "
+            "(Mesh.MshFileVersion in Gmsh)"
+        )
+
+
+_PROGRAM = "contact_locking.mesh.file.gmsh"
+# With these environment variables of an MPI launcher the new process would count as a rank.
+_LAUNCHERS = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_LOCAL", "HYDRA_")
+_MESSAGE_TAIL = 300
+
+
+def read(path: Path) -> MeshData:
+    """The arrays of a mesh file, not checked yet; for one process.
+
+    Raises InputError with the name of the file if it is not a mesh or cannot be read.
+    """
+    with trusted_copy(path) as copy:
+        target = copy.with_name("arrays.npz")
+        words = [sys.executable, "-P", "-m", _PROGRAM, str(copy), str(target), str(path)]
+        done = subprocess.run(
+            words,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            cwd=copy.parent,
+            env=_environment(),
+            check=False,
+        )
+        said = done.stdout.decode("utf-8", errors="replace").strip()
+        if done.returncode == InputError.exit_code and said:
+            raise InputError(said)
+        if done.returncode != 0:
+            last = done.stderr.decode("utf-8", errors="replace").strip()[-_MESSAGE_TAIL:]
+            raise InputError(
+                f"Gmsh cannot read {path}: it {_end(done.returncode)}"
+                f"{' and said: ' if last else ''}{' '.join(last.split())}"
+            )
+        return MeshData.load(target)
+
+
+def _environment() -> dict[str, str]:
+    """The environment of this process without the MPI launcher, with this package in the path."""
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(_LAUNCHERS)}
+    home = str(Path(__file__).resolve().parents[3])
+    paths = [home, *map(os.path.abspath, kept.get("PYTHONPATH", home).split(os.pathsep))]
+    return {**kept, "PYTHONPATH": os.pathsep.join(paths)}
+
+
+def _end(code: int) -> str:
+    if -code in list(signal.Signals):
+        hint = ", perhaps for want of memory" if -code == signal.SIGKILL else ""
+        return f"crashed ({signal.Signals(-code).name}{hint})"
+    return f"ended with exit code {code}"

@@ -1,0 +1,203 @@
+"""Named parts of the boundary: by place, the skins of the bodies, and a table of all groups."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from dolfinx import mesh as dmesh
+
+from contact_locking import _compat
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from contact_locking.errors import InputError
+from contact_locking.mesh.cell_kind import components, measures
+from contact_locking.mesh.distribution import marked_facets
+from contact_locking.mesh.domain import Domain, is_on_axis, tags_of
+from contact_locking.parallel import on_any_rank
+
+# A skin encloses a body if the body is thicker than this share of its length.
+_THIN = 1e-9
+
+
+@dataclass(frozen=True)
+class Skins:
+    """The skins of the bodies: parts of the boundary whose facets are joined, by edges in 3D.
+
+    ``facets`` (k,) are the owned facets of the boundary, ``numbers`` (k,) those of their skins,
+    ``normals`` (k, d) and ``areas`` (k,) as :meth:`Domain.area_normals`.  ``is_inner`` (s,) marks
+    the skins that enclose no body: ``int x . nu <= 0``, as of a cavity or a crack.  A cavity that a
+    plane of symmetry cuts is a part of the outer skin; one on the axis of a body of revolution is a
+    skin, as the axis is no boundary.
+    """
+
+    facets: IndexArray
+    numbers: IntArray
+    normals: FloatArray
+    areas: FloatArray
+    is_inner: BoolArray
+
+    @classmethod
+    def of(cls, domain: Domain) -> Skins:
+        """The skins of a domain; collective."""
+        mesh, comm, dim = domain.mesh, domain.comm, domain.dim
+        for other in (dim - 2, dim):
+            mesh.topology.create_connectivity(dim - 1, other)
+        facets = np.asarray(dmesh.exterior_facet_indices(mesh.topology), dtype=np.int32)
+        facets = facets[facets < mesh.topology.index_map(dim - 1).size_local]
+        nodes = mesh.geometry.x[_compat.entities_to_geometry(mesh, dim - 1, facets), :dim]
+        if domain.axisymmetric:
+            on_axis = is_on_axis(domain, nodes.reshape(-1, dim).T)
+            kept = ~on_axis.reshape(nodes.shape[:2]).all(axis=1)
+            facets, nodes = facets[kept], nodes[kept]
+        ends = mesh.topology.connectivity(dim - 1, dim - 2).array
+        ends = ends.reshape(-1, 2 if dim == 2 else domain.kind.facet.corners)[facets]
+        ridges = mesh.topology.index_map(dim - 2).local_to_global(ends.reshape(-1))
+        numbers = _joined(np.concatenate(comm.allgather(ridges.reshape(ends.shape))))
+        own = numbers[sum(comm.allgather(len(facets))[: comm.rank]) :][: len(facets)]
+        normals, areas = domain.area_normals(facets)
+        # A skin is closed, or ends on the axis, where x = 0: the origin changes nothing.
+        middle = domain.bounding_box.mean(axis=0)
+        middle[0] *= not domain.axisymmetric
+        heights = np.sum((nodes.mean(axis=1) - middle) * normals, axis=1)
+        count = int(numbers.max(initial=-1)) + 1
+        inside, size = (
+            comm.allreduce(np.bincount(own, values, count)) for values in (heights, areas)
+        )
+        return cls(facets, own, normals, areas, inside <= _THIN * domain.extent * size)
+
+    def of_kind(self, kind: str) -> IndexArray:
+        """The owned facets of the skins of a kind, inner or outer."""
+        return self.facets[self.is_inner[self.numbers] == (kind == "inner")]
+
+
+def _joined(ridges: IntArray) -> IntArray:
+    """The component (k,) of each facet with the ridges (k, n)."""
+    count, (names, rows) = len(ridges), np.unique(ridges, return_inverse=True)
+    facets = np.repeat(np.arange(count), ridges.shape[1])
+    pairs = np.column_stack([facets, count + rows.reshape(-1)])
+    return components(pairs, count + len(names))[1][:count]
+
+
+# A point is on a plane, or in a box, up to this share of the size of the body.
+_ON_PLANE = 1e-6
+# The points of a facet are its centre and its corners, which are pulled towards the centre by this
+# share: a facet up to x = 1 is in x < 1.
+_PULLED = 1e-6
+# A facet faces a direction if the cosine between its normal and the direction is above this.
+_ALONG = 1e-6
+_NO_SKIN = (
+    "; a cavity that is open, or that a plane of symmetry cuts, belongs to the outer skin: name it "
+    "by a box, a plane or the direction that it is facing"
+)
+
+
+def with_parts(domain: Domain, places: Mapping[str, Any], key: str) -> Domain:
+    """The domain with more boundary parts, each of which may name those before it; collective.
+
+    A place ``holds`` points (d, k), the corners and the centre of its facets, up to a rounding.  It
+    may be ``on`` named parts, have a vector ``facing`` along which the mean outward normals have a
+    positive component, and be on the inner or outer ``skin`` of a body.
+    Raises InputError, with the name behind ``key``, for a part without facets and for a name that
+    the mesh has already.
+    """
+    mesh, dim = domain.mesh, domain.dim
+    marks = {name: marked_facets(mesh, domain.facets((name,))) for name in domain.facet_names}
+    mesh.topology.create_connectivity(dim - 1, dim)
+    outside = marked_facets(mesh, np.asarray(dmesh.exterior_facet_indices(mesh.topology)))
+    every = np.flatnonzero(outside).astype(np.int32)
+    corners = mesh.geometry.x[_compat.entities_to_geometry(mesh, dim - 1, every), :dim]
+    centres = corners.mean(axis=1, keepdims=True)
+    points = np.concatenate([corners + _PULLED * (centres - corners), centres], axis=1)
+    rounding = _ON_PLANE * float(np.ptp(domain.bounding_box, axis=0).max())
+    for name, place in places.items():
+        own = f"{key}.{name}"
+        if name in marks:
+            raise InputError(f"{domain.origin} has a boundary part with this name already", own)
+        held = place.holds(points.reshape(-1, dim).T, rounding)
+        found = held.reshape(points.shape[:2]).all(axis=1)
+        if place.facing is not None:
+            normals, areas = domain.area_normals(every)
+            found &= normals @ place.facing > _ALONG * np.linalg.norm(place.facing) * areas
+        if place.skin is not None:
+            found &= marked_facets(mesh, Skins.of(domain).of_kind(place.skin))[every]
+        marks[name] = np.zeros_like(outside)
+        marks[name][every] = found
+        if place.on:
+            domain.require_names(place.on, marks, f"{own}.on")
+            marks[name] &= np.any([marks[part] for part in place.on], axis=0)
+        if not on_any_rank(mesh.comm, bool(marks[name].any())):
+            low, high = (domain.where(end) for end in domain.bounding_box)
+            skin = "" if place.skin is None else _NO_SKIN
+            raise InputError(
+                f"catches no facet of the boundary, which is between {low} and {high}{skin}", own
+            )
+    tags, names = tags_of(mesh, marks)
+    return dataclasses.replace(domain, facet_tags=tags, facet_names=names)
+
+
+# A boundary part is plane if the mean normal is longer, and closed if the mean normal is shorter.
+_FLAT, _CLOSED = 1.0 - 1e-6, 1e-2
+
+
+@dataclass(frozen=True)
+class Group:
+    """A group: the number of its cells or facets, their measure, and the mean outward normal.
+
+    The mean normal ``int nu / int 1`` of a boundary part is a unit vector for a plane part, shorter
+    for a curved part, and zero for a closed part.  A region has none.
+    """
+
+    name: str
+    dim: int
+    count: int
+    measure: float
+    normal: tuple[float, ...] | None = None
+
+    def facing(self) -> str:
+        """The mean normal in words; empty for a region."""
+        if self.normal is None:
+            return ""
+        length = float(np.linalg.norm(self.normal))
+        if length < _CLOSED:
+            return "all ways (closed)"
+        shown = ", ".join(f"{x:.3g}" for x in np.round(self.normal, 9) + 0.0)
+        return f"({shown}){'' if length > _FLAT else ' (curved)'}"
+
+
+def groups(domain: Domain) -> list[Group]:
+    """The regions, then the boundary parts, sorted by name; collective."""
+    dim = domain.dim
+    cells = [_region(domain, name) for name in sorted(domain.cell_names)]
+    return cells + [_boundary(domain, name, dim - 1) for name in sorted(domain.facet_names)]
+
+
+def group_table(rows: list[Group]) -> list[tuple[str, str, str, str, str]]:
+    """The groups as rows of text below a row of titles."""
+    kinds = {1: "length", 2: "area", 3: "volume"}
+    titles = ("group", "dimension", "entities", "measure", "mean outward normal")
+    return [titles] + [
+        (r.name, str(r.dim), str(r.count), f"{kinds[r.dim]} {r.measure:.6g}", r.facing())
+        for r in rows
+    ]
+
+
+def _region(domain: Domain, name: str) -> Group:
+    cells = domain.cells(name)
+    cells = cells[cells < domain.mesh.topology.index_map(domain.dim).size_local]
+    corners = domain.mesh.geometry.x[_compat.cell_corners(domain.mesh)[cells], : domain.dim]
+    local = len(cells), float(measures(domain.kind, corners).sum())
+    count, measure = (domain.comm.allreduce(x) for x in local)
+    return Group(name, domain.dim, count, measure)
+
+
+def _boundary(domain: Domain, name: str, dim: int) -> Group:
+    facets = domain.facets((name,))
+    facets = facets[facets < domain.mesh.topology.index_map(dim).size_local]
+    normals, areas = domain.area_normals(facets)
+    count, measure, total = (
+        domain.comm.allreduce(x) for x in (len(facets), float(areas.sum()), normals.sum(axis=0))
+    )
+    return Group(name, dim, count, measure, tuple(float(x) for x in total / measure))

@@ -1,0 +1,255 @@
+"""The rigid motions of the body, and those that conditions and contacts leave free, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+
+import numpy as np
+from dolfinx import fem
+
+from contact_locking.arrays import AXES, BoolArray, FloatArray
+from contact_locking.contact.nodal_contact import BoundsInForce, NodalContact
+from contact_locking.contact.travel import Travel
+from contact_locking.mesh.distribution import marked
+from contact_locking.mesh.domain import Domain
+from contact_locking.supports.conditions import Constraints
+
+# Motions whose share of a Gram matrix of all motions is less are none.
+_NONE = 1e-12
+# The share of prescribed values that rounding may take from a rigid motion.
+_STRAINED = 1e-12
+
+# A part of a motion below this share of the rest is left out of the words.
+_SHARE = 0.2
+# Coordinates below this share of the size of the body are zero.
+_ROUNDING = 1e-6
+
+
+def rigid_motions(
+    space: fem.FunctionSpace, axisymmetric: bool = False, centre: FloatArray | float = 0.0
+) -> FloatArray:
+    """The translations and the rotations about a centre, as values at the local dofs.
+
+    The shape is (3, k) in 2D and (6, k) in 3D, with the k local dofs, ghosts included.  An
+    axisymmetric body has one rigid motion, the translation along its axis.
+    """
+    x = space.tabulate_dof_coordinates() - centre
+    dim = space.mesh.topology.dim
+    motions = np.zeros((dim + dim * (dim - 1) // 2, len(x), dim))
+    for i in range(dim):
+        motions[i, :, i] = 1.0
+    pairs = [(i, j) for i in range(dim) for j in range(i + 1, dim)]
+    for k, (i, j) in enumerate(pairs):
+        motions[dim + k, :, i] = -x[:, j]
+        motions[dim + k, :, j] = x[:, i]
+    if axisymmetric:
+        motions = motions[1:2]
+    return motions.reshape(len(motions), -1)
+
+
+def free_motions(
+    domain: Domain, space: fem.FunctionSpace, constraints: Constraints, part: BoolArray
+) -> FloatArray:
+    """Coefficients (m, f) of the f rigid motions that the conditions leave free; collective.
+
+    The conditions are those of one part of the body; ``part`` marks the local dofs of the part.
+    """
+    motions = rigid_motions(space, domain.axisymmetric)
+    owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    held = constraints.dofs[constraints.dofs < owned]
+    fixed = motions[:, held[part[held]]]
+    everything = motions[:, :owned][:, part[:owned]]
+    directions = constraints.directions
+    if constraints.oblique:
+        # The component conditions count at their nodes already.
+        along = np.array([directions.part_of(motion * part)[:owned] for motion in motions])
+        along[:, held] = 0.0
+        fixed = np.column_stack([fixed, along])
+    gram = domain.comm.allreduce(fixed @ fixed.T)
+    # A rotation about the origin has large values far away.
+    return null_motions(gram, domain.comm.allreduce(np.sum(everything**2, axis=1)))
+
+
+def null_motions(gram: FloatArray, sizes: FloatArray) -> FloatArray:
+    """Coefficients (m, f) of the f motions for which a Gram matrix (m, m) vanishes.
+
+    ``sizes`` (m,) are the squared norms by which the motions are scaled.
+    """
+    scale = 1.0 / np.sqrt(np.where(sizes > 0.0, sizes, 1.0))
+    values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
+    return np.asarray(scale[:, None] * vectors[:, values <= _NONE])
+
+
+def dofs_of(domain: Domain, space: fem.FunctionSpace, part: int) -> BoolArray:
+    """The local dofs of a part's cells, ghosts included; collective."""
+    dofmap = space.dofmap
+    # A rank may have a node of the part without a cell of the part.
+    marks = marked(dofmap.index_map, dofmap.list[np.flatnonzero(domain.parts == part)])
+    return np.repeat(marks, dofmap.index_map_bs)
+
+
+def prescribed_motion(constraints: Constraints, values: FloatArray) -> FloatArray | None:
+    """The rigid motion that prescribed values make, None if they strain the body; collective.
+
+    ``values`` (k,) is a displacement with the prescribed values, and the motion (k,) has values at
+    all local dofs.  A motion that the conditions leave free is not in it.
+    """
+    space, comm = constraints.space, constraints.space.mesh.comm
+    size = space.dofmap.index_map_bs
+    owned = space.dofmap.index_map.size_local * size
+
+    def held_part(displacement: FloatArray) -> FloatArray:
+        return constraints.held_part(displacement[:owned]).reshape(-1, size)
+
+    nodes = np.flatnonzero(np.any(held_part(np.ones(owned)), axis=1))
+    held_at = space.tabulate_dof_coordinates()[nodes]
+    # About the centre of what is held, so that one held node asks for no rotation.
+    total = comm.allreduce(np.append(held_at.sum(axis=0), len(held_at)))
+    centre = total[:3] / max(total[3], 1.0)
+    motions = rigid_motions(space, centre=centre)
+    asked = [held_part(motion)[nodes].reshape(-1) for motion in (*motions, values)]
+    local = np.linalg.qr(np.column_stack(asked), mode="r")
+    *columns, aim = np.vstack(comm.allgather(local)).T
+    # The least of the motions that fit turns with the body: rotations count by their displacements.
+    local_square = float(np.sum((held_at - centre) ** 2))
+    length = np.sqrt(comm.allreduce(local_square) / max(total[3], 1.0)) or 1.0
+    scale = np.where(np.arange(len(columns)) < size, 1.0, length)
+    scaled = np.column_stack(columns) / scale
+    found = np.linalg.lstsq(scaled, aim, rcond=1e-10)[0]
+    if np.linalg.norm(scaled @ found - aim) > _STRAINED * np.linalg.norm(aim):
+        return None
+    return np.asarray((found / scale) @ motions)
+
+
+def spin(motion: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The velocity of the origin (3,) and the spin (3,) of a rigid motion.
+
+    ``motion`` are the coefficients of :func:`rigid_motions`:
+    translations, then the rotations in the planes of the axes (x, y), (x, z) and (y, z).
+    """
+    if len(motion) == 1:
+        return np.array([0.0, motion[0], 0.0]), np.zeros(3)
+    if len(motion) == 3:
+        return np.array([*motion[:2], 0.0]), np.array([0.0, 0.0, motion[2]])
+    return np.asarray(motion[:3]), np.array([motion[5], -motion[4], motion[3]])
+
+
+def describe_motion(motion: FloatArray, box: FloatArray) -> str:
+    """A rigid motion in words, with the place of its axis for a rotation.
+
+    ``motion`` (3 or 6 coefficients, 1 of an axisymmetric body) is as in :func:`spin`, and ``box``
+    (2, d) are the least and greatest coordinates of the body.
+    """
+    if len(motion) == 1:
+        return "translation along y, the axis"
+    dim = box.shape[1]
+    at_origin, turn = spin(motion)
+    middle, size = np.zeros(3), float(np.linalg.norm(np.ptp(box, axis=0)))
+    middle[:dim] = box.mean(axis=0)
+    moved = at_origin + np.cross(turn, middle)
+    rate = float(np.linalg.norm(turn))
+    if 0.5 * size * rate < _SHARE * np.linalg.norm(moved):
+        return f"translation along {axes_of(moved)}"
+    along = moved @ turn / rate**2 * turn
+    place = middle + np.cross(turn, moved) / rate**2
+    if dim == 2:
+        return f"rotation about {point(place[:2], size)}"
+    words = f"rotation about the line along {axes_of(turn)} through {point(place, size)}"
+    if np.linalg.norm(along) < _SHARE * 0.5 * size * rate:
+        return words
+    return f"translation along {axes_of(along)} with {words}"
+
+
+def point(place: Iterable[float], size: float) -> str:
+    """A point of a body of some size, to five digits: (40, 0)."""
+    shown = [0.0 if abs(x) < _ROUNDING * size else x for x in place]
+    return "(" + ", ".join(f"{x:.5g}" for x in shown) + ")"
+
+
+def axes_of(direction: FloatArray) -> str:
+    """The axes along which a direction has a part: x and y."""
+    share = np.abs(direction) / np.abs(direction).max()
+    return " and ".join(axis for axis, part in zip(AXES, share, strict=False) if part > _SHARE)
+
+
+class MotionsAtContact:
+    """Rigid motions at the owned nodes of one contact on some parts of the body.
+
+    They are relative to the contact's tool, or to the body that it touches.  ``own`` marks the
+    nodes among those of the contact.
+    """
+
+    def __init__(
+        self,
+        contact: NodalContact,
+        motions: FloatArray,
+        part: BoolArray,
+        tools: Sequence[Travel],
+    ) -> None:
+        self.contact, self.own = contact, contact.surface.is_of(part)
+        surface, dim = contact.surface, contact.surface.domain.dim
+        at_nodes = np.array([surface.of_motion(motion) for motion in motions])
+        of_body = at_nodes.reshape(len(motions), len(self.own), dim)[:, self.own]
+        of_tools = np.zeros((len(tools), *of_body.shape[1:]))
+        for number, tool in enumerate(tools):
+            if tool.contact is contact:
+                of_tools[number] = -tool.direction
+        self._motions = np.concatenate([of_body, of_tools])
+        #: The normal components (k, f).
+        self.normals = np.einsum("fkd,kd->kf", self._motions, contact.normals[self.own])
+
+    def gram(self) -> FloatArray:
+        """The products (f, f) of the motions, summed over the nodes of this rank."""
+        return np.asarray(np.einsum("fkd,gkd->fg", self._motions, self._motions))
+
+    def tangents(self) -> FloatArray:
+        """The tangential components (k d, f) at the nodes with friction."""
+        rows = 0 if self.contact.friction.frictionless else len(self.normals)
+        along = self._along[:, :rows]
+        return along.reshape(len(along), -1).T
+
+    def knows_friction(self) -> bool:
+        """Whether the bound at any pressure p >= 0 is known before a solve; collective.
+
+        It is ``mu R p >= 0`` with a mu that does not depend on the slip, by the word of the law,
+        and with an R that has no negative entry.
+        """
+        bound = self.contact.friction
+        if bound.frictionless:
+            return True
+        return bound.is_coulomb and not bound.depends_on_slip and bound.smoothing.is_positive()
+
+    def largest_coefficient(self) -> float:
+        """The largest mu at the nodes of this rank, without slip; collective."""
+        mu = self.contact.friction.coefficient(np.zeros(len(self.own)))
+        return float(np.max(mu[self.own], initial=0.0))
+
+    def resistance(self, motion: FloatArray) -> FloatArray:
+        """The derivative (k, f) of ``c_nu + R* (mu |c_tau|)`` at a motion (f,); collective."""
+        contact = self.contact
+        if contact.friction.frictionless:
+            return self.normals
+        mu = contact.friction.coefficient(np.zeros(len(self.own))) * contact.free
+        rubbed = np.zeros((len(motion), len(self.own)))
+        rubbed[:, self.own] = self._towards(motion)
+        taken = np.array([contact.friction.smoothing.adjoint(mu * row) for row in rubbed])
+        return np.asarray(self.normals + taken[:, self.own].T)
+
+    def rub(self, motion: FloatArray, bounds: BoundsInForce) -> FloatArray:
+        """The derivative (f,) of ``int G |c_tau|`` at a motion c (f,), local."""
+        work = self.contact.surface.weights * bounds[self.contact]
+        return self._towards(motion) @ work[self.own]
+
+    @cached_property
+    def _along(self) -> FloatArray:
+        """The tangential parts (f, k, d)."""
+        normals = self.contact.normals[self.own]
+        return self._motions - np.einsum("kf,kd->fkd", self.normals, normals)
+
+    def _towards(self, motion: FloatArray) -> FloatArray:
+        """The derivative (f, k) of ``|c_tau|`` at a motion (f,)."""
+        slip = np.einsum("fkd,f->kd", self._along, motion)
+        size = np.linalg.norm(slip, axis=1)
+        unit = slip / np.where(size > 0.0, size, 1.0)[:, None]
+        return np.asarray(np.einsum("fkd,kd->fk", self._along, unit))

@@ -1,0 +1,509 @@
+"""How displacement conditions, springs and contact hold every connected part of the body."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import ufl
+from dolfinx import fem, la
+
+from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.errors import InputError
+from contact_locking.fem.compiled import JointForm
+from contact_locking.mesh.domain import Domain
+from contact_locking.parallel import maximum, on_every_rank
+from contact_locking.problem import forms
+from contact_locking.problem.motions import (
+    MotionsAtContact,
+    axes_of,
+    describe_motion,
+    dofs_of,
+    free_motions,
+    null_motions,
+    rigid_motions,
+    spin,
+)
+from contact_locking.problem.programmes import (
+    driven_motion,
+    loose_motion,
+    sliding_motions,
+    unheld_motion,
+)
+from contact_locking.problem.springs import Springs, motions_past
+from contact_locking.supports.conditions import Constraints
+
+# A push that is less than this share of all work and all motion is rounding.
+_DIGITS = 1e-12
+# A push that exceeds what friction holds by less than this share does not prove a slide.
+_ROUNDING = 1e-6
+# The linear programmes see no smaller coefficient.
+_LEAST_MU = 1e-9
+# The same of a friction bound that a solver reached and did not settle.
+_REACHED = 1e-3
+
+
+class GroupMotions:
+    """The f rigid motions of parts that touch each other, and of tools that press on them alone.
+
+    ``parts`` has the name of each part with the coefficients (m, .) of its free motions, and
+    ``fields`` (g, n) the values of these motions at the local dofs, of which ``marks`` (n,) are
+    those of the parts.  Behind them, each tool has the motion along its force.  ``free`` (m, f) are
+    the coefficients of all motions of parts, zero for a tool, ``normals`` (n, f) the normal
+    components at all nodes of Gamma_C on the parts, relative to tools, and ``rubs`` (n,) marks the
+    nodes with friction.  The constructor is collective.
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        space: fem.FunctionSpace,
+        data: forms.ProblemData,
+        parts: Sequence[tuple[str, FloatArray]],
+        fields: FloatArray,
+        marks: BoolArray,
+    ) -> None:
+        self._domain, self._space, self._data = domain, space, data
+        self.parts, self._of_body, self.of_body = parts, fields, len(fields)
+        self._tools = [
+            tool
+            for tool in data.loose_tools
+            if on_every_rank(domain.comm, tool.contact.surface.is_of(marks))
+        ]
+        free = np.hstack([item for _, item in parts])
+        self.free = np.pad(free, ((0, 0), (0, len(self._tools))))
+        count = self.free.shape[1]
+        self.at_contacts = [
+            MotionsAtContact(contact, fields, marks, self._tools)
+            for contact in (data.contacts if count else ())
+        ]
+        of_contacts = [
+            np.concatenate(domain.comm.allgather(item.normals)) for item in self.at_contacts
+        ]
+        self.normals = np.vstack([np.zeros((0, count)), *of_contacts])
+        rubs = [not item.contact.friction.frictionless for item in self.at_contacts]
+        self.rubs = np.repeat(np.array(rubs, dtype=bool), [len(rows) for rows in of_contacts])
+
+    @property
+    def work(self) -> FloatArray:
+        """The work (f,) of the loads and of the present forces of tools along the motions."""
+        return np.array([*self._of_loads, *(tool.force for tool in self._tools)])
+
+    @property
+    def most_work(self) -> FloatArray:
+        """The same with the largest forces of the process."""
+        return np.array([*self._of_loads, *(tool.largest for tool in self._tools)])
+
+    @functools.cached_property
+    def _of_loads(self) -> FloatArray:
+        """The work of the loads along the motions of the part; collective."""
+        if not self.of_body:
+            return np.zeros(0)
+        dofmap = self._space.dofmap
+        loads = la.vector(dofmap.index_map, dofmap.index_map_bs)
+        work = JointForm(forms.external_work(ufl.TestFunction(self._space), self._data))
+        work.assemble_vector(loads)
+        owned = dofmap.index_map.size_local * dofmap.index_map_bs
+        own = self._of_body[:, :owned] @ loads.array[:owned]
+        return np.asarray(self._domain.comm.allreduce(own))
+
+    def require_held(self, work: FloatArray) -> None:
+        """Raise InputError if the part can move rigidly without resistance; collective.
+
+        ``work`` (f,) is the work of the loads along the motions.
+        """
+        if not self.of_body:
+            return
+        comm = self._domain.comm
+        triangles = [
+            np.linalg.qr(rows, mode="r")
+            for item in self.at_contacts
+            for rows in comm.allgather(item.tangents())
+        ]
+        tangents = np.vstack([np.zeros((0, len(work))), *triangles])
+        motion = loose_motion(self.normals, tangents, self.rubs, work)
+        if motion is None:
+            return
+        away, resultant = self._away(), self._resultant(work)
+        if away is not None and work @ away >= 0.0:
+            motion = away
+        words = self._words(motion)
+        if not len(self.normals):
+            why = "nothing holds the body"
+        elif np.abs(self.normals @ motion).max() < 1e-6 * np.abs(self.normals).max():
+            why = "it slides along the foundation"
+            if resultant is not None and np.any(resultant[0]):
+                words = f"translation along {axes_of(resultant[0])}"
+        elif resultant is not None:
+            why = "the loads tip the body over"
+        else:
+            why = "the loads do not press the body onto the foundation"
+        raise InputError(
+            "the displacement conditions leave a rigid motion free "
+            f"({words}): {why}; fix a boundary part, or a component of it, in "
+            "loads.displacements, or a direction in loads.supports",
+            "loads.displacements",
+        )
+
+    def describe_unheld(self) -> str | None:
+        """A motion that no pressure and no friction stop, with its proof in words; collective.
+
+        None if there is none, or if the friction of a contact is not known before a solve.
+        """
+        comm = self._domain.comm
+        if not self._knows_friction():
+            return None
+
+        def resistance(motion: FloatArray) -> FloatArray:
+            rows = [item.resistance(motion) for item in self.at_contacts]
+            return np.vstack([part for own in rows for part in comm.allgather(own)])
+
+        resultant = self._resultant(self.work)
+        motion = self._lifted_slide(resultant, resistance)
+        if motion is None:
+            motion = unheld_motion(self.normals, resistance, self.work)
+        if motion is None:
+            return None
+        what = "friction" if self.rubs.any() else "contact"
+        told = self._coulomb(resultant)
+        if told is None:
+            told = f"it is free to move (rigid motion: {self._words(motion)})"
+        mu = [maximum(comm, item.largest_coefficient()) for item in self.at_contacts]
+        proof = "proved on this mesh"
+        if any(0.0 < value < _LEAST_MU for value in mu):
+            proof += f", coefficients below {_LEAST_MU:g} counted as zero"
+        return f"{what} cannot hold the body, whatever the pressure ({proof}): {told}"
+
+    def _lifted_slide(
+        self,
+        resultant: tuple[FloatArray, float] | None,
+        resistance: Callable[[FloatArray], FloatArray],
+    ) -> FloatArray | None:
+        """A slide along the resultant that lifts as much as friction asks, if the loads drive it.
+
+        Collective.
+        """
+        away = self._away()
+        if away is None or resultant is None or not np.any(resultant[0]):
+            return None
+        slide = self._translation(resultant[0] / np.linalg.norm(resultant[0]))
+        lift = float(np.max(resistance(slide) @ slide, initial=0.0))
+        motion = slide + lift * away
+        return motion if self.work @ motion > _ROUNDING * float(self.work @ slide) else None
+
+    def describe_slide(self) -> str | None:
+        """Resultants that break Coulomb's law, or a motion that the present friction bound allows.
+
+        In words; collective.  The motion slides along the foundation, or else may leave it, too.
+        """
+        told = self._coulomb(self._resultant(self.work)) if self._knows_friction() else None
+        if told is not None:
+            return (
+                "friction cannot hold the body, by the resultants of the loads (no proof, as R "
+                f"moves the bound to other places): {told}"
+            )
+        return self._unstopped(sliding_motions(self.normals), self.normals[:0]) or self._unstopped(
+            np.eye(len(self.work)), self.normals
+        )
+
+    def _unstopped(self, some: FloatArray, normals: FloatArray) -> str | None:
+        """One of the motions ``some`` (f, m) with ``normals c <= 0``; collective."""
+        if not some.size:
+            return None
+        comm = self._domain.comm
+
+        def rub(motion: FloatArray) -> FloatArray:
+            none = np.zeros(len(motion))
+            rubbed = (item.rub(motion, self._data.bounds) for item in self.at_contacts)
+            return np.asarray(comm.allreduce(sum(rubbed, none)))
+
+        motion = driven_motion(some, normals, self.work, rub)
+        push, held = float(self.work @ motion), float(rub(motion) @ motion)
+        # No words for a motion of size zero, which nothing drives, or of the numbers of a solve
+        # that broke down.
+        rounding = _DIGITS * float(np.linalg.norm(self.work) * np.linalg.norm(motion))
+        if not push > held * (1.0 + _REACHED) + rounding:
+            return None
+        # A slide of length 1, or a turn by the angle 1.
+        moved, turn = spin(self._of_part(motion)[1])
+        words = self._words(motion)
+        rate = float(np.linalg.norm(moved if words.startswith("translation") else turn))
+        how = "lifts off" if len(normals) else "slides"
+        depends = any(item.contact.friction.depends_on_slip for item in self.at_contacts)
+        of_which = "the solver reached" + ", which another slip changes" * depends
+        return (
+            f"friction cannot hold the body with the friction bound that {of_which}: it {how} "
+            f"(rigid motion: {words}), which needs {push / rate:.4g}, and friction holds "
+            f"{held / rate:.4g}"
+        )
+
+    def _coulomb(self, resultant: tuple[FloatArray, float] | None) -> str | None:
+        """A resultant with ``T > mu N`` in words; collective."""
+        if resultant is None:
+            return None
+        along, pressing = resultant
+        mu = np.array([item.largest_coefficient() for item in self.at_contacts])
+        held = maximum(self._domain.comm, mu) * pressing
+        push = float(np.linalg.norm(along))
+        if push <= held * (1.0 + _ROUNDING):
+            return None
+        words = f"it slides along {axes_of(along)}, which needs {push:.4g}"
+        return f"{words}, and friction holds {held:.4g}"
+
+    def _knows_friction(self) -> bool:
+        """Whether the friction of all contacts is known before a solve; collective."""
+        return all([item.knows_friction() for item in self.at_contacts])
+
+    def _normal(self) -> FloatArray | None:
+        """The normal (d,) of the foundation of one part, None if there are several; collective."""
+        own, comm = [item.contact.normals[item.own] for item in self.at_contacts], self._domain.comm
+        every = np.concatenate([rows for part in own for rows in comm.allgather(part)] or [[]])
+        is_one = len(self.parts) == 1 and every.size and np.ptp(every, axis=0).max() <= _ROUNDING
+        return every[0] if is_one else None
+
+    def _away(self) -> FloatArray | None:
+        """The translation (f,) away from a foundation that has one normal; collective."""
+        normal = self._normal()
+        if normal is None:
+            return None
+        motion = self._translation(-normal)
+        reached = self.normals @ motion
+        return motion if np.allclose(reached, -1.0, atol=_ROUNDING) else None
+
+    def _resultant(self, work: FloatArray) -> tuple[FloatArray, float] | None:
+        """The force (d,) of the loads along the foundation, and that onto it; collective.
+
+        ``work`` (f,) is the work of the loads.  None if conditions hold some motions, if a force
+        pushes a tool, if the foundation has several normals, or if the loads do not press onto it.
+        """
+        normal, is_free = self._normal(), self.free.shape[0] == self.free.shape[1]
+        if normal is None or self._domain.axisymmetric or not is_free:
+            return None
+        force = spin(np.asarray(np.linalg.solve(self.free.T, work)))[0][: len(normal)]
+        pressing = float(force @ normal)
+        is_pressed = pressing > _ROUNDING * np.linalg.norm(force)
+        return (force - pressing * normal, pressing) if is_pressed else None
+
+    def _translation(self, direction: FloatArray) -> FloatArray:
+        """The motion (f,) nearest to a translation along a direction (d,)."""
+        # A body of revolution can move along its axis alone, which is the last direction.
+        given = direction[-1:] if self._domain.axisymmetric else direction
+        wanted = np.zeros(len(self.free))
+        wanted[: len(given)] = given
+        return np.asarray(np.linalg.lstsq(self.free, wanted)[0])
+
+    def _words(self, motion: FloatArray) -> str:
+        """A motion (f,) of the part in words; collective."""
+        name, own = self._of_part(motion)
+        words = describe_motion(own, self._domain.bounding_box)
+        return words if len(self.parts) == 1 else f"{words} of {name}"
+
+    def _of_part(self, motion: FloatArray) -> tuple[str, FloatArray]:
+        """The part that a motion (f,) moves the most, and the coefficients (m,) of its motion."""
+        ends = np.cumsum([free.shape[1] for _, free in self.parts])
+        shares = np.split(motion[: self.of_body], ends[:-1])
+        most = int(np.argmax([np.linalg.norm(share) for share in shares]))
+        name, free = self.parts[most]
+        return name, np.asarray(free @ shares[most])
+
+    def require_tools_held(self) -> None:
+        """Raise InputError if the part can move with its tools as one rigid body; collective."""
+        if not self._tools or not self.of_body:
+            return
+        local = np.sum([item.gram() for item in self.at_contacts], axis=0)
+        gram = self._domain.comm.allreduce(local)
+        sizes = np.diag(gram)
+        for motion in null_motions(gram, sizes).T:
+            moves = np.abs(motion * np.sqrt(sizes))[self.of_body :]
+            if np.any(moves > _ROUNDING):
+                raise InputError(
+                    "body and foundations can move together as one rigid body "
+                    f"({self._words(motion)}): the forces "
+                    "tell how hard the foundations press, and nothing tells where; fix a "
+                    "component on a boundary part in loads.displacements, or leave out one "
+                    "foundation.force",
+                    self._tools[0].key,
+                )
+
+
+@dataclass(frozen=True)
+class Held:
+    """A part of the body, the boundary parts that hold the part, and its free rigid motions.
+
+    ``free`` is the number of rigid motions that displacement conditions and springs leave free, and
+    ``sliding`` is the number of these motions that friction alone can stop.  ``sprung`` is the
+    number of motions that springs stop and no displacement condition does.
+    """
+
+    name: str
+    displacements: tuple[str, ...]
+    contact: tuple[str, ...]
+    supports: tuple[str, ...]
+    free: int
+    sliding: int
+    springs: tuple[str, ...] = ()
+    sprung: int = 0
+
+    def __str__(self) -> str:
+        words = []
+        if self.displacements:
+            words.append(f"displacements on {', '.join(self.displacements)}")
+        if self.supports:
+            words.append(f"supports on {', '.join(self.supports)}")
+        if self.springs:
+            words.append(f"springs on {', '.join(self.springs)}")
+        if self.contact and self.free:
+            friction = " and friction" if self.sliding else ""
+            words.append(f"contact{friction} on {', '.join(self.contact)}")
+        return " and ".join(words)
+
+
+class Rigidity:
+    """The rigid motions of each part of the body; all methods are collective.
+
+    Parts that touch each other may move together, and are judged together.
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        space: fem.FunctionSpace,
+        data: forms.ProblemData,
+        constraints: Constraints,
+    ) -> None:
+        self._domain, self._space = domain, space
+        self._data, self._constraints = data, constraints
+
+    def held(self, displacements: Sequence[str], supports: Sequence[str]) -> list[Held]:
+        """How each part is held, whatever the loads.
+
+        ``displacements`` and ``supports`` are the boundary parts that conditions hold.
+        """
+        domain, data, found = self._domain, self._data, {}
+        touching = [part for contact in data.contacts for part in (*contact.on, *contact.against)]
+        springs = [item.on for item in data.springs if isinstance(item, Springs)]
+        for group, motions in self._groups():
+            sliding = sliding_motions(motions.normals).shape[1]
+            counts = [free.shape[1] for _, free in motions.parts]
+            loosest = group[int(np.argmax(counts))]
+            for number, free in zip(group, counts, strict=True):
+                own = dofs_of(domain, self._space, number)
+                conditions = free_motions(domain, self._space, self._constraints, own)
+                found[number] = Held(
+                    domain.part_names[number],
+                    _touching(domain, number, displacements),
+                    _touching(domain, number, touching),
+                    _touching(domain, number, supports),
+                    free,
+                    # Bodies that touch each other may slide together: they count once.
+                    sliding if number == loosest else 0,
+                    _touching(domain, number, springs),
+                    conditions.shape[1] - free,
+                )
+        return [found[number] for number in sorted(found)]
+
+    def require_held(self) -> None:
+        """Raise InputError for a part that is free to move under the present loads."""
+        domain = self._domain
+        for group, motions in self._groups():
+            try:
+                motions.require_tools_held()
+                motions.require_held(motions.most_work)
+            except InputError as error:
+                if len(domain.part_names) == 1 or len(group) > 1:
+                    raise
+                shared = "edge" if domain.dim == 2 else "face"
+                name = domain.part_names[group[0]]
+                raise InputError(
+                    f"{name} is loose, as it shares no {shared} with the rest: {error}", error.key
+                ) from None
+
+    def describe_slide(self) -> str | None:
+        """A motion c that neither contact nor friction stops, in words, or None.
+
+        Three searches, for each part of the body:
+
+        - In equilibrium ``(f, c) = int p c_nu - sigma_tau . c_tau``.  Where mu does not depend on
+          the slip and R has no negative entry, this is at most ``int p (c_nu + R* (mu |c_tau|))``
+          for the pressure p >= 0.  So a motion with ``c_nu + R* (mu |c_tau|) <= 0`` at all nodes
+          and ``(f, c) > 0`` proves that there is no equilibrium on this mesh, whatever the friction
+          bound.
+        - The resultants T along and N onto a flat foundation with ``T > mu N`` break Coulomb's law
+          for the whole contact.  This proves nothing, as ``int R p`` is not ``int p``.
+        - A motion that slides or lifts off, ``c_nu <= 0``, with ``(f, c) > int G |c_tau|`` proves
+          for the present bound G alone that there is no equilibrium.
+        """
+        names = self._domain.part_names
+        for group, found in self._groups():
+            if not found.of_body:
+                continue
+            told = found.describe_unheld() or found.describe_slide()
+            if told is not None:
+                of = " and ".join(names[number] for number in group)
+                return f"{of}: {told}" if len(names) > 1 else told
+        return None
+
+    def is_unheld(self) -> bool:
+        """Whether the first search of :meth:`describe_slide` has found a motion, with its proof."""
+        return any(
+            found.of_body and found.describe_unheld() is not None for _, found in self._groups()
+        )
+
+    def describe_loose(self) -> str | None:
+        """The rigid motion that present loads and forces of tools do not resist, in words, or None.
+
+        Tools may press the body less than at other times.
+        """
+        for _, found in self._groups():
+            try:
+                found.require_held(found.work)
+            except InputError as error:
+                return str(error)
+        return None
+
+    def loose(self) -> tuple[list[FloatArray], FloatArray]:
+        """The rigid motions of each part that conditions and springs leave free.
+
+        For each part the coefficients (m, f) of its motions, and the values (g, n) of the motions
+        of all parts at the local dofs, ghosts included.
+        """
+        found = [self._of_part(number) for number in range(len(self._domain.part_names))]
+        return [free for free, _, _ in found], np.vstack([fields for _, fields, _ in found])
+
+    def _of_part(self, number: int) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """The coefficients (m, f) of the free motions of a part, their values (f, n), its dofs."""
+        domain, space = self._domain, self._space
+        own = dofs_of(domain, space, number)
+        free = free_motions(domain, space, self._constraints, own)
+        fields = (free.T @ rigid_motions(space, domain.axisymmetric)) * own
+        past = motions_past(self._data.springs, space, fields)
+        return free @ past, past.T @ fields, own
+
+    def _groups(self) -> Iterator[tuple[tuple[int, ...], GroupMotions]]:
+        """The numbers of the parts that touch each other, and their motions."""
+        domain, data = self._domain, self._data
+        groups = [{number} for number in range(len(domain.part_names))]
+        for contact in data.contacts:
+            if contact.against:
+                facets = domain.facets((*contact.on, *contact.against))
+                here = domain.comm.allgather(np.unique(domain.parts[domain.owners(facets)]))
+                joined = set(map(int, np.concatenate(here)))
+                apart = [group for group in groups if not group & joined]
+                groups = [*apart, set().union(*(group for group in groups if group & joined))]
+        for group in sorted(tuple(sorted(group)) for group in groups):
+            frees, fields, dofs = zip(*map(self._of_part, group), strict=True)
+            names = [domain.part_names[number] for number in group]
+            parts, marks = list(zip(names, frees, strict=True)), np.logical_or.reduce(dofs)
+            yield group, GroupMotions(domain, self._space, data, parts, np.vstack(fields), marks)
+
+
+def _touching(domain: Domain, part: int, names: Sequence[str]) -> tuple[str, ...]:
+    """The named boundary parts that have facets of one part of the body; collective."""
+    names = list(dict.fromkeys(names))
+    there = [
+        bool(np.any(domain.parts[domain.owners(domain.facets((name,)))] == part)) for name in names
+    ]
+    anywhere = np.any(domain.comm.allgather(there), axis=0)
+    return tuple(name for name, here in zip(names, anywhere, strict=True) if here)

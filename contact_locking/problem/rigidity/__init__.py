@@ -1,1 +1,0 @@
-"""The rigid motions of the body: which of them conditions, contact and friction stop."""

@@ -1,1 +1,0 @@
-"""Solved states in files, which any number of ranks can read on the same mesh."""
