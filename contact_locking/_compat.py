@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import importlib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,9 +17,6 @@ from dolfinx.cpp.mesh import cell_entity_type, cell_num_vertices
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray, IndexArray
-
-# Open MPI's first tag of a nonblocking collective is -27, and the last tag in question is -51.
-_TAGS = 32
 
 
 def interpolation_points(space: Any) -> FloatArray:
@@ -83,21 +78,6 @@ def point_owners(data: Any) -> IndexArray:
     return np.asarray(owners() if callable(owners) else owners)
 
 
-def checkpoint_library() -> Any:
-    """The module adios4dolfinx, or its successor io4dolfinx.
-
-    Raises ImportError where neither module works.
-    """
-    try:
-        return importlib.import_module("adios4dolfinx")
-    except ImportError as error:
-        try:
-            importlib.import_module("adios2")  # io4dolfinx would miss adios2 only as it writes
-            return importlib.import_module("io4dolfinx")
-        except ImportError:
-            raise error from None
-
-
 def petsc_option_used(name: str) -> bool:
     """Whether PETSc has asked for an option of its database.
 
@@ -129,25 +109,3 @@ def block_jacobi_follows_its_matrix() -> bool:
     for item in (preconditioner, matrix, right, inverse):
         item.destroy()
     return follows
-
-
-def prepare_communicator(comm: Any) -> None:
-    """Keep Open MPI up to 5.0.10 from hanging in the checkpoint library; collective.
-
-    MPI_Dist_graph_create uses message tags that the first nonblocking collectives of the same
-    communicator use as well (https://github.com/open-mpi/ompi/issues/13918).  After enough
-    nonblocking barriers the tags no longer coincide.
-    """
-    for _ in range(_TAGS):
-        comm.Ibarrier().Wait()
-
-
-def save_function(path: Path, function: fem.Function, name: str) -> None:
-    """Add a function to a file, in the order of the cells of the original mesh; collective."""
-    # Both libraries have these arguments.
-    checkpoint_library().write_function_on_input_mesh(path, function, time=0.0, name=name)
-
-
-def load_function(path: Path, function: fem.Function, name: str) -> None:
-    """Fill a function from a file; the same mesh may be distributed differently; collective."""
-    checkpoint_library().read_function(path, function, time=0.0, name=name)

@@ -180,17 +180,15 @@ class Process(Iterator[S]):
         before: Moment | None = None
         discrete.enter(discrete.at_rest())
         for path in paths:
-            saved, step = checkpoint.saved_step(path, discrete)
-            self._put(step.time)
-            self._halved, self.history = step.halved, step.history
-            state, energy = (
-                saved.restored(self._solver),
-                EnergyBalance.of_row(self.history.rows[-1]),
-            )
-            solution = self._solution(state, energy, step.time)
+            saved = checkpoint.read(path, discrete, is_step=True)
+            self._put(saved.time)
+            self._halved, self.history = saved.halved, saved.history
+            state = saved.restored(self._solver)
+            energy = EnergyBalance.of_row(self.history.rows[-1])
+            solution = self._solution(state, energy, saved.time)
             solution = self._with_history(solution, f"the step was read from {path}")
             yield solution
-            timeline.skip_to(step.time)
+            timeline.skip_to(saved.time)
             last, before = solution.state, Moment.of(state)
             discrete.enter(last.contacts)
         while not timeline.is_over:

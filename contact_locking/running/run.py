@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import gc
 import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -65,8 +64,6 @@ def run(
     where data cannot be used at a later time, the steps before are written first.
     """
     target, listener = Path(directory), monitor or Monitor()
-    if save_state and (missing := checkpoints.unavailable()) is not None:
-        listener.message(f"warning: no checkpoint will be saved: {missing}")
     given = None if restart is None or save_state else checkpoints.locate(restart).resolve()
     if given == checkpoints.locate(target).resolve():
         raise InputError(
@@ -76,12 +73,11 @@ def run(
     if parameters.steps is None:
         solution = solving.solve(parameters, comm, listener, petsc_options, restart)
         return solution, write(solution, target, parameters.output, save_state)
-    if checkpoints.unavailable() is None:
-        name = on_root(comm, lambda: study_file.fingerprint(parameters))
-        found = on_root_of(comm, target, lambda: saved_steps.unfinished(target, name))
-        if found and restart is None:
-            listener.message(f"going on from step {int(found[-1].name)} of an earlier run")
-            restart = target
+    name = on_root(comm, lambda: study_file.fingerprint(parameters))
+    found = on_root_of(comm, target, lambda: saved_steps.unfinished(target, name))
+    if found and restart is None:
+        listener.message(f"going on from step {int(found[-1].name)} of an earlier run")
+        restart = target
     solutions = solving.solve_steps(parameters, comm, listener, petsc_options, restart)
     return write_steps(solutions, target, parameters.output, save_state, comm)
 
@@ -117,8 +113,7 @@ def write_steps(
                 probes = last.probes
                 if series is not None:
                     series.add(last)
-                is_new = last.converged and last.summary["restart"] is None
-                if is_new and checkpoints.is_possible(last.domain):
+                if last.converged and last.summary["restart"] is None:
                     number = len(last.history)
                     folder, name = target / saved_steps.FOLDER, saved_steps.name_of(number)
                     save_as(last, folder, name)
@@ -199,7 +194,7 @@ def write(
     complete.  They replace the results of an earlier run in the folder, also those that this one
     does not have; all other files stay.
 
-    If the picture or the checkpoint cannot be made, a warning says so, also in summary.json.
+    If the picture cannot be made, a warning says so, also in summary.json.
     Raises InputError for a folder that cannot be written to or holds files of these names that no
     run has written, and ContactLockingError for a full disk; if only the picture or the checkpoint
     has no room, all other files are written first.
@@ -229,9 +224,13 @@ def write(
                 warnings += draw(solution, staging)
             except NoRoom as error:
                 refused.append(str(error))
-        if checkpoint and (problem := _checkpoint(solution, target, staging)) is not None:
-            is_possible = checkpoints.is_possible(solution.domain)
-            (refused if is_possible else warnings).append(f"no checkpoint was saved: {problem}")
+        if checkpoint:
+            folder, write_folder = staging / names.CHECKPOINT, checkpoints.gathered(solution)
+            try:
+                on_root_of(comm, target, lambda: write_folder(folder))
+            except ContactLockingError as error:
+                refused.append(f"no checkpoint was saved: {str(error).splitlines()[0]}")
+                on_root_of(comm, target, lambda: shutil.rmtree(folder, ignore_errors=True))
         told = [*solution.summary.get("warnings", []), *warnings, *refused]
         complete = solution.telling(warnings=told)
 
@@ -251,9 +250,9 @@ def write(
 def save(solution: Solution, directory: str | Path) -> None:
     """Save a checkpoint in ``directory``/checkpoint, for ``restart=directory``; collective.
 
-    Any number of ranks can read the checkpoint on the same mesh.  Raises ContactLockingError if
-    adios4dolfinx is missing, and InputError for a folder that cannot be written to or holds a
-    checkpoint of others.
+    Any number of ranks can read the checkpoint on the same mesh.  Raises InputError for a folder
+    that cannot be written to or holds a checkpoint of others, and ContactLockingError for a full
+    disk.
     """
     require_kind(solution, Solution, "a solution", "solution")
     comm, target = solution.domain.comm, Path(directory)
@@ -265,37 +264,9 @@ def save_as(solution: Solution, directory: Path, name: str) -> None:
     """Save a checkpoint as ``directory``/``name``, whole or not at all, as :func:`save` does."""
     comm = solution.domain.comm
     with _staging(comm, directory) as staging:
-        folder = staging / name
-        _write_checkpoint(solution, directory, folder)
+        folder, write_folder = staging / name, checkpoints.gathered(solution)
+        on_root_of(comm, directory, lambda: write_folder(folder))
         on_root_of(comm, directory, lambda: atomic.put_in_place(folder, directory / name))
-
-
-def _checkpoint(solution: Solution, target: Path, staging: Path) -> str | None:
-    """Write a checkpoint and return None, or return why it failed; collective."""
-    try:
-        _write_checkpoint(solution, target, staging / names.CHECKPOINT)
-        return None
-    except ContactLockingError as error:
-        reason = str(error).splitlines()[0]
-    # ADIOS2 closes its files, and so frees the disk, when no reference to the error is left; the
-    # frames of the error may refer to each other in a circle.
-    gc.collect()
-    comm = solution.domain.comm
-    on_root_of(comm, target, lambda: shutil.rmtree(staging / names.CHECKPOINT, ignore_errors=True))
-    return reason
-
-
-def _write_checkpoint(solution: Solution, target: Path, folder: Path) -> None:
-    comm = solution.domain.comm
-    # The text files are written later and need room as well.
-    size = checkpoints.size(solution) + names.TEXTS_BYTES
-
-    def make_folder() -> None:
-        atomic.require_room(folder.parent, size)
-        folder.mkdir()
-
-    on_root_of(comm, target, make_folder)
-    checkpoints.write(solution, folder)
 
 
 def _write_texts(solution: Solution, folder: Path) -> None:

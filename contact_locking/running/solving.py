@@ -226,7 +226,8 @@ def solve_steps(
     monitor = Attentive(monitor or Monitor())
     start = time.perf_counter()
     if restart is not None:
-        checkpoint.expect(saved_steps(Path(restart))[-1], comm)
+        last = saved_steps(Path(restart))[-1]
+        on_root(comm, lambda: checkpoint.require(last))
     monitor.message("preparing the mesh and compiling forms (some seconds the first time)")
     problem = assemble(parameters, comm, domain)
     # Before the solve, because the mesh file may change during the solve.
