@@ -33,9 +33,8 @@ from contact_locking.mesh.sources import WholeMesh, gather_cells, gather_mesh, s
 from contact_locking.parallel import on_root
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.process.saved_steps import saved_steps
 from contact_locking.results.contact_points import OPEN
-from contact_locking.results.folder import CHECKPOINT, RECORD, TEXTS_BYTES
+from contact_locking.results.folder import CHECKPOINT, RECORD, TEXTS_BYTES, SavedSteps
 from contact_locking.results.solution import Solution
 from contact_locking.results.table import Table
 from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
@@ -182,7 +181,7 @@ def gathered(solution: Solution) -> Callable[[Path], None]:
         if mesh is not None:
             mesh.save(folder, _MESH)
         text = json.dumps(about, default=lambda number: number.item())
-        whole = {name: values for name, values in arrays.items() if values is not None}
+        whole: Any = {name: values for name, values in arrays.items() if values is not None}
         np.savez(folder / _STATE, about=text, **whole)
         files = {path.name: file_digest(str(path)) for path in sorted(folder.iterdir())}
         record = {"format": FORMAT, "version": __version__, "files": files}
@@ -242,7 +241,7 @@ def refined_mesh(directory: str | Path | None, comm: MPI.Intracomm) -> Domain | 
     meshes: list[WholeMesh] = []
 
     def load() -> bool:
-        last = saved_steps(Path(directory))[-1]
+        last = SavedSteps(Path(directory)).folders[-1]
         if _load(last)[0]["is_refined"]:
             meshes.append(WholeMesh.load(locate(last), _MESH))
         return bool(meshes)
@@ -284,9 +283,13 @@ def read(directory: str | Path, problem: DiscreteProblem, is_step: bool = False)
     if is_same and about["strain_sets"] == len(problem.data.sets):
         forces = []
         for at in enumerate(surfaces):
-            pressure, state = scalars("contact_pressure", *at), scalars("contact_state", *at)
-            friction = 0.0 - vectors("tangential_traction", *at)
-            forces.append(ContactForces(pressure, friction, state != OPEN))
+            forces.append(
+                ContactForces(
+                    pressure=scalars("contact_pressure", *at),
+                    friction=0.0 - vectors("tangential_traction", *at),
+                    touches=scalars("contact_state", *at) != OPEN,
+                )
+            )
             bounds.append(scalars("friction_bound", *at))
             if len(history):
                 memories.append((vectors("old_place", *at), scalars("old_slip", *at)))

@@ -30,8 +30,8 @@ from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.errors import InputError, Misplaced, ProcessEnded
 from contact_locking.process import checkpoint
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.process.saved_steps import saved_steps
 from contact_locking.process.settings import Steps
+from contact_locking.results.folder import SavedSteps
 from contact_locking.results.probes import in_step
 from contact_locking.results.quantities import columns, components
 from contact_locking.results.solution import Solution, State
@@ -161,7 +161,7 @@ class Process(Iterator[S]):
         self._halved: tuple[str, ...] = ()
         self._is_unbalanced, self._follows_branch = False, True
         self._probes: Table | None = None
-        self._solutions = self._solve([] if restart is None else saved_steps(Path(restart)))
+        self._solutions = self._solve([] if restart is None else SavedSteps(Path(restart)).folders)
 
     def __next__(self) -> S:
         return next(self._solutions)

@@ -26,8 +26,8 @@ from contact_locking.process import checkpoint
 from contact_locking.process.adaptive_meshes import adapted
 from contact_locking.process.loop import Process
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.process.saved_steps import saved_steps
 from contact_locking.process.settings import Adaptation
+from contact_locking.results.folder import SavedSteps
 from contact_locking.results.probes import sample
 from contact_locking.results.solution import Solution
 from contact_locking.solver.settings import Settings
@@ -226,7 +226,7 @@ def solve_steps(
     monitor = Attentive(monitor or Monitor())
     start = time.perf_counter()
     if restart is not None:
-        last = saved_steps(Path(restart))[-1]
+        last = SavedSteps(Path(restart)).folders[-1]
         on_root(comm, lambda: checkpoint.require(last))
     monitor.message("preparing the mesh and compiling forms (some seconds the first time)")
     problem = assemble(parameters, comm, domain)
