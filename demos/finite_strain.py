@@ -98,8 +98,8 @@ for state in squeeze(mesh.create_rectangle(comm, [[-0.5, 0], [0.5, 1]], [2, 2]))
 # %% [markdown]
 # ## The cord
 #
-# The work of the plates is the energy of the cord. Lindley's formula of 1967,
-# $F = E d\,(1.25\,s^{3/2} + 50\,s^6)$, is what engineers take for O-rings of rubber.
+# The work of the plates is the energy of the cord. Lindley's formula, which engineers take for
+# O-rings of rubber, is a fit to measurements: $F = E d\,(1.25\,s^{3/2} + 50\,s^6)$.
 
 # %%
 cord = mesh.create_rectangle(comm, [[-1, -1], [1, 1]], [cells, cells], diagonal=crossed)

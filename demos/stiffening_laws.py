@@ -3,7 +3,7 @@
 #
 # Rubber and tissue stiffen before they reach the limit of their strain. With
 # $s = |\varepsilon|^2/M^2$, laws in the manner of Gent (doi:10.5254/1.3538357) and of Rajagopal's
-# bounded strains (doi:10.1177/1081286509357272) are
+# bodies with bounded strains are
 #
 # $$\sigma = \frac{E\,\varepsilon}{1 - s} \qquad\text{and}\qquad
 #   \sigma = \frac{E\,\varepsilon}{\sqrt{1-s}}, \quad\text{which is}\quad

@@ -3,7 +3,7 @@
 #
 # Foam creeps under a load, and locks where it cannot be compressed any further. Papers of 2025
 # (doi:10.1515/dema-2025-0194 and doi:10.1515/gmj-2025-2071) prove that contact of such bodies with
-# non-local friction is well posed for Kelvin and Voigt's law with a derivative of the order
+# non-local friction has a solution for Kelvin and Voigt's law with a derivative of the order
 # $0 < \alpha \le 1$ in time. Here it has numbers. With a relaxation time $\tau = 1$,
 #
 # $$\sigma = A\varepsilon(u) + \tau^\alpha A\varepsilon(D^\alpha u) + Z, \qquad

@@ -127,6 +127,7 @@ def test_script_alone_keeps_its_closed_forms_and_draws(
     monkeypatch.setattr(sys, "argv", [name, *ALONE[name]])
     runpy.run_path(str(DEMOS / f"{name}.py"), run_name="__main__")
     assert (tmp_path / "results" / f"{name}.png").exists()
+    assert (tmp_path / "results" / f"{name}.gif").exists() == (name == "impact")
 
 
 @pytest.mark.serial

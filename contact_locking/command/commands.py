@@ -159,6 +159,19 @@ def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
         return starts.search(file.parameters, plan, terminal.console())
 
 
+def serve(arguments: argparse.Namespace) -> int:
+    """Answer requests for quantities of a study at numbers that they bring, until Ctrl-C."""
+    if terminal.world() is not None:
+        raise InputError("start a server without mpirun; several have a --port each")
+    file = _load(arguments.file, arguments.set)
+    comm = world_with_dolfinx(arguments)
+    from contact_locking.inverse import um_bridge
+
+    with _explained(file):
+        um_bridge.serve(file.parameters, comm, arguments.host, arguments.port)
+    return CONVERGED
+
+
 def report(arguments: argparse.Namespace) -> int:
     """Write the page and the charts of a finished run or study."""
     from contact_locking.view.report import write
@@ -293,7 +306,7 @@ def schema(arguments: argparse.Namespace) -> int:
     return 0
 
 
-COMMANDS = {one.__name__: one for one in (new, run, study, fit, report, check, mesh, schema)}
+COMMANDS = {one.__name__: one for one in (new, run, study, fit, serve, report, check, mesh, schema)}
 
 
 @contextlib.contextmanager
@@ -318,7 +331,7 @@ def _overrides(arguments: argparse.Namespace) -> list[str]:
 def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
     """Which steps of an interrupted run are saved, and how to go on; not collective."""
     from contact_locking import study_file
-    from contact_locking.results.folder import SavedSteps
+    from contact_locking.process.checkpoint import SavedSteps
 
     directory = Path(parameters.output.directory)
     if parameters.steps is not None and arguments.restart is None:

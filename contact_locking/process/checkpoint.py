@@ -8,7 +8,9 @@ what agrees with these is what this program has written.
 
 from __future__ import annotations
 
+import contextlib
 import json
+import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,7 +36,7 @@ from contact_locking.parallel import on_root
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.contact_points import OPEN
-from contact_locking.results.folder import CHECKPOINT, RECORD, TEXTS_BYTES, SavedSteps
+from contact_locking.results.folder import CHECKPOINT, RECORD, TEXTS_BYTES
 from contact_locking.results.solution import Solution
 from contact_locking.results.table import Table
 from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
@@ -395,3 +397,66 @@ def start_in_words(directory: str | Path, report: SolverReport) -> str:
     if report.tangents == 0:
         return f"the state in {directory} meets every criterion, nothing was left to do"
     return f"from the state in {directory}"
+
+
+class SavedSteps:
+    """The steps that a run has saved so far in its folder, from which a killed run goes on.
+
+    The folder of the steps is removed when the run has ended.  The methods are for rank 0.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self._directory, self.folder = directory, directory / "steps"
+        self._mark = self.folder / "run.json"
+
+    @staticmethod
+    def name_of(number: int) -> str:
+        """The name of the folder of the step with this number, counted from 1."""
+        return f"{number:06d}"
+
+    @property
+    def folders(self) -> list[Path]:
+        """The saved steps in the order of their times; the saved state if there are none."""
+        return self._steps() or [self._directory]
+
+    def last_of(self, fingerprint: str) -> int:
+        """The number of the last step that a run with these parameters has saved; 0 without one."""
+        with contextlib.suppress(OSError):
+            is_same = self._mark.is_file() and self._mark.read_text() == _mark(fingerprint)
+            if is_same and (steps := self._steps()):
+                return int(steps[-1].name)
+        return 0
+
+    def prepare(self, fingerprint: str) -> int:
+        """Prepare the folder for the steps of a run, and return :meth:`last_of`.  Raises OSError.
+
+        The saved steps of other parameters are removed.
+        """
+        last = self.last_of(fingerprint)
+        if last == 0:
+            self.remove()
+            self.folder.mkdir(parents=True, exist_ok=True)
+            atomic.write_text(self._mark, _mark(fingerprint))
+        return last
+
+    def keep(self, first: int, last: int) -> None:
+        """Remove all saved steps but these."""
+        for step in self._steps():
+            if not self.name_of(first) <= step.name <= self.name_of(last):
+                shutil.rmtree(step, ignore_errors=True)
+
+    def remove(self) -> None:
+        """Remove all saved steps, and their folder unless it holds other files."""
+        for step in self._steps():
+            shutil.rmtree(step, ignore_errors=True)
+        self._mark.unlink(missing_ok=True)
+        atomic.remove_abandoned(self.folder)
+        with contextlib.suppress(OSError):
+            self.folder.rmdir()
+
+    def _steps(self) -> list[Path]:
+        return [record.parent for record in sorted(self.folder.glob(f"[0-9]*/{RECORD}"))]
+
+
+def _mark(fingerprint: str) -> str:
+    return json.dumps({"version": __version__, "fingerprint": fingerprint}) + "\n"

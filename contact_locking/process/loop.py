@@ -29,9 +29,9 @@ from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.errors import InputError, Misplaced, ProcessEnded
 from contact_locking.process import checkpoint
+from contact_locking.process.checkpoint import SavedSteps
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.process.settings import Steps
-from contact_locking.results.folder import SavedSteps
 from contact_locking.results.probes import in_step
 from contact_locking.results.quantities import columns, components
 from contact_locking.results.solution import Solution, State

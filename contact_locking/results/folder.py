@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from contact_locking._version import __version__
 from contact_locking.errors import InputError, explained
 from contact_locking.files import atomic
 from contact_locking.files.atomic import locked, new_folders
@@ -142,66 +139,3 @@ def _require_writable(directory: Path) -> None:
     """Raise OSError if the folder has no room for the text files; leave no trace."""
     with atomic.staging(directory) as folder:
         atomic.require_room(folder, TEXTS_BYTES)
-
-
-class SavedSteps:
-    """The steps that a run has saved so far in its folder, from which a killed run goes on.
-
-    The folder of the steps is removed when the run has ended.  The methods are for rank 0.
-    """
-
-    def __init__(self, directory: Path) -> None:
-        self._directory, self.folder = directory, directory / "steps"
-        self._mark = self.folder / "run.json"
-
-    @staticmethod
-    def name_of(number: int) -> str:
-        """The name of the folder of the step with this number, counted from 1."""
-        return f"{number:06d}"
-
-    @property
-    def folders(self) -> list[Path]:
-        """The saved steps in the order of their times; the saved state if there are none."""
-        return self._steps() or [self._directory]
-
-    def last_of(self, fingerprint: str) -> int:
-        """The number of the last step that a run with these parameters has saved; 0 without one."""
-        with contextlib.suppress(OSError):
-            is_same = self._mark.is_file() and self._mark.read_text() == _mark(fingerprint)
-            if is_same and (steps := self._steps()):
-                return int(steps[-1].name)
-        return 0
-
-    def prepare(self, fingerprint: str) -> int:
-        """Prepare the folder for the steps of a run, and return :meth:`last_of`.  Raises OSError.
-
-        The saved steps of other parameters are removed.
-        """
-        last = self.last_of(fingerprint)
-        if last == 0:
-            self.remove()
-            self.folder.mkdir(parents=True, exist_ok=True)
-            atomic.write_text(self._mark, _mark(fingerprint))
-        return last
-
-    def keep(self, first: int, last: int) -> None:
-        """Remove all saved steps but these."""
-        for step in self._steps():
-            if not self.name_of(first) <= step.name <= self.name_of(last):
-                shutil.rmtree(step, ignore_errors=True)
-
-    def remove(self) -> None:
-        """Remove all saved steps, and their folder unless it holds other files."""
-        for step in self._steps():
-            shutil.rmtree(step, ignore_errors=True)
-        self._mark.unlink(missing_ok=True)
-        atomic.remove_abandoned(self.folder)
-        with contextlib.suppress(OSError):
-            self.folder.rmdir()
-
-    def _steps(self) -> list[Path]:
-        return [record.parent for record in sorted(self.folder.glob(f"[0-9]*/{RECORD}"))]
-
-
-def _mark(fingerprint: str) -> str:
-    return json.dumps({"version": __version__, "fingerprint": fingerprint}) + "\n"

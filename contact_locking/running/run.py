@@ -78,7 +78,7 @@ def run(
         solution = solving.solve(parameters, comm, listener, petsc_options, restart)
         return solution, write(solution, target, parameters.output, save_state)
     name = on_root(comm, lambda: study_file.fingerprint(parameters))
-    last = on_root_of(comm, target, lambda: names.SavedSteps(target).prepare(name))
+    last = on_root_of(comm, target, lambda: checkpoints.SavedSteps(target).prepare(name))
     if last > 0 and restart is None:
         listener.message(f"going on from step {last} of an earlier run")
         restart = target
@@ -99,7 +99,7 @@ def write_steps(
     its end; then :func:`write` writes, with all steps in fields.bp.
     """
     target, output = Path(directory), output or Output()
-    saved = names.SavedSteps(target)
+    saved = checkpoints.SavedSteps(target)
     last: S | None = None
     probes: Table | None = None
     with contextlib.ExitStack() as stack:

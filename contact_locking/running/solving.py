@@ -24,10 +24,10 @@ from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.process import checkpoint
 from contact_locking.process.adaptive_meshes import adapted
+from contact_locking.process.checkpoint import SavedSteps
 from contact_locking.process.loop import Process
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.process.settings import Adaptation
-from contact_locking.results.folder import SavedSteps
 from contact_locking.results.probes import sample
 from contact_locking.results.solution import Solution
 from contact_locking.solver.settings import Settings

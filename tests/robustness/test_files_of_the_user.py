@@ -11,7 +11,7 @@ from solutions import made_up
 from contact_locking.command import cli
 from contact_locking.errors import InputError
 from contact_locking.files.atomic import locked
-from contact_locking.results.folder import SavedSteps
+from contact_locking.process.checkpoint import SavedSteps
 from contact_locking.running import run as writing
 from contact_locking.view import report
 
