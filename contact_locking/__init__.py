@@ -55,8 +55,8 @@ if TYPE_CHECKING:
     from contact_locking.results.solution import Solution as Solution
     from contact_locking.results.solution import State as State
     from contact_locking.results.solution import StudySolution as StudySolution
-    from contact_locking.running.in_script import solve_cases as solve_cases
     from contact_locking.running.run import save as save
+    from contact_locking.running.run import solve_cases as solve_cases
     from contact_locking.running.run import write as write
     from contact_locking.running.run import write_steps as write_steps
     from contact_locking.running.solving import solve as solve
@@ -101,8 +101,7 @@ _NAMES = {
     "results.output": "Extras Output Probe",
     "running.solving": "solve solve_adaptively solve_assembled solve_steps",
     "results.solution": "Solution State",
-    "running.run": "save write write_steps",
-    "running.in_script": "solve_cases",
+    "running.run": "save solve_cases write write_steps",
     "inverse.derivatives": "Number",
     "shapes.analytic": "Cylinder HalfSpace LevelSet Sphere",
     "shapes.faceted": "Polyline TriangulatedSurface",
