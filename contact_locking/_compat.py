@@ -5,11 +5,8 @@ The differences include those of the PETSc and the checkpoint library that belon
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import functools
-import importlib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,13 +14,9 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from dolfinx.cpp.mesh import cell_entity_type, cell_num_vertices
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray, IndexArray
-
-# Open MPI's first tag of a nonblocking collective is -27, and the last tag in question is -51.
-_TAGS = 32
 
 
 def interpolation_points(space: Any) -> FloatArray:
@@ -85,27 +78,6 @@ def point_owners(data: Any) -> IndexArray:
     return np.asarray(owners() if callable(owners) else owners)
 
 
-def checkpoint_library() -> Any:
-    """The module adios4dolfinx, or its successor io4dolfinx, by HDF5 where ADIOS2 has no MPI.
-
-    Raises ImportError where neither module works.
-    """
-    try:
-        return importlib.import_module("adios4dolfinx")
-    except ImportError as error:
-        try:
-            library = importlib.import_module("io4dolfinx")
-        except ImportError:
-            raise error from None
-    with contextlib.suppress(ImportError):
-        if importlib.import_module("adios2").is_built_with_mpi:
-            return library
-    if MPI.COMM_WORLD.size > 1 and not importlib.import_module("h5py").get_config().mpi:
-        raise ImportError("h5py without MPI serves one process only")
-    library.set_default_backend("h5py")
-    return library
-
-
 def petsc_option_used(name: str) -> bool:
     """Whether PETSc has asked for an option of its database.
 
@@ -137,35 +109,3 @@ def block_jacobi_follows_its_matrix() -> bool:
     for item in (preconditioner, matrix, right, inverse):
         item.destroy()
     return follows
-
-
-def prepare_communicator(comm: Any) -> None:
-    """Keep Open MPI up to 5.0.10 from hanging in the checkpoint library; collective.
-
-    MPI_Dist_graph_create uses message tags that the first nonblocking collectives of the same
-    communicator use as well (https://github.com/open-mpi/ompi/issues/13918).  After enough
-    nonblocking barriers the tags no longer coincide.
-    """
-    for _ in range(_TAGS):
-        comm.Ibarrier().Wait()
-
-
-def save_function(path: Path, function: fem.Function, name: str) -> None:
-    """Add a function to a file, in the order of the cells of the original mesh; collective."""
-    library = checkpoint_library()
-    # Both libraries have these arguments.
-    library.write_function_on_input_mesh(_file(library, path), function, time=0.0, name=name)
-
-
-def load_function(path: Path, function: fem.Function, name: str) -> None:
-    """Fill a function from a file; the same mesh may be distributed differently; collective."""
-    library = checkpoint_library()
-    library.read_function(_file(library, path), function, time=0.0, name=name)
-
-
-def _file(library: Any, path: Path) -> Path:
-    """ADIOS2 makes a folder of a path; HDF5 has a file in it."""
-    if getattr(library, "get_default_backend", str)() != "h5py":
-        return path
-    path.mkdir(exist_ok=True)
-    return path / "state.h5"

@@ -250,8 +250,8 @@ def mesh(arguments: argparse.Namespace) -> int:
 
 def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
     """Write the mesh to ``place``, and return the warnings about it."""
-    from contact_locking.mesh.file import abaqus
-    from contact_locking.mesh.file.data import data_file, is_xdmf
+    from contact_locking.mesh import abaqus
+    from contact_locking.mesh.data import data_file, is_xdmf
 
     def require_new() -> None:
         for path in (place, *([data_file(place)] if is_xdmf(place) else [])):
@@ -331,11 +331,11 @@ def _overrides(arguments: argparse.Namespace) -> list[str]:
 def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
     """Which steps of an interrupted run are saved, and how to go on; not collective."""
     from contact_locking import study_file
-    from contact_locking.process import saved_steps
+    from contact_locking.process.checkpoint import SavedSteps
 
     directory = Path(parameters.output.directory)
     if parameters.steps is not None and arguments.restart is None:
-        number = saved_steps.last_number(directory, study_file.fingerprint(parameters))
+        number = SavedSteps(directory).last_of(study_file.fingerprint(parameters))
         if number > 0:
             return f"{number} steps are saved in {directory}; the same command goes on from there"
     return "nothing is saved: a run saves its state at its end" if arguments.checkpoint else ""

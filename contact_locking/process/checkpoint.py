@@ -1,14 +1,17 @@
-"""Solved states in files, by adios4dolfinx or io4dolfinx, and restarts from them.
+"""Solved states in files, which any number of ranks reads on the same mesh, and restarts from them.
 
-The order of the stored values is the order of the mesh from Gmsh, which does not depend on the
-distribution.  The coordinates of the nodes are stored as well: the fields belong to a mesh with the
-same coordinates.
+A checkpoint is a folder.  ``state.npz`` has the values of the fields in the order of the mesh as it
+was before its distribution, and their coordinates, as the values belong to a mesh with the same
+ones.  A refined mesh is beside it.  ``record.json`` has the format and the checksum of each file;
+what agrees with these is what this program has written.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+import contextlib
+import json
+import shutil
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,61 +19,60 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
-from pydantic import BaseModel, ValidationError
 
-from contact_locking import _compat
 from contact_locking._version import __version__
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.certificate.verdict import is_solved
-from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.contact.surface import ContactSurface
+from contact_locking.errors import InputError
 from contact_locking.fem.compiled import Kept
+from contact_locking.files import atomic
 from contact_locking.files.readable import file_digest
 from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.sources import WholeMesh, gather_mesh, spread
-from contact_locking.parallel import maximum, on_every_rank, on_root
+from contact_locking.mesh.sources import WholeMesh, gather_cells, gather_mesh, spread
+from contact_locking.parallel import on_root
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.process.saved_steps import saved_steps
 from contact_locking.results.contact_points import OPEN
-from contact_locking.results.folder import CHECKPOINT, HISTORY, RECORD
+from contact_locking.results.folder import CHECKPOINT, RECORD, TEXTS_BYTES
 from contact_locking.results.solution import Solution
 from contact_locking.results.table import Table
 from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
 from contact_locking.solver.task import Counts, Outcome, SavedState, SolverReport
 
-_DISPLACEMENT, _PLACES = "old_displacement", "places"
-# The bytes of the record and of the metadata of ADIOS2.
-_NOTES = 65_536
-
-
-@dataclass(frozen=True)
-class SavedStep:
-    """A step that was solved and saved.
-
-    ``memories`` are what friction remembered during the step: for each contact ``u_{k-1,tau}``
-    (k, d) and the slip ``s_{k-1}`` (k,).  ``displacement`` are the local values of ``u_{k-1}``,
-    None unless bodies are paired anew.  ``history`` ends with the row of the step, and ``halved``
-    tells which steps were halved.
-    """
-
-    time: float
-    memories: tuple[tuple[FloatArray, FloatArray], ...]
-    displacement: FloatArray | None
-    history: Table
-    halved: tuple[str, ...]
+# A change of the written files raises this number.
+FORMAT = 8
+_STATE, _MESH = "state.npz", "mesh"
+_AGAIN = "save it again with contact-locking run --checkpoint"
+# The coordinates of the same mesh may differ by this share of the extent, because another machine
+# may have made the mesh.
+_SAME_PLACE = 1e-9
 
 
 @dataclass(frozen=True)
 class Checkpoint:
     """A saved state on the present mesh.
 
-    ``bounds`` are the friction bounds (k,) of the contacts.  If the contacts or the sets of strains
-    of the checkpoint are not those of the problem, ``multipliers`` is None and ``bounds`` is empty.
-    ``converged`` says that the state is a solution, and ``problem`` of which: the fingerprint of
-    mesh, material, loads, contact, friction and penalty in a study file, empty for a script.
-    ``step`` is None for a state that is no step of a process.
+    Parameters
+    ----------
+    state
+        where a solver may start from
+    multipliers, bounds
+        the stresses and the friction bounds (k,) of the contacts; None and empty if the contacts or
+        the sets of strains are not those of the problem
+    problem
+        the fingerprint of the problem of a study file, empty for a script
+    converged
+        whether the state is a solution
+    time, history, halved
+        of a step of a process: its time, the rows up to its own, and which steps were halved; the
+        history is empty for a state that is no step
+    memories
+        what friction remembered in the step: ``u_{k-1,tau}`` (k, d) and the slip ``s_{k-1}`` (k,)
+    old_displacement
+        the local values of ``u_{k-1}``, None unless bodies are paired anew
     """
 
     state: SavedState
@@ -78,7 +80,11 @@ class Checkpoint:
     bounds: tuple[FloatArray, ...]
     problem: str
     converged: bool
-    step: SavedStep | None
+    time: float
+    history: Table
+    halved: tuple[str, ...]
+    memories: tuple[tuple[FloatArray, FloatArray], ...]
+    old_displacement: FloatArray | None
 
     def solved_again(self, solver: ProblemSolver) -> SolverReport | None:
         """The report if the state meets the criteria of a solution, otherwise None; collective."""
@@ -90,283 +96,284 @@ class Checkpoint:
 
     def restored(self, solver: ProblemSolver) -> SolvedState:
         """The saved state in place of what the solver would find; collective."""
-        contacts, counts = solver.problem.contacts, Counts()
-        system = solver.system
+        contacts, counts, system = solver.problem.contacts, Counts(), solver.system
         system.u.x.array[:] = self.state.displacement
         system.constraints.apply(system.u)
         system.tools.travels = self.state.travels
         # The travel of a foundation, which is part of the state, changes what slips refer to.
-        if (step := self.step) is not None:
-            for contact, (place, slip) in zip(contacts, step.memories, strict=True):
-                contact.recall(place, slip, step.displacement)
-            row = step.history.rows[-1]
-            counts = Counts(int(row["tangents"]), int(row["linear"]))
+        for contact, (place, slip) in zip(contacts, self.memories, strict=False):
+            contact.recall(place, slip, self.old_displacement)
+        if len(self.history):
+            counts = Counts(int(self.history.last("tangents")), int(self.history.last("linear")))
         system.bounds.enter(contacts, self.bounds)
         outcome = Outcome(self.multipliers)
         return solver.state(SolverReport.solved(outcome, counts, from_saved=True))
 
 
-class _Reader:
-    """The stored fields in a folder, on the mesh of a problem; all methods are collective."""
+class Layout:
+    """The values of functions on rank 0, in an order that no distribution changes; collective.
 
-    def __init__(self, folder: Path, problem: DiscreteProblem) -> None:
-        self.folder, self._contacts, self._dim = folder, problem.contacts, problem.domain.dim
+    The blocks of dofs have the order in which the cells of the mesh, before its distribution, first
+    have them.
+    """
 
-    def field(self, name: str, space: fem.FunctionSpace) -> fem.Function:
-        function = fem.Function(space, name=name)
-        _compat.load_function(self.folder, function, name)
+    def __init__(self, domain: Domain) -> None:
+        self._domain, self._orders = domain, dict[int, IntArray | None]()
+
+    def gather(self, function: fem.Function) -> FloatArray | None:
+        """The values (n, m) of the n blocks on rank 0; None elsewhere."""
+        dofmap = function.function_space.dofmap
+        owned = function.x.array.reshape(-1, dofmap.bs)[: dofmap.index_map.size_local]
+        gathered, order = self._domain.comm.gather(owned), self._order(function.function_space)
+        return None if gathered is None else np.concatenate(gathered)[order]
+
+    def fill(self, function: fem.Function, values: FloatArray | None) -> fem.Function:
+        """The function with the values (n, m) that rank 0 has."""
+        comm, dofmap = self._domain.comm, function.function_space.dofmap
+        order, ends = self._order(function.function_space), comm.gather(dofmap.index_map.size_local)
+        shares = None
+        if values is not None and ends is not None:
+            whole = np.empty_like(values)
+            whole[order] = values
+            shares = np.split(whole, np.cumsum(ends)[:-1])
+        share = comm.scatter(shares)
+        function.x.array[: share.size] = share.reshape(-1)
+        function.x.scatter_forward()
         return function
 
-    def scalars(self, name: str, number: int) -> FloatArray:
-        """The values (k,) on a contact."""
-        surface = self._contacts[number].surface
-        return self.field(f"{name}_{number}", surface.scalar_space).x.array[surface.nodes]
-
-    def vectors(self, name: str, number: int) -> FloatArray:
-        """The values (k, d) on a contact."""
-        surface = self._contacts[number].surface
-        values = self.field(f"{name}_{number}", surface.vector_space).x.array
-        return values.reshape(-1, self._dim)[surface.blocks]
-
-
-# The coordinates of the same mesh may differ by this share of the extent, because another machine
-# may have made the mesh.
-_SAME_PLACE = 1e-9
+    def _order(self, space: fem.FunctionSpace) -> IntArray | None:
+        if id(space) not in self._orders:
+            dofmap = space.dofmap
+            local = dofmap.list[: self._domain.mesh.topology.index_map(self._domain.dim).size_local]
+            numbers = dofmap.index_map.local_to_global(local.reshape(-1).astype(np.int32))
+            blocks = gather_cells(self._domain, numbers.reshape(local.shape))
+            if blocks is not None:
+                first = np.unique(blocks, return_index=True)[1]
+                self._orders[id(space)] = blocks.reshape(-1)[np.sort(first)].astype(np.int64)
+            else:
+                self._orders[id(space)] = None
+        return self._orders[id(space)]
 
 
-def places(space: fem.FunctionSpace) -> fem.Function:
-    """The coordinates x as a function; collective."""
-    found = fem.Function(space)
-    dim = space.mesh.geometry.dim
-    found.interpolate(lambda x: x[:dim])
-    return found
+def gathered(solution: Solution) -> Callable[[Path], None]:
+    """What writes the checkpoint of a solution as a new folder, for rank 0; collective.
+
+    It raises OSError.
+    """
+    domain, layout = solution.domain, Layout(solution.domain)
+    arrays = {name: layout.gather(field) for name, field in _fields(solution).items()}
+    mesh = gather_mesh(domain) if domain.is_refined else None
+    penalty = solution.state.saved.penalty
+    about = {
+        "converged": solution.converged,
+        "n": penalty.n,
+        "epsilon": penalty.epsilon,
+        "regularisations": [fields.regularisation for fields in solution.contacts],
+        "size": _size_of(domain, solution.displacement),
+        "is_refined": domain.is_refined,
+        "contacts": len(solution.contacts),
+        "strain_sets": len(solution.locking_parts),
+        "problem": solution.problem,
+        "travels": solution.state.saved.travels,
+        "time": solution.time,
+        "history": solution.history.columns,
+        "halved": solution.halved,
+    }
+
+    def write(folder: Path) -> None:
+        folder.mkdir()
+        if mesh is not None:
+            mesh.save(folder, _MESH)
+        text = json.dumps(about, default=lambda number: number.item())
+        whole: Any = {name: values for name, values in arrays.items() if values is not None}
+        np.savez(folder / _STATE, about=text, **whole)
+        files = {path.name: file_digest(str(path)) for path in sorted(folder.iterdir())}
+        record = {"format": FORMAT, "version": __version__, "files": files}
+        (folder / RECORD).write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+        # The text files of the results are written later.
+        atomic.require_room(folder, TEXTS_BYTES)
+
+    return write
 
 
-def _size_of(domain: Domain, u: fem.Function) -> tuple[int, ...]:
-    """The entry ``size`` of a record."""
-    space, shape = u.function_space, int(domain.axisymmetric)
-    nodes, degree = int(space.dofmap.index_map.size_global), space.element.basix_element.degree
-    return domain.dim, domain.num_cells, nodes, degree, shape
+def locate(directory: str | Path) -> Path:
+    """The folder of the checkpoint: ``directory`` itself, or in the folder of a run."""
+    folder = Path(directory)
+    return folder if (folder / RECORD).is_file() else folder / CHECKPOINT
 
 
-def _require_same_mesh(record: Record, problem: DiscreteProblem, fields: _Reader) -> None:
-    """Raise InputError for a state of another mesh or element; collective."""
-    space, domain = problem.u.function_space, problem.domain
-    is_same = record.size == _size_of(domain, problem.u)
-    if is_same:
-        # Another version of Gmsh makes another mesh of the same parameters.
-        expected = places(space).x.array
-        away = np.abs(fields.field(_PLACES, space).x.array - expected)
-        extent = maximum(domain.comm, np.abs(expected))
-        is_same = on_every_rank(domain.comm, away <= _SAME_PLACE * extent)
-    if not is_same:
-        is_adapted = record.is_refined and not domain.is_refined
-        hint = ", which was refined: add the section adapt" if is_adapted else ""
-        raise InputError(
-            f"the checkpoint in {fields.folder} is of another mesh or element; restart with mesh "
-            f"and discretisation.degree of the run that saved it{hint}"
-        )
+def require(directory: str | Path) -> Mapping[str, str]:
+    """The checksums of a checkpoint of this format; reads no field.
+
+    Raises InputError for a missing or other record, and OSError if it cannot be read.
+    """
+    path = locate(directory) / RECORD
+    if not path.is_file():
+        raise InputError(f"there is no checkpoint in {directory}; {_AGAIN}")
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        if record["format"] == FORMAT:
+            return dict(record["files"])
+    except (ValueError, KeyError, TypeError):
+        pass
+    raise InputError(
+        f"{path} is damaged, or was saved by another version than contact_locking {__version__}; "
+        f"{_AGAIN}"
+    )
+
+
+def _load(directory: str | Path) -> tuple[dict[str, Any], dict[str, FloatArray]]:
+    """What a checkpoint tells of itself, and its arrays.  Raises as `require`."""
+    folder = locate(directory)
+    for name, checksum in require(directory).items():
+        path = folder / Path(name).name
+        if not path.is_file() or file_digest(str(path)) != checksum:
+            raise InputError(f"{path} is missing or damaged; {_AGAIN}")
+    with np.load(folder / _STATE) as stored:
+        arrays = dict(stored)
+    return json.loads(str(arrays.pop("about"))), arrays
 
 
 def refined_mesh(directory: str | Path | None, comm: MPI.Intracomm) -> Domain | None:
     """The refined mesh that the last checkpoint of a run belongs to; collective.
 
     None for the mesh of a study, and without a run.  Raises InputError if the checkpoint is
-    missing, damaged or of another format, and ContactLockingError if the library is missing.
+    missing, damaged or of another format.
     """
     if directory is None:
         return None
-    place = saved_steps(Path(directory))[-1]
-    expect(place, comm)
-    held: list[WholeMesh] = []
+    meshes: list[WholeMesh] = []
 
     def load() -> bool:
-        record, _ = load_fields(place)
-        folder = locate(place)
-        if record.is_refined:
-            held.append(WholeMesh.load(folder, MESH))
-        return bool(held)
+        last = SavedSteps(Path(directory)).folders[-1]
+        if _load(last)[0]["is_refined"]:
+            meshes.append(WholeMesh.load(locate(last), _MESH))
+        return bool(meshes)
 
-    return spread(next(iter(held), None), comm) if on_root(comm, load) else None
-
-
-def unavailable() -> str | None:
-    """The reason why no checkpoint can be written or read here, otherwise None."""
-    try:
-        _compat.checkpoint_library()
-    except ImportError as error:
-        return (
-            f"checkpoints take adios4dolfinx, which cannot be imported here ({error}); Debian has "
-            "it as python3-adios4dolfinx, conda-forge as adios4dolfinx, or pip install io4dolfinx"
-        )
-    return None
+    return spread(next(iter(meshes), None), comm) if on_root(comm, load) else None
 
 
-def is_possible(domain: Domain) -> bool:
-    """Whether the library is there, and each rank has cells, which it takes for granted."""
-    cells = domain.mesh.topology.index_map(domain.dim).size_local
-    return unavailable() is None and on_every_rank(domain.comm, cells > 0)
-
-
-def size(solution: Solution) -> int:
-    """The bytes that :func:`write` needs: the values, and the dofs of each cell; collective."""
-    total = _NOTES
-    for function in _fields(solution).values():
-        dofmap, mesh = function.function_space.dofmap, function.function_space.mesh
-        cells = mesh.topology.index_map(mesh.topology.dim).size_global
-        total += 8 * dofmap.index_map.size_global * dofmap.index_map_bs
-        total += cells * (8 * dofmap.bs * dofmap.list.shape[1] + 12)
-    domain = solution.domain
-    if domain.is_refined:
-        # Points, cells, facets and parts.
-        total += domain.num_cells * (16 * (domain.dim + 2) + 8 * domain.dim + 4)
-    return int(total)
-
-
-def write(solution: Solution, folder: Path) -> None:
-    """Write a checkpoint into an existing folder with enough room; collective.
-
-    Raises ContactLockingError if the library is missing, a rank has no cells or a file cannot be
-    written.
-    """
-    _require_library()
-    domain = solution.domain
-    _require_cells(domain)
-    _compat.prepare_communicator(domain.comm)
-    try:
-        for name, function in _fields(solution).items():
-            _compat.save_function(folder / FIELDS, function, name)
-    except RuntimeError as error:
-        if domain.comm.size > 1:
-            # The other ranks may wait inside ADIOS2, where no error reaches them.
-            raise
-        # In one line, without the escape sequences that ADIOS2 adds for terminals.
-        told = " ".join(re.sub(r"\x1b\[[\d;]*m", "", str(error)).split())
-        raise ContactLockingError(f"ADIOS2 cannot write it: {told}") from error
-    penalties = solution.summary["penalty"]
-    mesh = gather_mesh(domain) if domain.is_refined else None
-
-    def finish() -> None:
-        if mesh is not None:
-            mesh.save(folder, MESH)
-        record = Record(
-            converged=solution.converged,
-            n=penalties["n"],
-            epsilon=penalties["epsilon"],
-            regularisations=tuple(fields.regularisation for fields in solution.contacts),
-            size=_size_of(domain, solution.displacement),
-            is_refined=domain.is_refined,
-            contacts=len(solution.contacts),
-            strain_sets=len(solution.locking_parts),
-            problem=solution.problem,
-            step=_about_step(solution),
-            travels=solution.state.saved.travels,
-        )
-        if solution.history.rows:
-            (folder / HISTORY).write_text(solution.history.text(), encoding="utf-8")
-        save(record, folder)
-
-    on_root(domain.comm, finish)
-
-
-def expect(directory: str | Path, comm: MPI.Intracomm) -> None:
-    """Raise the errors of :func:`read` that need neither mesh nor fields; collective."""
-    on_root(comm, lambda: load(directory))
-    _require_library()
-
-
-def read(directory: str | Path, problem: DiscreteProblem) -> Checkpoint:
+def read(directory: str | Path, problem: DiscreteProblem, is_step: bool = False) -> Checkpoint:
     """The saved state of a run's folder, on the mesh of ``problem``; collective.
 
-    Raises InputError if the checkpoint is missing, damaged, of another mesh or of another format,
-    and ContactLockingError if the library is missing or a rank has no cells.
+    Raises InputError if the checkpoint is missing, damaged, of another mesh or of another format;
+    and if it ``is_step`` and is not of a converged step with these contacts.
     """
-    comm = problem.domain.comm
-    expect(directory, comm)
-    _require_cells(problem.domain)
-    record, path = on_root(comm, lambda: load_fields(directory))
-    _compat.prepare_communicator(comm)
-    fields = _Reader(path, problem)
-    _require_same_mesh(record, problem, fields)
+    comm, arrays = problem.domain.comm, dict[str, FloatArray]()
+
+    def load() -> dict[str, Any]:
+        about, loaded = _load(directory)
+        arrays.update(loaded)
+        return about
+
+    about, layout = on_root(comm, load), Layout(problem.domain)
+    _require_same_mesh(about, problem, layout, arrays, directory)
+
+    def field(name: str, space: fem.FunctionSpace) -> fem.Function:
+        return layout.fill(fem.Function(space, name=name), arrays.get(name))
+
+    def scalars(name: str, number: int, surface: ContactSurface) -> FloatArray:
+        return field(f"{name}_{number}", surface.scalar_space).x.array[surface.nodes]
+
+    def vectors(name: str, number: int, surface: ContactSurface) -> FloatArray:
+        values = field(f"{name}_{number}", surface.vector_space).x.array
+        return values.reshape(-1, problem.domain.dim)[surface.blocks]
+
+    surfaces = [contact.surface for contact in problem.contacts]
+    history = Table(about["history"])
     multipliers: Multipliers | None = None
-    bounds: tuple[FloatArray, ...] = ()
-    same_contacts = record.contacts == len(problem.contacts) or not problem.contacts
-    if same_contacts and record.strain_sets == len(problem.data.sets):
-        multipliers, bounds = _load_multipliers(fields, problem)
-    displacement = fields.field("displacement", problem.u.function_space).x.array
-    penalty = Penalty(record.n, record.epsilon, record.regularisations)
-    state = SavedState(displacement, record.travels, multipliers, penalty)
-    step = None
-    if record.step is not None and multipliers is not None:
-        step = _load_step(record.step, locate(directory), problem, fields)
-    return Checkpoint(state, multipliers, bounds, record.problem, record.converged, step)
-
-
-def _load_multipliers(
-    fields: _Reader, problem: DiscreteProblem
-) -> tuple[Multipliers, tuple[FloatArray, ...]]:
-    """The multipliers and the friction bound (k,) of each contact; collective."""
-    forces, bounds = [], []
-    for number in range(len(problem.contacts)):
-        pressure, state, bound = (
-            fields.scalars(name, number)
-            for name in ("contact_pressure", "contact_state", "friction_bound")
+    bounds, memories, old_displacement = list[FloatArray](), [], None
+    is_same = about["contacts"] == len(surfaces) or not surfaces
+    if is_same and about["strain_sets"] == len(problem.data.sets):
+        forces = []
+        for at in enumerate(surfaces):
+            forces.append(
+                ContactForces(
+                    pressure=scalars("contact_pressure", *at),
+                    friction=0.0 - vectors("tangential_traction", *at),
+                    touches=scalars("contact_state", *at) != OPEN,
+                )
+            )
+            bounds.append(scalars("friction_bound", *at))
+            if len(history):
+                memories.append((vectors("old_place", *at), scalars("old_slip", *at)))
+        spaces = multiplier_spaces(problem.data, Kept(), problem.domain.mesh)
+        multipliers = Multipliers.none(problem.data, spaces, tuple(forces))
+        for number, part in enumerate(multipliers.parts):
+            layout.fill(part, arrays.get(f"locking_stress_{number}"))
+        multipliers.add_up(problem.data)
+    if comm.bcast("old_displacement" in arrays):
+        old_displacement = field("old_displacement", problem.u.function_space).x.array
+    if is_step and not (len(history) and about["converged"] and multipliers):
+        raise InputError(
+            f"{directory} is no checkpoint of a step that has converged, with the same contacts; "
+            "a process starts from the last step of a process"
         )
-        friction = 0.0 - fields.vectors("tangential_traction", number)
-        forces.append(ContactForces(pressure, friction, state != OPEN))
-        bounds.append(bound)
-    spaces = multiplier_spaces(problem.data, Kept(), problem.domain.mesh)
-    found = Multipliers.none(problem.data, spaces, tuple(forces))
-    for name, part in zip(_names_of_parts(len(found.parts)), found.parts, strict=True):
-        part.x.array[:] = fields.field(name, part.function_space).x.array
-    found.add_up(problem.data)
-    return found, tuple(bounds)
-
-
-def _load_step(
-    entry: Mapping[str, Any], folder: Path, problem: DiscreteProblem, fields: _Reader
-) -> SavedStep:
-    """The step with this entry in a record; collective.  Raises InputError for its history."""
-    memories = [
-        (fields.vectors("old_place", number), fields.scalars("old_slip", number))
-        for number in range(len(problem.contacts))
-    ]
-    displacement = None
-    if "paired_at" in entry:
-        displacement = fields.field(_DISPLACEMENT, problem.u.function_space).x.array
-
-    def history() -> Table:
-        path = folder / HISTORY
-        return Table.read(path.read_text(encoding="utf-8"), str(path))
-
-    return SavedStep(
-        time=float(entry["time"]),
-        memories=tuple(memories),
-        displacement=displacement,
-        history=on_root(problem.domain.comm, history),
-        halved=tuple(map(str, entry["halved"])),
+    state = SavedState(
+        field("displacement", problem.u.function_space).x.array,
+        tuple(about["travels"]),
+        multipliers,
+        Penalty(about["n"], about["epsilon"], tuple(about["regularisations"])),
+    )
+    return Checkpoint(
+        state,
+        multipliers,
+        tuple(bounds),
+        about["problem"],
+        about["converged"],
+        about["time"],
+        history,
+        tuple(about["halved"]),
+        tuple(memories),
+        old_displacement,
     )
 
 
-def _names_of_parts(sets: int) -> list[str]:
-    """The names of the stored multipliers of the sets of strains."""
-    return ["locking_stress"] + [f"locking_stress_{number}" for number in range(1, sets)]
+def _size_of(domain: Domain, u: fem.Function) -> list[int]:
+    """The dimension, cells, nodes and degree of a body, and 1 for a body of revolution."""
+    space, shape = u.function_space, int(domain.axisymmetric)
+    nodes, degree = int(space.dofmap.index_map.size_global), space.element.basix_element.degree
+    return [domain.dim, int(domain.num_cells), nodes, int(degree), shape]
 
 
-def _about_step(solution: Solution) -> dict[str, Any] | None:
-    """The entry of the record about the step; None for a problem without steps."""
-    if not solution.history.rows:
-        return None
-    is_paired = any(contact.paired_at is not None for contact in solution.contacts)
-    paired = {"paired_at": _DISPLACEMENT} if is_paired else {}
-    return {"time": solution.time, "halved": list(solution.halved), **paired}
+def _require_same_mesh(
+    about: Mapping[str, Any],
+    problem: DiscreteProblem,
+    layout: Layout,
+    arrays: Mapping[str, FloatArray],
+    directory: str | Path,
+) -> None:
+    """Raise InputError for a state of another mesh or element; collective."""
+    domain = problem.domain
+    is_same = about["size"] == _size_of(domain, problem.u)
+    if is_same:
+        # Another version of Gmsh makes another mesh of the same parameters.
+        points = layout.gather(_places(problem.u.function_space))
+        if points is not None:
+            away = np.abs(arrays["places"] - points).max()
+            is_same = bool(away <= _SAME_PLACE * np.abs(points).max())
+        is_same = domain.comm.bcast(is_same)
+    if not is_same:
+        is_adapted = about["is_refined"] and not domain.is_refined
+        hint = ", which was refined: add the section adapt" if is_adapted else ""
+        raise InputError(
+            f"the checkpoint in {directory} is of another mesh or element; restart with mesh "
+            f"and discretisation.degree of the run that saved it{hint}"
+        )
+
+
+def _places(space: fem.FunctionSpace) -> fem.Function:
+    """The coordinates x as a function; collective."""
+    places, dim = fem.Function(space), space.mesh.geometry.dim
+    places.interpolate(lambda x: x[:dim])
+    return places
 
 
 def _fields(solution: Solution) -> dict[str, fem.Function]:
     """The stored fields by name; in a step, with what friction remembered in it; collective."""
-    found = {"displacement": solution.displacement}
-    found |= zip(_names_of_parts(len(solution.locking_parts)), solution.locking_parts, strict=True)
-    found[_PLACES] = places(solution.displacement.function_space)
+    fields = {"displacement": solution.displacement}
+    fields["places"] = _places(solution.displacement.function_space)
+    fields |= {f"locking_stress_{i}": part for i, part in enumerate(solution.locking_parts)}
     for number, contact in enumerate(solution.contacts):
         surface = contact.surface
         scalars = {
@@ -375,28 +382,14 @@ def _fields(solution: Solution) -> dict[str, fem.Function]:
             "friction_bound": contact.bound,
         }
         vectors = {"tangential_traction": contact.traction}
-        if solution.history.rows:
+        if len(solution.history):
             scalars["old_slip"], vectors["old_place"] = contact.old_slip, contact.old_place
             if contact.paired_at is not None:
-                found[_DISPLACEMENT] = fem.Function(surface.vector_space)
-                found[_DISPLACEMENT].x.array[:] = contact.paired_at
-        found |= {f"{name}_{number}": surface.scalar_function(v) for name, v in scalars.items()}
-        found |= {f"{name}_{number}": surface.vector_function(v) for name, v in vectors.items()}
-    return found
-
-
-def _require_cells(domain: Domain) -> None:
-    if not is_possible(domain):
-        raise ContactLockingError(
-            "the mesh has so few cells that a rank has none, which checkpoints cannot have; take "
-            "fewer ranks"
-        )
-
-
-def _require_library() -> None:
-    reason = unavailable()
-    if reason is not None:
-        raise ContactLockingError(reason)
+                fields["old_displacement"] = fem.Function(surface.vector_space)
+                fields["old_displacement"].x.array[:] = contact.paired_at
+        fields |= {f"{name}_{number}": surface.scalar_function(x) for name, x in scalars.items()}
+        fields |= {f"{name}_{number}": surface.vector_function(x) for name, x in vectors.items()}
+    return fields
 
 
 def start_in_words(directory: str | Path, report: SolverReport) -> str:
@@ -408,104 +401,64 @@ def start_in_words(directory: str | Path, report: SolverReport) -> str:
     return f"from the state in {directory}"
 
 
-def saved_step(path: Path, problem: DiscreteProblem) -> tuple[Checkpoint, SavedStep]:
-    """The checkpoint of a step in ``path``; collective.
+class SavedSteps:
+    """The steps that a run has saved so far in its folder, from which a killed run goes on.
 
-    Raises InputError for a checkpoint that is not of a converged step with these contacts, and the
-    errors of :func:`read`.
-    """
-    saved = read(path, problem)
-    if saved.step is None or not saved.converged:
-        raise InputError(
-            f"{path} is no checkpoint of a step that has converged, with the same contacts; a "
-            "process starts from the last step of a process"
-        )
-    return saved, saved.step
-
-
-# A change of the written files raises this number.
-FORMAT = 7
-# The names in the folder of a checkpoint.
-FIELDS, MESH = "state.bp", "mesh"
-_AGAIN = "save it again with contact-locking run --checkpoint"
-
-
-class Record(BaseModel):
-    """Identifies the problem and the mesh that a checkpoint belongs to.
-
-    ``size`` has the dimension, the cells and the nodes of the mesh, the degree of the displacement,
-    and 1 for a body of revolution; ``is_refined`` that of the mesh.  ``problem`` is the fingerprint
-    of everything that defines the solution.  ``contacts`` is the number of contacts,
-    ``strain_sets`` that of the sets of strains, and ``regularisations`` has one length for each
-    contact.  ``travels`` are those of the tools.  ``step`` is about the step of a process, None for
-    a problem without steps.  ``files`` has the digest of each file.
+    The folder of the steps is removed when the run has ended.  The methods are for rank 0.
     """
 
-    # JSON has no infinity, which is a text.
-    model_config = {"frozen": True, "ser_json_inf_nan": "strings"}
+    def __init__(self, directory: Path) -> None:
+        self._directory, self.folder = directory, directory / "steps"
+        self._mark = self.folder / "run.json"
 
-    format: int = FORMAT
-    version: str = __version__
-    converged: bool
-    n: float
-    epsilon: float
-    regularisations: tuple[float, ...]
-    size: tuple[int, ...]
-    is_refined: bool
-    contacts: int
-    strain_sets: int
-    problem: str
-    step: dict[str, Any] | None = None
-    travels: tuple[float, ...] = ()
-    files: dict[str, str] = {}
+    @staticmethod
+    def name_of(number: int) -> str:
+        """The name of the folder of the step with this number, counted from 1."""
+        return f"{number:06d}"
 
+    @property
+    def folders(self) -> list[Path]:
+        """The saved steps in the order of their times; the saved state if there are none."""
+        return self._steps() or [self._directory]
 
-def save(record: Record, folder: Path) -> None:
-    """Write the record of a checkpoint whose fields are complete.  Raises OSError."""
-    for path in (folder / FIELDS).glob("profiling*"):
-        path.unlink()  # timings of ADIOS2, which differ from run to run
-    # The files of the fields, and of a refined mesh.
-    paths = [*sorted((folder / FIELDS).iterdir()), *sorted(folder.glob(f"{MESH}.*"))]
-    files = {path.name: file_digest(str(path)) for path in paths}
-    whole = record.model_copy(update={"files": files})
-    text = whole.model_dump_json(indent=2, exclude_none=True)
-    (folder / RECORD).write_text(f"{text}\n", encoding="utf-8")
+    def last_of(self, fingerprint: str) -> int:
+        """The number of the last step that a run with these parameters has saved; 0 without one."""
+        with contextlib.suppress(OSError):
+            is_same = self._mark.is_file() and self._mark.read_text() == _mark(fingerprint)
+            if is_same and (steps := self._steps()):
+                return int(steps[-1].name)
+        return 0
 
+    def prepare(self, fingerprint: str) -> int:
+        """Prepare the folder for the steps of a run, and return :meth:`last_of`.  Raises OSError.
 
-def locate(directory: str | Path) -> Path:
-    """The folder of the checkpoint: ``directory`` itself, or in the folder of a run."""
-    given = Path(directory)
-    return given if (given / RECORD).is_file() else given / CHECKPOINT
+        The saved steps of other parameters are removed.
+        """
+        last = self.last_of(fingerprint)
+        if last == 0:
+            self.remove()
+            self.folder.mkdir(parents=True, exist_ok=True)
+            atomic.write_text(self._mark, _mark(fingerprint))
+        return last
 
+    def keep(self, first: int, last: int) -> None:
+        """Remove all saved steps but these."""
+        for step in self._steps():
+            if not self.name_of(first) <= step.name <= self.name_of(last):
+                shutil.rmtree(step, ignore_errors=True)
 
-def load(directory: str | Path) -> Record:
-    """The record.
+    def remove(self) -> None:
+        """Remove all saved steps, and their folder unless it holds other files."""
+        for step in self._steps():
+            shutil.rmtree(step, ignore_errors=True)
+        self._mark.unlink(missing_ok=True)
+        atomic.remove_abandoned(self.folder)
+        with contextlib.suppress(OSError):
+            self.folder.rmdir()
 
-    Raises InputError for a missing, damaged or other record, and OSError if it cannot be read.
-    """
-    path = locate(directory) / RECORD
-    if not path.is_file():
-        raise InputError(f"there is no checkpoint in {directory}; {_AGAIN}")
-    try:
-        record = Record.model_validate_json(path.read_bytes())
-    except ValidationError:
-        record = None
-    if record is None or record.format != FORMAT:
-        raise InputError(
-            f"{path} is damaged, or was saved by another version than contact_locking "
-            f"{__version__}; {_AGAIN}"
-        )
-    return record
+    def _steps(self) -> list[Path]:
+        return [record.parent for record in sorted(self.folder.glob(f"[0-9]*/{RECORD}"))]
 
 
-def load_fields(directory: str | Path) -> tuple[Record, Path]:
-    """The record and the folder of the fields, whose files are complete and unchanged.
-
-    Reads all files for their digests.  Raises as `load`.
-    """
-    record, folder = load(directory), locate(directory)
-    for name, digest in record.files.items():
-        path = (folder if Path(name).stem == MESH else folder / FIELDS) / Path(name).name
-        if not path.is_file() or file_digest(str(path)) != digest:
-            raise InputError(f"{path} is missing or damaged; {_AGAIN}")
-    return record, folder / FIELDS
+def _mark(fingerprint: str) -> str:
+    return json.dumps({"version": __version__, "fingerprint": fingerprint}) + "\n"

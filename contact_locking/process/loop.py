@@ -29,8 +29,8 @@ from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.errors import InputError, Misplaced, ProcessEnded
 from contact_locking.process import checkpoint
+from contact_locking.process.checkpoint import SavedSteps
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.process.saved_steps import saved_steps
 from contact_locking.process.settings import Steps
 from contact_locking.results.probes import in_step
 from contact_locking.results.quantities import columns, components
@@ -161,7 +161,7 @@ class Process(Iterator[S]):
         self._halved: tuple[str, ...] = ()
         self._is_unbalanced, self._follows_branch = False, True
         self._probes: Table | None = None
-        self._solutions = self._solve([] if restart is None else saved_steps(Path(restart)))
+        self._solutions = self._solve([] if restart is None else SavedSteps(Path(restart)).folders)
 
     def __next__(self) -> S:
         return next(self._solutions)
@@ -180,17 +180,15 @@ class Process(Iterator[S]):
         before: Moment | None = None
         discrete.enter(discrete.at_rest())
         for path in paths:
-            saved, step = checkpoint.saved_step(path, discrete)
-            self._put(step.time)
-            self._halved, self.history = step.halved, step.history
-            state, energy = (
-                saved.restored(self._solver),
-                EnergyBalance.of_row(self.history.rows[-1]),
-            )
-            solution = self._solution(state, energy, step.time)
+            saved = checkpoint.read(path, discrete, is_step=True)
+            self._put(saved.time)
+            self._halved, self.history = saved.halved, saved.history
+            state = saved.restored(self._solver)
+            energy = EnergyBalance.of_row(self.history.rows[-1])
+            solution = self._solution(state, energy, saved.time)
             solution = self._with_history(solution, f"the step was read from {path}")
             yield solution
-            timeline.skip_to(step.time)
+            timeline.skip_to(saved.time)
             last, before = solution.state, Moment.of(state)
             discrete.enter(last.contacts)
         while not timeline.is_over:

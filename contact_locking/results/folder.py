@@ -15,6 +15,8 @@ from contact_locking.files.atomic import locked, new_folders
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+T = TypeVar("T")
+
 #: The first line of every file with the parameters of a run or of a study.
 HEADER = "# All parameters, written by contact_locking\n"
 #: The key of the study file with the folder.
@@ -77,9 +79,6 @@ def require_own(directory: Path, names: Sequence[str] = FILES_OF_RUN) -> None:
                 "or write to another folder",
                 KEY,
             )
-
-
-T = TypeVar("T")
 
 
 @contextlib.contextmanager

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import gc
+import json
 import shutil
-from collections.abc import Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -32,7 +33,7 @@ from contact_locking.files.atomic import make_folders
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
 from contact_locking.process import checkpoint as checkpoints
-from contact_locking.process import saved_steps
+from contact_locking.process.loop import Process
 from contact_locking.results import fields
 from contact_locking.results import folder as names
 from contact_locking.results.contact_points import facets_table
@@ -42,7 +43,9 @@ from contact_locking.results.probes import in_step, locate, sample
 from contact_locking.results.solution import Solution, summary_text
 from contact_locking.results.table import Table
 from contact_locking.running import solving
+from contact_locking.running.cases import Outcome, State, case_folder, row_of, write_rows
 from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters.study import StudyParameters
 
 S = TypeVar("S", bound=Solution)
 
@@ -65,8 +68,6 @@ def run(
     where data cannot be used at a later time, the steps before are written first.
     """
     target, listener = Path(directory), monitor or Monitor()
-    if save_state and (missing := checkpoints.unavailable()) is not None:
-        listener.message(f"warning: no checkpoint will be saved: {missing}")
     given = None if restart is None or save_state else checkpoints.locate(restart).resolve()
     if given == checkpoints.locate(target).resolve():
         raise InputError(
@@ -76,12 +77,11 @@ def run(
     if parameters.steps is None:
         solution = solving.solve(parameters, comm, listener, petsc_options, restart)
         return solution, write(solution, target, parameters.output, save_state)
-    if checkpoints.unavailable() is None:
-        name = on_root(comm, lambda: study_file.fingerprint(parameters))
-        found = on_root_of(comm, target, lambda: saved_steps.unfinished(target, name))
-        if found and restart is None:
-            listener.message(f"going on from step {int(found[-1].name)} of an earlier run")
-            restart = target
+    name = on_root(comm, lambda: study_file.fingerprint(parameters))
+    last = on_root_of(comm, target, lambda: checkpoints.SavedSteps(target).prepare(name))
+    if last > 0 and restart is None:
+        listener.message(f"going on from step {last} of an earlier run")
+        restart = target
     solutions = solving.solve_steps(parameters, comm, listener, petsc_options, restart)
     return write_steps(solutions, target, parameters.output, save_state, comm)
 
@@ -99,6 +99,7 @@ def write_steps(
     its end; then :func:`write` writes, with all steps in fields.bp.
     """
     target, output = Path(directory), output or Output()
+    saved = checkpoints.SavedSteps(target)
     last: S | None = None
     probes: Table | None = None
     with contextlib.ExitStack() as stack:
@@ -117,14 +118,12 @@ def write_steps(
                 probes = last.probes
                 if series is not None:
                     series.add(last)
-                is_new = last.converged and last.summary["restart"] is None
-                if is_new and checkpoints.is_possible(last.domain):
+                if last.converged and last.summary["restart"] is None:
                     number = len(last.history)
-                    folder, name = target / saved_steps.FOLDER, saved_steps.name_of(number)
-                    save_as(last, folder, name)
+                    save_as(last, saved.folder, saved.name_of(number))
                     # Only fields and probes of all steps need the steps before.
                     first = 1 if output.fields or output.probes else number
-                    on_root(comm, partial(saved_steps.keep, target, first, number))
+                    on_root(comm, partial(saved.keep, first, number))
         except ProcessEnded as error:
             # Data that cannot be used at a time do not take the steps before with them.
             ended = error
@@ -136,7 +135,7 @@ def write_steps(
     if ended is not None:
         raise ended
     if last.converged:
-        on_root(comm, lambda: saved_steps.remove(target))
+        on_root(comm, saved.remove)
     return last, warnings
 
 
@@ -199,7 +198,7 @@ def write(
     complete.  They replace the results of an earlier run in the folder, also those that this one
     does not have; all other files stay.
 
-    If the picture or the checkpoint cannot be made, a warning says so, also in summary.json.
+    If the picture cannot be made, a warning says so, also in summary.json.
     Raises InputError for a folder that cannot be written to or holds files of these names that no
     run has written, and ContactLockingError for a full disk; if only the picture or the checkpoint
     has no room, all other files are written first.
@@ -229,9 +228,13 @@ def write(
                 warnings += draw(solution, staging)
             except NoRoom as error:
                 refused.append(str(error))
-        if checkpoint and (problem := _checkpoint(solution, target, staging)) is not None:
-            is_possible = checkpoints.is_possible(solution.domain)
-            (refused if is_possible else warnings).append(f"no checkpoint was saved: {problem}")
+        if checkpoint:
+            folder, write_folder = staging / names.CHECKPOINT, checkpoints.gathered(solution)
+            try:
+                on_root_of(comm, target, lambda: write_folder(folder))
+            except ContactLockingError as error:
+                refused.append(f"no checkpoint was saved: {str(error).splitlines()[0]}")
+                on_root_of(comm, target, lambda: shutil.rmtree(folder, ignore_errors=True))
         told = [*solution.summary.get("warnings", []), *warnings, *refused]
         complete = solution.telling(warnings=told)
 
@@ -251,9 +254,9 @@ def write(
 def save(solution: Solution, directory: str | Path) -> None:
     """Save a checkpoint in ``directory``/checkpoint, for ``restart=directory``; collective.
 
-    Any number of ranks can read the checkpoint on the same mesh.  Raises ContactLockingError if
-    adios4dolfinx is missing, and InputError for a folder that cannot be written to or holds a
-    checkpoint of others.
+    Any number of ranks can read the checkpoint on the same mesh.  Raises InputError for a folder
+    that cannot be written to or holds a checkpoint of others, and ContactLockingError for a full
+    disk.
     """
     require_kind(solution, Solution, "a solution", "solution")
     comm, target = solution.domain.comm, Path(directory)
@@ -265,37 +268,9 @@ def save_as(solution: Solution, directory: Path, name: str) -> None:
     """Save a checkpoint as ``directory``/``name``, whole or not at all, as :func:`save` does."""
     comm = solution.domain.comm
     with _staging(comm, directory) as staging:
-        folder = staging / name
-        _write_checkpoint(solution, directory, folder)
+        folder, write_folder = staging / name, checkpoints.gathered(solution)
+        on_root_of(comm, directory, lambda: write_folder(folder))
         on_root_of(comm, directory, lambda: atomic.put_in_place(folder, directory / name))
-
-
-def _checkpoint(solution: Solution, target: Path, staging: Path) -> str | None:
-    """Write a checkpoint and return None, or return why it failed; collective."""
-    try:
-        _write_checkpoint(solution, target, staging / names.CHECKPOINT)
-        return None
-    except ContactLockingError as error:
-        reason = str(error).splitlines()[0]
-    # ADIOS2 closes its files, and so frees the disk, when no reference to the error is left; the
-    # frames of the error may refer to each other in a circle.
-    gc.collect()
-    comm = solution.domain.comm
-    on_root_of(comm, target, lambda: shutil.rmtree(staging / names.CHECKPOINT, ignore_errors=True))
-    return reason
-
-
-def _write_checkpoint(solution: Solution, target: Path, folder: Path) -> None:
-    comm = solution.domain.comm
-    # The text files are written later and need room as well.
-    size = checkpoints.size(solution) + names.TEXTS_BYTES
-
-    def make_folder() -> None:
-        atomic.require_room(folder.parent, size)
-        folder.mkdir()
-
-    on_root_of(comm, target, make_folder)
-    checkpoints.write(solution, folder)
 
 
 def _write_texts(solution: Solution, folder: Path) -> None:
@@ -350,3 +325,67 @@ def return_freed_memory() -> None:
     """
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
+
+
+def solve_cases(
+    make_problem: Callable[..., Any],
+    cases: Mapping[str, Any] | Sequence[Mapping[str, Any]],
+    directory: str | Path | None = None,
+    output: Output | None = None,
+    comm: MPI.Intracomm = MPI.COMM_WORLD,
+) -> list[dict[str, Any]]:
+    """A row for each case: its values, its state, and the numbers of its solution; collective.
+
+    The rows are those of table.csv of a study file, with the names of summary.json as dotted keys.
+    The cases are solved one after the other, by all ranks together.  A case that cannot be solved
+    has the state ``failed`` with the reason, and the others go on.  Raises InputError for cases
+    that cannot be used, and the errors of writing.
+
+    Parameters
+    ----------
+    make_problem
+        ``make_problem(**values)`` returns the ContactProblem of a case, a :class:`Process`, or an
+        iterator over solutions, as :func:`adapt` does, of which the last counts
+    cases
+        values by name, as ``{"mu": [0.1, 0.3], "n": {"geometric": [1e2, 1e6, 5]}}``: every
+        combination of them; or a list of mappings, one for each case
+    directory
+        the folder of table.csv and table.jsonl, with the results of each case below ``cases``;
+        without one there are no files
+    output
+        which files each case has
+    """
+    if isinstance(cases, Mapping):
+        cases = StudyParameters(vary=dict(cases)).cases()
+    rows = []
+    for number, values in enumerate(cases, start=1):
+        name = f"{number:04d}"
+        place = None if directory is None else case_folder(Path(directory), name)
+        try:
+            outcome = _outcome(make_problem(**values), place, output, comm)
+        except ContactLockingError as error:
+            if isinstance(error, NoRoom):
+                raise
+            about = f"{error.key}: " if isinstance(error, InputError) and error.key else ""
+            outcome = Outcome("failed", f"{about}{error}")
+        rows.append(row_of(values, name, outcome))
+        if directory is not None:
+            on_root_of(comm, Path(directory), lambda: write_rows(Path(directory), rows))
+    return rows
+
+
+def _outcome(made: Any, place: Path | None, output: Output | None, comm: MPI.Intracomm) -> Outcome:
+    """The outcome of a problem, or of what iterates over solutions, with its files in a folder."""
+    with contextlib.ExitStack() as stack:
+        owner = made.problem if isinstance(made, Process) else made
+        if hasattr(owner, "close"):
+            stack.callback(owner.close)
+        if not hasattr(made, "solve") and place is not None:
+            solution, _ = write_steps(made, place, output, comm=comm)
+        else:
+            solution = made.solve() if hasattr(made, "solve") else deque(made, maxlen=1)[0]
+            if place is not None:
+                write(solution, place, output)
+        summary = json.loads(summary_text(solution.summary))
+    state: State = "converged" if solution.converged else "not converged"
+    return Outcome(state, str(summary["reason"]), summary)

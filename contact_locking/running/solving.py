@@ -24,9 +24,9 @@ from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.process import checkpoint
 from contact_locking.process.adaptive_meshes import adapted
+from contact_locking.process.checkpoint import SavedSteps
 from contact_locking.process.loop import Process
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.process.saved_steps import saved_steps
 from contact_locking.process.settings import Adaptation
 from contact_locking.results.probes import sample
 from contact_locking.results.solution import Solution
@@ -226,7 +226,8 @@ def solve_steps(
     monitor = Attentive(monitor or Monitor())
     start = time.perf_counter()
     if restart is not None:
-        checkpoint.expect(saved_steps(Path(restart))[-1], comm)
+        last = SavedSteps(Path(restart)).folders[-1]
+        on_root(comm, lambda: checkpoint.require(last))
     monitor.message("preparing the mesh and compiling forms (some seconds the first time)")
     problem = assemble(parameters, comm, domain)
     # Before the solve, because the mesh file may change during the solve.

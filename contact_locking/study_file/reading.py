@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from contact_locking.errors import InputError, require_kind
 from contact_locking.study_file.dump import dump
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.keys import known_keys
+from contact_locking.study_file.parameters.study import known_keys
 from contact_locking.study_file.parameters.wording import (
     REMOVED_KEYS,
     REMOVED_VALUES,

@@ -11,7 +11,7 @@ import numpy as np
 from contact_locking.arrays import LARGEST, FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import Table
-from contact_locking.files.csv_file import number_at, place_of, rows_of
+from contact_locking.files.readable import number_at, place_of, rows_of
 
 from .concept import Concept, Fault, entry
 from .kinds import File, Text

@@ -20,12 +20,11 @@ from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
 from contact_locking.meshes import BUILDERS
 from contact_locking.meshes import write as write_mesh
-from contact_locking.process import adaptive_meshes, checkpoint
+from contact_locking.process import adaptive_meshes
 from contact_locking.running import solving
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.view import report
 
-NO_CHECKPOINT = checkpoint.unavailable()
 LIMITLESS: dict[str, Any] = {
     "penalty__n": float("inf"),
     "friction__smoothing": {"kernel": "convolution"},
@@ -156,7 +155,6 @@ def test_a_mesh_file_is_refined(tmp_path: Path) -> None:
     assert len(meshes(solution)) == 3 and solution.converged
 
 
-@pytest.mark.skipif(NO_CHECKPOINT is not None, reason=str(NO_CHECKPOINT))
 def test_loop_goes_on_from_the_checkpoint_of_its_last_mesh(
     comm: MPI.Intracomm, tmp_path: Path
 ) -> None:

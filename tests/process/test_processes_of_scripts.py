@@ -16,7 +16,6 @@ from mpi4py import MPI
 from sheared_block import all_of, sheared
 
 import contact_locking as cl
-from contact_locking.process import checkpoint
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.table import Table
 from contact_locking.solver.task import SolverReport
@@ -153,7 +152,6 @@ def test_a_step_of_a_script_is_halved_as_that_of_a_study(
     assert_same(process.history, cl.solve_assembled(study).history)
 
 
-@pytest.mark.skipif(checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable()))
 def test_a_process_of_a_script_goes_on_from_a_saved_step(tmp_path: Path) -> None:
     folder, whole = Path(MPI.COMM_WORLD.bcast(tmp_path)), Block().process()
     for number, solution in enumerate(whole, start=1):

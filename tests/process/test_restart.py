@@ -11,14 +11,9 @@ from problems import block
 from slow import slow
 
 from contact_locking import save
-from contact_locking.process import checkpoint
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 from contact_locking.study_file.parameters import Parameters
-
-pytestmark = pytest.mark.skipif(
-    checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable())
-)
 
 
 @pytest.fixture

@@ -10,11 +10,6 @@ from saved_block import on_rank_0, parameters
 
 from contact_locking import study_file
 from contact_locking.command import cli
-from contact_locking.process import checkpoint
-
-pytestmark = pytest.mark.skipif(
-    checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable())
-)
 
 
 @pytest.fixture

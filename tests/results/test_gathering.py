@@ -22,7 +22,6 @@ from problems import block
 
 import contact_locking
 from contact_locking.mesh.sources import gather_mesh
-from contact_locking.process import checkpoint
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import run as writing
 from contact_locking.running import solving
@@ -67,13 +66,13 @@ def folder(tmp_path: Path, comm: MPI.Intracomm) -> Path:
     return found
 
 
-def test_a_run_without_a_picture_gathers_nothing_of_the_size_of_the_body(
+def test_a_run_without_picture_and_checkpoint_gathers_nothing_of_the_size_of_the_body(
     folder: Path, comm: MPI.Intracomm
 ) -> None:
     parameters = block(2, 1 / 48, **OUTPUT)
     with messages() as sizes:
         solution = solving.solve(parameters, comm)
-        writing.write(solution, folder, checkpoint=checkpoint.unavailable() is None)
+        writing.write(solution, folder)
     assert solution.converged and len(sizes) > 100
     assert max(sizes) < 0.5 * field_of_body(solution, comm)
     # The same meters see what pictures and adapted meshes take.

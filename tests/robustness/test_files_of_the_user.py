@@ -11,7 +11,7 @@ from solutions import made_up
 from contact_locking.command import cli
 from contact_locking.errors import InputError
 from contact_locking.files.atomic import locked
-from contact_locking.process import saved_steps
+from contact_locking.process.checkpoint import SavedSteps
 from contact_locking.running import run as writing
 from contact_locking.view import report
 
@@ -69,14 +69,14 @@ def test_a_saved_state_replaces_no_folder_of_the_user(tmp_path: Path) -> None:
 
 
 def test_a_folder_of_saved_steps_is_removed_but_for_what_is_the_users(tmp_path: Path) -> None:
-    saved_steps.unfinished(tmp_path, "fingerprint")
+    SavedSteps(tmp_path).prepare("fingerprint")
     (tmp_path / "steps" / "000001").mkdir()
     (tmp_path / "steps" / "000001" / "record.json").write_text("{}")
     mine = users(tmp_path / "steps" / "notes.txt")
-    saved_steps.remove(tmp_path)
+    SavedSteps(tmp_path).remove()
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == [mine]
     mine.unlink()
-    saved_steps.remove(tmp_path)
+    SavedSteps(tmp_path).remove()
     assert not mine.parent.exists()
 
 

@@ -14,14 +14,12 @@ from test_elements import benchmark
 
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
-from contact_locking.process import checkpoint
 from contact_locking.results import fields
 from contact_locking.running import run as writing
 from contact_locking.running import solving
 from contact_locking.study_file import from_mapping
 
 
-@pytest.mark.skipif(checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable()))
 def test_a_checkpoint_of_another_element_is_refused(comm: MPI.Intracomm, tmp_path: Path) -> None:
     folder = comm.bcast(tmp_path)
     writing.save(square(), folder)

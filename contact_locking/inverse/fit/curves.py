@@ -17,7 +17,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError, with_key
-from contact_locking.files.csv_file import number_at, place_of, rows_of
+from contact_locking.files.readable import number_at, place_of, rows_of
 from contact_locking.plain_text import count
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.study import Curve, FitParameters

@@ -26,8 +26,7 @@ from contact_locking.parallel import on_root
 from contact_locking.results.folder import on_root_of
 from contact_locking.running.cases import read_mapping
 from contact_locking.running.solving import solve_steps
-from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.numerics import SensitivityParameters
+from contact_locking.study_file.parameters import Parameters, SensitivityParameters
 
 from .curves import Case, Experiment
 
