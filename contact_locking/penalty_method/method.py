@@ -30,12 +30,16 @@ _BOUND_WAY_OUT = (
 def solve(task: Task, saved: SavedState | None = None) -> SolverReport:
     """Solve (26) with the fixed point of its friction bound; collective.
 
-    From a saved state it goes on with the penalties of that state; where this fails, from nothing.
+    From a saved state it starts with the penalties of that state; where this fails, from nothing.
     """
     equations, settings = Equations(task.system), task.settings
     stages: list[dict[str, float | int]] = []
-    if saved is not None:
-        _enter(saved, equations)
+    if saved is not None and saved.multipliers is not None:
+        system = task.system
+        system.u.x.array[:] = saved.displacement
+        system.constraints.apply(system.u)
+        for contact, forces in zip(system.contacts, saved.multipliers.contacts, strict=True):
+            system.bounds[contact] = contact.friction_bound(system.u, forces.pressure)
         few = task.with_settings(max_iterations=min(_FROM_SAVED, settings.max_iterations))
         path = PenaltyPath.onwards(saved.penalty, task.target)
         try:
@@ -98,16 +102,3 @@ def _settled(newton: Newton, task: Task, equations: Equations) -> Outcome:
         outcome = outcome.settled(*fixed_point(task, equations, solve_tresca))
     newton.solve(tolerance)
     return replace(outcome, multipliers=equations.multipliers())
-
-
-def _enter(saved: SavedState, equations: Equations) -> None:
-    """Take the displacement and the friction bounds of a saved state; collective."""
-    system = equations.system
-    system.u.x.array[:] = saved.displacement
-    system.constraints.apply(system.u)
-    equations.set_penalty(saved.penalty)
-    if saved.multipliers is None:
-        system.bounds.enter(system.rubbing, equations.friction_bounds())
-        return
-    for contact, forces in zip(system.contacts, saved.multipliers.contacts, strict=True):
-        system.bounds[contact] = contact.friction_bound(system.u, forces.pressure)
