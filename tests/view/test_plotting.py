@@ -16,7 +16,7 @@ from solutions import DIVISIONS, KINDS, displacement, made_up, of_kind
 from contact_locking.view import pictures
 from contact_locking.view.pictures import style
 from contact_locking.view.pictures.gather import gather
-from contact_locking.view.pictures.snapshot import Snapshot
+from contact_locking.view.pictures.style import Snapshot
 
 
 def snapshot(dim: int = 2, **changes: Any) -> Snapshot | None:
