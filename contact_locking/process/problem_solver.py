@@ -12,11 +12,11 @@ from dolfinx import fem
 from numpy.linalg import norm
 
 from contact_locking import wings
+from contact_locking.certificate.findings import findings
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.certificate.verdict import Certificate, certify
 from contact_locking.fem.compiled import integral
-from contact_locking.fields import plausibility
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.penalty_method import method as penalty_method
@@ -24,11 +24,9 @@ from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.discrete_problem import DiscreteProblem, distance
 from contact_locking.problem.rounding import LooseMotion
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.results.between_nodes import uncovered_entry
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import (
     BodyFields,
-    ContactFields,
     Contacts,
     gather_contacts,
     on_gamma_c,
@@ -315,60 +313,6 @@ def state_of(state: SolvedState) -> State:
     return State(saved, state.multipliers, after)
 
 
-def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
-    """Warnings about results that the user probably did not intend; collective."""
-    problem, target, data, body = state.problem, state.target, state.problem.data, state.body
-    depths = [(fields.u_normal - fields.gap, fields.free) for fields in state.contacts]
-    entering = [maximum(state.comm, depth[free]) for depth, free in depths]
-    held = [maximum(state.comm, depth[~free]) for depth, free in depths]
-    largest = numbers["strain_norm_max"]
-    found = plausibility.about_the_strain(largest)
-    found += plausibility.about_the_rotation(
-        numbers["rotation_max"], numbers["rotation_max_at"], largest
-    )
-    used = body.largest(body.strain_norm, body.locking_limit)
-    found += plausibility.about_the_overstrain(used - 1.0, target.penalty.n, target.young)
-    found += plausibility.about_strains_between_points(used, numbers["overstrain_max"] + 1.0)
-    found += plausibility.about_held_nodes(
-        [fields.contact.key for fields in state.contacts], held, state.largest_displacement
-    )
-    for fields in state.contacts:
-        between = fields.entry
-        found += plausibility.about_an_entry(
-            fields.contact.key, between.depth, between.share, between.place
-        )
-        found += _about_the_normals(fields, problem.u)
-        length = fields.surface.facing_length
-        slid = fields.contact.slid(problem.u)[fields.state != OPEN]
-        found += plausibility.about_the_sliding(
-            fields.contact.key, maximum(state.comm, slid), length
-        )
-    for contact in data.contacts:
-        depth, place = uncovered_entry(problem.domain, problem.u, contact)
-        found += plausibility.about_uncovered_boundary(
-            contact.key, depth, place, state.largest_displacement
-        )
-    return found + plausibility.about_the_penetration(
-        max(entering, default=0.0),
-        state.largest_displacement,
-        target.penalty.epsilon,
-        target.length / target.young,
-        follows_n=problem.follows_n,
-    )
-
-
-def _about_the_normals(fields: ContactFields, u: fem.Function) -> list[str]:
-    """A warning about bodies in the undeformed frame whose normals turn; collective."""
-    contact = fields.contact
-    if contact.friction.frictionless or contact.pairs_anew:
-        return []
-    comm = contact.surface.domain.comm
-    pressed = fields.pressure > 0.01 * maximum(comm, fields.pressure)
-    turn = contact.turn(u, pressed)
-    mu = contact.friction.coefficient(fields.slip)
-    return plausibility.about_the_normals(contact.key, turn, -maximum(comm, -mu[pressed], -np.inf))
-
-
 def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, Any]:
     """summary.json, without the entries that only the caller knows; collective."""
     problem, report, target = state.problem, state.report, state.target
@@ -381,7 +325,7 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
     numbers = computed("body", state.body) | _contacts(state)
     warnings = [*problem.warnings, *report.warnings]
     if report.converged:
-        warnings += _warnings(state, numbers)
+        warnings += findings(state)
     summary: dict[str, Any] = {
         "converged": report.converged,
         "reason": f"{slide}; {report.reason}" if slide else report.reason,
