@@ -91,7 +91,7 @@ class Finding(str):
     def __new__(cls, code: str, key: str = "", **numbers: Any) -> Finding:
         text = TEXTS[code].format(key=key, **numbers)
         finding = super().__new__(cls, f"{key}: {text}" if key else text)
-        finding.code, finding.key, finding.numbers = code, key, numbers
+        vars(finding).update(code=code, key=key, numbers=numbers)
         return finding
 
     def __getnewargs_ex__(self) -> tuple[tuple[str, str], dict[str, Any]]:

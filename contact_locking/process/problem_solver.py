@@ -12,7 +12,6 @@ from dolfinx import fem
 from numpy.linalg import norm
 
 from contact_locking import wings
-from contact_locking.certificate.findings import findings
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.certificate.verdict import Certificate, certify
@@ -24,6 +23,7 @@ from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.discrete_problem import DiscreteProblem, distance
 from contact_locking.problem.rounding import LooseMotion
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.process.findings import findings
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import (
     BodyFields,
