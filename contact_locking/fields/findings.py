@@ -98,7 +98,7 @@ class Finding(str):
         return (self.code, self.key), dict(self.numbers)
 
 
-def about_the_gap(domain: Domain, gap: FloatArray, key: str) -> list[Finding]:
+def about_the_gap(domain: Domain, gap: FloatArray, key: str) -> list[str]:
     """Whether the body lies wholly inside the foundation; collective.
 
     ``gap`` (k,) are the values at the owned nodes of Gamma_C.  The whole body counts as inside if
@@ -117,7 +117,7 @@ def about_an_overlap_at_rest(
     outward: FloatArray,
     mu: FloatArray,
     key: str,
-) -> list[Finding]:
+) -> list[str]:
     """Whether a curved foundation with friction rests at its end; collective.
 
     ``depths`` (k,) are how far nodes of Gamma_C are inside of the foundation at rest, with the
@@ -139,21 +139,21 @@ def about_an_overlap_at_rest(
     return [Finding("foundation.overlap", key, depth=depths.max(), turn=turn)]
 
 
-def about_the_distance(domain: Domain, gap: FloatArray, key: str) -> list[Finding]:
+def about_the_distance(domain: Domain, gap: FloatArray, key: str) -> list[str]:
     """Whether a foundation is farther away than the body is long; collective."""
     distance, extent = -maximum(domain.comm, -gap, -np.inf), domain.extent
     is_far = distance > extent
     return [Finding("foundation.far", key, distance=distance, extent=extent)] if is_far else []
 
 
-def about_the_size(domain: Domain, size: float, key: str) -> list[Finding]:
+def about_the_size(domain: Domain, size: float, key: str) -> list[str]:
     """Whether a foundation has the wrong units, as m for mm; collective."""
     if 1.0 / _LARGE_RATIO < size / domain.extent < _LARGE_RATIO:
         return []
     return [Finding("foundation.size", key, size=size, extent=domain.extent)]
 
 
-def about_a_load(stress: float, stiffness: float, key: str) -> list[Finding]:
+def about_a_load(stress: float, stiffness: float, key: str) -> list[str]:
     """Whether the largest ``stress`` of a load is above the stiffness of the material.
 
     Raises InputError for a load that no body can bear.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -62,7 +63,10 @@ def _exceeded_limit(state: SolvedState) -> Iterator[Finding]:
     body, target = state.body, state.target
     used = body.largest(body.strain_norm, body.locking_limit)
     excess, anywhere = used - 1.0, max(body.peaks[1], 1.0)
-    advice = {"n": max(target.penalty.n, 0.5 * target.young) * excess / _AIM, "aim": 100.0 * _AIM}
+    advice: Any = {
+        "n": max(target.penalty.n, 0.5 * target.young) * excess / _AIM,
+        "aim": 100.0 * _AIM,
+    }
     if excess >= _MULTIPLE:
         yield Finding("limit.exceeded_far", times=used, **advice)
     elif excess > _NOTABLE:

@@ -214,9 +214,8 @@ class ProblemSolver:
         measured = {"reason": "not measured for a process, whose past depends on n as well"}
         if criteria is None:
             measured = self._distance_to_limit(solution)
-        entry = solution.summary["certificate"]
-        errors = {**entry["errors"], "penalty_measured": measured}
-        return solution.telling(certificate={**entry, "errors": errors})
+        errors = {**judged.errors, "penalty_measured": measured}
+        return dataclasses.replace(solution, certificate=dataclasses.replace(judged, errors=errors))
 
     def _distance_to_limit(self, solution: Solution) -> dict[str, Any]:
         """How far the solution for n = inf on the same mesh is from this one; collective."""
@@ -267,30 +266,54 @@ def solution_of(
     certificate: Certificate | None,
     differentiable: Differentiable | None = None,
 ) -> Solution:
-    """The fields, the contact points and the summary of a solved state; collective.
+    """The fields, the contact points and the numbers of a solved state; collective.
 
-    Without a certificate the summary repeats the verdict of the solver.
+    Without a certificate the solution has the verdict of the solver.
     """
-    problem, body = state.problem, state.body
+    problem, body, report = state.problem, state.body, state.report
     indicator = certificate.indicator if certificate else None
     points, facets = gather_contacts(state.contacts, problem.domain)
     # The next solve overwrites the displacement of the problem.
-    own = problem.u.copy()
-    own.name = problem.u.name
+    displacement = problem.u.copy()
+    displacement.name = problem.u.name
+    reason, suggestion = report.reason, report.suggestion
+    if problem.free and not report.converged:
+        slide = problem.rigidity.describe_slide()
+        if slide is None and problem.data.tools:
+            slide = problem.rigidity.describe_loose()
+        if slide is not None:
+            reason, suggestion = f"{slide}; {reason}", _WAY_OUT_OF_SLIDING
+    warnings: list[str] = [*problem.warnings, *report.warnings]
+    if report.converged:
+        warnings += findings(state)
+    if certificate is not None:
+        warnings += certificate.proofs.warnings
+        if not report.converged and certificate.proofs.reason:
+            reason += f"; {certificate.proofs.reason}"
+        if report.converged and certificate.complaint:
+            enters = bool(state.contacts) and not certificate.criteria[ENTRY].holds
+            reason = certificate.complaint
+            suggestion = _WAY_OUT_OF_ENTRY if enters else _WAY_OUT_OF_COMPLAINTS
     return Solution(
         domain=problem.domain,
         element=problem.element,
-        displacement=own,
+        displacement=displacement,
         **{name: getattr(body, name) for name in BodyFields.FIELDS},
         error_indicator=indicator and indicator.field,
         elastic_error_indicator=indicator and indicator.elastic_field,
         contacts=state.contacts,
         contact_points=points,
         contact_facets=facets,
-        summary=_summary(state, certificate),
+        state=state_of(state),
+        facts=_facts(state),
+        converged=report.converged and not (certificate and certificate.complaint),
+        reason=reason,
+        suggestion=suggestion,
+        warnings=warnings,
+        certificate=certificate,
+        report=report,
         differentiable=differentiable,
         data=problem.data,
-        state=state_of(state),
         **on_gamma_c(state.contacts, problem.u),
     )
 
@@ -313,29 +336,18 @@ def state_of(state: SolvedState) -> State:
     return State(saved, state.multipliers, after)
 
 
-def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, Any]:
-    """summary.json, without the entries that only the caller knows; collective."""
+def _facts(state: SolvedState) -> dict[str, Any]:
+    """The numbers of summary.json that neither the certificate nor the caller knows; collective."""
     problem, report, target = state.problem, state.report, state.target
     domain, data, u = problem.domain, problem.data, problem.u
-    slide = None
-    if problem.free and not report.converged:
-        slide = problem.rigidity.describe_slide()
-        if slide is None and data.tools:
-            slide = problem.rigidity.describe_loose()
-    numbers = computed("body", state.body) | _contacts(state)
-    warnings = [*problem.warnings, *report.warnings]
-    if report.converged:
-        warnings += findings(state)
-    summary: dict[str, Any] = {
-        "converged": report.converged,
-        "reason": f"{slide}; {report.reason}" if slide else report.reason,
-        "suggestion": _WAY_OUT_OF_SLIDING if slide else report.suggestion,
+    return {
         "discretisation": data.element.facts(),
         "dofs": int(u.function_space.dofmap.index_map.size_global * domain.dim),
         "cells": domain.num_cells,
         "ranks": domain.comm.size,
         "dolfinx": dolfinx.__version__,
-        **numbers,
+        **computed("body", state.body),
+        **_contacts(state),
         "strain_sets": state.body.about_sets(),
         "iterations": {
             "tangents": report.tangents,
@@ -354,9 +366,7 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
         "duality_gap": report.duality_gap,
         "admissible_load_factor": report.admissible_factor and list(report.admissible_factor),
         "stages": report.stages,
-        "warnings": warnings,
     }
-    return summary if certificate is None else _judged(summary, state, certificate)
 
 
 def _contacts(state: SolvedState) -> dict[str, Any]:
@@ -381,25 +391,3 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
         resultants = [key for key, item in QUANTITIES.items() if item.is_resultant]
         whole |= {key: sums[key] if alone else None for key in resultants}
     return whole | {"contacts": entries}
-
-
-def _judged(
-    summary: dict[str, Any], state: SolvedState, certificate: Certificate
-) -> dict[str, Any]:
-    """The summary with the results of the certificate."""
-    report, proofs = state.report, certificate.proofs
-    summary |= {
-        "reactions": certificate.reactions,
-        "residual": certificate.residual,
-        "certificate": certificate.summary(),
-        "warnings": [*summary["warnings"], *proofs.warnings],
-    }
-    if "bounds" in proofs.entries:
-        summary["bounds"] = proofs.entries["bounds"]
-    if not report.converged and proofs.reason:
-        summary["reason"] += f"; {proofs.reason}"
-    if report.converged and certificate.complaint:
-        enters = bool(state.contacts) and not certificate.criteria[ENTRY].holds
-        way_out = _WAY_OUT_OF_ENTRY if enters else _WAY_OUT_OF_COMPLAINTS
-        summary |= {"converged": False, "reason": certificate.complaint, "suggestion": way_out}
-    return summary
