@@ -27,9 +27,11 @@ import dolfinx
 from contact_locking.files.atomic import write_text
 
 # The conic solver's form of the reference problem belongs to the tests.
-sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))
-from conic import block_problem
+sys.path += [
+    str(Path(__file__).resolve().parent.parent / name) for name in ("tests", "tests/support")
+]
 from ranked import on_ranks
+from sweep.reference import of_solution
 from timed_block import Run, elastic_seconds, run, say, warmed_up
 
 PENALTIES = (1e2, 1e4, 1e6, 1e8, math.inf)
@@ -78,7 +80,7 @@ def against_clarabel(mine: Run) -> list[list[str]]:
 
     By Clarabel's own factorisation, and by the one it takes where both are there.
     """
-    reference = block_problem(mine.solution)
+    reference = of_solution(mine.solution)
     ours, rows = reference.energy(mine.solution.displacement.x.array), []
     for factorisation in ("qdldl", "faer"):
         solver = reference.solver(max_threads=1, direct_solve_method=factorisation)

@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from contact_locking.contact.contact import Contact as Contact
     from contact_locking.contact.contact import Convolution as Convolution
     from contact_locking.contact.contact import Coulomb as Coulomb
+    from contact_locking.contact.contact import Foundation as Foundation
+    from contact_locking.contact.contact import FoundationSpring as FoundationSpring
     from contact_locking.contact.contact import Helmholtz as Helmholtz
     from contact_locking.contact.contact import Kernel as Kernel
     from contact_locking.contact.contact import Local as Local
+    from contact_locking.contact.contact import Motion as Motion
     from contact_locking.contact.coulomb import FrictionBound as FrictionBound
     from contact_locking.contact.coulomb import Smoothing as Smoothing
-    from contact_locking.contact.rigid_body import Foundation as Foundation
-    from contact_locking.contact.rigid_body import FoundationSpring as FoundationSpring
-    from contact_locking.contact.rigid_body import Motion as Motion
     from contact_locking.contact_problem import ContactProblem as ContactProblem
     from contact_locking.errors import ContactLockingError as ContactLockingError
     from contact_locking.errors import InputError as InputError
@@ -87,9 +87,9 @@ if TYPE_CHECKING:
 
 # The public names of each module.
 _NAMES = {
-    "contact.contact": "Contact Convolution Coulomb Helmholtz Kernel Local",
+    "contact.contact": "Contact Convolution Coulomb Foundation FoundationSpring Helmholtz "
+    "Kernel Local Motion",
     "contact.coulomb": "FrictionBound Smoothing",
-    "contact.rigid_body": "Foundation FoundationSpring Motion",
     "contact_problem": "ContactProblem",
     "errors": "ContactLockingError InputError NotConverged",
     "laws.friction": "FrictionLaw",

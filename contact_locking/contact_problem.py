@@ -25,8 +25,7 @@ from contact_locking.mesh.domain import Domain, half_section
 from contact_locking.mesh.given_mesh import NamedFacets
 from contact_locking.parallel import on_any_rank
 from contact_locking.penalty_method.scope import require_served
-from contact_locking.problem.body import Body
-from contact_locking.problem.discrete_problem import DiscreteProblem
+from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.elasticity import elasticity_of, split
 from contact_locking.problem.forms import require_energy
 from contact_locking.problem.points import Placed

@@ -8,10 +8,9 @@ on one process, where `model` is ``gmsh.model`` with the physical groups that th
 """
 
 from .block import Block, Inclusion, LShape, Punch, Stack
-from .geometry import Geometry
+from .geometry import Geometry, build, empty_model, write
 from .grains import Grains
 from .round import Annulus, Ball, Disc, DiscInRing, Grip
-from .session import build, empty_model, write
 
 BUILDERS: dict[str, type[Geometry]] = {
     "block": Block,

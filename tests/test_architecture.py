@@ -318,7 +318,7 @@ import contact_locking
 contact_locking.ContactProblem
 files = [module.__file__ for name, module in sys.modules.items() if name.startswith("contact_lo")]
 print(sum(len(Path(file).read_text().splitlines()) for file in files if file))
-needless = "certificate.verdict mesh.file.gmsh meshes process running solver.strategy study_file"
+needless = "certificate.verdict mesh.gmsh meshes process running solver.strategy study_file"
 print({f"contact_locking.{name}" for name in needless.split()} & set(sys.modules))
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)

@@ -5,16 +5,12 @@
 The friction bound G is that of the reference solution: a conic solver cannot find Coulomb's.
 """
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import clarabel
 import numpy as np
 import scipy.sparse as sp
 from exchange import task
-
-sys.path.append(str(Path(__file__).resolve().parents[2] / "tests/support"))
 from simplices import Body
 
 job = task()

@@ -250,8 +250,8 @@ def mesh(arguments: argparse.Namespace) -> int:
 
 def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
     """Write the mesh to ``place``, and return the warnings about it."""
-    from contact_locking.mesh.file import abaqus
-    from contact_locking.mesh.file.data import data_file, is_xdmf
+    from contact_locking.mesh import abaqus
+    from contact_locking.mesh.data import data_file, is_xdmf
 
     def require_new() -> None:
         for path in (place, *([data_file(place)] if is_xdmf(place) else [])):

@@ -179,12 +179,17 @@ def pair(one: Side, other: Side) -> Pairing:
     """
     from scipy.sparse import csr_matrix
 
-    frames, middles = _tangents(one), one.corners.mean(axis=1)[:, None]
+    frames, middles = _across(one.outward), one.corners.mean(axis=1)[:, None]
     facet, facing = _candidates(one, other)
     if one.bodies is not None and other.bodies is not None:
-        first_body, second = one.bodies[facet], other.bodies[facing]
-        kept = _of_the_nearest(one, other, facet, facing, first_body != second)
-        kept &= first_body < second
+        own_body, other_body = one.bodies[facet], other.bodies[facing]
+        away = other.corners.mean(axis=1)[facing] - one.corners.mean(axis=1)[facet]
+        distance = np.where(own_body != other_body, np.linalg.norm(away, axis=1), np.inf)
+        # The last entry for a facet is the nearest other body.
+        order = np.argsort(-distance, kind="stable")
+        nearest = np.full(len(one.facets), -1)
+        nearest[facet[order]] = other_body[order]
+        kept = (other_body == nearest[facet]) & (own_body < other_body)
         facet, facing = facet[kept], facing[kept]
     away = other.corners[facing] - middles[facet]
     flat = np.einsum("pcd,ptd->pct", away, frames[facet])
@@ -314,7 +319,12 @@ def _distances(
     """
     pairs = np.column_stack([nodes.reshape(-1), np.repeat(facing, nodes.shape[1])])
     node, facing = np.unique(pairs, axis=0).T
-    bulge, of_side, of_other = _bulge(other), one.nodal_normals(), _smooth_normals(other)
+    bulge, of_side = _bulge(other), one.nodal_normals()
+    # The normals (m, c, d) at the corners of side 2: the averaged ones, but at edges of a body.
+    corners = other.facets[:, : other.kind.corners]
+    of_other, is_edge = other.nodal_normals()[corners], _at_edge(other)[corners]
+    is_edge |= np.sum(of_other * other.outward[:, None], axis=2) < _SMOOTH
+    of_other = np.where(is_edge[:, :, None], other.outward[:, None], of_other)
     normals, gap, at_edge = of_side.copy(), np.zeros(len(points)), _at_edge(one)
     for _ in range(2):
         away = other.corners[facing] - points[node][:, None]
@@ -361,14 +371,6 @@ def _across(normals: FloatArray) -> FloatArray:
     return np.stack([first, np.cross(normals, first)], axis=1)
 
 
-def _smooth_normals(side: Side) -> FloatArray:
-    """The normals (m, c, d) at the corners of facets: the averaged ones, but at edges of a body."""
-    corners = side.facets[:, : side.kind.corners]
-    normals, at_edge = side.nodal_normals()[corners], _at_edge(side)[corners]
-    at_edge |= np.sum(normals * side.outward[:, None], axis=2) < _SMOOTH
-    return np.where(at_edge[:, :, None], side.outward[:, None], normals)
-
-
 def _at_edge(side: Side) -> BoolArray:
     """(k,) the points at edges of a body, where facets turn and the side is not round beside.
 
@@ -400,16 +402,6 @@ def _control_values(one: Side, gap: FloatArray, faces: BoolArray) -> FloatArray:
     return values
 
 
-def _tangents(side: Side) -> FloatArray:
-    """Orthonormal tangents (m, d - 1, d) of the facets, or of their mean planes."""
-    along = side.corners[:, 1] - side.corners[:, 0]
-    along = along - np.sum(along * side.outward, axis=1)[:, None] * side.outward
-    along = along / np.linalg.norm(along, axis=1)[:, None]
-    if side.points.shape[1] == 2:
-        return np.asarray(along[:, None])
-    return np.stack([along, np.cross(side.outward, along)], axis=1)
-
-
 def _dual_basis(mass: FloatArray) -> FloatArray:
     """The coefficients (m, n, n) of the dual functions in functions with these masses.
 
@@ -428,7 +420,12 @@ def _candidates(one: Side, other: Side) -> tuple[IntArray, IntArray]:
     """The pairs (p,) of facets of both sides that may face each other."""
     from scipy.spatial import cKDTree
 
-    middles, around = zip(*(_balls(side) for side in (one, other)), strict=True)
+    # Balls around the facets.
+    middles = [side.corners.mean(axis=1) for side in (one, other)]
+    around = [
+        np.linalg.norm(side.corners - middle[:, None], axis=2).max(axis=1, initial=0.0)
+        for side, middle in zip((one, other), middles, strict=True)
+    ]
     tree = cKDTree(middles[1])
     largest = around[1].max(initial=0.0)
     distance = np.maximum(tree.query(middles[0])[0] - largest, 0.0)
@@ -442,27 +439,6 @@ def _candidates(one: Side, other: Side) -> tuple[IntArray, IntArray]:
     near = aside <= (around[0][facet] + around[1][facing]) ** 2
     kept = near & (np.sum(outward * other.outward[facing], axis=1) < _FACING)
     return facet[kept], facing[kept]
-
-
-def _of_the_nearest(
-    one: Side, other: Side, facet: IntArray, facing: IntArray, may: BoolArray
-) -> BoolArray:
-    """(p,) the pairs that ``may`` be and have the body that is nearest to the facet of side 1."""
-    assert other.bodies is not None
-    away = other.corners.mean(axis=1)[facing] - one.corners.mean(axis=1)[facet]
-    distance = np.where(may, np.linalg.norm(away, axis=1), np.inf)
-    # The last entry for a facet is the nearest one.
-    order = np.argsort(-distance, kind="stable")
-    nearest = np.full(len(one.facets), -1)
-    nearest[facet[order]] = other.bodies[facing[order]]
-    return np.asarray(may & (other.bodies[facing] == nearest[facet]))
-
-
-def _balls(side: Side) -> tuple[FloatArray, FloatArray]:
-    """The middles (m, d) of the facets, and the radii (m,) of balls around them."""
-    middles = side.corners.mean(axis=1)
-    away = np.linalg.norm(side.corners - middles[:, None], axis=2)
-    return middles, np.asarray(away.max(axis=1, initial=0.0))
 
 
 def _round_normals(side: Side) -> FloatArray:

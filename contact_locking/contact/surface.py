@@ -312,9 +312,9 @@ class ContactSurface:
     ) -> float:
         """How far two sides are from touching at a displacement (local values); collective.
 
-        It is the largest length of :func:`~contact_locking.contact.between_bodies.apart` less
-        ``entered``, by which penalties let them enter, as a share of what displacements differ by
-        along the normal.  ``presses`` (k,) marks the nodes that press, and ``gap`` (k,) is that of
+        It is the largest length of `distances_apart` (paired_surface.py) less ``entered``, by which
+        penalties let them enter, as a share of what displacements differ by along the normal.
+        ``presses`` (k,) marks the nodes that press, and ``gap`` (k,) is that of
         the laws.
         """
         return 0.0

@@ -9,8 +9,8 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.contact.contact import Foundation, FoundationSpring
 from contact_locking.contact.nodal_contact import NodalContact
-from contact_locking.contact.rigid_body import Foundation, FoundationSpring
 from contact_locking.errors import InputError, with_key
 from contact_locking.fields.present import Clock
 from contact_locking.parallel import maximum, minimum, on_any_rank

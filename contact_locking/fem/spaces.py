@@ -377,10 +377,7 @@ P1 = Element(
     degree=1,
     strain_degree=0,
     locking_rule={},
-    trace=Trace(
-        rules={2: _VERTICES, 3: _VERTICES},
-        pieces={2: ((0, 1),), 3: ((0, 1, 2),)},
-    ),
+    trace=Trace(rules={2: _VERTICES, 3: _VERTICES}, pieces={2: ((0, 1),), 3: ((0, 1, 2),)}),
 )
 
 
@@ -409,10 +406,7 @@ P2 = Element(
                 (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.5, 0.5), (0.0, 0.5), (0.5, 0.0), measure=0.5
             ),
         },
-        pieces={
-            2: ((0, 2), (2, 1)),
-            3: ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5)),
-        },
+        pieces={2: ((0, 2), (2, 1)), 3: ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5))},
         controls=(2, 3),
     ),
 )

@@ -31,7 +31,7 @@ from contact_locking.inverse.linearisation import Gradient
 from contact_locking.mesh.domain import Domain
 from contact_locking.plain_text import nearest
 from contact_locking.problem import forms
-from contact_locking.problem.springs import ElasticSupport
+from contact_locking.problem.loads import ElasticSupport
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.quantities import QUANTITIES
 from contact_locking.solver.interior_point.contact_cones import ContactCones, FrictionCones

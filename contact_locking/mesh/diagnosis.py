@@ -23,10 +23,10 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray, IntArray
 from contact_locking.errors import InputError
+from contact_locking.mesh.array_checks import check_boundary
 from contact_locking.mesh.cell_kind import NAMED, components, longest_edges, signed_measures
+from contact_locking.mesh.data import MeshData, MeshElements, and_more, point_words
 from contact_locking.mesh.distribution import EntityGroup, FileNumbers, marked, summed
-from contact_locking.mesh.file.data import MeshData, MeshElements, and_more, point_words
-from contact_locking.mesh.file.diagnosis import check_boundary
 from contact_locking.parallel import agree, on_root
 
 # A cell has collapsed, or nearly collapsed, if its least Jacobian at a corner, |cell| d! for a

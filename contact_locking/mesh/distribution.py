@@ -19,7 +19,7 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.mesh.cell_kind import CellKind
-from contact_locking.mesh.file.data import MeshData
+from contact_locking.mesh.data import MeshData
 from contact_locking.parallel import on_root
 
 

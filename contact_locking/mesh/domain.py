@@ -24,6 +24,7 @@ from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.laws.elasticity import REVOLUTION, STRAIGHT, Kinematics
 from contact_locking.mesh.cell_kind import NAMED, CellKind, mean_normals
+from contact_locking.mesh.data import MeshData, and_more
 from contact_locking.mesh.diagnosis import (
     DistributedCells,
     Touching,
@@ -33,7 +34,6 @@ from contact_locking.mesh.diagnosis import (
     part_names,
 )
 from contact_locking.mesh.distribution import EntityGroup, Regions, distribute, marked_facets
-from contact_locking.mesh.file.data import MeshData, and_more
 from contact_locking.parallel import agree, maximum, on_any_rank
 from contact_locking.plain_text import nearest
 

@@ -54,11 +54,12 @@ class NamedFacets:
         self._outside = marked_facets(mesh, np.asarray(dmesh.exterior_facet_indices(mesh.topology)))
 
     def add(self, where: Where, key: str) -> tuple[str, ...]:
-        """Tell of a place, and get its names; collective.
+        """Add a place, and return its names; collective.
 
         Raises InputError with the key for a name that is not there, and for facets that are not on
         the boundary.
         """
+        mesh, comm = self._mesh, self._mesh.comm
         if isinstance(where, str):
             where = (where,)
         if callable(where):
@@ -68,63 +69,47 @@ class NamedFacets:
                 key,
             )
         if not hasattr(where, "__len__"):
-            wanted = "must be names, facets or (mesh tags, value)"
-            raise InputError(f"{wanted}, not {type(where).__name__}", key)
+            kind = type(where).__name__
+            raise InputError(f"must be names, facets or (mesh tags, value), not {kind}", key)
+        places: dict[str, npt.NDArray[Any]] = {}
         if len(where) and all(isinstance(name, str) for name in where):
             for name in where:
-                self._put(name, self._named(name, key), key)
-            return tuple(where)
-        if len(where) == 2 and isinstance(where[0], dmesh.MeshTags):
-            where = where[0].find(where[1])
-        self._put(key, self._facet_numbers(np.asarray(where), key), key)
-        return (key,)
+                if name not in self._names:
+                    known = ", ".join(sorted(self._names)) or "none at all"
+                    hint = nearest(name, self._names)
+                    message = f"no boundary part is named {name!r}{hint}; names has: {known}"
+                    raise InputError(message, key)
+                assert self._tags is not None
+                places[name] = np.asarray(self._tags.find(self._names[name]))
+        elif len(where) == 2 and isinstance(where[0], dmesh.MeshTags):
+            places[key] = np.asarray(where[0].find(where[1]))
+        else:
+            places[key] = np.asarray(where)
+        count = len(self._outside)
+        for name, facets in places.items():
 
-    def _facet_numbers(self, facets: npt.NDArray[Any], key: str) -> IndexArray:
-        """Facets as an array of their local numbers; collective."""
-        index_map = self._mesh.topology.index_map(self._mesh.topology.dim - 1)
-        count = index_map.size_local + index_map.num_ghosts
+            def checked(facets: npt.NDArray[Any] = facets) -> IndexArray:
+                if len(facets) and facets.dtype.kind not in "iu":
+                    hint = "; np.flatnonzero gives those of marks" if facets.dtype == bool else ""
+                    raise InputError(f"must be the local numbers of facets{hint}", key)
+                if np.any((facets < 0) | (facets >= count)):
+                    message = f"has numbers that are no facets of the mesh, which has {count}"
+                    raise InputError(message, key)
+                return facets.astype(np.int32)
 
-        def checked() -> IndexArray:
-            if len(facets) and facets.dtype.kind not in "iu":
-                hint = "; np.flatnonzero gives those of marks" if facets.dtype == bool else ""
-                raise InputError(f"must be the local numbers of facets{hint}", key)
-            if np.any((facets < 0) | (facets >= count)):
-                raise InputError(
-                    f"has numbers that are no facets of the mesh, which has {count}", key
-                )
-            return facets.astype(np.int32)
-
-        found = agree(self._mesh.comm, checked)
-        if not on_any_rank(self._mesh.comm, bool(len(found))):
-            raise InputError("has no facet", key)
-        return found
+            marks = marked_facets(mesh, agree(comm, checked))
+            if not on_any_rank(comm, marks):
+                message = "has no facet"
+                if name in self._names:
+                    message = f"no facet has the tag {self._names[name]} of {name!r}"
+                raise InputError(message, key)
+            if on_any_rank(comm, marks & ~self._outside):
+                raise InputError("has facets that are not on the boundary of the mesh", key)
+            self._places[name] = marks
+        return tuple(places)
 
     def domain(self) -> Domain:
         """The domain with these boundary parts; collective."""
         parts = connected_parts(self._mesh)
         none = Regions(np.zeros_like(parts[0]), {})
         return assembled(self._mesh, none, self._places, parts=parts)
-
-    def _named(self, name: str, key: str) -> IndexArray:
-        if name not in self._names:
-            there = ", ".join(sorted(self._names)) or "none at all"
-            raise InputError(
-                f"no boundary part is named {name!r}{nearest(name, self._names)}; names has: "
-                f"{there}",
-                key,
-            )
-        assert self._tags is not None
-        facets = np.asarray(self._tags.find(self._names[name]), dtype=np.int32)
-        if not on_any_rank(self._mesh.comm, bool(len(facets))):
-            raise InputError(f"no facet has the tag {self._names[name]} of {name!r}", key)
-        return facets
-
-    def _put(self, name: str, facets: IndexArray, key: str) -> None:
-        marks = marked_facets(self._mesh, facets)
-
-        def check() -> None:
-            if np.any(marks & ~self._outside):
-                raise InputError("has facets that are not on the boundary of the mesh", key)
-
-        agree(self._mesh.comm, check)
-        self._places[name] = marks

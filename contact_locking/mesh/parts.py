@@ -11,7 +11,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from contact_locking.arrays import IndexArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.cell_kind import components, measures
 from contact_locking.mesh.distribution import marked_facets
@@ -22,63 +22,42 @@ from contact_locking.parallel import on_any_rank
 _THIN = 1e-9
 
 
-@dataclass(frozen=True)
-class Skins:
-    """The skins of the bodies: parts of the boundary whose facets are joined, by edges in 3D.
+def facets_of_skins(domain: Domain, kind: str) -> IndexArray:
+    """The owned facets of the inner or of the outer skins of the bodies; collective.
 
-    ``facets`` (k,) are the owned facets of the boundary, ``numbers`` (k,) those of their skins,
-    ``normals`` (k, d) and ``areas`` (k,) as :meth:`Domain.area_normals`.  ``is_inner`` (s,) marks
-    the skins that enclose no body: ``int x . nu <= 0``, as of a cavity or a crack.  A cavity that a
-    plane of symmetry cuts is a part of the outer skin; one on the axis of a body of revolution is a
-    skin, as the axis is no boundary.
+    Skins are parts of the boundary whose facets are joined, by edges in 3D.  Inner ones enclose no
+    body, ``int x . nu <= 0``, as those of a cavity or a crack.  A cavity that a plane of symmetry
+    cuts is a part of the outer skin; one on the axis of a body of revolution is a skin, as the axis
+    is no boundary.
     """
-
-    facets: IndexArray
-    numbers: IntArray
-    normals: FloatArray
-    areas: FloatArray
-    is_inner: BoolArray
-
-    @classmethod
-    def of(cls, domain: Domain) -> Skins:
-        """The skins of a domain; collective."""
-        mesh, comm, dim = domain.mesh, domain.comm, domain.dim
-        for other in (dim - 2, dim):
-            mesh.topology.create_connectivity(dim - 1, other)
-        facets = np.asarray(dmesh.exterior_facet_indices(mesh.topology), dtype=np.int32)
-        facets = facets[facets < mesh.topology.index_map(dim - 1).size_local]
-        nodes = mesh.geometry.x[_compat.entities_to_geometry(mesh, dim - 1, facets), :dim]
-        if domain.axisymmetric:
-            on_axis = is_on_axis(domain, nodes.reshape(-1, dim).T)
-            kept = ~on_axis.reshape(nodes.shape[:2]).all(axis=1)
-            facets, nodes = facets[kept], nodes[kept]
-        ends = mesh.topology.connectivity(dim - 1, dim - 2).array
-        ends = ends.reshape(-1, 2 if dim == 2 else domain.kind.facet.corners)[facets]
-        ridges = mesh.topology.index_map(dim - 2).local_to_global(ends.reshape(-1))
-        numbers = _joined(np.concatenate(comm.allgather(ridges.reshape(ends.shape))))
-        own = numbers[sum(comm.allgather(len(facets))[: comm.rank]) :][: len(facets)]
-        normals, areas = domain.area_normals(facets)
-        # A skin is closed, or ends on the axis, where x = 0: the origin changes nothing.
-        middle = domain.bounding_box.mean(axis=0)
-        middle[0] *= not domain.axisymmetric
-        heights = np.sum((nodes.mean(axis=1) - middle) * normals, axis=1)
-        count = int(numbers.max(initial=-1)) + 1
-        inside, size = (
-            comm.allreduce(np.bincount(own, values, count)) for values in (heights, areas)
-        )
-        return cls(facets, own, normals, areas, inside <= _THIN * domain.extent * size)
-
-    def of_kind(self, kind: str) -> IndexArray:
-        """The owned facets of the skins of a kind, inner or outer."""
-        return self.facets[self.is_inner[self.numbers] == (kind == "inner")]
-
-
-def _joined(ridges: IntArray) -> IntArray:
-    """The component (k,) of each facet with the ridges (k, n)."""
-    count, (names, rows) = len(ridges), np.unique(ridges, return_inverse=True)
-    facets = np.repeat(np.arange(count), ridges.shape[1])
-    pairs = np.column_stack([facets, count + rows.reshape(-1)])
-    return components(pairs, count + len(names))[1][:count]
+    mesh, comm, dim = domain.mesh, domain.comm, domain.dim
+    for other in (dim - 2, dim):
+        mesh.topology.create_connectivity(dim - 1, other)
+    facets = np.asarray(dmesh.exterior_facet_indices(mesh.topology), dtype=np.int32)
+    facets = facets[facets < mesh.topology.index_map(dim - 1).size_local]
+    nodes = mesh.geometry.x[_compat.entities_to_geometry(mesh, dim - 1, facets), :dim]
+    if domain.axisymmetric:
+        on_axis = is_on_axis(domain, nodes.reshape(-1, dim).T)
+        kept = ~on_axis.reshape(nodes.shape[:2]).all(axis=1)
+        facets, nodes = facets[kept], nodes[kept]
+    ends = mesh.topology.connectivity(dim - 1, dim - 2).array
+    ends = ends.reshape(-1, 2 if dim == 2 else domain.kind.facet.corners)[facets]
+    ridges = mesh.topology.index_map(dim - 2).local_to_global(ends.reshape(-1))
+    ridges = np.concatenate(comm.allgather(ridges.reshape(ends.shape)))
+    # Facets and ridges are the nodes of a graph, joined where a facet has a ridge.
+    names, rows = np.unique(ridges, return_inverse=True)
+    joins = np.repeat(np.arange(len(ridges)), ridges.shape[1]), len(ridges) + rows.reshape(-1)
+    numbers = components(np.column_stack(joins), len(ridges) + len(names))[1][: len(ridges)]
+    own = numbers[sum(comm.allgather(len(facets))[: comm.rank]) :][: len(facets)]
+    normals, areas = domain.area_normals(facets)
+    # A skin is closed, or ends on the axis, where x = 0: the origin changes nothing.
+    middle = domain.bounding_box.mean(axis=0)
+    middle[0] *= not domain.axisymmetric
+    heights = np.sum((nodes.mean(axis=1) - middle) * normals, axis=1)
+    count = int(numbers.max(initial=-1)) + 1
+    inside, size = (comm.allreduce(np.bincount(own, values, count)) for values in (heights, areas))
+    is_inner = inside <= _THIN * domain.extent * size
+    return facets[is_inner[own] == (kind == "inner")]
 
 
 # A point is on a plane, or in a box, up to this share of the size of the body.
@@ -122,7 +101,7 @@ def with_parts(domain: Domain, places: Mapping[str, Any], key: str) -> Domain:
             normals, areas = domain.area_normals(every)
             found &= normals @ place.facing > _ALONG * np.linalg.norm(place.facing) * areas
         if place.skin is not None:
-            found &= marked_facets(mesh, Skins.of(domain).of_kind(place.skin))[every]
+            found &= marked_facets(mesh, facets_of_skins(domain, place.skin))[every]
         marks[name] = np.zeros_like(outside)
         marks[name][every] = found
         if place.on:
@@ -169,9 +148,25 @@ class Group:
 
 def groups(domain: Domain) -> list[Group]:
     """The regions, then the boundary parts, sorted by name; collective."""
-    dim = domain.dim
-    cells = [_region(domain, name) for name in sorted(domain.cell_names)]
-    return cells + [_boundary(domain, name, dim - 1) for name in sorted(domain.facet_names)]
+    comm, topology, dim = domain.comm, domain.mesh.topology, domain.dim
+    rows = []
+    for name in sorted(domain.cell_names):
+        cells = domain.cells(name)
+        cells = cells[cells < topology.index_map(dim).size_local]
+        corners = domain.mesh.geometry.x[_compat.cell_corners(domain.mesh)[cells], :dim]
+        local = len(cells), float(measures(domain.kind, corners).sum())
+        count, measure = (comm.allreduce(x) for x in local)
+        rows.append(Group(name, dim, count, measure))
+    for name in sorted(domain.facet_names):
+        facets = domain.facets((name,))
+        facets = facets[facets < topology.index_map(dim - 1).size_local]
+        normals, areas = domain.area_normals(facets)
+        count, measure, total = (
+            comm.allreduce(x) for x in (len(facets), float(areas.sum()), normals.sum(axis=0))
+        )
+        normal = tuple(float(x) for x in total / measure)
+        rows.append(Group(name, dim - 1, count, measure, normal))
+    return rows
 
 
 def group_table(rows: list[Group]) -> list[tuple[str, str, str, str, str]]:
@@ -182,22 +177,3 @@ def group_table(rows: list[Group]) -> list[tuple[str, str, str, str, str]]:
         (r.name, str(r.dim), str(r.count), f"{kinds[r.dim]} {r.measure:.6g}", r.facing())
         for r in rows
     ]
-
-
-def _region(domain: Domain, name: str) -> Group:
-    cells = domain.cells(name)
-    cells = cells[cells < domain.mesh.topology.index_map(domain.dim).size_local]
-    corners = domain.mesh.geometry.x[_compat.cell_corners(domain.mesh)[cells], : domain.dim]
-    local = len(cells), float(measures(domain.kind, corners).sum())
-    count, measure = (domain.comm.allreduce(x) for x in local)
-    return Group(name, domain.dim, count, measure)
-
-
-def _boundary(domain: Domain, name: str, dim: int) -> Group:
-    facets = domain.facets((name,))
-    facets = facets[facets < domain.mesh.topology.index_map(dim).size_local]
-    normals, areas = domain.area_normals(facets)
-    count, measure, total = (
-        domain.comm.allreduce(x) for x in (len(facets), float(areas.sum()), normals.sum(axis=0))
-    )
-    return Group(name, dim, count, measure, tuple(float(x) for x in total / measure))

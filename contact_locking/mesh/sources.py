@@ -18,12 +18,12 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import with_key
+from contact_locking.mesh.array_checks import check_arrays
+from contact_locking.mesh.data import MeshData, MeshElements
 from contact_locking.mesh.diagnosis import DistributedCells, Touching, check_cells
 from contact_locking.mesh.distribution import distribute, of_cells, on_first_rank
 from contact_locking.mesh.domain import Domain, about, diagnosed, sound
-from contact_locking.mesh.file.data import MeshData, MeshElements
-from contact_locking.mesh.file.diagnosis import check_arrays
-from contact_locking.mesh.file.gmsh import extract, read
+from contact_locking.mesh.gmsh import extract, read
 from contact_locking.meshes import build
 
 

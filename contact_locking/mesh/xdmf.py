@@ -21,17 +21,12 @@ from mpi4py import MPI
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.files.readable import require_file
+from contact_locking.mesh.array_checks import check_arrays
 from contact_locking.mesh.cell_kind import INTERVAL, NAMED, CellKind
+from contact_locking.mesh.data import MeshData, MeshElements, and_more, data_file
 from contact_locking.mesh.diagnosis import DistributedCells, require_different
 from contact_locking.mesh.distribution import EntityGroup, Regions, mesh_of
 from contact_locking.mesh.domain import Domain, about, diagnosed
-from contact_locking.mesh.file.data import (
-    MeshData,
-    MeshElements,
-    and_more,
-    data_file,
-)
-from contact_locking.mesh.file.diagnosis import check_arrays
 from contact_locking.parallel import agree, on_root
 
 _KINDS = {"polyline": INTERVAL, **NAMED}

@@ -58,11 +58,7 @@ def affine_part(
     order = np.argsort(rows, kind="stable")
     total = dim * space.mesh.comm.allreduce(len(corners))
     local = bsr_matrix(
-        (
-            blocks[order],
-            numbers[columns][order],
-            np.append(0, np.cumsum(lengths)),
-        ),
+        (blocks[order], numbers[columns][order], np.append(0, np.cumsum(lengths))),
         shape=(dim * len(lengths), total),
     ).tocsr()
     prolongation = PETSc.Mat().createAIJ(

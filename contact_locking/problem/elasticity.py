@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -81,10 +82,7 @@ class Material:
     _young: FloatArray | None = None
 
     def __init__(
-        self,
-        points: Points,
-        elasticity: Sequence[Placed],
-        eigenstrains: Sequence[Placed] = (),
+        self, points: Points, elasticity: Sequence[Placed], eigenstrains: Sequence[Placed] = ()
     ) -> None:
         self._points, self._key = points, elasticity[-1].key
         given: Elasticity = elasticity[0].given
@@ -125,7 +123,13 @@ class Material:
             ]
             # Data of scripts may differ later where they are the same everywhere at first.
             may_vary = any(value.number is None and value.expression is None for value in data)
-            self._lame_fields = [self._constant_or_field(row, may_vary) for row in in_plane]
+            self._lame_fields: list[Any] = []
+            for row in in_plane:
+                low, high = points.least(row), -points.least(-row)
+                is_constant = low == high and not may_vary
+                self._lame_fields.append(
+                    fem.Constant(points.domain.mesh, low) if is_constant else points.function()
+                )
             of_lame = dict(zip(("lame_lambda", "lame_mu"), self._lame_fields, strict=True))
             self.stress = self.linear = partial(law.isotropic_stress, **of_lame)
         if eigenstrains:
@@ -167,7 +171,23 @@ class Material:
             eigenvalues = np.asarray(np.linalg.eigvalsh(matrices), dtype=float).T
             with np.errstate(all="ignore"):
                 young = law.mean_young(matrices, self._size)
-        self.ellipticity, self.stiffness = _eigenvalue_range(self._points, eigenvalues, self._key)
+        lowest, highest = self._points.least(eigenvalues), -self._points.least(-eigenvalues)
+        message = ""
+        if lowest > 0.0 and not np.isfinite(highest):
+            message = "the elasticity is not finite: Poisson's ratio must be below 0.5"
+        elif not lowest > 0.0:
+            message = (
+                f"the elasticity is not elliptic: its smallest eigenvalue is {lowest:g}, it must "
+                "be positive everywhere"
+            )
+        elif lowest < SMALLEST:
+            message = (
+                f"the smallest eigenvalue of the elasticity must be at least {SMALLEST:g}, it is "
+                f"{lowest:g}"
+            )
+        if message:
+            raise InputError(message, self._key)
+        self.ellipticity, self.stiffness = lowest, highest
         self.young = self._points.least(young)
         self._points.write(self.largest_eigenvalue, eigenvalues.max(axis=0))
         self.advance()
@@ -225,14 +245,6 @@ class Material:
             return lame
         with np.errstate(all="ignore"):
             return np.array([law.plane_stress_lambda(lame[0], lame[1]), lame[1]])
-
-    def _constant_or_field(self, values: FloatArray, may_vary: bool) -> Any:
-        """A constant for data that are the same everywhere, and cannot differ later; collective."""
-        points = self._points
-        low, high = points.least(values), -points.least(-values)
-        if low == high and not may_vary:
-            return fem.Constant(points.domain.mesh, low)
-        return points.function()
 
 
 def _lame_in(given: Elasticity, points: Points) -> Sampler:
@@ -317,7 +329,15 @@ def elasticity_of(a: ufl.Form) -> Elasticity:
     v, u = a.arguments()
     mesh = u.ufl_function_space().mesh
     size = mesh.topology.dim
-    densities = [_on_subdomain(item, mesh) * _density(item) for item in a.integrals()]
+    densities = []
+    for integral in a.integrals():
+        number, mark = integral.subdomain_id(), ufl.as_ufl(1.0)
+        if number != "everywhere":
+            # 1 in the cells of the integral, 0 in the others.
+            mark = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+            for tag in number if isinstance(number, tuple) else (number,):
+                mark.x.array[integral.subdomain_data().find(tag)] = 1.0
+        densities.append(mark * _density(integral))
 
     def density_at(of_u: Expr, of_v: Expr) -> Expr:
         given = {ufl.grad(u): of_u, ufl.grad(v): of_v}
@@ -329,48 +349,15 @@ def elasticity_of(a: ufl.Form) -> Elasticity:
         units = [_unit(pair, size) for pair in pairs]
         return sum(density_at(eps, unit) * unit for unit in units)
 
-    turns = [_turn(i, j, size) for i in range(size) for j in range(i)]
-    rotational = sum(density_at(turn, turn) for turn in turns)
+    rotational: Any = 0
+    for i, j in itertools.combinations(range(size), 2):
+        # A skew tensor of the norm 1.
+        turn = np.zeros((size, size))
+        turn[j, i], turn[i, j] = np.sqrt(0.5), -np.sqrt(0.5)
+        rotational += density_at(*[ufl.as_tensor(turn.tolist())] * 2)
     return Elasticity(stress=stress, rotational=rotational)
 
 
 def _density(integral: Any) -> Expr:
     """The integrand with gradients of the arguments alone."""
     return apply_derivatives(apply_algebra_lowering(integral.integrand()))
-
-
-def _turn(i: int, j: int, size: int) -> Expr:
-    """A skew tensor of the norm 1."""
-    entries = np.zeros((size, size))
-    entries[i, j] = np.sqrt(0.5)
-    return ufl.as_tensor((entries - entries.T).tolist())
-
-
-def _on_subdomain(integral: Any, mesh: Any) -> Expr:
-    """1 in the cells of an integral, 0 in the others."""
-    number = integral.subdomain_id()
-    if number == "everywhere":
-        return ufl.as_ufl(1.0)
-    mark = fem.Function(fem.functionspace(mesh, ("DG", 0)))
-    for one in number if isinstance(number, tuple) else (number,):
-        mark.x.array[integral.subdomain_data().find(one)] = 1.0
-    return mark
-
-
-def _eigenvalue_range(points: Points, eigenvalues: FloatArray, key: str) -> tuple[float, float]:
-    lowest, highest = points.least(eigenvalues), -points.least(-eigenvalues)
-    if lowest > 0.0 and not np.isfinite(highest):
-        raise InputError("the elasticity is not finite: Poisson's ratio must be below 0.5", key)
-    if not lowest > 0.0:
-        raise InputError(
-            f"the elasticity is not elliptic: its smallest eigenvalue is {lowest:g}, it must be "
-            "positive everywhere",
-            key,
-        )
-    if lowest < SMALLEST:
-        raise InputError(
-            f"the smallest eigenvalue of the elasticity must be at least {SMALLEST:g}, it is "
-            f"{lowest:g}",
-            key,
-        )
-    return lowest, highest

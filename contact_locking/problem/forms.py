@@ -14,7 +14,7 @@ from contact_locking.contact.travel import Travel
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
 from contact_locking.problem.elasticity import EigenstrainOnMesh
-from contact_locking.problem.springs import ElasticSupport
+from contact_locking.problem.loads import ElasticSupport
 from contact_locking.problem.strain_sets import NormSet, StrainSet
 
 

@@ -1,4 +1,4 @@
-"""The loads in UFL, with rules of integration that see them.
+"""The loads in UFL, with rules of integration that see them, and elastic supports of the body.
 
 An expression needs values at the quadrature points only.  The forms take its time from the clock of
 the problem.  Where a load is narrower than a cell or facet, the rule divides the cell or facet into
@@ -8,6 +8,7 @@ UFL estimates it.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -15,19 +16,146 @@ from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import fem, la
+from ufl.core.expr import Expr
 
 from contact_locking.arrays import LARGEST, FloatArray
 from contact_locking.errors import InputError, with_key
-from contact_locking.fem.compiled import integral
+from contact_locking.fem.compiled import JointForm, integral
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.findings import about_a_load
-from contact_locking.fields.present import Clock, LargestSoFar, PresentValue
-from contact_locking.fields.sampling import Entities, refuse_poles, rule
+from contact_locking.fields.present import (
+    Clock,
+    Entities,
+    LargestSoFar,
+    PresentValue,
+    refuse_poles,
+    rule,
+)
 from contact_locking.mesh.domain import Domain
-from contact_locking.parallel import agree
-from contact_locking.supports.support import BodyForce, Load, Pressure, TotalForce
+from contact_locking.parallel import agree, minimum
+from contact_locking.problem.motions import null_motions
+from contact_locking.supports.support import BodyForce, Load, Pressure, Spring, TotalForce
 from contact_locking.values.concept import ONLY
+
+# The rule of integration of an expression on a facet, beside two displacements.
+_SPRING_DEGREE = 6
+
+
+class ElasticSupport(ABC):
+    """Terms of ``a(u, v)`` that hold the body from outside; ``on`` names them among reactions."""
+
+    on: str
+
+    @abstractmethod
+    def form(self, u: Expr, v: Expr) -> ufl.Form:
+        """The share of ``a(u, v)``."""
+
+    @abstractmethod
+    def all_around(self, u: Expr, v: Expr) -> ufl.Form:
+        """The same as stiff in all directions."""
+
+    def forces(self, u: fem.Function) -> FloatArray:
+        """The forces on the body at local dofs, ghosts included; collective."""
+        return -_assembled(self.form(u, ufl.TestFunction(u.function_space)), u)
+
+
+@dataclass(frozen=True)
+class Springs(ElasticSupport):
+    """``int k (u . m)(v . m)`` over a part of the boundary, or ``int k u . v``.
+
+    ``stiffness`` is k in UFL, a stress per length, ``along`` the unit vector m in UFL, or None for
+    springs in all directions.  ``on`` is the name of the part, and ``measure`` that of the part.
+    """
+
+    on: str
+    stiffness: Expr
+    along: Expr | None
+    measure: ufl.Measure
+
+    @classmethod
+    def of(cls, domain: Domain, given: Sequence[Spring], clock: Clock) -> list[Springs]:
+        """The springs of each boundary part; collective.
+
+        Raises InputError for a stiffness that is not positive somewhere.
+        """
+        found = []
+        for item in given:
+            value = PresentValue(item.stiffness, f"{item.key}.stiffness", clock)
+            stiffness, along = value.ufl(_SPRING_DEGREE), None
+            if item.along == "normal":
+                along = ufl.FacetNormal(domain.mesh)
+            elif item.along is not None:
+                along = ufl.as_vector(list(np.array(item.along) / np.linalg.norm(item.along)))
+            facets = Entities.of(domain, domain.dim - 1, domain.facets(item.on, f"{item.key}.on"))
+            if item.stiffness.expression is not None and not item.stiffness.is_constant:
+                points, _ = rule(facets.dim, 0, _SPRING_DEGREE)
+                places = np.einsum("qc,kcd->dkq", points, facets.corners)
+                least = minimum(domain.comm, value(places.reshape(domain.dim, -1)))
+                if not least > 0.0:
+                    told = f"must be positive everywhere, and is {least:g} somewhere"
+                    raise InputError(told, value.key)
+            for name in item.on:
+                measure = domain.ds((name,), quadrature_degree=_SPRING_DEGREE)
+                found.append(cls(name, stiffness, along, measure))
+        return found
+
+    def form(self, u: Expr, v: Expr) -> ufl.Form:
+        if self.along is None:
+            return self.all_around(u, v)
+        stretched = ufl.dot(u, self.along) * ufl.dot(v, self.along)
+        return self.stiffness * stretched * self.measure
+
+    def all_around(self, u: Expr, v: Expr) -> ufl.Form:
+        return self.stiffness * ufl.inner(u, v) * self.measure
+
+
+@dataclass(frozen=True)
+class OwnSupport(ElasticSupport):
+    """The terms of a user's ``a(u, v)`` on facets, and in cells with u and v themselves."""
+
+    given: ufl.Form
+    on: str = "a"
+
+    def form(self, u: Expr, v: Expr) -> ufl.Form:
+        test, trial = self.given.arguments()
+        return ufl.replace(self.given, {trial: u, test: v})
+
+    def all_around(self, u: Expr, v: Expr) -> ufl.Form:
+        """Each component of u and v acts along every axis."""
+        size = u.ufl_shape[0]
+        axes = [ufl.unit_vector(i, size) for i in range(size)]
+        return sum(self.form(u[i] * e, v[i] * e) for i in range(size) for e in axes)
+
+
+def motions_past(
+    springs: Sequence[ElasticSupport], space: fem.FunctionSpace, motions: FloatArray
+) -> FloatArray:
+    """Coefficients (f, g) of the g motions, of some (f, n) at local dofs, that stretch no spring.
+
+    Collective.
+    """
+    count, owned = len(motions), space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    if not springs or not count:
+        return np.eye(count)
+    u, v = fem.Function(space), ufl.TestFunction(space)
+    grams = np.zeros((2, count, count))
+    for kind, name in enumerate(("form", "all_around")):
+        forms = sum(getattr(item, name)(u, v) for item in springs)
+        for number, motion in enumerate(motions):
+            u.x.array[:] = motion
+            grams[kind, number] = motions[:, :owned] @ _assembled(forms, u)[:owned]
+    stretched, everywhere = space.mesh.comm.allreduce(grams)
+    return null_motions(stretched, np.diag(everywhere))
+
+
+def _assembled(form: ufl.Form, u: fem.Function) -> FloatArray:
+    dofmap = u.function_space.dofmap
+    vector = la.vector(dofmap.index_map, dofmap.index_map_bs)
+    JointForm(form).assemble_vector(vector)
+    vector.scatter_forward()
+    return np.asarray(vector.array)
+
 
 # The quadrature degree of an expression in each part of a cell or facet; test functions of degree 1
 # or 2 need no more.  The rule for comparison has a higher degree and parts half as long.
@@ -102,7 +230,13 @@ class LoadOnMesh:
         self.halvings = 0
         if self._is_seen and not self._constant:
             for time in clock.some_times if self.is_timed else [clock.now]:
-                self.halvings = self._enough(time)
+                # No less often than before, and as often as the integrals need.
+                fine = self._sample(self._on.halvings, _HIGHER_DEGREE, time)
+                most = max(self._on.halvings - 1, 0)
+                while self.halvings < most:
+                    if self._apart(self._sample(self.halvings, _DEGREE, time), fine) <= _ACCURATE:
+                        break
+                    self.halvings += 1
             self.density = self._acts * self.density if self.is_timed else self.density
         self._size, self._per = 0.0, 1.0
         if isinstance(given, BodyForce):
@@ -195,15 +329,6 @@ class LoadOnMesh:
             self._warned = True
             return largest, [f"{self.key}: {text}"]
         return largest, []
-
-    def _enough(self, time: float) -> int:
-        """How often to halve at a time, no less than before; collective."""
-        fine = self._sample(self._on.halvings, _HIGHER_DEGREE, time)
-        most = max(self._on.halvings - 1, 0)
-        for halvings in range(self.halvings, most):
-            if self._apart(self._sample(halvings, _DEGREE, time), fine) <= _ACCURATE:
-                return halvings
-        return most
 
     def _apart(self, one: _Sample, fine: _Sample) -> float:
         """How far integrals differ, as a share of ``int |g|``; collective."""

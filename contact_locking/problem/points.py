@@ -118,35 +118,47 @@ class Points:
                 return there.sampler(given, "", shape, check)
 
             return self.joined(data.parts, of_part, shape, data.elsewhere)
-        key = dotted(*filter(None, (self.root, name)))
+        key, inside = dotted(*filter(None, (self.root, name))), self.of(self.cells)
+        read: Sampler
         if isinstance(data, tuple):
-            items = [
+            entries = [
                 self.sampler(item, f"{name}.{index}".lstrip("."), shape[1:])
                 for index, item in enumerate(data)
             ]
-            read: Sampler = partial(_stacked, items, (len(self.of(self.cells)), *shape))
+
+            def stacked() -> FloatArray:
+                """The values of the entries; those that are left out are zero."""
+                values = np.zeros((len(inside), *shape))
+                for index, entry in enumerate(entries):
+                    values[:, index] = entry()
+                return values
+
+            read = stacked
+        elif isinstance(data, Expr) and not isinstance(data, fem.Constant):
+            if data.ufl_shape != shape:
+                raise InputError(f"has the shape {data.ufl_shape}; it must be {shape}", key)
+            function = self.function(shape)
+            expression = compiled.interpolation(data, function.function_space)
+
+            def interpolated() -> FloatArray:
+                function.interpolate(expression)
+                values = self.values(function)[inside]
+                self.refuse(np.isnan(values), "is not a number somewhere in the body", key)
+                return values
+
+            read = interpolated
         else:
-            given = value if isinstance(value, Value | str) else Value(data)
-            read = self._reader(Value.of(given), key, shape)
-        return read if check is None else partial(_checked, read, check, key)
+            one = Value.of(value if isinstance(value, Value | str) else Value(data))
+            read = partial(PresentValue(one, key, self.clock, shape), self.places[:, inside])
+        if check is None:
+            return read
 
-    def _reader(self, value: Value, key: str, shape: tuple[int, ...]) -> Sampler:
-        """`sampler` for one value."""
-        inside, data = self.of(self.cells), value.data
-        if not isinstance(data, Expr) or isinstance(data, fem.Constant):
-            return partial(PresentValue(value, key, self.clock, shape), self.places[:, inside])
-        if data.ufl_shape != shape:
-            raise InputError(f"has the shape {data.ufl_shape}; it must be {shape}", key)
-        function = self.function(shape)
-        expression = compiled.interpolation(data, function.function_space)
+        def checked() -> FloatArray:
+            values = read()
+            check(values, key)
+            return values
 
-        def interpolated() -> FloatArray:
-            function.interpolate(expression)
-            found = self.values(function)[inside]
-            self.refuse(np.isnan(found), "is not a number somewhere in the body", key)
-            return found
-
-        return interpolated
+        return checked
 
     def joined(
         self,
@@ -245,20 +257,6 @@ class Points:
         return -self.least(-np.abs(values))
 
 
-def _stacked(items: Sequence[Sampler], shape: tuple[int, ...]) -> FloatArray:
-    """The values of the entries; those that are left out are zero."""
-    found = np.zeros(shape)
-    for index, read in enumerate(items):
-        found[:, index] = read()
-    return found
-
-
-def _checked(read: Sampler, check: Check, key: str) -> FloatArray:
-    values = read()
-    check(values, key)
-    return values
-
-
 # A limit of some cells alone is none elsewhere; vectors and matrices are zero there.
 _ELSEWHERE = {"at_most": math.inf, "at_least": -math.inf}
 
@@ -285,7 +283,12 @@ class LimitsOnMesh:
 
         Raises InputError for more than one ball, and for limits that are not positive.
         """
-        limits = _grouped(given)
+        # Those of which a body has one are joined over their cells.
+        groups: dict[Any, list[Placed]] = {}
+        for number, item in enumerate(given):
+            is_shared = item.cells is not None and item.given.once
+            groups.setdefault(type(item.given) if is_shared else number, []).append(item)
+        limits = [(group[0].key, _in_cells(group)) for group in groups.values()]
         balls = [(key, item) for key, item in limits if isinstance(item, StrainBall)]
         if len(balls) > 1:
             raise InputError("has more than one StrainBall; take the smaller limit", balls[1][0])
@@ -316,15 +319,6 @@ class LimitsOnMesh:
         self.points.write(self.limit, self.ball.limits)
         for points, limits in self.peaks:
             points.write(self.limit_at_peaks, limits())
-
-
-def _grouped(given: Sequence[Placed]) -> list[tuple[str, Any]]:
-    """The limits with their keys, those of which a body has one joined over their cells."""
-    groups: dict[Any, list[Placed]] = {}
-    for number, item in enumerate(given):
-        is_shared = item.cells is not None and item.given.once
-        groups.setdefault(type(item.given) if is_shared else number, []).append(item)
-    return [(group[0].key, _in_cells(group)) for group in groups.values()]
 
 
 def _in_cells(group: Sequence[Placed]) -> Any:

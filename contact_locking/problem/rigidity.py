@@ -16,23 +16,21 @@ from contact_locking.fem.compiled import JointForm
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, on_every_rank
 from contact_locking.problem import forms
+from contact_locking.problem.loads import Springs, motions_past
 from contact_locking.problem.motions import (
     MotionsAtContact,
     axes_of,
     describe_motion,
     dofs_of,
+    driven_motion,
     free_motions,
+    loose_motion,
     null_motions,
     rigid_motions,
-    spin,
-)
-from contact_locking.problem.programmes import (
-    driven_motion,
-    loose_motion,
     sliding_motions,
+    spin,
     unheld_motion,
 )
-from contact_locking.problem.springs import Springs, motions_past
 from contact_locking.supports.conditions import Constraints
 
 # A push that is less than this share of all work and all motion is rounding.

@@ -276,8 +276,7 @@ class TriangulatedSurface(FacetedFoundation):
     points: Any = hidden("points")
     triangles: Any = hidden("triangles")
     file: ToolFile | None = entry(
-        None,
-        "an STL file or a height map (.csv, .npy), relative to the study file",
+        None, "an STL file or a height map (.csv, .npy), relative to the study file"
     )
     spacing: tuple[Positive, Positive] | None = entry(
         None,

@@ -15,12 +15,11 @@ from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.fields.present import Clock
 from contact_locking.mesh import sources
+from contact_locking.mesh.data import is_xdmf
 from contact_locking.mesh.domain import Domain, half_section
-from contact_locking.mesh.file.data import is_xdmf
 from contact_locking.mesh.parts import groups, with_parts
 from contact_locking.penalty_method.scope import require_served
-from contact_locking.problem.body import Body
-from contact_locking.problem.discrete_problem import DiscreteProblem
+from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.points import Placed
 from contact_locking.results.probes import locate
 from contact_locking.study_file import require_parameters

@@ -48,11 +48,7 @@ class HeldDirections:
     """
 
     def __init__(
-        self,
-        comm: MPI.Intracomm,
-        nodes: IndexArray,
-        owned: int,
-        held: FloatArray,
+        self, comm: MPI.Intracomm, nodes: IndexArray, owned: int, held: FloatArray
     ) -> None:
         self.nodes, self.held = nodes, held
         self.values: FloatArray = np.zeros(held.shape[:2])

@@ -22,8 +22,12 @@ from scipy.linalg import block_diag
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.problem.motions import MotionsAtContact, describe_motion, point
-from contact_locking.problem.programmes import sliding_motions
+from contact_locking.problem.motions import (
+    MotionsAtContact,
+    describe_motion,
+    point,
+    sliding_motions,
+)
 from contact_locking.results.contact_points import OPEN
 
 UNIQUE = "covered by theory"

@@ -13,7 +13,7 @@ from contact_locking import solve
 from contact_locking.arrays import IntArray
 from contact_locking.results.contact_points import ContactPoints, facets_table, joined
 from contact_locking.results.table import Table
-from contact_locking.view.pictures.snapshot import facets_within
+from contact_locking.view.pictures.style import facets_within
 
 pytestmark = pytest.mark.serial
 

@@ -10,8 +10,8 @@ from mpi4py import MPI
 
 from contact_locking import InputError, _compat
 from contact_locking.command import cli
+from contact_locking.mesh.abaqus import convert
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.file.abaqus import convert
 from contact_locking.mesh.parts import groups
 from contact_locking.mesh.sources import from_file
 

@@ -16,7 +16,7 @@ from xdmf import write_xdmf
 from contact_locking import check, solve, study_file
 from contact_locking.command import cli
 from contact_locking.errors import InputError
-from contact_locking.mesh.file.data import data_file
+from contact_locking.mesh.data import data_file
 from contact_locking.mesh.parts import groups
 from contact_locking.mesh.sources import from_geometry
 from contact_locking.mesh.xdmf import export, from_xdmf

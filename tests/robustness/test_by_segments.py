@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from small_meshes import builder
 from sweep.by_segments import Answer, Judged, compared, on_mesh, table, verdict
+from sweep.elements import Array, Index, Mesh
 from sweep.node_to_segment import TwoBodies, refined
-from sweep.own_body import Array, Index, Mesh
 from sweep.punches import Edge, meshed
 
-from contact_locking.mesh.file.gmsh import extract
+from contact_locking.mesh.gmsh import extract
 from contact_locking.meshes import build
 
 pytestmark = pytest.mark.serial

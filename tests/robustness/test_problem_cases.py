@@ -19,6 +19,7 @@ from sweep.solve import WEDGED, outcome_of_case
 from contact_locking import study_file
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
+from contact_locking.study_file.dump import plain
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial
@@ -60,7 +61,7 @@ def test_a_hard_pair_of_features_is_solved_or_told_to_be_wedged(file: Path) -> N
 @pytest.mark.parametrize("file", sorted(Path(__file__).with_name("wedged").glob("*.yml")))
 def test_forces_that_grow_are_found_with_penalties_that_are_soft_enough(file: Path) -> None:
     """With stiffer penalties these problems are not solved."""
-    case = Case(study_file.load(file).parameters.model_dump())
+    case = Case(plain(study_file.load(file).parameters))
     outcome = outcome_of_case(case, checks=False)
     assert outcome.kind == WEDGED, outcome.reason
 

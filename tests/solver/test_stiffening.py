@@ -11,6 +11,7 @@ from sweep.solve import SOLVED, outcome_of_case
 
 from contact_locking import study_file
 from contact_locking.running import solving
+from contact_locking.study_file.dump import plain
 
 _WEDGED = Path(__file__).parents[1] / "robustness" / "wedged" / "curved_overlap.yml"
 
@@ -27,6 +28,6 @@ def test_bounds_that_settle_lead_to_the_solution_without_a_penalty() -> None:
 
 
 def test_a_finite_penalty_has_the_solution_that_softer_ones_lead_to() -> None:
-    data = study_file.load(_WEDGED, ["penalty.n=1e4"]).parameters.model_dump()
+    data = plain(study_file.load(_WEDGED, ["penalty.n=1e4"]).parameters)
     outcome = outcome_of_case(Case(data), checks=False)
     assert outcome.kind == SOLVED, outcome.reason

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contact_locking.study_file.parameters.wording import labels, told_apart
-from contact_locking.view.report.words import shown
+from contact_locking.view.report.page import shown
 
 pytestmark = pytest.mark.serial
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from contact_locking.meshes.session import empty_model
+from contact_locking.meshes.geometry import empty_model
 
 Place = tuple[float, float]
 

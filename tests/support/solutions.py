@@ -18,7 +18,7 @@ from contact_locking.mesh.sources import from_geometry
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.solution import StudySolution
 from contact_locking.view.pictures.gather import gather
-from contact_locking.view.pictures.snapshot import Snapshot
+from contact_locking.view.pictures.style import Snapshot
 
 DIVISIONS = 4
 #: Nothing goes on from a solution that was not solved for.

@@ -43,8 +43,8 @@ from contact_locking.running.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
+from .elements import Mesh
 from .node_to_segment import TwoBodies, refined
-from .own_body import Mesh
 from .punches import Punch, punch
 
 LIMIT, OUTLIER, USED = 0.05, 2.5, 0.1

@@ -55,8 +55,7 @@ class Case:
 
     With ``verge`` the prescribed displacements are multiplied, before the solve, by this share of
     the largest factor that the mesh admits.  ``twin`` is the same process in other units, with a
-    modulus of 1.  A problem of pairs has its features in ``row``.  It is judged by another judge,
-    which has elements of its own, and so are the problems with ``own_judge``.
+    modulus of 1.  A problem of pairs has its features in ``row``.
     """
 
     study: Study
@@ -64,7 +63,6 @@ class Case:
     verge: float | None = None
     twin: Study | None = None
     row: str = ""
-    own_judge: bool = False
 
 
 Family = Callable[[Random], Case]

@@ -8,16 +8,17 @@ from collections.abc import Sequence
 import numpy as np
 from mpi4py import MPI
 
-from contact_locking.arrays import FloatArray
+from contact_locking.mesh.domain import Domain
 from contact_locking.results.solution import StudySolution
 from contact_locking.running.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
-from . import judge, reference
 from .case import Study, Truth
-from .discrete import Discrete, State
+from .elements import Array
+from .judge import FORCE, Judge, complaint
 from .observed import Moment
+from .reference import Programme
 from .transforms import Transform
 
 # Agreement with the conic solver in energy, and in displacement by the energy of the difference;
@@ -28,23 +29,24 @@ _ENERGY, _DIFFERENCE, _TRANSFORMED = 1e-6, 2e-6, 1e-14
 _SLIP, _GAP = 1e-6, 1e-8
 # Agreement of a turned problem in the energy, and in displacements.
 _TURNED, _APART = 1e-6, 1e-4
+# Agreement of a process in other units, relative to its largest energy, and the energies that
+# rounding leaves where the modulus is 1 and strains are 1e-5 or more.
+_ALIKE, _NOTHING = 1e-5, 1e-20
 
 
-def against_truth(truth: Truth, discrete: Discrete, state: State) -> list[str]:
+def against_truth(truth: Truth, judge: Judge, moment: Moment) -> list[str]:
     found = [] if truth.refused is None else [f"solved, but right is: {truth.refused}"]
-    if truth.admissible is False and np.isinf(discrete.n):
+    if truth.admissible is False and np.isinf(judge.n):
         found.append("nothing is admissible, but it converged")
-    size = float(np.abs(state.u).max(initial=0.0))
+    size = float(np.abs(moment.u).max(initial=0.0))
     if truth.translation is not None:
-        wanted = np.tile(truth.translation, len(discrete.geometry.x))
-        error = float(np.abs(state.u - wanted).max())
-        length = float(np.ptp(discrete.geometry.x, axis=0).max())
-        if error > 1e-9 * max(float(np.abs(wanted).max()), 1e-9 * length):
+        error = float(np.abs(moment.u - truth.translation).max())
+        if error > 1e-9 * max(float(np.abs(truth.translation).max()), 1e-9 * judge.extent):
             found.append(f"not the translation: off by {error:.1e}")
-    if truth.touches is not None and discrete.contact is not None:
-        force = float(discrete.contact.weights @ state.pressure)
-        length = float(np.ptp(discrete.geometry.x, axis=0).max())
-        scale = float(discrete.law.max()) * size * length ** (discrete.dim - 2)
+    if truth.touches is not None and judge.contacts:
+        pairs = zip(judge.contacts, moment.contacts, strict=True)
+        force = sum(float(contact.weights @ touch.pressure) for contact, touch in pairs)
+        scale = float(judge.body.stiffness.max()) * size * judge.extent ** (judge.mesh.dim - 2)
         if truth.touches and not force > 1e-12 * scale:
             found.append(f"there is a contact force, but {force:.1e} is told")
         if not truth.touches and force > 1e-9 * scale:
@@ -52,7 +54,7 @@ def against_truth(truth: Truth, discrete: Discrete, state: State) -> list[str]:
     return found
 
 
-def slip_of_truth(truth: Truth, discrete: Discrete, state: State) -> str:
+def slip_of_truth(truth: Truth, judge: Judge, moment: Moment) -> str:
     """How far the slip is off where it is known; "" if it is right.
 
     It is compared with the displacement by the strain as well, from which it is a difference.
@@ -61,14 +63,13 @@ def slip_of_truth(truth: Truth, discrete: Discrete, state: State) -> str:
     """
     if truth.slip is None:
         return ""
-    assert discrete.contact is not None
-    found = state.u.reshape(-1, discrete.dim)[discrete.contact.nodes, :-1]
-    off = float(np.abs(found - truth.slip).max())
-    strains = discrete.strains(state.u)
-    size = float(np.linalg.norm(truth.slip)) + float(np.linalg.norm(strains[0]))
-    energy = 0.5 * discrete.volumes @ np.einsum("ci,cij,cj->c", strains, discrete.law, strains)
-    held = float(discrete.contact.weights @ state.bound)
-    allowed = max(_SLIP * size, _GAP * float(energy) / held if held > 0.0 else 0.0)
+    (contact,), (touch,) = judge.contacts, moment.contacts
+    off = float(np.abs(moment.u[contact.nodes, :-1] - truth.slip).max())
+    strain = judge.body.strain(moment.u)[0, 0]
+    size = float(np.linalg.norm(truth.slip)) + float(np.linalg.norm(strain))
+    held = float(contact.weights @ touch.bound)
+    energy = judge.body.elastic_forces(moment.u)[2]
+    allowed = max(_SLIP * size, _GAP * energy / held if held > 0.0 else 0.0)
     return f"the slip is off by {off:.1e}" if off > allowed else ""
 
 
@@ -79,31 +80,30 @@ def about_other_solutions(truth: Truth, solution: StudySolution) -> str:
     return "" if verdict == wanted else f"{wanted}, but told to be: {verdict}"
 
 
-def another(truth: Truth, parameters: Parameters, discrete: Discrete, state: State) -> str:
+def another(truth: Truth, judge: Judge, moment: Moment) -> str:
     """Why the translation of the truth leads to no solution on either side; "" if it does."""
     if truth.other is None:
         return ""
     told = []
     for side in (1.0, -1.0):
-        moved = state.u + side * np.tile(truth.other, len(discrete.geometry.x))
-        there = dataclasses.replace(state, u=moved)
-        told.append(judge.complaint(judge.violations(parameters, discrete, there)))
+        there = dataclasses.replace(moment, u=moment.u + side * np.array(truth.other))
+        told.append(complaint(judge.violations([there])))
     return "" if "" in told else f"the other solution is none: {told}"
 
 
-def exported(solution: StudySolution, state: State) -> str:
+def exported(solution: StudySolution, moment: Moment) -> str:
     """Whether the list of contact points, which goes to files, has other tractions than the fields.
 
     Both are sums over the same nodes, so that their order does not matter.
     """
     points = solution.contact_points
-    if points is None or len(solution.contacts) > 1:
+    if points is None:
         return ""
     listed = np.column_stack([points.pressure, points.traction])
-    fields = np.column_stack([state.pressure, state.traction])
-    sizes = [np.sort(np.linalg.norm(rows, axis=1)) for rows in (listed, fields)]
+    fields = [np.column_stack([touch.pressure, touch.traction]) for touch in moment.contacts]
+    sizes = [np.sort(np.linalg.norm(rows, axis=1)) for rows in (listed, np.concatenate(fields))]
     apart = float(np.abs(sizes[0] - sizes[1]).max())
-    if apart > judge.FORCE * float(sizes[1][-1]):
+    if apart > FORCE * float(sizes[1][-1]):
         return f"contact points have other tractions than the fields, by {apart:.1e}"
     return ""
 
@@ -114,40 +114,39 @@ def is_unique(parameters: Parameters) -> bool:
     return mu is None or (mu.number is not None and mu.number <= 0.5)
 
 
-def against_reference(discrete: Discrete, state: State) -> str:
+def against_reference(judge: Judge, moment: Moment) -> str:
     """How the conic solver differs, at the friction bound of the solution; "" if it agrees.
 
     Raises NoReference where that solver does not get there.
     """
-    u = reference.minimiser(discrete, state.bound)
-    ours, theirs = (reference.energy(discrete, state.bound, v) for v in (state.u, u))
-    K, scale = discrete.stiffness, _energy(discrete, state.u)
-    if ours - theirs > _ENERGY * scale:
-        return f"the energy is {(ours - theirs) / scale:.1e} above that of the conic solver"
-    difference = float((u - state.u) @ (K @ (u - state.u))) / scale
-    if difference > _DIFFERENCE and ours > theirs - _ENERGY * scale:
+    programme = Programme(judge, [touch.bound for touch in moment.contacts])
+    u, ours = programme.minimiser(), moment.u.ravel()
+    K, scale = judge.body.matrix, _energy(judge, moment.u)
+    above = (programme.energy(ours) - programme.energy(u)) / scale
+    if above > _ENERGY:
+        return f"the energy is {above:.1e} above that of the conic solver"
+    difference = float((u - ours) @ (K @ (u - ours))) / scale
+    if difference > _DIFFERENCE and above > -_ENERGY:
         return f"the conic solver's displacement is another, by {difference:.1e} of the energy"
     return ""
 
 
 def against_transformed(
-    transform: Transform, study: Study, solution: StudySolution, discrete: Discrete
+    transform: Transform, study: Study, domain: Domain, judge: Judge, moment: Moment
 ) -> tuple[str, float | None]:
     """How the same problem in other units, turned or mirrored, differs; "" if it agrees.
 
     The energy of the difference comes second.  Moves the mesh, so this comparison comes last.
     """
-    domain = transform.moved(solution.domain)
     parameters = Parameters.model_validate(transform.study(study))
-    other = solve_assembled(assemble(parameters, MPI.COMM_SELF, domain))
+    other = solve_assembled(assemble(parameters, MPI.COMM_SELF, transform.moved(domain)))
     if not other.converged:
         return f"{transform} is not solved: {other.summary['reason']}", None
-    u = solution.displacement.x.array
-    apart = transform.back(other.displacement.x.array) - u
-    difference = float(apart @ (discrete.stiffness @ apart)) / _energy(discrete, u)
+    apart = transform.back(other.displacement.x.array) - moment.u.ravel()
+    difference = float(apart @ (judge.body.matrix @ apart)) / _energy(judge, moment.u)
     # Either solution of an iterative solver may miss equilibrium by what the judge allows.
     by_iteration = parameters.solver.linear == "iterative"
-    if difference > ((2.0 * judge.FORCE) ** 2 if by_iteration else _TRANSFORMED):
+    if difference > ((2.0 * FORCE) ** 2 if by_iteration else _TRANSFORMED):
         return f"{transform} differs by {difference:.1e} of the energy", difference
     return "", difference
 
@@ -174,8 +173,26 @@ def unlike_turned(
     return ""
 
 
-def _energy(discrete: Discrete, u: FloatArray) -> float:
+def unlike_twin(moments: Sequence[Moment], twins: Sequence[Moment], scale: float) -> str:
+    """How the energies of a process differ from those in other units, times ``scale``.
+
+    Displacements of bodies at rest may differ.
+    """
+    if [one.time for one in moments] != [other.time for other in twins]:
+        return "the steps in other units end at other times"
+    largest = max(abs(other.summary["elastic_energy"]) for other in twins)
+    for one, other in zip(moments, twins, strict=True):
+        energies = [item.summary["elastic_energy"] for item in (one, other)]
+        losses = [item.summary["steps"]["dissipated"] for item in (one, other)]
+        for name, (a, b) in (("elastic_energy", energies), ("dissipated", losses)):
+            if abs(a / scale - b) > _ALIKE * largest + _NOTHING:
+                return f"{name} in other units differs by {abs(a / scale - b):.1e}"
+    return ""
+
+
+def _energy(judge: Judge, u: Array) -> float:
     """The energy of a problem, or what rounding makes of none: what differences are parts of."""
-    K = discrete.stiffness
-    rounding = 1e-10 * float(np.abs(u) @ (abs(K) @ np.abs(u)))
-    return max(abs(float(u @ (K @ u))), abs(float(discrete.load @ u)), rounding, 1e-300)
+    K, flat = judge.body.matrix, u.ravel()
+    rounding = 1e-10 * float(np.abs(flat) @ (abs(K) @ np.abs(flat)))
+    load = judge.body.loads(1.0).ravel()
+    return max(abs(float(flat @ (K @ flat))), abs(float(load @ flat)), rounding, 1e-300)

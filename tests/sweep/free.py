@@ -140,4 +140,4 @@ def sprung(random: Random) -> Case:
     spring(scale, foundation, at_rest=not held or chance(random, 0.3))
     friction = pick(random, [0.0, 0.2, 0.5]) if held else 0.0
     study = scale.study(mesh, loads, {"on": "top", "foundation": foundation}, friction)
-    return Case(study | {"discretisation": _element(random)}, own_judge=True)
+    return Case(study | {"discretisation": _element(random)})

@@ -19,10 +19,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import nnls
-from scipy.sparse import coo_matrix, diags
+from scipy.sparse import diags
 from scipy.sparse.linalg import splu
 
-from .own_body import Array, Body, Index, Mesh
+from .elements import Array, Body, Index, Mesh
 
 # Sides face each other if the cosine of the angle between their normals is below this.
 _FACING = -0.2
@@ -74,14 +74,7 @@ class TwoBodies:
     def __init__(self, mesh: Mesh, study: dict[str, Any], sides: tuple[str, str]) -> None:
         self.body, self.sides = Body(mesh, study), sides
         size = mesh.x.size
-        law = self.body.law
-        blocks = np.einsum(
-            "kpmsd,kpmn,kpnte,kp->ksdte", law.B, self.body.stiffness, law.B, law.weights
-        )
-        dofs = (2 * mesh.cells[:, :, None] + np.arange(2)).reshape(len(mesh.cells), -1)
-        n = dofs.shape[1]
-        rows, columns = np.repeat(dofs, n, axis=1).ravel(), np.tile(dofs, n).ravel()
-        K = coo_matrix((blocks.ravel(), (rows, columns)), (size, size)).tocsc()
+        K = self.body.matrix.tocsc()
         # A body that contact alone holds is let go of by no more than this share.
         self.K = K + diags(1e-10 * K.diagonal(), format="csc")
         self.load = self.body.loads(1.0).ravel()

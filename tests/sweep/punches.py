@@ -12,7 +12,7 @@ import numpy as np
 from gmsh_groups import read
 
 from .case import Random, Study, between, chance, decades, pick
-from .own_body import Mesh
+from .elements import Mesh
 
 Place = tuple[float, float]
 # At an end of the flat part the block goes on, the upper body overhangs, or both end there.

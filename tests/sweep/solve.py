@@ -16,25 +16,16 @@ from pydantic import ValidationError
 
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.results.solution import StudySolution
-from contact_locking.running.solving import SolvableStudy, solve_assembled
+from contact_locking.running.solving import SolvableStudy
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters
 
-from . import (
-    comparisons,
-    derivatives,
-    judge,
-    pair_judge,
-    reference,
-    stepwise,
-    swapped,
-    unseen,
-)
+from . import comparisons, derivatives, reference, swapped, unseen
 from .case import Case, Study, Truth
-from .discrete import Discrete, State, discretise, state_of
+from .elements import Mesh
 from .families import case_of
-from .observed import Moment, mesh_of, moment_of
-from .own_body import Mesh
+from .judge import Judge, complaint
+from .observed import Moment, mesh_of, moment_of, pairings_of
 from .resultants import cannot_balance
 from .transforms import Transform
 
@@ -124,115 +115,130 @@ def outcome_of_case(case: Case, checks: bool = True, family: str = "", seed: int
 
 
 def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
-    comm = MPI.COMM_SELF
-    problem = assemble(Parameters.model_validate(case.study), comm)
-    if case.row or case.own_judge:
-        _solve_pair(case, problem, outcome, checks)
-        return
-    if case.twin is not None:
-        _solve_process(case, problem, outcome, checks)
-        return
+    problem = assemble(Parameters.model_validate(case.study), MPI.COMM_SELF)
     if case.verge is not None:
         outcome.study = at_the_verge(case, problem)
-        problem = assemble(Parameters.model_validate(outcome.study), comm, problem.domain)
+        parameters = Parameters.model_validate(outcome.study)
+        problem = assemble(parameters, MPI.COMM_SELF, problem.domain)
     start = time.process_time()
-    solution = solve_assembled(problem)
+    seen = _Seen(case.truth, outcome.study, problem)
     outcome.seconds = time.process_time() - start
-    space = solution.displacement.function_space
-    discrete = discretise(problem.parameters, problem.domain, space, solution)
-    discrete = unseen.with_band(case.truth, discrete)
-    outcome.tangents = int(solution.summary["iterations"]["tangents"])
-    _judge(case.truth, solution, discrete, outcome, checks)
-    if outcome.kind == NOT_SOLVED and _GROWS in outcome.reason:
-        outcome.kind = WEDGED if balances_itself(outcome.study, solution) else NOT_SOLVED
-
-
-def _solve_process(case: Case, problem: StudyProblem, outcome: Outcome, checks: bool) -> None:
-    """Solve all steps; with ``checks`` those of the twin, too."""
-    found = _all_of(problem)
-    outcome.tangents = max((int(row["tangents"]) for row in found[-1].history), default=0)
-    outcome.reason = told = str(found[-1].summary["reason"])
-    if not found[-1].converged:
-        is_told = _GROWS in told
-        outcome.kind = WEDGED if is_told else NOT_SOLVED
-        is_unheld = "cannot hold the body" in told and cannot_balance(case.study, found[-1].time)
-        if told.startswith("infeasible"):
-            outcome.kind = INFEASIBLE
-        elif _MISSED in told or is_unheld:
-            outcome.kind = REFUSED
-        return
-    wrong = stepwise.complaint(found) or comparisons.about_other_solutions(case.truth, found[-1])
-    if checks and not wrong:
-        assert case.twin is not None
-        twin = assemble(Parameters.model_validate(case.twin), MPI.COMM_SELF)
-        wrong = stepwise.unlike(found, _all_of(twin), case.study)
-    outcome.kind, outcome.reason = (WRONG, wrong) if wrong else (SOLVED, "")
-
-
-def _all_of(problem: StudyProblem) -> list[StudySolution]:
-    with contextlib.closing(SolvableStudy(problem)) as study:
-        return list(study.solutions())
-
-
-def _solve_pair(case: Case, problem: StudyProblem, outcome: Outcome, checks: bool) -> None:
-    """Let the judge with elements of its own see what a user sees of all steps.
-
-    With ``checks`` a problem of no pairs is solved in other units, turned and mirrored as well.
-    """
-    seen = _Seen(case.study, problem)
-    told, wrong = str(seen.last.summary["reason"]), seen.complaint
     outcome.tangents = seen.tangents
-    outcome.kind, outcome.reason = (WRONG, wrong) if wrong else (SOLVED, "")
-    if not wrong and not seen.last.converged:
-        is_claim = case.row and any(words in told for words in _CLAIMS)
-        outcome.kind, outcome.reason = (CLAIM if is_claim else NOT_SOLVED), told
-        times = [entry.time for entry in seen.moments] + [seen.last.time or 1.0]
-        if told.startswith("infeasible") and seen.judge.rest_is_admissible(times):
-            outcome.kind, outcome.reason = WRONG, f"the body at rest is admissible, but: {told}"
-    elif not wrong and checks and not case.row:
-        random = np.random.default_rng(outcome.seed)
-        turned = Transform.fitting(random, case.study)
+    if not seen.last.converged:
+        outcome.kind, outcome.reason = NOT_SOLVED, str(seen.last.summary["reason"])
+        _judge_unsolved(case, seen, outcome)
+        return
+    truth, judge, moment = case.truth, seen.judge, seen.moments[-1]
+    outcome.notes = {name: float(f"{value:.3g}") for name, value in seen.found.items()}
+    wrong = [seen.complaint, comparisons.about_other_solutions(truth, seen.last)]
+    if case.twin is None:
+        wrong += comparisons.against_truth(truth, judge, moment)
+        wrong.append(comparisons.exported(seen.last, moment))
+        wrong.append(comparisons.slip_of_truth(truth, judge, moment))
+        wrong.append(comparisons.another(truth, judge, moment))
+    if checks and not any(wrong) and not case.row:
+        wrong += _compared(case, seen, outcome)
+    complaints = "; ".join(text for text in wrong if text)
+    outcome.kind, outcome.reason = (WRONG, complaints) if complaints else (SOLVED, "")
+
+
+def _compared(case: Case, seen: _Seen, outcome: Outcome) -> list[str]:
+    """What the conic solver, swapped sides and other units say of a solution; "" if nothing."""
+    study, judge, moment = outcome.study, seen.judge, seen.moments[-1]
+    random = np.random.default_rng(outcome.seed)
+    if case.twin is not None:
+        problem = assemble(Parameters.model_validate(case.twin), MPI.COMM_SELF)
+        twin = _Seen(case.truth, case.twin, problem)
+        young = study["material"]["elasticity"]["young"]
+        power = 2 + bool(study["mesh"].get("axisymmetric"))
+        scale = young * (judge.extent / twin.judge.extent) ** power
+        return [comparisons.unlike_twin(seen.moments, twin.moments, scale)]
+    if any(contact.is_free for contact in judge.contacts):
+        turned = Transform.fitting(random, study)
         domain = turned.moved(seen.last.domain)
-        study = turned.study(case.study)
-        other = _Seen(study, assemble(Parameters.model_validate(study), MPI.COMM_SELF, domain))
-        apart = comparisons.unlike_turned(turned, study, seen.moments, other.moments)
-        wrong = other.complaint or apart
+        given = turned.study(study)
+        problem = assemble(Parameters.model_validate(given), MPI.COMM_SELF, domain)
+        other = _Seen(case.truth, given, problem)
         if not other.last.converged:
-            wrong = f"{turned} is not solved: {other.last.summary['reason']}"
-        outcome.kind, outcome.reason = (WRONG, wrong) if wrong else (SOLVED, "")
+            return [f"{turned} is not solved: {other.last.summary['reason']}"]
+        apart = comparisons.unlike_turned(turned, study, seen.moments, other.moments)
+        return [other.complaint, apart]
+    wrong = []
+    try:
+        wrong.append(comparisons.against_reference(judge, moment))
+    except reference.NoReference as error:
+        outcome.notes["reference"] = str(error)
+    beside = swapped.compared(study, seen.last, _rounding(judge, moment))
+    if beside is not None:
+        wrong.append(beside.complaint)
+        outcome.notes["swapped"] = beside.note
+    if comparisons.is_unique(seen.last.parameters):
+        transform = Transform.random(random, judge.mesh.dim, case.truth.homogeneous)
+        told, difference = comparisons.against_transformed(
+            transform, study, seen.last.domain, judge, moment
+        )
+        wrong.append(told)
+        outcome.notes["transformed"] = difference
+    return wrong
+
+
+def _judge_unsolved(case: Case, seen: _Seen, outcome: Outcome) -> None:
+    """Whether what is told of a problem without a solution is right."""
+    told, judge, study = outcome.reason, seen.judge, outcome.study
+    times = [entry.time for entry in seen.moments] + [seen.last.time or 1.0]
+    if seen.complaint:
+        outcome.kind, outcome.reason = WRONG, seen.complaint
+    elif told.startswith("infeasible") and judge.rest_is_admissible(times):
+        outcome.kind, outcome.reason = WRONG, f"the body at rest is admissible, but: {told}"
+    elif case.row:
+        outcome.kind = CLAIM if any(words in told for words in _CLAIMS) else NOT_SOLVED
+    elif told.startswith("infeasible"):
+        outcome.kind = INFEASIBLE
+        if case.twin is None:
+            _judge_infeasible(case.truth, judge, outcome)
+    elif any(words in told for words in (*case.truth.messages, _MISSED)):
+        outcome.kind = REFUSED
+    elif "cannot hold the body" in told and "steps" in study:
+        is_right = cannot_balance(judge, times[-1])
+        outcome.kind = REFUSED if is_right else NOT_SOLVED
+    elif _GROWS in told:
+        is_right = case.twin is not None or balances_itself(study, seen.last)
+        outcome.kind = WEDGED if is_right else NOT_SOLVED
 
 
 class _Seen:
-    """All steps of a problem, as the judge with elements of its own sees them."""
+    """All steps of a problem, and what the judge finds of those that converged."""
 
-    complaint: str
-    judge: pair_judge.Judge
-    moments: list[Moment]
-
-    def __init__(self, study: Study, problem: StudyProblem) -> None:
-        loads = study["loads"].values()
-        entries = [entry for part in loads for entry in part if isinstance(entry, dict)]
-        self._names = {entry["on"] for entry in (*entries, *study["contact"])}
-        self._study = study
-        self.tangents = 0
-        (self.last,) = self._solutions(problem)
-        found = self.judge.violations(self.moments) if self.moments else {}
-        self.complaint = pair_judge.complaint(found)
-
-    def _solutions(self, given: StudyProblem) -> list[StudySolution]:
-        study, self.moments = self._study, []
-        regions = set(study["material"].get("regions", {}))
+    def __init__(self, truth: Truth, study: Study, problem: StudyProblem) -> None:
+        self.tangents, self.moments = 0, list[Moment]()
         mesh: Mesh | None = None
-        with contextlib.closing(SolvableStudy(given)) as made:
-            for solution in made.solutions():
-                tangents = int(solution.summary["iterations"]["tangents"])
+        with contextlib.closing(SolvableStudy(problem)) as made:
+            for self.last in made.solutions():
+                tangents = int(self.last.summary["iterations"]["tangents"])
                 self.tangents = max(self.tangents, tangents)
                 if mesh is None:
-                    mesh = mesh_of(solution, self._names, regions)
-                    self.judge = pair_judge.Judge(study, mesh)
-                if solution.converged:
-                    self.moments.append(moment_of(solution, mesh))
-        return [solution]
+                    mesh = mesh_of(problem.domain, problem.u.function_space, study)
+                if self.last.converged:
+                    self.moments.append(moment_of(self.last, mesh))
+        assert mesh is not None
+        pairings = pairings_of(problem.domain, mesh, study, self.last)
+        self.judge = Judge(study, mesh, pairings)
+        self.judge.given_load = unseen.load_of_band(truth, self.judge.body)
+        self.found = self.judge.violations(self.moments) if self.moments else {}
+        missed = ""
+        if self.moments:
+            warnings = self.last.summary["warnings"]
+            missed = unseen.complaint(truth, self.judge, self.moments[-1], warnings, self.found)
+        criteria = {n: c for moment in self.moments for n, c in moment.criteria.items()}
+        failed = [f"{name} fails" for name, entry in criteria.items() if not entry["holds"]]
+        parts = [complaint(self.found), missed, *failed]
+        self.complaint = "; ".join(part for part in parts if part)
+
+
+def judge_of(problem: StudyProblem, study: Study) -> Judge:
+    """The judge of a problem that is not solved yet."""
+    mesh = mesh_of(problem.domain, problem.u.function_space, study)
+    return Judge(study, mesh, pairings_of(problem.domain, mesh, study))
 
 
 def balances_itself(study: Study, solution: StudySolution) -> bool:
@@ -248,81 +254,36 @@ def balances_itself(study: Study, solution: StudySolution) -> bool:
     changed = copy.deepcopy(study)
     changed["penalty"] = {"n": n, "epsilon": epsilon}
     changed["friction"]["regularisation"] = length
-    parameters = Parameters.model_validate(changed)
-    space = solution.displacement.function_space
-    discrete = discretise(parameters, solution.domain, space, solution)
-    state = state_of(solution, discrete)
-    is_right = not judge.complaint(judge.violations(parameters, discrete, state))
-    return is_right and judge.asked_for(discrete, state) < _NEEDLESS
+    mesh = mesh_of(solution.domain, solution.displacement.function_space, changed)
+    judge = Judge(changed, mesh, pairings_of(solution.domain, mesh, changed, solution))
+    moment = moment_of(solution, mesh)
+    is_right = not complaint(judge.violations([moment]))
+    return is_right and judge.needlessness(moment) < _NEEDLESS
 
 
 def at_the_verge(case: Case, problem: StudyProblem) -> Study:
     """The study with its prescribed displacements at a share of the largest that are possible."""
-    discrete = discretise(problem.parameters, problem.domain, problem.u.function_space)
     assert case.verge is not None
-    factor = case.verge * reference.largest_factor(discrete)
+    factor = case.verge * reference.Programme(judge_of(problem, case.study)).largest_factor()
     study = copy.deepcopy(case.study)
     for condition in study["loads"]["displacements"]:
         condition["value"] = [None if v is None else factor * v for v in condition["value"]]
     return study
 
 
-def _judge(
-    truth: Truth, solution: StudySolution, discrete: Discrete, outcome: Outcome, checks: bool
-) -> None:
-    reason = str(solution.summary["reason"])
-    if not solution.converged:
-        outcome.kind, outcome.reason = NOT_SOLVED, reason
-        if reason.startswith("infeasible"):
-            _judge_infeasible(truth, discrete, outcome)
-        elif any(words in reason for words in (*truth.messages, _MISSED)):
-            outcome.kind = REFUSED
-        return
-    state = state_of(solution, discrete)
-    found = judge.violations(solution.parameters, discrete, state)
-    outcome.notes = {name: float(f"{value:.3g}") for name, value in found.items()}
-    missed = unseen.complaint(truth, discrete, state, solution, found)
-    wrong = [missed, judge.complaint(found), *comparisons.against_truth(truth, discrete, state)]
-    wrong.append(comparisons.exported(solution, state))
-    wrong.append(comparisons.about_other_solutions(truth, solution))
-    wrong.append(comparisons.slip_of_truth(truth, discrete, state))
-    wrong.append(comparisons.another(truth, solution.parameters, discrete, state))
-    if checks:
-        try:
-            wrong.append(comparisons.against_reference(discrete, state))
-        except reference.NoReference as error:
-            outcome.notes["reference"] = str(error)
-        beside = swapped.compared(outcome.study, solution, _rounding(discrete, state))
-        if beside is not None:
-            wrong.append(beside.complaint)
-            outcome.notes["swapped"] = beside.note
-        if comparisons.is_unique(solution.parameters):
-            random = np.random.default_rng(outcome.seed)
-            transform = Transform.random(random, discrete.dim, truth.homogeneous)
-            told, difference = comparisons.against_transformed(
-                transform, outcome.study, solution, discrete
-            )
-            wrong.append(told)
-            outcome.notes["transformed"] = difference
-    complaints = "; ".join(text for text in wrong if text)
-    outcome.kind, outcome.reason = (WRONG, complaints) if complaints else (SOLVED, "")
-
-
-def _rounding(discrete: Discrete, state: State) -> float:
+def _rounding(judge: Judge, moment: Moment) -> float:
     """The size of forces that rounding and the solver's tolerance leave in a body that is free."""
-    x, size = discrete.geometry.x, float(np.abs(state.u).max(initial=0.0))
-    length = float(np.ptp(x, axis=0).max())
-    return 1e-9 * float(discrete.law.max()) * size * length ** (discrete.dim - 2)
+    size = float(np.abs(moment.u).max(initial=0.0))
+    return 1e-9 * float(judge.body.stiffness.max()) * size * judge.extent ** (judge.mesh.dim - 2)
 
 
-def _judge_infeasible(truth: Truth, discrete: Discrete, outcome: Outcome) -> None:
-    outcome.kind = INFEASIBLE
+def _judge_infeasible(truth: Truth, judge: Judge, outcome: Outcome) -> None:
     if truth.admissible:
         outcome.kind = WRONG
         outcome.reason = f"something is admissible, but: {outcome.reason}"
         return
     try:
-        excess = reference.smallest_excess(discrete)
+        excess = reference.Programme(judge).smallest_excess()
     except reference.NoReference as error:
         outcome.notes["reference"] = str(error)
         return

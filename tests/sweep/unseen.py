@@ -5,16 +5,14 @@ Each case is solved right, by sums of this module, or the program says what the 
 
 from __future__ import annotations
 
-import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
-from contact_locking.arrays import FloatArray
-from contact_locking.results.solution import StudySolution
-
 from .case import Truth
-from .discrete import Discrete, State, at
-from .judge import FORCE, Found
+from .elements import Array, Body, value
+from .judge import FORCE, Found, Judge
+from .observed import Moment
 
 # The forces of a narrow load may be off by this share in the norm of K^-1.
 _LOAD = 0.05
@@ -27,24 +25,24 @@ _TOUCH, _TURN = 0.02, 0.7
 _POINTS = 32
 
 
-def with_band(truth: Truth, discrete: Discrete) -> Discrete:
-    """The problem with the exact nodal forces of a pressure on a band ``|x - c| < w`` on top."""
+def load_of_band(truth: Truth, body: Body) -> Array | None:
+    """The exact nodal forces (k, 2) of a pressure on a band ``|x - c| < w`` on top, if any."""
     if truth.band is None:
-        return discrete
+        return None
     centre, half, pressure = truth.band
-    load, x = discrete.load.reshape(-1, 2).copy(), discrete.geometry.x
-    load[:] = 0.0
-    for first, second in discrete.geometry.facets(("top",)):
+    x = body.mesh.x
+    load = np.zeros_like(x)
+    for first, second in body.facets("top"):
         a, b = x[first, 0], x[second, 0]
         low, high = (np.clip(centre + side * half, min(a, b), max(a, b)) for side in (-1, 1))
         share = (0.5 * (low + high) - a) / (b - a)
         for node, part in ((first, 1.0 - share), (second, share)):
             load[node, 1] -= pressure * (high - low) * part
-    return dataclasses.replace(discrete, load=load.ravel(), load_size=np.abs(load).ravel())
+    return load
 
 
 def complaint(
-    truth: Truth, discrete: Discrete, state: State, solution: StudySolution, found: Found
+    truth: Truth, judge: Judge, moment: Moment, warnings: Sequence[str], found: Found
 ) -> str:
     """What the mesh misses without a word of the program; "" if nothing.
 
@@ -52,32 +50,34 @@ def complaint(
     """
     if not truth.told:
         return ""
-    said = " ".join(solution.summary["warnings"])
+    said = " ".join(warnings)
     is_told = any(words in said for words in truth.told)
     wrong = []
     if truth.band is not None:
         off = FORCE * found.pop("equilibrium")
+        for name in ("balance of forces", "balance of moments", "reported reactions"):
+            found.pop(name, None)
         if off > _LOAD:
             wrong.append(f"the narrow load is off by {off:.2g}")
-    given = solution.parameters
-    x, dim = discrete.geometry.x, discrete.dim
-    limits = at(given.material.locking_limit, _inside(x[discrete.geometry.cells]))
-    wrong += _varies("M", limits, len(discrete.geometry.cells))
-    for contact in given.contacts:
-        facets = discrete.geometry.facets(contact.on)
-        if contact.friction is not None and not contact.friction.is_zero:
+    body, x = judge.body, judge.mesh.x
+    limits = value(judge.study["material"]["locking_limit"], _inside(x[body.cells]))
+    wrong += _varies("M", limits, len(body.cells))
+    for contact in judge.contacts:
+        facets = contact.nodes[contact.facets]
+        if contact.friction["coefficient"] != 0.0:
             places = _inside(x[facets])
-            mu = at(contact.friction.coefficient, places, s=np.zeros(len(places)))
+            mu = value(contact.friction["coefficient"], places, s=np.zeros(len(places)))
             wrong += _varies("mu", mu, len(facets))
-        if contact.foundation is not None and contact.foundation.cylinder is not None:
-            body, u = contact.foundation.cylinder, state.u.reshape(-1, dim)
-            entry = _entry(x[facets], u[facets], np.array(body.centre), body.radius)
+        tool = contact.section.get("foundation", {}).get("cylinder")
+        if tool is not None:
+            u = moment.u
+            entry = _entry(x[facets], u[facets], np.array(tool["centre"]), tool["radius"])
             if entry > _ENTRY:
                 wrong.append(f"the tool enters between the nodes by {entry:.2g} of its indentation")
     return "" if is_told else "; ".join(f"without a word: {text}" for text in wrong)
 
 
-def _inside(corners: FloatArray) -> FloatArray:
+def _inside(corners: Array) -> Array:
     """Points (k * q, d) inside of simplices with corners (k, c, d): cells of 2D, or edges."""
     lattice = (np.arange(_POINTS) + 0.5) / _POINTS
     if corners.shape[1] == 2:
@@ -88,7 +88,7 @@ def _inside(corners: FloatArray) -> FloatArray:
     return np.einsum("qc,kcd->kqd", shares, corners).reshape(-1, corners.shape[2])
 
 
-def _varies(name: str, values: FloatArray, count: int) -> list[str]:
+def _varies(name: str, values: Array, count: int) -> list[str]:
     """Data that change much within a simplex by a jump: more than along a slope over the body."""
     inside = values.reshape(count, -1)
     low, high = inside.min(axis=1), inside.max(axis=1)
@@ -99,14 +99,14 @@ def _varies(name: str, values: FloatArray, count: int) -> list[str]:
     return [f"{name} goes from {low[worst]:.2g} to {high[worst]:.2g} inside of a cell or facet"]
 
 
-def _entry(x: FloatArray, u: FloatArray, centre: FloatArray, radius: float) -> float:
+def _entry(x: Array, u: Array, centre: Array, radius: float) -> float:
     """The deepest entry of a disc between the nodes of edges (k, 2, d), over its indentation.
 
     Where both nodes touch the disc and see it turn by little, the edge is a chord of what is known.
     """
     share = np.linspace(0.0, 1.0, _POINTS + 1)[:, None]
 
-    def depth(points: FloatArray) -> FloatArray:
+    def depth(points: Array) -> Array:
         edges = points[:, None, 0] * (1.0 - share) + points[:, None, 1] * share
         return np.asarray(radius - np.linalg.norm(edges - centre, axis=2))
 

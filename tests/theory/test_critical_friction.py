@@ -12,7 +12,7 @@ import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
 from sweep.case import clamp, study
-from sweep.discrete import discretise
+from sweep.solve import judge_of
 
 import contact_locking as cl
 from contact_locking.arrays import FloatArray
@@ -95,22 +95,19 @@ def test_a_sliding_block_has_the_eigenvalue_of_a_dense_assembly() -> None:
     )
     data["certificate"] = {"critical_friction": True}
     problem = assemble(Parameters.model_validate(data), MPI.COMM_SELF)
-    discrete = discretise(problem.parameters, problem.domain, problem.u.function_space)
+    judge = judge_of(problem, data)
+    (contact,) = judge.contacts
     solution = solve_assembled(problem)
     (fields,) = solution.contacts
-    assert discrete.contact is not None
-    order = [
-        int(np.argmin(np.abs(fields.surface.points[:, 0] - x)))
-        for x in discrete.geometry.x[discrete.contact.nodes, 0]
-    ]
+    order = np.argsort(fields.surface.blocks)
     state, slip = fields.state[order], fields.increment[order, 0]
     slips, closed = np.flatnonzero(state == SLIP), np.flatnonzero(state != OPEN)
     assert len(slips) > 8
-    free = discrete.free.copy()
-    normal, along = 2 * discrete.contact.nodes + 1, 2 * discrete.contact.nodes
+    free = np.einsum("kii->ki", judge.body.free).ravel() > 0.5
+    normal, along = 2 * contact.nodes + 1, 2 * contact.nodes
     free[normal[closed]] = False
     free[along[(state != SLIP) & (state != OPEN)]] = False
-    stiffness, weights = discrete.stiffness.toarray(), discrete.contact.weights
+    stiffness, weights = judge.body.matrix.toarray(), contact.weights
     forces = np.zeros((len(free), len(slips)))
     forces[along[slips], np.arange(len(slips))] = -np.sign(slip[slips]) * weights[slips]
     moved = np.zeros_like(forces)

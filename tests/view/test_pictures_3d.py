@@ -24,7 +24,7 @@ from contact_locking.errors import NoRendering
 from contact_locking.running import run as writing
 from contact_locking.view.pictures import space
 from contact_locking.view.pictures.gather import gather
-from contact_locking.view.pictures.snapshot import save
+from contact_locking.view.pictures.style import save
 
 Image = npt.NDArray[np.uint8]
 

@@ -17,7 +17,7 @@ from contact_locking.errors import NoRendering
 from contact_locking.view import pictures
 from contact_locking.view.pictures import space, style
 from contact_locking.view.pictures.gather import gather
-from contact_locking.view.pictures.snapshot import Snapshot
+from contact_locking.view.pictures.style import Snapshot
 
 
 def snapshot(dim: int = 2, **changes: Any) -> Snapshot | None:

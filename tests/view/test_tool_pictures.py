@@ -15,7 +15,7 @@ from contact_locking import solve_steps
 from contact_locking.arrays import FloatArray
 from contact_locking.view.pictures import plane
 from contact_locking.view.pictures.gather import gather
-from contact_locking.view.pictures.snapshot import Snapshot, drawn_tool, foundation, tool
+from contact_locking.view.pictures.style import Snapshot, drawn_tool, foundation, tool
 
 pytestmark = pytest.mark.serial
 

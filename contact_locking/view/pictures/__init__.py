@@ -13,8 +13,7 @@ from contact_locking.results.folder import PICTURE, TEXTS_BYTES
 
 if TYPE_CHECKING:
     from contact_locking.results.solution import Solution
-    from contact_locking.view.pictures.snapshot import Snapshot
-    from contact_locking.view.pictures.style import Units
+    from contact_locking.view.pictures.style import Snapshot, Units
 
 
 def pictures(solution: Solution, folder: Path) -> list[str]:

@@ -18,7 +18,7 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.results.solution import Solution
 from contact_locking.shapes.faceted import FacetedFoundation
 from contact_locking.shapes.shape import Distance, MovedDistance, Shape
-from contact_locking.view.pictures.snapshot import ContactMap, Snapshot, drawn_tool
+from contact_locking.view.pictures.style import ContactMap, Snapshot, drawn_tool
 
 # Nodes of a cell of degree 2: first the corners, then the middles of the edges in the order of
 # DOLFINx.  The pieces at the corners come first, in the order of the corners.  The octahedron

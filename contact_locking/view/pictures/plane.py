@@ -18,7 +18,7 @@ from matplotlib.tri import Triangulation
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.results.contact_points import ContactPoints, curves
 from contact_locking.view.pictures import style
-from contact_locking.view.pictures.snapshot import ContactMap, Snapshot, tool, touched
+from contact_locking.view.pictures.style import ContactMap, Snapshot, tool, touched
 
 _MOST_MARKERS = 60
 # A contact whose tractions are a smaller share than this of the largest one is open.

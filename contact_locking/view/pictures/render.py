@@ -20,7 +20,8 @@ from matplotlib.colors import ListedColormap, PowerNorm
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.results.contact_points import OPEN, SLIP, STATE_NAMES, STICK, ContactPoints
 from contact_locking.view.pictures import style
-from contact_locking.view.pictures.snapshot import (
+from contact_locking.view.pictures.space import Image
+from contact_locking.view.pictures.style import (
     ContactMap,
     Snapshot,
     foundation,
@@ -28,7 +29,6 @@ from contact_locking.view.pictures.snapshot import (
     nearest_parts,
     tool,
 )
-from contact_locking.view.pictures.space import Image
 
 # Faces that meet at a larger angle, in degrees, make an edge of the body.
 _SHARP = 30.0

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 
 from contact_locking.errors import NoRendering
 from contact_locking.view.pictures import style
-from contact_locking.view.pictures.snapshot import Snapshot, save
+from contact_locking.view.pictures.style import Snapshot, save
 
 Image = npt.NDArray[np.uint8]
 

@@ -1,6 +1,7 @@
-"""What pages are made of: charts with named curves, embedded pictures, templates of HTML.
+"""What pages are made of: charts with named curves, embedded pictures, templates of HTML, words.
 
-A page needs no other file: its style, script and pictures are inside.
+A page needs no other file: its style, script and pictures are inside.  Values, keys and quantities
+stand as a person writes them: ``friction coefficient μ``.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import functools
 import hashlib
 import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -26,10 +27,179 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from contact_locking._version import __version__
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import AXES, FloatArray
+from contact_locking.results.quantities import QUANTITIES, look_up
 from contact_locking.view.pictures import style
 
-from .words import shown, title, words
+
+def shown(value: Any) -> str:
+    """The text of a value: four digits, a power of ten as a superscript, infinity as a sign."""
+    match value:
+        case None:
+            return "\N{EN DASH}"
+        case bool():
+            return "yes" if value else "no"
+        case int() if abs(value) < 10**15:
+            digits = f"{value:,}".replace(",", "\N{THIN SPACE}")
+            return digits.replace("-", "\N{MINUS SIGN}")
+        case int() | float() if abs(value) < 1e308:
+            return _number(float(value))
+        case int() | float():
+            if value != value:
+                return "not a number"
+            return "\N{INFINITY}" if value > 0 else "\N{MINUS SIGN}\N{INFINITY}"
+        case "inf":
+            return "\N{INFINITY}"
+        case list():
+            return "(" + ", ".join(map(shown, _without_rounding(value))) + ")"
+        case dict():
+            return ", ".join(f"{key}: {shown(item)}" for key, item in value.items())
+    return str(value)
+
+
+def _without_rounding(vector: list[Any]) -> list[Any]:
+    """The vector with zero for components that rounding alone keeps from zero."""
+    if not vector or not all(isinstance(item, float) for item in vector):
+        return vector
+    largest = max(map(abs, vector))
+    return [0.0 if abs(item) < 1e-12 * largest else item for item in vector]
+
+
+def _number(value: float) -> str:
+    """Four digits, and a power of ten as a superscript: 1.2x10^-5 for 1.2e-05."""
+    mantissa, _, exponent = f"{value + 0.0:.4g}".replace("-", "\N{MINUS SIGN}").partition("e")
+    if not exponent:
+        return mantissa
+    power = exponent.lstrip("+").replace("\N{MINUS SIGN}", "-")
+    raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"10{raised}" if mantissa == "1" else f"{mantissa}\N{MULTIPLICATION SIGN}10{raised}"
+
+
+_TITLES: Mapping[str, str] = {
+    "friction.coefficient": "friction coefficient μ",
+    "friction.regularisation": "regularisation δ",
+    "friction.smoothing.kernel": "smoothing kernel",
+    "friction.smoothing.radius": "smoothing radius r",
+    "material.elasticity.poisson": "Poisson's ratio ν",
+    "material.elasticity.young": "Young's modulus E",
+    "material.locking_limit": "strain limit M",
+    "mesh.h": "element size h",
+    "mesh.h_contact": "element size at the contact",
+    "penalty.epsilon": "compliance ε",
+    "penalty.n": "penalty n",
+    "solver.method": "solver",
+    "dofs": "unknowns",
+    "dolfinx": "DOLFINx",
+    "iterations.friction": "friction updates",
+    "iterations.linear": "linear solves",
+}
+# The names of values of a certificate and of stages that are not their keys with blanks.
+_WORDS: Mapping[str, str] = {
+    "alpha": "α",
+    "c_0": "c_0",
+    "c_0_reason": "why c_0 is not known",
+    "epsilon": "ε",
+}
+#: The meanings of the values of the certificate, by their names.
+MEANINGS = {
+    "displacement_norm": "‖ε(u)‖ over the body",
+    "locking_penalty": "2n ∫ ([|ε| − M]⁺)²",
+    "contact_penalty": "(1/ε) ∫ ([u_ν − g]⁺)²",
+    "locking_work": "∫ M |Z|, the work of the locking stress at the limit",
+    "equilibrium": "residual forces over the forces that act",
+    "force_balance": "sum of all forces on the body",
+    "moment_balance": "sum of all moments on the body",
+    "locking_complementarity": "locking stress only where |ε| = M",
+    "locking_violation": "strain beyond the locking law",
+    "contact_complementarity": "pressure only where the gap is closed",
+    "contact_violation": "penetration beyond the contact law, and pull",
+    "held_nodes": "contact forces at nodes that conditions hold",
+    "friction_complementarity": "slip only at the friction bound, against the traction",
+    "coulomb_cone": "friction above its bound",
+    "friction_sign": "work that friction adds",
+    "friction_bound": "change of the friction bound in one more update",
+    "smoothing_constants": "change of constants by R",
+    "duality_gap": "sum of Fenchel's terms of the laws over the work",
+    "energy_balance": "energy that a step creates or loses beyond its bounds, over the work",
+    "alpha": "smallest eigenvalue of the elasticity",
+    "c_0": "trace constant of this mesh, |v| on Γ_C ≤ c_0 ‖v‖_V, from below",
+    "friction_coefficient": "largest μ",
+    "friction_lipschitz": "Lipschitz constant of μ in the slip",
+    "friction_constants": "whether μ and its Lipschitz constant are exact or sampled",
+    "smoothing_norm": "upper bound of the norm of R on this mesh",
+    "uniqueness.verdict": "whether theory says that there is no other solution",
+    "uniqueness.contraction": "factor by which updates of the friction bound shrink",
+    "mesh.energy_norm": "estimated distance to the solution on finer meshes",
+    "mesh.with_locking": "the same with the locking stress in it",
+    "penalty.energy_norm": "bound of the distance to the solution for n = ∞ on this mesh",
+    "penalty.displacement_norm": "the same bound in the norm of the strain",
+    "load_factor": "shares of the prescribed displacements that can, and cannot, be followed",
+    "infeasible": "whether no displacement on any mesh follows the prescribed values",
+    "guaranteed.energy_norm": "proved bound of the whole error, for the friction bound kept fixed",
+    "guaranteed.applicable": "whether the bound is proved for these data",
+    "penalty_measured.energy_norm": "measured distance to the solution for n = ∞ on this mesh",
+    "penalty_measured.displacement_norm": "the same distance in the norm of the strain",
+}
+# Sections whose names say nothing beside that of the key below them.
+_UNSAID = ("mesh", "material", "loads", "solver", "certificate", "output")
+
+
+def title(key: str) -> str:
+    """The name of a dotted key of a study file or of a summary.
+
+    The last number of the key of a vector becomes the name of an axis.
+    """
+    if key in QUANTITIES:
+        return QUANTITIES[key].name
+    if key in _TITLES:
+        return _TITLES[key]
+    if (of_contact := re.fullmatch(r"contacts\.([^.]+)\.(.+)", key)) is not None:
+        return f"{title(of_contact[2])} on {of_contact[1]}"
+    above, _, last = key.rpartition(".")
+    if last.isdecimal() and int(last) < len(AXES):
+        of = above.removesuffix("_at")
+        if of in QUANTITIES:
+            place = f", {QUANTITIES[of].at}" if of != above else ""
+            return f"{QUANTITIES[of].name}{place}, {AXES[int(last)]}"
+    words = [part for part in key.split(".") if part not in _UNSAID] or [key]
+    return " ".join(words).replace("_", " ")
+
+
+def titles_in(keys: Sequence[str], data: Any) -> dict[str, str]:
+    """The names of keys by key, with the boundary parts that the data of a study file names.
+
+    Such as ``traction on top, y`` for ``loads.tractions.0.value.1``.
+    """
+    found = [_title_in(key.split("."), data) for key in keys]
+    return dict(zip(keys, found if len(set(found)) == len(found) else keys, strict=True))
+
+
+def _title_in(parts: list[str], data: Any) -> str:
+    *above, last = parts
+    entry = look_up(data, ".".join(above))
+    if last.isdecimal() and isinstance(entry, list) and not any(isinstance(e, dict) for e in entry):
+        axis = AXES[int(last)] if int(last) < len(AXES) else last
+        return f"{_title_in(above, data)}, {axis}"
+    match parts:
+        case ["loads", kind, index, *rest] if index.isdecimal() and kind.endswith("s"):
+            what = " ".join([kind.removesuffix("s"), *(part for part in rest if part != "value")])
+            return f"{what} on {_on(data, parts[:2], index)}".replace("_", " ")
+        case ["contact", index, *rest] if index.isdecimal() and rest:
+            what = _title_in(["contact", *rest], data)
+            return f"{what} on {_on(data, parts[:1], index)}"
+    return title(".".join(parts))
+
+
+def _on(data: Any, place: list[str], index: str) -> str:
+    """The boundary parts of an entry of a list, its number if it names none."""
+    on = look_up(data, ".".join([*place, index, "on"]))
+    return ", ".join(map(str, on)) if isinstance(on, list) else str(on or index)
+
+
+def words(name: str) -> str:
+    """The name of a value of a certificate, which may be dotted, or of a stage."""
+    return _WORDS.get(name) or name.replace(".", ", ").replace("_", " ")
+
 
 # About the width of a phone, on which the text has to stay readable.
 WIDTH = 4.4

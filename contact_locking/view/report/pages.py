@@ -20,7 +20,7 @@ from contact_locking.study_file import source
 from contact_locking.study_file.parameters.study import StudyParameters
 
 from .folders import Row, RunResults, StudyResults, history_in
-from .page import Chart, embedded, render
+from .page import MEANINGS, Chart, embedded, render, shown, title, titles_in
 from .run_charts import (
     Process,
     adapt_charts,
@@ -33,7 +33,6 @@ from .run_charts import (
     wanted_charts,
 )
 from .trends import Trend, VariedTexts, axes, differ, trend_charts, trends
-from .words import MEANINGS, shown, title, titles_in
 
 # The widths of pictures in pixels, and the number of colours of small ones.
 _WIDTH, _THUMBNAIL_WIDTH, _THUMBNAIL_COLOURS = 1400, 480, 256

@@ -20,8 +20,7 @@ from contact_locking.results.contact_points import curves as ordered
 from contact_locking.results.quantities import QUANTITIES, Quantity
 from contact_locking.results.table import Table
 from contact_locking.view.pictures import plane, style
-from contact_locking.view.pictures.snapshot import facets_within, nearest_parts
-from contact_locking.view.pictures.style import Units
+from contact_locking.view.pictures.style import Units, facets_within, nearest_parts
 
 from .folders import RunResults
 from .page import WIDTH, Chart, Curve, chart, drawing, gridded, legend_height, name_curves, plain

@@ -18,8 +18,7 @@ from contact_locking.study_file.parameters.wording import told_apart
 from contact_locking.view.pictures import style
 
 from .folders import Row
-from .page import Chart, Curve, chart, drawing, gridded, legend_height, name_curves, plain
-from .words import shown
+from .page import Chart, Curve, chart, drawing, gridded, legend_height, name_curves, plain, shown
 
 _MOST_TEXTS = 12
 

@@ -15,7 +15,7 @@ from mpi4py import MPI
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.cell_kind import keys, longest_edges
-from contact_locking.mesh.file.data import MeshData, and_more, listed, point_words
+from contact_locking.mesh.data import MeshData, and_more, listed, point_words
 from contact_locking.parallel import agree
 
 if TYPE_CHECKING:
@@ -166,12 +166,7 @@ def _may_meet(facing: Facing, one: IntArray, other: IntArray, beside: BoolArray)
 
 
 def _cracks(
-    mesh: MeshData,
-    nodes: IntArray,
-    part: IntArray,
-    tree: cKDTree,
-    size: float,
-    facing: Facing,
+    mesh: MeshData, nodes: IntArray, part: IntArray, tree: cKDTree, size: float, facing: Facing
 ) -> list[str]:
     """A warning of double nodes in one part; raises InputError for those of two parts."""
     # The nearest neighbour suffices, and the number of nodes at one place has no bound.

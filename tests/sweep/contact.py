@@ -1,16 +1,25 @@
-"""One contact of a study in NumPy alone: weights, control values, foundation, R and friction."""
+"""One contact of a study in NumPy alone: weights, control values, foundation, R and friction.
+
+What two bodies limit is a jump between them, which is that of the program: the patch tests have
+judged it, and nodes against segments (by_segments.py).
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from .own_body import Array, Body, Index, edges_of, shapes, simplex_rule, value
+from .elements import Array, Body, Index, edges_of, value
+
+Bools = npt.NDArray[np.bool_]
 
 # The cosines of the angles between two sides of a contact, and to the normals of the body.
 _TURNED, _FACING = math.cos(math.radians(40.0)), math.cos(math.radians(60.0))
@@ -18,39 +27,60 @@ _TURNED, _FACING = math.cos(math.radians(40.0)), math.cos(math.radians(60.0))
 _ANGLES = 2000
 
 
+@dataclass(frozen=True)
+class Pairing:
+    """The ``jump`` (m, k) between bodies at the m nodes of one side, with their weights.
+
+    ``faces`` says which nodes face the other body, and ``gap`` is that without displacement.
+    """
+
+    jump: sp.csr_matrix
+    faces: Bools
+    weights: Array
+    normals: Array
+    gap: Array
+
+
 class Contact:
     """The contact ``section`` of a study on a body."""
 
-    def __init__(self, body: Body, section: dict[str, Any], common: dict[str, Any]) -> None:
-        self.body, self.section = body, section
-        self.friction = common | section.get("friction", {})
-        mesh, dim = body.mesh, body.dim
+    def __init__(
+        self,
+        body: Body,
+        section: dict[str, Any],
+        common: dict[str, Any],
+        pairing: Pairing | None = None,
+    ) -> None:
+        self.body, self.section, self.pairing = body, section, pairing
+        self.friction = common | (section.get("friction") or {})
+        mesh = body.mesh
         facets = body.facets(section["on"])
         self.nodes = np.unique(facets)
         self.facets = np.searchsorted(self.nodes, facets)
         self.x = mesh.x[self.nodes]
-        self._given = facets
-        bary, shares = simplex_rule(dim - 1)
-        sizes = np.linalg.norm(body.normals(facets, bary), axis=2) * shares
+        self._given, self._side = facets, body.side(facets)
+        self._points, shares = self._side.rule()
+        sizes = np.linalg.norm(body.normals(facets, self._points), axis=2) * shares
         if mesh.axisymmetric:
-            values = shapes(bary, body.quadratic)[0]
+            values = self._side.shapes(self._points)[0]
             radii = np.einsum("qs,ks->kq", values, self.x[self.facets, 0])
             sizes = sizes * 2.0 * math.pi * radii
-        self._bary, self._sizes = bary, sizes
-        self.weights = np.zeros(len(self.nodes))
-        np.add.at(self.weights, self.facets, sizes @ self._bernstein(bary)[0])
+        self._sizes = sizes
+        self.weights: Array = np.zeros(len(self.nodes))
+        np.add.at(self.weights, self.facets, sizes @ self._bernstein(self._points)[0])
+        if pairing is not None:
+            self.weights = pairing.weights
 
-    def _bernstein(self, bary: Array) -> tuple[Array, Array]:
-        """Functions (q, s) of the values that contact limits, and derivatives (q, s, c)."""
-        values, slopes = shapes(bary, self.body.quadratic)
+    def _bernstein(self, points: Array) -> tuple[Array, Array]:
+        """Functions (q, s) of the values that contact limits, and derivatives (q, s, a)."""
+        values, slopes = self._side.shapes(points)
         if not self.body.quadratic:
             return values, slopes
-        c = bary.shape[1]
         # The nodal functions by Bernstein's: u_m = (c_1 + c_2)/4 + c_m/2 at the middles.
         change = np.eye(values.shape[1])
-        for n, (i, j) in enumerate(edges_of(c), start=c):
+        for n, (i, j) in enumerate(edges_of(points.shape[1]), start=points.shape[1]):
             change[n, [i, j, n]] = 0.25, 0.25, 0.5
-        return values @ change, np.einsum("qsc,st->qtc", slopes, change)
+        return values @ change, np.einsum("qsa,st->qta", slopes, change)
 
     @cached_property
     def controls(self) -> sp.csr_matrix:
@@ -63,12 +93,60 @@ class Contact:
         return matrix.tocsr()
 
     @cached_property
+    def jump(self) -> sp.csr_matrix:
+        """(m, k) the values that contact limits, from the displacements of all nodes."""
+        if self.pairing is not None:
+            return self.pairing.jump
+        return self.controls @ sp.eye(len(self.body.mesh.x), format="csr")[self.nodes]
+
+    def of(self, u: Array) -> Array:
+        """(m, d) what contact limits of displacements (k, d)."""
+        return np.asarray(self.jump @ u)
+
+    def forces(self, tractions: Array) -> Array:
+        """The nodal forces (k, d) of tractions (m, d)."""
+        return np.asarray(self.jump.T @ (self.weights[:, None] * tractions))
+
+    @cached_property
+    def reach(self) -> sp.csr_matrix:
+        """(m, k) which nodes are at a value: its own, or those of both bodies."""
+        if self.pairing is not None:
+            return self.pairing.jump
+        return sp.eye(len(self.body.mesh.x), format="csr")[self.nodes]
+
+    def decides(self, normals: Array) -> Bools:
+        """(m,) whether contact has a say: where conditions leave the normal displacement free."""
+        seen = sp.kron(self.reach, sp.eye(self.body.dim), "csr")
+        along = sp.block_diag(list(normals[:, None, :]), "csr") @ seen @ self.body.basis
+        return np.asarray(np.sqrt(along.power(2).sum(axis=1)) > 1e-6).ravel()
+
+    @cached_property
+    def loose(self) -> Bools:
+        """(m,) where no condition holds a node."""
+        held = np.abs(self.body.free - np.eye(self.body.dim)).max(axis=(1, 2)) > 1e-9
+        return np.asarray(abs(self.reach) @ held.astype(float) == 0.0)
+
+    @cached_property
+    def slides(self) -> Bools:
+        """(m,) where conditions leave two bodies a way to slide; without a body there is one."""
+        found = np.ones(len(self.nodes), dtype=bool)
+        if self.pairing is not None:
+            free = np.einsum("kii->ki", self.body.free) > 0.5
+            # The nodes of both sides that have the largest shares decide.
+            for row, shares in enumerate(self.jump.toarray()):
+                ends = [int(np.argmax(shares)), int(np.argmin(shares))]
+                found[row] = shares.any() and free[ends].any(axis=0).sum() > 1
+        return found
+
+    @cached_property
     def outward(self) -> Array:
         """(k, d) the normals of the body, averaged over facets."""
         found = np.zeros_like(self.x)
         dim = self.body.dim
-        middles = [0.5 * (np.eye(dim)[i] + np.eye(dim)[j]) for i, j in edges_of(dim)]
-        nodes = np.array([*np.eye(dim), *middles])[: self.facets.shape[1]]
+        nodes = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+        if not self._side.is_box:
+            middles = [0.5 * (np.eye(dim)[i] + np.eye(dim)[j]) for i, j in edges_of(dim)]
+            nodes = np.array([*np.eye(dim), *middles])[: self.facets.shape[1]]
         np.add.at(found, self.facets, self.body.normals(self._given, nodes))
         if self.body.mesh.axisymmetric:
             found[self.x[:, 0] <= 1e-12 * np.ptp(self.body.mesh.x[:, 0]), 0] = 0.0
@@ -84,7 +162,7 @@ class Contact:
     def _place(self, time: float) -> tuple[Array, Array]:
         """Rotation and translation x = R X + t of the tool; at the time 0 it is at rest."""
         dim = self.body.dim
-        given = self.section.get("foundation", {}).get("motion")
+        given = (self.section.get("foundation") or {}).get("motion")
         if given is None or time == 0.0:
             return np.eye(dim), np.zeros(dim)
         motion: dict[str, Any] = {"translation": given} if isinstance(given, list) else given
@@ -105,12 +183,22 @@ class Contact:
         """Whether the place of the foundation is unknown."""
         return bool({"force", "spring"} & set(self.section.get("foundation", {})))
 
+    def push(self, time: float) -> Array:
+        """(d,) the force on the foundation."""
+        given = (self.section.get("foundation") or {}).get("force", [0.0] * self.body.dim)
+        origin = np.zeros((1, self.body.dim))
+        return np.array([value(part, origin, t=time)[0] for part in given])
+
+    def strongest(self, times: Sequence[float]) -> float:
+        """The size of the largest of these forces."""
+        return max((float(np.linalg.norm(self.push(time))) for time in times), default=0.0)
+
     def own_way(self, told: dict[str, Any]) -> Array:
-        """(k, d) how far the foundation has moved beyond its motion, in the limited values."""
+        """(k, d) how far the foundation has moved beyond its motion."""
         way = np.zeros_like(self.x)
         if "tool" in told:
             way += told["tool"]["travel"] * np.array(told["tool"]["direction"])
-        return np.asarray(self.controls @ way)
+        return way
 
     def drag(self, before: float, now: float) -> Array:
         """(k, d) how far the points of the tool that were at the nodes before have moved."""
@@ -122,11 +210,24 @@ class Contact:
     def normals_and_gap(self, time: float) -> tuple[Array, Array]:
         """Normals (k, d) towards the foundation, and gap (k,) at the nodes."""
         shape = self.section.get("foundation")
+        if self.pairing is not None:
+            added = value(self.section.get("gap", 0.0), self.x, t=time)
+            return self.pairing.normals, self.pairing.gap + added
         if shape is None:
             return self.outward, value(self.section.get("gap", 0.0), self.x, t=time)
         R, t = self._place(time)
         distance, slope = _distance(shape, (self.x - t) @ R)
         return -slope @ R.T, distance
+
+    @cached_property
+    def rounding(self) -> float:
+        """What rounding is in the gap."""
+        size = float(np.abs(self.body.mesh.x).max())
+        shape = self.section.get("foundation") or {}
+        for key in {"half_space", "sphere", "cylinder"} & set(shape):
+            numbers = [np.atleast_1d(part) for part in shape[key].values()]
+            size += float(np.abs(np.concatenate(numbers)).sum())
+        return 2e-15 * size
 
     def limited_gap(self, gap: Array) -> Array:
         """The values of a gap that contact limits, at most the largest of an edge, at least the
@@ -141,19 +242,20 @@ class Contact:
 
     def sides(self, normals: Array) -> Array:
         """(f,) whether a facet joins its nodes: the normals turn little and face the body."""
-        corners = self.facets[:, : self.body.dim]
+        corners = self.facets[:, : self._side.corners]
         facing = np.einsum("kd,kd->k", normals, self.outward) > _FACING
         turns = np.einsum("fid,fjd->fij", normals[corners], normals[corners])
         return np.asarray(facing[corners].all(axis=1) & (turns > _TURNED).all(axis=(1, 2)))
 
-    def smoothing(self, normals: Array, free: Array) -> Array:
+    def smoothing(self, normals: Array, free: Bools) -> Array:
         """R (k, k); nodes that are not ``free`` have no part in it."""
         given = self.friction["smoothing"]
-        if given["kernel"] == "none":
+        kernel = given.get("kernel", "convolution")
+        if kernel == "none":
             return np.eye(len(self.nodes))
         weights = np.where(free, self.weights, 0.0)
         joins = self.sides(normals)
-        if given["kernel"] == "helmholtz":
+        if kernel == "helmholtz":
             return self._filter(joins, weights, given["radius"])
         return self._convolution(joins, weights, given["radius"])
 
@@ -185,7 +287,7 @@ class Contact:
         """The lengths between neighbours on the pieces into which the nodes divide facets."""
         dim, count = self.body.dim, len(self.nodes)
         pieces = self.facets[joins]
-        pairs = [pieces[:, [i, j]] for i, j in edges_of(dim)]
+        pairs = [pieces[:, [i, j]] for i, j in edges_of(self._side.corners)]
         if self.body.quadratic:
             middles = list(enumerate(edges_of(dim), start=dim))
             pairs = [pieces[:, [i, n]] for n, (i, j) in middles]
@@ -200,10 +302,9 @@ class Contact:
         """``(m + r^2 K)^-1 m`` with the surface Laplacian K."""
         count = len(self.nodes)
         # Gradients in the facet, from its metric.
-        edges = self.body.along(self._given, self._bary)
+        edges = self.body.along(self._given, self._side, self._points)
         inverse = np.linalg.inv(np.einsum("fqid,fqjd->fqij", edges, edges))
-        slopes = self._bernstein(self._bary)[1]
-        slopes = slopes[..., 1:] - slopes[..., :1]
+        slopes = self._bernstein(self._points)[1]
         grads = np.einsum("qsi,fqij,fqjd->fqsd", slopes, inverse, edges)
         parts = np.einsum("fqsd,fqtd,fq->fst", grads, grads, self._sizes * joins[:, None])
         K = np.zeros((count, count))
@@ -239,7 +340,9 @@ def _distance(shape: dict[str, Any], x: Array) -> tuple[Array, Array]:
     given = shape.get("sphere") or shape["cylinder"]
     radial = x - np.array(given["centre"])
     if "cylinder" in shape and x.shape[1] == 3:
-        radial[:, 1] = 0.0
+        axis = np.array(given.get("axis") or (0.0, 1.0, 0.0))
+        axis = axis / np.linalg.norm(axis)
+        radial = radial - np.outer(radial @ axis, axis)
     length = np.linalg.norm(radial, axis=1)
     return length - given["radius"], radial / length[:, None]
 

@@ -1,10 +1,10 @@
 """A mesh file as arrays, read by Gmsh in a process of its own, and the arrays of a mesh in Gmsh.
 
-A damaged file can crash Gmsh.  In this process the crash would end all ranks.  Gmsh runs a file
-that is not a mesh as a Gmsh script, which can start programs.  For some endings of the name Gmsh
-starts programs whatever the file holds, and it passes the names of compressed files to a shell.  A
-file must therefore begin like a mesh, and Gmsh reads a copy with a fixed name in a folder of its
-own.  The process runs this module.
+A file may come from anybody.  A damaged file can crash Gmsh.  In this process the crash would end
+all ranks.  Gmsh runs a file that is not a mesh as a Gmsh script, which can start programs.  For
+some endings of the name Gmsh starts programs whatever the file holds, and it passes the names of
+compressed files to a shell.  A file must therefore begin like a mesh, and Gmsh reads a copy with a
+fixed name in a folder of its own.  The process runs this module.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ import numpy as np
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
 from contact_locking.files.readable import require_file
+from contact_locking.mesh.abaqus import ENDINGS
 from contact_locking.mesh.cell_kind import KINDS, CellKind
-from contact_locking.mesh.file.abaqus import ENDINGS
-from contact_locking.mesh.file.data import ONE_KIND, MeshData, MeshElements
+from contact_locking.mesh.data import ONE_KIND, MeshData, MeshElements
 from contact_locking.meshes import empty_model
 
 _FLAT = 1e-12  # of the largest coordinate
@@ -250,7 +250,7 @@ def _check_begin(stream: BinaryIO, path: Path) -> None:
         )
 
 
-_PROGRAM = "contact_locking.mesh.file.gmsh"
+_PROGRAM = "contact_locking.mesh.gmsh"
 # With these environment variables of an MPI launcher the new process would count as a rank.
 _LAUNCHERS = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_LOCAL", "HYDRA_")
 _MESSAGE_TAIL = 300
@@ -287,7 +287,7 @@ def read(path: Path) -> MeshData:
 def _environment() -> dict[str, str]:
     """The environment of this process without the MPI launcher, with this package in the path."""
     kept = {k: v for k, v in os.environ.items() if not k.startswith(_LAUNCHERS)}
-    home = str(Path(__file__).resolve().parents[3])
+    home = str(Path(__file__).resolve().parents[2])
     paths = [home, *map(os.path.abspath, kept.get("PYTHONPATH", home).split(os.pathsep))]
     return {**kept, "PYTHONPATH": os.pathsep.join(paths)}
 

@@ -26,7 +26,7 @@ from contact_locking.mesh.cell_kind import (
     CellKind,
     keys,
 )
-from contact_locking.meshes.session import check_complete, empty_model
+from contact_locking.meshes.geometry import check_complete, empty_model
 
 #: Kinds, None for solids that no body may have, by dimension and nodes of a cell of any order.
 KINDS: Mapping[tuple[int, int], CellKind | None] = {
@@ -57,28 +57,6 @@ class Block:
     @property
     def corners(self) -> IntArray:
         return self.nodes[:, : self.kind.corners] if self.kind is not None else self.nodes
-
-
-@dataclass
-class DeckMesh:
-    """``points`` (m, 2 or 3), blocks of cells, and the sets by their names.
-
-    ``cell_sets`` have numbers of cells, block after block, ``point_sets`` indices of points, and
-    ``facet_sets`` lists of facets (f, c) by their corners.  ``left_out`` counts the elements
-    that are no cells, such as springs.
-    """
-
-    points: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
-    blocks: list[Block] = field(default_factory=list)
-    cell_sets: dict[str, IntArray] = field(default_factory=dict)
-    point_sets: dict[str, IntArray] = field(default_factory=dict)
-    facet_sets: dict[str, list[IntArray]] = field(default_factory=dict)
-    left_out: Counter[str] = field(default_factory=Counter)
-
-    @property
-    def count(self) -> int:
-        """The number of cells of all blocks."""
-        return sum(len(block.nodes) for block in self.blocks)
 
 
 # The types of elements with the number of their nodes: solids, and those of planes and shells.
@@ -128,9 +106,9 @@ class Card:
         return (self.scope if self.is_inside else "", word.upper())
 
 
-def read(source: Path) -> DeckMesh:
-    """The mesh of a deck.  Raises InputError for one that cannot be read."""
-    deck = _Deck()
+def read(source: Path) -> Deck:
+    """The data of a deck.  Raises InputError for one that cannot be read."""
+    deck = Deck()
     cards = _of_instances(_cards(source))
     for keyword in (card.keyword for card in cards if card.keyword in _GENERATORS):
         raise InputError(
@@ -144,7 +122,7 @@ def read(source: Path) -> DeckMesh:
                 deck.add(card)
             except (ValueError, KeyError, IndexError) as error:
                 raise InputError(f"{source}: *{card.keyword} is wrong: {error}") from None
-    return deck.mesh()
+    return deck
 
 
 def _cards(path: Path, depth: int = 0) -> Iterator[Card]:
@@ -205,11 +183,16 @@ def _of_instances(cards: Iterable[Card]) -> list[Card]:
     return found
 
 
-class _Deck:
-    """The data of the cards read so far; nodes and elements are numbered in their order."""
+class Deck:
+    """The data of the cards read so far; nodes and elements are numbered in their order.
+
+    ``points`` (m, 3) are the nodes, ``blocks`` the cells, and ``left_out`` counts the elements that
+    are no cells, such as springs.
+    """
 
     def __init__(self) -> None:
-        self._mesh, self._points = DeckMesh(), list[FloatArray]()
+        self.points: FloatArray = np.zeros((0, 3))
+        self.blocks, self.left_out = list[Block](), Counter[str]()
         # Nodes and elements by the numbers in the deck, of each instance, and the sets of these.
         self._numbers = {kind: defaultdict[str, dict[int, int]](dict) for kind in ("NSET", "ELSET")}
         self._sets = {kind: defaultdict[Name, list[int]](list) for kind in ("NSET", "ELSET")}
@@ -252,9 +235,8 @@ class _Deck:
             axis = np.subtract(end, start)
             turn = rotation(np.radians(angle) * axis / np.linalg.norm(axis))
             points = start + (points - start) @ turn.T
-        first = sum(map(len, self._points))
-        self._points.append(points)
-        self._number("NSET", card, [int(row[0]) for row in card.rows], first)
+        self._number("NSET", card, [int(row[0]) for row in card.rows], len(self.points))
+        self.points = np.concatenate([self.points, points])
         if "NSET" in card.options:
             self._of_cards_of_nodes.add(card.name(card.options["NSET"]))
 
@@ -267,7 +249,7 @@ class _Deck:
             count, dim = (6 if kind.startswith("STRI65") else int(plane[1])), 2
         if (dim, count) not in KINDS:
             # A line that ends with a comma goes on.
-            self._mesh.left_out[kind] += sum(row[-1] != "" for row in card.rows)
+            self.left_out[kind] += sum(row[-1] != "" for row in card.rows)
             self._number("ELSET", card, [], 0)
             return
         # Number and nodes of each element, on one line or several; CalculiX writes more nodes.
@@ -284,8 +266,10 @@ class _Deck:
             found = np.array([[nodes[number] for number in row[1:]] for row in rows])
         except KeyError as error:
             raise ValueError(f"node {error} of an element is not there") from None
-        self._number("ELSET", card, [row[0] for row in rows], self._mesh.count)
-        self._mesh.blocks.append(Block(kind, dim, found))
+        self._number(
+            "ELSET", card, [row[0] for row in rows], sum(len(block.nodes) for block in self.blocks)
+        )
+        self.blocks.append(Block(kind, dim, found))
 
     def _add_set(self, card: Card) -> None:
         kind = card.keyword
@@ -304,7 +288,7 @@ class _Deck:
                 members += self._members(kind, card, entry)
         if kind == "NSET" and "ELSET" in card.options:
             cells = np.array(self._members("ELSET", card, card.options["ELSET"]), dtype=int)
-            for block, inside in self._by_block(cells):
+            for block, inside in self.by_block(cells):
                 members += [int(node) for node in np.unique(block.corners[inside])]
 
     def _members(self, kind: str, card: Card, entry: str) -> list[int]:
@@ -319,10 +303,10 @@ class _Deck:
             (sets[x] for x in ((scope, word), ("", word), ("", entry.upper())) if x in sets), []
         )
 
-    def _by_block(self, cells: IntArray) -> Iterator[tuple[Block, IntArray]]:
+    def by_block(self, cells: IntArray) -> Iterator[tuple[Block, IntArray]]:
         """Each block that has some of the cells (k,), with their places in it."""
         start = 0
-        for block in self._mesh.blocks:
+        for block in self.blocks:
             inside = cells[(cells >= start) & (cells < start + len(block.nodes))] - start
             if len(inside):
                 yield block, inside
@@ -338,7 +322,7 @@ class _Deck:
         for row in card.rows:
             cells = np.array(self._members("ELSET", card, row[0]), dtype=np.int64)
             side = _SIDE.fullmatch(row[1].upper() if len(row) > 1 else "")
-            for block, inside in self._by_block(cells):
+            for block, inside in self.by_block(cells):
                 sides = [] if block.kind is None else _SIDES.get(block.kind.name, ())
                 if side is None and block.dim == 2:
                     facets.append(block.corners[inside])
@@ -346,27 +330,30 @@ class _Deck:
                 chosen = sides if side is None else sides[int(side[1]) - 1 : int(side[1])]
                 facets += [block.nodes[inside][:, list(corners)] for corners in chosen]
 
-    def mesh(self) -> DeckMesh:
-        """The mesh, with the names of sets as they are spelled, and of an instance if need be."""
-        mesh = self._mesh
-        mesh.points = np.concatenate([mesh.points, *self._points])
-        sizes = Counter({scope: len(nodes) for scope, nodes in self._numbers["NSET"].items()})
+    def sets(self, kind: str) -> dict[str, IntArray]:
+        """The numbers of cells, block after block, or of points in sets, by their names."""
+        sets = self._sets[kind]
+        # The set of all nodes, which every preprocessor writes, is no part of the boundary.
+        whole = {
+            name
+            for name in self._of_cards_of_nodes
+            if kind == "NSET" and len(sets[name]) == len(self._numbers[kind][name[0]])
+        }
+        return {
+            self._shown(name, sets): np.unique(np.array(members, dtype=np.int64))
+            for name, members in sets.items()
+            if name not in self._internal | whole
+        }
 
-        def shown(name: Name, sets: Iterable[Name]) -> str:
-            is_alone = sum(word == name[1] for _, word in sets) == 1
-            prefix = "" if is_alone or not name[0] else f"{name[0]}."
-            return prefix + self._spelled[name[1]]
+    def surfaces(self) -> dict[str, list[IntArray]]:
+        """The facets (f, c) of surfaces by their corners, by the names of the surfaces."""
+        return {self._shown(name, self._facets): rows for name, rows in self._facets.items()}
 
-        for kind, found in (("ELSET", mesh.cell_sets), ("NSET", mesh.point_sets)):
-            sets = self._sets[kind]
-            for name, members in sets.items():
-                # The set of all nodes, which every preprocessor writes, is no part of the boundary.
-                is_whole = name in self._of_cards_of_nodes and len(members) == sizes[name[0]]
-                if name not in self._internal and not (kind == "NSET" and is_whole):
-                    found[shown(name, sets)] = np.unique(np.array(members, dtype=np.int64))
-        for name, facets in self._facets.items():
-            mesh.facet_sets[shown(name, self._facets)] = facets
-        return mesh
+    def _shown(self, name: Name, sets: Iterable[Name]) -> str:
+        """The name of a set as it is spelled, with that of the instance if need be."""
+        is_alone = sum(word == name[1] for _, word in sets) == 1
+        prefix = "" if is_alone or not name[0] else f"{name[0]}."
+        return prefix + self._spelled[name[1]]
 
 
 #: The endings of decks.
@@ -388,48 +375,43 @@ def convert(source: Path, target: Path) -> list[str]:
     """
     if not source.is_file():
         raise InputError(f"there is no such file: {source}")
-    mesh = read(source)
-    dim = max((block.dim for block in mesh.blocks), default=0)
-    kind = _kind(mesh, dim, source)
-    cells = np.concatenate([block.corners for block in mesh.blocks if block.dim == dim])
-    regions = _regions(mesh, kind, cells)
-    parts, empty = _parts(mesh, kind, cells)
+    deck = read(source)
+    dim = max((block.dim for block in deck.blocks), default=0)
+    body = [block for block in deck.blocks if block.dim == dim > 1]
+    kinds = {block.kind for block in body}
+    kind = kinds.pop() if len(kinds) == 1 else None
+    if kind is None:
+        counts = Counter[str]()
+        for block in body:
+            counts[block.name] += len(block.nodes)
+        listed = ", ".join(f"{count} {name}" for name, count in (counts or deck.left_out).items())
+        raise InputError(
+            f"{source} has the cells {listed or 'none'}; a body has cells of one kind: triangles, "
+            "quadrilaterals, tetrahedra or hexahedra; mesh it again with one of them"
+        )
+    cells = np.concatenate([block.corners for block in body])
+    regions = _regions(deck, kind, cells)
+    parts, empty = _parts(deck, kind, cells)
     names = {name for _, name, _ in regions}
     parts = [(of, f"{name} (nodes)" if name in names else name, x) for of, name, x in parts]
-    _write(target, mesh, cells, [*regions, *parts])
+    _write(target, deck.points, cells, [*regions, *parts])
     warnings = []
-    if any(block.dim == dim and block.nodes.shape[1] > kind.corners for block in mesh.blocks):
+    if any(block.nodes.shape[1] > kind.corners for block in body):
         warnings.append("its cells of second order are taken by their corners, with straight sides")
-    rest = mesh.left_out + Counter({b.name: len(b.nodes) for b in mesh.blocks if b.dim < dim})
-    if rest:
-        listed = ", ".join(f"{count} {name}" for name, count in sorted(rest.items()))
+    others = deck.left_out + Counter({b.name: len(b.nodes) for b in deck.blocks if b.dim < dim})
+    if others:
+        listed = ", ".join(f"{count} {name}" for name, count in sorted(others.items()))
         warnings.append(f"its elements of other kinds are left out: {listed}")
     if empty:
         warnings.append(f"these sets have no facet on the boundary: {', '.join(empty)}")
     return [f"{source}: {text}" for text in warnings]
 
 
-def _kind(mesh: DeckMesh, dim: int, source: Path) -> CellKind:
-    """The kind of the body's cells."""
-    of_body = [block for block in mesh.blocks if block.dim == dim > 1]
-    kinds = {block.kind for block in of_body}
-    if len(kinds) == 1 and (kind := kinds.pop()) is not None:
-        return kind
-    counts = Counter[str]()
-    for block in of_body:
-        counts[block.name] += len(block.nodes)
-    listed = ", ".join(f"{count} {name}" for name, count in (counts or mesh.left_out).items())
-    raise InputError(
-        f"{source} has the cells {listed or 'none'}; a body has cells of one kind: triangles, "
-        "quadrilaterals, tetrahedra or hexahedra; mesh it again with one of them"
-    )
-
-
-def _regions(mesh: DeckMesh, kind: CellKind, cells: IntArray) -> list[Group]:
+def _regions(deck: Deck, kind: CellKind, cells: IntArray) -> list[Group]:
     """The cells of each region."""
-    is_cell = np.concatenate([np.full(len(b.nodes), b.dim == kind.dim) for b in mesh.blocks])
+    is_cell = np.concatenate([np.full(len(b.nodes), b.dim == kind.dim) for b in deck.blocks])
     has: dict[str, BoolArray] = {}
-    for name, elements in mesh.cell_sets.items():
+    for name, elements in deck.sets("ELSET").items():
         mark = np.zeros(len(is_cell), dtype=bool)
         mark[elements] = True
         if (mark & is_cell).any():
@@ -444,9 +426,9 @@ def _regions(mesh: DeckMesh, kind: CellKind, cells: IntArray) -> list[Group]:
     return [(kind, name, cells[number.reshape(-1) == k]) for k, name in enumerate(names)]
 
 
-def _parts(mesh: DeckMesh, kind: CellKind, cells: IntArray) -> tuple[list[Group], list[str]]:
+def _parts(deck: Deck, kind: CellKind, cells: IntArray) -> tuple[list[Group], list[str]]:
     """The facets of each part of the boundary, and the names of those that have none."""
-    count, of = len(mesh.points), kind.facet
+    count, of = len(deck.points), kind.facet
     every = kind.facets_of(cells[:, list(kind.gmsh_order)])[:, list(of.gmsh_order)]
     _, first, counts = np.unique(
         keys(np.sort(every, axis=1), count), return_index=True, return_counts=True
@@ -460,37 +442,33 @@ def _parts(mesh: DeckMesh, kind: CellKind, cells: IntArray) -> tuple[list[Group]
         return facets[np.isin(boundary, np.concatenate(known))] if known else facets[:0]
 
     found: dict[str, IntArray] = {}
-    for name, nodes in mesh.point_sets.items():
+    empty = []
+    for name, nodes in deck.sets("NSET").items():
         inside = np.zeros(count, dtype=bool)
         inside[nodes] = True
         found[name] = facets[inside[facets].all(axis=1)]
-    empty = [name for name, rows in found.items() if not len(rows) and len(mesh.point_sets[name])]
-    starts = np.cumsum([0, *(len(block.nodes) for block in mesh.blocks)])
-    for name, elements in mesh.cell_sets.items():
-        chosen = [
-            block.corners[elements[(elements >= start) & (elements < end)] - start]
-            for block, start, end in zip(mesh.blocks, starts, starts[1:], strict=False)
-            if block.dim == of.dim
-        ]
+        if len(nodes) and not len(found[name]):
+            empty.append(name)
+    for name, cells_of_set in deck.sets("ELSET").items():
+        blocks = deck.by_block(cells_of_set)
+        chosen = [block.corners[inside] for block, inside in blocks if block.dim == of.dim]
         if len(rows := on_boundary(chosen)):
             found[name] = rows
     # A surface says more than a set of its nodes.
-    for name, given in mesh.facet_sets.items():
-        if len(rows := on_boundary(given)):
+    for name, sides in deck.surfaces().items():
+        if len(rows := on_boundary(sides)):
             found[name] = rows
         else:
             empty.append(name)
     return [(of, name, rows) for name, rows in found.items() if len(rows)], empty
 
 
-def _write(target: Path, mesh: DeckMesh, cells: IntArray, groups: Sequence[Group]) -> None:
+def _write(target: Path, points: FloatArray, cells: IntArray, groups: Sequence[Group]) -> None:
     import gmsh
 
     used = np.unique(cells)
-    place = np.zeros(len(mesh.points), dtype=np.int64)
+    place = np.zeros(len(points), dtype=np.int64)
     place[used] = np.arange(1, len(used) + 1)
-    space = np.zeros((len(used), 3))
-    space[:, : mesh.points.shape[1]] = mesh.points[used]
     with explained(f"cannot write {target}", target), staging(target.parent) as folder:
         path = folder / "mesh.msh"
         path.touch()
@@ -500,7 +478,7 @@ def _write(target: Path, mesh: DeckMesh, cells: IntArray, groups: Sequence[Group
             for number, (of, name, rows) in enumerate(groups, start=1):
                 model.addDiscreteEntity(of.dim, number)
                 if number == 1:
-                    model.mesh.addNodes(of.dim, 1, place[used], space.reshape(-1))
+                    model.mesh.addNodes(of.dim, 1, place[used], points[used].reshape(-1))
                 model.mesh.addElementsByType(number, of.gmsh, [], place[rows].reshape(-1))
                 model.addPhysicalGroup(of.dim, [number], number, name.replace('"', "'"))
             gmsh.write(str(path))
