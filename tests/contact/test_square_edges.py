@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from problems import solved
 from slow import slow
 from tool_files import binary_stl, box
 
-from contact_locking import StudySolution, solve
+from contact_locking import StudySolution
 from contact_locking.errors import Misplaced
 from contact_locking.study_file import from_mapping
 
@@ -35,8 +36,7 @@ def pressed(foundation: dict[str, Any], **changes: Any) -> StudySolution:
         "contact": {"on": "top", "foundation": foundation},
         "output": {"picture": False},
     }
-    solution = solve(from_mapping(given | changes))
-    assert solution.converged, solution.summary["reason"]
+    solution = solved(from_mapping(given | changes))
     return solution
 
 
@@ -54,15 +54,6 @@ def test_an_edge_near_a_node_presses_it_down_by_the_depth_of_the_flat_side() -> 
     # The edge at the node itself.
     at_node = pressed({"polyline": square(1.0 - 1e-9, 3.0 + 1e-9)})
     assert force(near) == pytest.approx(force(at_node), rel=1e-6)
-
-
-def test_an_outline_in_the_wrong_order_presses_as_the_right_one_and_is_warned_of() -> None:
-    outline = square(0.995, 3.005)
-    right, wrong = pressed({"polyline": outline}), pressed({"polyline": outline[::-1]})
-    assert force(wrong) == pytest.approx(force(right), rel=1e-9)
-    (warning,) = wrong.summary["warnings"]
-    assert "reverse the corners" in warning
-    assert right.summary["warnings"] == []
 
 
 @pytest.mark.parametrize("turn", [1, -1])

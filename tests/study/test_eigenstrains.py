@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import rollers_of, with_changes
+from problems import rollers_of, solved, with_changes
 
-from contact_locking import solve
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.parallel import maximum
 from contact_locking.results.solution import StudySolution
@@ -38,12 +37,6 @@ def body(dim: int = 2, axisymmetric: bool = False, **changes: Any) -> Parameters
     if axisymmetric:
         data["mesh"]["axisymmetric"] = True
     return with_changes(data, **changes)
-
-
-def solved(parameters: Parameters, comm: MPI.Intracomm) -> StudySolution:
-    found = solve(parameters, comm)
-    assert found.converged, found.summary["reason"]
-    return found
 
 
 def distance(found: StudySolution, strains: Any) -> float:
@@ -162,28 +155,6 @@ def test_heat_locks_the_body_at_the_limit_of_the_whole_strain(
     locking = found.locking_stress.x.array.reshape(-1, 3, 3)
     assert np.allclose(locking, wanted * np.eye(3), rtol=1e-4, atol=1e-4 * wanted)
     assert found.summary["locked_fraction"] == 1.0
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({}, "give either value, or expansion and temperature"),
-        ({"value": 1.0, "expansion": 1.0}, "give either value"),
-        ({"value": 0.1, "temperature": 3.0}, "belongs to expansion, not"),
-        ({"expansion": 1e-5}, "is missing beside expansion"),
-        ({"value": [0.1]}, "must have 2 or 3 normal strains in 2D, not 1"),
-        ({"value": [[0.1, 0.2], [0.3, 0.1]]}, "not symmetric"),
-        ({"value": [[0.1, 0.2], 0.3]}, "mixes numbers and rows"),
-        ({"value": [[0.1, 0.2, 0.0]] * 2}, "rows of a square tensor"),
-        ({"value": np.ones((3, 3)).tolist()}, "must be 0 in 2D"),
-        ({"value": 0.1, "on": "core"}, "no part of the body is named 'core'"),
-        ({"value": "0.1*t"}, "the file has no steps"),
-        ({"value": "0.1*z"}, "unknown name 'z'"),
-    ],
-)
-def test_what_is_no_eigenstrain_is_refused(given: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        body(material__eigenstrain=given)
 
 
 def test_derivatives_by_heat_and_springs_are_those_of_differences(comm: MPI.Intracomm) -> None:

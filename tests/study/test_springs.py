@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import block, with_changes
+from problems import block, solved, with_changes
 from slow import slow
 
 from contact_locking import InputError, solve
-from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial
@@ -34,12 +33,6 @@ def pillar(dim: int = 2, axisymmetric: bool = False, **changes: Any) -> Paramete
     if axisymmetric:
         data["mesh"]["axisymmetric"] = True
     return with_changes(data, **changes)
-
-
-def solved(parameters: Parameters, comm: MPI.Intracomm) -> StudySolution:
-    found = solve(parameters, comm)
-    assert found.converged, found.summary["reason"]
-    return found
 
 
 @pytest.mark.parametrize("degree", [1, slow(2)])
@@ -89,19 +82,6 @@ def test_a_stiffness_may_vary_and_must_be_positive(comm: MPI.Intracomm) -> None:
     assert found.summary["reactions"]["bottom"][1] == pytest.approx(PUSH, rel=1e-6)
     with pytest.raises(InputError, match="must be positive everywhere"):
         solve(pillar(loads__springs=[bed | {"stiffness": "x - 0.5"}]), comm)
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"stiffness": 0.0}, "greater than 0|must be > 0"),
-        ({"stiffness": 1.0, "along": [1.0]}, "must have 2 components"),
-        ({"stiffness": 1.0, "on": "nowhere"}, "no part of the boundary is named 'nowhere'"),
-    ],
-)
-def test_what_is_no_spring_is_refused(given: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        pillar(loads__springs=[{"on": "bottom"} | given])
 
 
 def test_springs_beside_contact_and_friction_keep_every_balance(comm: MPI.Intracomm) -> None:
