@@ -10,20 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import solved
 from sweep.case import Study, clamp, study
 
-from contact_locking import study_file
 from contact_locking.arrays import FloatArray
-from contact_locking.errors import InputError, NotConverged
+from contact_locking.errors import InputError
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results import in_words
 from contact_locking.results.solution import Solution
 from contact_locking.running import run as writing
 from contact_locking.running import solving
 from contact_locking.running.solving import SolvableStudy
-from contact_locking.solver.strategy import solve
-from contact_locking.solver.task import Outcome, Task
+from contact_locking.solver.task import Task
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.theory import words
@@ -34,7 +31,6 @@ from contact_locking.theory.equilibria.search import (
     diagram,
     equilibria,
     has_map,
-    solve_on_branch,
 )
 from contact_locking.view import report
 
@@ -110,20 +106,6 @@ def test_the_branch_turns_and_keeps_its_equation(task: Task) -> None:
 
 
 @pytest.mark.serial
-def test_the_solution_on_the_branch_is_that_of_the_method_without_friction_that_falls() -> None:
-    """There it is the only one."""
-    solver = _solver(_weakening() | {"friction": {"coefficient": 0.3}})
-    assert solver.solve().converged
-    (contact,) = solver.system.contacts
-    known = solver.system.bounds[contact]
-    solver.begin()
-    task = Task(solver.system, solver.target, solver.settings)
-    assert solve_on_branch(task)[1] == 0
-    assert contact.norm(solver.system.bounds[contact] - known) <= 1e-5 * contact.norm(known)
-    solver.close()
-
-
-@pytest.mark.serial
 def test_friction_that_alone_holds_a_body_has_no_map() -> None:
     data = study(
         {"builder": "block", "dim": 2, "h": 0.5, "structured": True},
@@ -138,15 +120,6 @@ def test_friction_that_alone_holds_a_body_has_no_map() -> None:
     solver.close()
 
 
-@pytest.mark.slow
-@pytest.mark.serial
-@pytest.mark.parametrize("file", sorted(Path(__file__).with_name("past_folds").glob("*.yml")))
-def test_a_solution_beyond_folds_is_found(file: Path) -> None:
-    """The interior point method alone does not arrive."""
-    solution = solved(study_file.load(file).parameters, MPI.COMM_SELF)
-    assert any("turns" in text for text in solution.summary["warnings"])
-
-
 def _wedged() -> ProblemSolver:
     """The block of demos/studies/lost_equilibrium.yml with more friction than it can bear."""
     path = Path(__file__).parents[2] / "demos" / "studies" / "lost_equilibrium.yml"
@@ -154,17 +127,6 @@ def _wedged() -> ProblemSolver:
     solver = SolvableStudy(assemble(parameters, MPI.COMM_SELF)).solver
     solver.begin()
     return solver
-
-
-@pytest.mark.slow
-@pytest.mark.serial
-def test_where_equilibrium_is_lost_the_branch_says_how_much_friction_has_one() -> None:
-    """The contact force of docs/studies.md, section 5, grows without a limit at 0.292."""
-    solver = _wedged()
-    task = Task(solver.system, solver.target, solver.settings)
-    with pytest.raises(NotConverged, match=r"ends near 97.3 % of friction.coefficient"):
-        solve_on_branch(task)
-    solver.close()
 
 
 @pytest.mark.slow
@@ -256,22 +218,6 @@ def test_a_study_finds_several_certified_solutions(tmp_path: Path) -> None:
     table = words.equilibria(found[0].summary)
     assert [row[0] for row in table] == ["equilibria", ".", "equilibrium_2"]
     assert (folder / "equilibrium_2" / "contact.csv").exists()
-
-
-def test_the_method_of_the_solver_falls_back_on_the_branch(monkeypatch: Any) -> None:
-    """A method that takes no step leaves it to the branch, for a finite n as well."""
-    from contact_locking.solver import strategy
-
-    def fails(solver: Any, *_: Any) -> strategy.Attempt:
-        return strategy.Attempt(Outcome(), NotConverged("not tried"))
-
-    monkeypatch.setattr(strategy, "_attempt", fails)
-    solver = _solver(_weakening(1e4))
-    report = solve("auto", Task(solver.system, solver.target, solver.settings))
-    assert report.converged
-    assert report.friction_change is not None
-    assert report.friction_change <= 1e-8
-    solver.close()
 
 
 def _third_block(size: float, young: dict[str, float], mu: float, loads: dict[str, Any]) -> Study:
