@@ -12,6 +12,7 @@ import pytest
 from mpi4py import MPI
 from sweep.case import Study, clamp, study
 
+from contact_locking import study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
 from contact_locking.process.problem_solver import ProblemSolver
