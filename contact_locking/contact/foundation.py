@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.contact.contact import Foundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, Misplaced, with_key
-from contact_locking.fields.plausibility import about_the_distance, about_the_size
 from contact_locking.fields.present import Clock, Entities, PresentValue, features
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
@@ -57,44 +54,49 @@ _STEP = 1e-5
 _UNIT = 1e-6
 # A gradient that is shorter than this share of the longest one is zero with rounding.
 _ROUNDING = 1e-10
+# A foundation is not so many times as long or as short as the body, but in other units.
+_LARGE_RATIO = 200.0
 # Distances below this share of the coordinates are rounding.
 _TOUCH = 8.0 * float(np.finfo(float).eps)
 
 
-class PlacedFoundation(ABC):
-    """The foundation of one contact, at its present place.
+class PlacedFoundation:
+    """The foundation of one contact, at its present place: here a gap along the outward normal.
 
+    The gap is beyond the distance to another body, and says nothing of points off Gamma_C.
     ``is_timed`` says that gap or normal may change from solve to solve, and ``moves`` that the
     foundation has a motion, which drags the body by friction.  ``is_distance`` says that its
-    distance is exact everywhere, so that the distance changes by no more than the way, and
-    ``is_plane`` that it is a half space.
+    distance is exact everywhere, so that the distance changes by no more than the way,
+    ``is_plane`` that it is a half space, and ``has_shape`` that it is a rigid body.  All methods
+    are collective.
     """
 
-    is_timed = moves = is_distance = is_plane = False
+    moves = is_distance = is_plane = has_shape = False
 
-    def __init__(self, comm: MPI.Intracomm, dim: int, key: str) -> None:
-        self._comm, self._dim, self._key = comm, dim, key
+    def __init__(self, domain: Domain, value: Value, key: str, clock: Clock) -> None:
+        self._comm, self._dim, self._key, self._clock = domain.comm, domain.dim, key, clock
+        self._present, self.is_timed = PresentValue(value, key, clock), value.is_timed
 
-    @abstractmethod
     def gap(self, x: FloatArray) -> FloatArray:
-        """The gap (k,) at points (d, k) of Gamma_C at the present time; collective."""
+        """The gap (k,) at points (d, k) of Gamma_C at the present time."""
+        values = self._present(x)
+        if not on_every_rank(self._comm, np.isfinite(values)):
+            raise InputError("is not a finite number somewhere on Gamma_C", self._key)
+        return values
 
-    @abstractmethod
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
-        """The gap (k,) and the contact normal (k, d) at the nodes at present; collective."""
+        """The gap (k,) and the contact normal (k, d) at the nodes at present."""
+        return surface.distance + self.gap(surface.places.T), surface.body_normals()
 
-    @abstractmethod
     def opening(self, x: FloatArray, u_normal: FloatArray, moved: FloatArray) -> FloatArray:
         """How far (k,) points x (d, k) of Gamma_C are away after they moved to ``moved`` (d, k).
 
-        ``u_normal`` (k,) is the displacement along the contact normal; collective.
+        ``u_normal`` (k,) is the displacement along the contact normal.
         """
+        return self.gap(x) - u_normal
 
     def distance(self, x: FloatArray) -> FloatArray:
-        """The distance (k,) of any points (d, k) at present, negative inside.
-
-        The distance is inf where it is not known; collective.
-        """
+        """The distance (k,) of any points (d, k), negative inside, inf where it is not known."""
         return np.full(x.shape[1], np.inf)
 
     def corners(self, box: FloatArray, spacing: float) -> FloatArray:
@@ -119,39 +121,10 @@ class PlacedFoundation(ABC):
         return np.zeros_like(surface.points)
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        """Warnings about the present gap (k,) at the nodes; collective."""
-        return []
-
-
-class GivenGap(PlacedFoundation):
-    """A gap along the outward normal of the body, beyond the distance to another body.
-
-    A gap is a distance along the normal of Gamma_C, and says nothing of other points.
-    """
-
-    def __init__(self, domain: Domain, value: Value, key: str, clock: Clock) -> None:
-        super().__init__(domain.comm, domain.dim, key)
-        self._value, self._clock = value, clock
-        self._present = PresentValue(value, key, clock)
-        self.is_timed = value.is_timed
-
-    def gap(self, x: FloatArray) -> FloatArray:
-        found = self._present(x)
-        if not on_every_rank(self._comm, np.isfinite(found)):
-            raise InputError("is not a finite number somewhere on Gamma_C", self._key)
-        return found
-
-    def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
-        return surface.distance + self.gap(surface.places.T), surface.body_normals()
-
-    def opening(self, x: FloatArray, u_normal: FloatArray, moved: FloatArray) -> FloatArray:
-        return self.gap(x) - u_normal
-
-    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        domain = surface.domain
-        facets = Entities.of(domain, domain.dim - 1, surface.facets)
+        """Warnings about the present gap (k,) at the nodes."""
+        facets = Entities.of(surface.domain, self._dim - 1, surface.facets)
         advice, times = "refine the mesh there", self._clock.some_times
-        return features(facets, self._value, self._key, advice, "range", times)
+        return features(facets, self._present.value, self._key, advice, "range", times)
 
 
 def _check_own(body: Distance, x: FloatArray) -> None:
@@ -198,10 +171,12 @@ class RigidFoundation(PlacedFoundation):
     reaches into the body so that the way out of it leads through the body.
     """
 
+    has_shape = True
+
     def __init__(self, domain: Domain, given: Foundation, key: str, clock: Clock) -> None:
-        super().__init__(domain.comm, domain.dim, key)
+        self._comm, self._dim, self._key, self._clock = domain.comm, domain.dim, key, clock
         self._place = f"{key}.{given.shape_key}".removesuffix(".")
-        self._clock, self._moved, shape = clock, given.moved, given.shape
+        self._moved, shape = given.moved, given.shape
         shape = shape if isinstance(shape, Shape) else OwnShape(shape)
         try:
             self._shape: Shape = shape.read(domain.comm)
@@ -364,7 +339,6 @@ class RigidFoundation(PlacedFoundation):
         return motion.place(self._body.sharp_points(at_rest, spacing).T).T
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        """Warnings about the present gap (k,) at the nodes; collective."""
         found, comm = [*self._shape_warnings], self._comm
         body = self._body
         if not self.moves:
@@ -401,9 +375,22 @@ class RigidFoundation(PlacedFoundation):
                 f"{self._place}: a part of Gamma_C lies beyond the end of the open "
                 "foundation, whose rim is nearest there; let the foundation reach beyond the body"
             )
+        extent = surface.domain.extent
         if isinstance(body, FacetedFoundation):
-            found += about_the_size(surface.domain, body.extent, self._place)
-        return found + about_the_distance(surface.domain, gap, self._key)
+            ratio = body.extent / extent
+            if not 1.0 / _LARGE_RATIO < ratio < _LARGE_RATIO:
+                found.append(
+                    f"{self._place}: it is {body.extent:.3g} long, and the body {extent:.3g}; are "
+                    "its units those of the mesh?"
+                )
+        nearest = -maximum(comm, -gap, -np.inf)
+        if nearest > extent:
+            found.append(
+                f"{self._key}: the body is {extent:.3g} long, and the foundation is {nearest:.3g} "
+                "away from Gamma_C; does the foundation stand in its place, in the units of the "
+                "mesh?"
+            )
+        return found
 
     def _slopes(self, body: LevelSetAt, surface: ContactSurface) -> tuple[float, float]:
         """The least and the largest ``|grad f|`` at the nodes at present; collective."""

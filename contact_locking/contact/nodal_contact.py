@@ -12,11 +12,10 @@ from dolfinx import fem
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.contact import Contact, Coulomb
 from contact_locking.contact.coulomb import Identity
-from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
+from contact_locking.contact.foundation import PlacedFoundation, RigidFoundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, with_key
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.plausibility import about_the_gap
 from contact_locking.fields.present import Clock
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
@@ -25,6 +24,9 @@ from contact_locking.supports.conditions import Constraints
 
 # The share of the friction bound that acts at nodes that cannot slide.
 _TINY = 1e-4
+# An overlap below this share of the extent of the body is rounding; a turn of normals is notable
+# above this share of the friction coefficient.
+_TOUCHING, _NOTABLE = 1e-9, 0.1
 # The frame of two sides is that at the solution if normals and gaps agree to this.
 _SAME = 1e-3
 
@@ -91,7 +93,7 @@ class NodalContact:
         self.surface, self._constraints, domain = surface, constraints, surface.domain
         self.clock = clock
         self.foundation: PlacedFoundation = (
-            GivenGap(domain, given.gap, f"{self.key}.gap", clock)
+            PlacedFoundation(domain, given.gap, f"{self.key}.gap", clock)
             if given.foundation is None
             else RigidFoundation(domain, given.foundation, f"{self.key}.foundation", clock)
         )
@@ -121,15 +123,54 @@ class NodalContact:
 
     def warnings(self) -> list[str]:
         """Warnings about data that the user probably did not intend; collective."""
-        kind = "gap" if isinstance(self.foundation, GivenGap) else "foundation"
+        surface, domain = self.surface, self.surface.domain
+        warnings = surface.warnings()
+        depth = -maximum(domain.comm, self._first_gap, -np.inf)
+        # The whole body is inside if Gamma_C is at least as deep as the body is wide.
+        if depth >= np.ptp(domain.bounding_box, axis=0).min():
+            kind = "foundation" if self.foundation.has_shape else "gap"
+            warnings.append(
+                f"{self.key}.{kind}: all of the body lies inside the foundation, Gamma_C at least "
+                f"{depth:.3g} deep; a gap is positive where there is a distance to the foundation: "
+                "is its sign right, and the foundation in its place?"
+            )
+        warnings += self.foundation.warnings(surface, self._first_gap)
+        smoothing = self.given.friction_key("smoothing")
+        warnings += [f"{smoothing}.{text}" for text in self._kernel.warnings(surface)]
+        if self.foundation.has_shape and not self.moves:
+            warnings += self._overlap_warnings()
+        return warnings
+
+    def _overlap_warnings(self) -> list[str]:
+        """The warning about a curved foundation with friction that rests at its end; collective.
+
+        Where depths and normals differ the foundation has come with a part of its way along the
+        body, which would be slip.  A press fit on a shaft has the normals of the body and one
+        depth.
+        """
+        surface, domain = self.surface, self.surface.domain
+        mu: FloatArray = np.ones(len(surface.nodes))
+        if self.friction.is_coulomb:
+            mu = self.friction.coefficient(np.zeros_like(mu))
+        depth = np.where(self.free, -self.gaps, 0.0)
+        inside = depth > _TOUCHING * domain.extent
+        data = (depth, self.normals, surface.body_normals(), mu)
+        depth, normals, outward, mu = (
+            np.concatenate(domain.comm.allgather(values[inside])) for values in data
+        )
+        if not len(depth):
+            return []
+        turn = float(np.linalg.norm(normals - normals.mean(axis=0), axis=1).max())
+        tilt = float(np.linalg.norm(normals - outward, axis=1).max())
+        least = _NOTABLE * min(float(mu.max()), 1.0)
+        is_even = tilt <= least and depth.min() > 0.5 * depth.max()
+        if least == 0.0 or turn <= least or is_even:
+            return []
+        key = f"{self.key}.foundation"
         return [
-            *self.surface.warnings(),
-            *about_the_gap(self.surface.domain, self._first_gap, f"{self.key}.{kind}"),
-            *self.foundation.warnings(self.surface, self._first_gap),
-            *(
-                f"{self.given.friction_key('smoothing')}.{text}"
-                for text in self._kernel.warnings(self.surface)
-            ),
+            f"{key}: it overlaps the body at rest by up to {depth.max():.3g}, along normals that "
+            f"are up to {turn:.2g} rad off their mean, and friction does not know of the way on "
+            f"which it came: take {key}.motion from where it touches, and steps"
         ]
 
     def constant_support(self) -> str | None:

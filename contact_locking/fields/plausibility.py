@@ -4,23 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
-from contact_locking.arrays import FloatArray
-from contact_locking.errors import InputError
-from contact_locking.mesh.domain import Domain
-from contact_locking.parallel import maximum
 from contact_locking.plain_text import coordinates
 
 # The theory neglects squares of the displacement gradient: a tenth of a strain of this size, and of
 # a rotation its half square.  Strains above 1 come from a mistake.
 _LARGE_STRAIN, _LARGE_ROTATION, _ABSURD_STRAIN = 0.1, 0.1, 1.0
-# No body can bear loads of this multiple of its stiffness.
-_ABSURD = 1e30
-# An overlap below this share of the extent of the body is rounding.
-_TOUCHING = 1e-9
-# A foundation is not so many times as long or as short as the body, but in other units.
-_LARGE_RATIO = 200.0
 # A warning gives a larger excess as a multiple and a smaller excess in per cent.
 _MULTIPLE = 10.0
 # The share of violation by a penalty that causes a warning, and the share that the advice aims at.
@@ -32,93 +20,6 @@ _BETWEEN = 0.05
 _CONCENTRATED = 0.2
 # Normals may be off by this share of the friction coefficient.
 _TURNS = 0.1
-
-
-def about_the_gap(domain: Domain, gap: FloatArray, key: str) -> list[str]:
-    """A warning about a body that lies wholly inside the foundation; collective.
-
-    ``gap`` (k,) are the values at the owned nodes of Gamma_C.  The whole body counts as inside if
-    the least depth of Gamma_C is at least the smallest width of the body.
-    """
-    depth = -maximum(domain.comm, gap, -np.inf)
-    low, high = domain.bounding_box
-    width = float((high - low).min())
-    if depth < width:
-        return []
-    return [
-        f"{key}: all of the body lies inside the foundation, Gamma_C at least {depth:.3g} deep; a "
-        "gap is positive where there is a distance to the foundation: is its sign right, and the "
-        "foundation in its place?"
-    ]
-
-
-def about_an_overlap_at_rest(
-    domain: Domain,
-    depths: FloatArray,
-    normals: FloatArray,
-    outward: FloatArray,
-    mu: FloatArray,
-    key: str,
-) -> list[str]:
-    """A warning about a curved foundation with friction that rests at its end; collective.
-
-    ``depths`` (k,) are how far nodes of Gamma_C are inside of the foundation at rest, with the
-    normals of the foundation and of the body (k, d) and the friction coefficients ``mu`` (k,).
-    Where depths and normals differ the foundation has come with a part of its way along the body,
-    which would be slip.  A press fit on a shaft has the normals of the body and one depth.
-    """
-    nearly = _TOUCHING * domain.extent
-    inside = [values[depths > nearly] for values in (depths, normals, outward, mu)]
-    depths, normals, outward, mu = (np.concatenate(domain.comm.allgather(part)) for part in inside)
-    if not len(depths):
-        return []
-    turn = float(np.linalg.norm(normals - normals.mean(axis=0), axis=1).max())
-    tilt = float(np.linalg.norm(normals - outward, axis=1).max())
-    least = _NOTABLE * min(float(mu.max()), 1.0)
-    is_even = tilt <= least and depths.min() > 0.5 * depths.max()
-    if least == 0.0 or turn <= least or is_even:
-        return []
-    return [
-        f"{key}: it overlaps the body at rest by up to {depths.max():.3g}, along normals that are "
-        f"up to {turn:.2g} rad off their mean, and friction does not know of the way on which it "
-        f"came: take {key}.motion from where it touches, and steps"
-    ]
-
-
-def about_the_distance(domain: Domain, gap: FloatArray, key: str) -> list[str]:
-    """A warning about a foundation that is farther away than the body is long; collective."""
-    nearest = -maximum(domain.comm, -gap, -np.inf)
-    if nearest <= domain.extent:
-        return []
-    return [
-        f"{key}: the body is {domain.extent:.3g} long, and the foundation is {nearest:.3g} away "
-        "from Gamma_C; does the foundation stand in its place, in the units of the mesh?"
-    ]
-
-
-def about_the_size(domain: Domain, extent: float, key: str) -> list[str]:
-    """A warning about a foundation with the wrong units, as m for mm; collective."""
-    ratio = extent / domain.extent
-    if 1.0 / _LARGE_RATIO < ratio < _LARGE_RATIO:
-        return []
-    return [
-        f"{key}: it is {extent:.3g} long, and the body {domain.extent:.3g}; are its units those "
-        "of the mesh?"
-    ]
-
-
-def about_a_load(stress: float, stiffness: float, key: str) -> list[str]:
-    """A warning about a load whose largest ``stress`` is above the stiffness of the material.
-
-    Raises InputError for a load that no body can bear.
-    """
-    ratio = stress / stiffness
-    if ratio <= 1.0:
-        return []
-    text = f"it reaches {ratio:.3g} times the stiffness of the material; do their units agree?"
-    if ratio > _ABSURD:
-        raise InputError(text, key)
-    return [f"{key}: {text}"]
 
 
 def about_the_strain(largest: float) -> list[str]:

@@ -11,9 +11,8 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.arrays import BoolArray, IndexArray
 from contact_locking.contact.contact import Contact, named
-from contact_locking.contact.foundation import GivenGap
 from contact_locking.contact.nodal_contact import (
     BoundsInForce,
     ContactState,
@@ -25,7 +24,6 @@ from contact_locking.contact.travel import Travel
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.plausibility import about_an_overlap_at_rest
 from contact_locking.fields.present import Clock, Entities, features
 from contact_locking.laws.locking import squared_norm
 from contact_locking.laws.penalty import Penalty, PenaltyParameters
@@ -34,7 +32,7 @@ from contact_locking.parallel import on_every_rank
 from contact_locking.problem import forms
 from contact_locking.problem.elasticity import Material
 from contact_locking.problem.forms import ProblemData
-from contact_locking.problem.loads import ElasticSupport, Loads, OwnSupport, Springs
+from contact_locking.problem.loads import ElasticSupport, LoadOnMesh, OwnSupport, Springs
 from contact_locking.problem.points import LimitsOnMesh, Placed, Points
 from contact_locking.problem.rigidity import Held, Rigidity
 from contact_locking.supports.conditions import Constraints
@@ -52,6 +50,8 @@ from contact_locking.values.kinds import expressions
 _ADVICE = "refine the mesh there, or let a boundary of material.regions go there"
 _ADVICE_ON_CELLS = "refine the mesh there, or let a boundary of the region in its on go there"
 _ADVICE_ON_FACETS = "refine the mesh there"
+# No body can bear loads of this multiple of its stiffness.
+_ABSURD = 1e30
 # A slip, as a share of the size of the body.
 _SOME_SLIP = 1e-3
 
@@ -83,6 +83,21 @@ class Body:
     form: ufl.Form | None = None
     others: ufl.Form | None = None
     own_energy: Callable[[fem.Function], Expr] | None = None
+
+    def elastic(self, material: Material) -> Callable[[Expr, Expr], ufl.Form]:
+        """``a(u, v)`` for any displacements."""
+        element, form = self.element, self.form
+        dx = element.elastic_dx(self.domain.dx())
+
+        def of_stress(u: Expr, w: Expr) -> ufl.Form:
+            return ufl.inner(material.linear(element.strain(u)), element.strain(w)) * dx
+
+        def of_form(u: Expr, w: Expr) -> ufl.Form:
+            assert form is not None
+            test, trial = form.arguments()
+            return ufl.replace(form, {trial: u, test: w})
+
+        return of_stress if form is None else of_form
 
     def require_parts(self, contacts: Sequence[Contact]) -> None:
         """Raise InputError for parts that do not fit the mesh; collective."""
@@ -198,7 +213,8 @@ class DiscreteProblem:
         self.body, self.domain, self.element = body, domain, element
         self.constraints = Constraints(domain, space, body.held, body.bcs, clock)
         self.regions = tuple(body.regions)
-        self.loads = Loads(domain, element, body.loads, clock)
+        self.loads = [LoadOnMesh(domain, element, load, clock) for load in body.loads]
+        of_loads = [text for load in self.loads for text in load.advance()]
         springs: list[ElasticSupport] = [*Springs.of(domain, body.springs, clock)]
         if body.others is not None:
             springs.append(OwnSupport(body.others))
@@ -216,13 +232,11 @@ class DiscreteProblem:
             NodalContact(item, place, self.constraints, slip, clock)
             for item, place in zip(contacts, places, strict=True)
         )
-        self.warnings = [
-            text for contact in nodal for text in (*contact.warnings(), *_overlap_warnings(contact))
-        ]
+        self.warnings = [text for contact in nodal for text in contact.warnings()]
         slips = tuple(contact.regularisation for contact in nodal)
         self.penalty = Penalty(n, epsilon, slips)
         self.data = forms.ProblemData(
-            elasticity=_elastic(body, self.material),
+            elasticity=body.elastic(self.material),
             elastic_stress=self.material.stress,
             largest_eigenvalue=self.material.largest_eigenvalue,
             inverse_limit=self.limits.ball.strain_set.inverse_limit,
@@ -247,7 +261,16 @@ class DiscreteProblem:
                 for kind in (Displacement, Support)
             )
         )
-        self.warnings += self.loads.warnings(self.material.stiffness)
+        self.warnings += of_loads
+        for load in self.loads:
+            ratio = load.stress / self.material.stiffness
+            text = (
+                f"it reaches {ratio:.3g} times the stiffness of the material; do their units agree?"
+            )
+            if ratio > _ABSURD:
+                raise InputError(text, load.key)
+            if ratio > 1.0:
+                self.warnings.append(f"{load.key}: {text}")
         self.warnings += body.features(contacts, clock)
 
     @property
@@ -307,65 +330,26 @@ class DiscreteProblem:
         """
         self.material.refresh()
         self.limits.refresh()
-        self.warnings += self.loads.advance()
+        self.warnings += [text for x in self.loads if x.is_timed for text in x.advance()]
         self.place()
 
     def _work(self) -> ufl.Form | None:
         """The loads, less the work of the stress of the body without strain."""
         body, material = self.body, self.material
         v = ufl.TestFunction(body.space)
-        parts = [self.loads.work(v)]
+        parts = [ufl.inner(load.density, v) * load.measure for load in self.loads]
         if body.work is not None:
             parts.append(ufl.replace(body.work, {body.work.arguments()[0]: v}))
         if material.eigenstrain is not None:
             density = ufl.inner(material.eigenstrain.stress, body.element.strain(v))
             parts.append(-density * body.element.elastic_dx(body.domain.dx()))
-        forms = [form for form in parts if form is not None]
-        return sum(forms) if forms else None
+        return sum(parts) if parts else None
 
     def close(self) -> None:
         """Destroy the PETSc objects; collective."""
         for contact in self.contacts:
             contact.friction.smoothing.destroy()
             contact.surface.close()
-
-
-def _overlap_warnings(contact: NodalContact) -> list[str]:
-    """The warning about a foundation with friction that overlaps the body at rest; collective."""
-    friction, surface = contact.friction, contact.surface
-    if contact.moves or surface.is_paired or isinstance(contact.foundation, GivenGap):
-        return []
-    mu: FloatArray = np.ones(len(surface.nodes))
-    if friction.is_coulomb:
-        mu = friction.coefficient(np.zeros_like(mu))
-    depths = np.where(contact.free, -contact.gaps, 0.0)
-    return about_an_overlap_at_rest(
-        surface.domain,
-        depths,
-        contact.normals,
-        surface.body_normals(),
-        mu,
-        f"{contact.key}.foundation",
-    )
-
-
-def _elastic(body: Body, material: Material) -> Callable[[Expr, Expr], ufl.Form]:
-    """``a(u, v)`` for any displacements."""
-    if body.form is None:
-        element = body.element
-        dx = element.elastic_dx(body.domain.dx())
-
-        def of_stress(u: Expr, w: Expr) -> ufl.Form:
-            return ufl.inner(material.linear(element.strain(u)), element.strain(w)) * dx
-
-        return of_stress
-    test, trial = body.form.arguments()
-    form = body.form
-
-    def of_form(u: Expr, w: Expr) -> ufl.Form:
-        return ufl.replace(form, {trial: u, test: w})
-
-    return of_form
 
 
 def distance(u: fem.Function, other: fem.Function, data: ProblemData) -> dict[str, float]:

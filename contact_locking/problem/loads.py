@@ -23,7 +23,6 @@ from contact_locking.arrays import LARGEST, FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.fem.compiled import JointForm, integral
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.plausibility import about_a_load
 from contact_locking.fields.present import (
     Clock,
     Entities,
@@ -167,42 +166,13 @@ _ACCURATE, _UNCERTAIN, _LOST = 1e-3, 0.03, 0.3
 _SUSPECTS = 8
 
 
-class Loads:
-    """Loads on a mesh; collective.
-
-    The constructor, :meth:`work` and :meth:`advance` raise InputError with the key and the point
-    for a value that is not finite, for a pole, and for a load that is mostly lost.
-    """
-
-    def __init__(
-        self, domain: Domain, element: Element, given: Sequence[Load], clock: Clock
-    ) -> None:
-        self._loads = [LoadOnMesh(domain, element, load, clock) for load in given]
-        self._told = [text for load in self._loads for text in load.advance()]
-
-    def work(self, v: Any) -> ufl.Form | None:
-        """``(f, v)`` (13), None without loads."""
-        forms = [ufl.inner(load.density, v) * load.measure for load in self._loads]
-        return sum(forms) if forms else None
-
-    def warnings(self, stiffness: float) -> list[str]:
-        """Loads that no rule of integration resolves, or above the stiffness of the material."""
-        large = [about_a_load(item.stress, stiffness, item.key) for item in self._loads]
-        return [*self._told, *(text for texts in large for text in texts)]
-
-    def advance(self) -> list[str]:
-        """Put the loads to the present time, and check them.
-
-        Returns the first warning of each load that its rule of integration does not resolve.
-        """
-        return [text for load in self._loads if load.is_timed for text in load.advance()]
-
-
 class LoadOnMesh:
     """A load: its ``density`` in UFL, a vector, on a ``measure``.
 
     ``halvings`` says how often the rule of integration halves each cell or facet; it is the least
-    with which the integrals are right at the present time and at some planned times.
+    with which the integrals are right at the present time and at some planned times.  The
+    constructor and :meth:`advance` are collective, and raise InputError with the key and the point
+    for a value that is not finite, for a pole, and for a load that is mostly lost.
     """
 
     def __init__(self, domain: Domain, element: Element, given: Load, clock: Clock) -> None:
