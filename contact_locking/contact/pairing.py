@@ -59,7 +59,7 @@ from contact_locking.contact.overlap import (
     quadrature,
     summed,
 )
-from contact_locking.mesh.cell_kind import CellKind, facet_normals, unit_normals
+from contact_locking.mesh.cell_kind import CellKind, corner_normals, facet_normals, unit_normals
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -442,21 +442,11 @@ def _candidates(one: Side, other: Side) -> tuple[IntArray, IntArray]:
 
 
 def _round_normals(side: Side) -> FloatArray:
-    """The unit normals (k, d) at the points, exact on a circle and on a sphere.
-
-    The weights of the facets around a point are those of Max (doi:10.1080/10867651.1999.10487501).
-    """
-    count, edges = side.kind.corners, EDGES[side.kind.corners]
-    normals = np.zeros_like(side.points)
-    for corner in range(count):
-        beside = [sum(edge) - corner for edge in edges if corner in edge]
-        away = side.corners[:, beside] - side.corners[:, [corner]]
-        lengths = np.linalg.norm(away, axis=2)
-        weight = 1.0 / lengths[:, 0]
-        if len(beside) == 2:
-            sine = np.linalg.norm(np.cross(away[:, 0], away[:, 1]), axis=1)
-            weight = sine / np.prod(lengths**2, axis=1)
-        np.add.at(normals, side.facets[:, corner], weight[:, None] * side.outward)
+    """The unit normals (k, d) at the points, exact on a circle and on a sphere."""
+    normals, corners = np.zeros_like(side.points), side.facets.T
+    _, weights = corner_normals(side.kind, side.corners)
+    for number in range(side.kind.corners):
+        np.add.at(normals, corners[number], weights[:, [number]] * side.outward)
     sizes = np.linalg.norm(normals, axis=1)
     return np.asarray(normals / np.where(sizes > 0.0, sizes, 1.0)[:, None])
 

@@ -163,6 +163,30 @@ def unit_normals(corners: FloatArray) -> FloatArray:
     return np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])
 
 
+def corner_normals(kind: CellKind, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit normals (f, n, d) at the corners (f, n, d) of facets of a kind, and the weights (f, n).
+
+    The normals are of either sign.  A facet with the edges e_i from a corner has the weight
+    ``1/|e_1|`` there in 2D and ``sin(angle)/(|e_1| |e_2|)`` in 3D: the mean over the facets around
+    a point is then exact on a circle and on a sphere (N. Max, 1999,
+    doi:10.1080/10867651.1999.10487501).
+    """
+    if kind.dim == 1:
+        edges = corners[:, 1] - corners[:, 0]
+        sizes = np.linalg.norm(edges, axis=1)[:, None]
+        unit = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / sizes
+        return np.repeat(unit[:, None], 2, axis=1), np.tile(1.0 / sizes, 2)
+    # The corners of the simplex beside each corner.
+    beside = kind.beside * kind.corners if kind.is_simplex else kind.beside
+    around = [(i, *(j for j in ends if j != i)) for i, ends in enumerate(beside)]
+    at, one, other = (corners[:, list(places)] for places in zip(*around, strict=True))
+    first, second = one - at, other - at
+    normals = np.cross(first, second)
+    sizes = np.linalg.norm(normals, axis=2)
+    squares = np.sum(first**2, axis=2) * np.sum(second**2, axis=2)
+    return normals / sizes[..., None], sizes / squares
+
+
 @cache
 def lagrange(cell: str, degree: int) -> Any:
     """Lagrange's element of a degree on a cell or a facet, whose ``points`` are its nodes."""

@@ -6,7 +6,6 @@ import copy
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property, partial
-from typing import NamedTuple
 
 import numpy as np
 from dolfinx import fem
@@ -21,7 +20,7 @@ from contact_locking.fields.present import Clock
 from contact_locking.mesh.domain import Domain, axis_dofs
 from contact_locking.parallel import agree, maximum, minimum, on_any_rank
 from contact_locking.supports.support import Displacement, Support
-from contact_locking.supports.supports import SAME, SMOOTH, place, pseudo_inverse
+from contact_locking.supports.supports import SAME, SMOOTH, PlacedSupport, place, pseudo_inverse
 
 # The sine of the angle between two directions that are too close to each other to be held both.
 _TOO_CLOSE = 1e-2
@@ -141,18 +140,14 @@ class HeldDirections:
         return on_any_rank(self._comm, self._mine)
 
 
-class _Condition(NamedTuple):
-    """Directions (k, d) at nodes (k,), axes if there are ``dofs`` (k,), and how to read values."""
+class _OnAxes:
+    """A condition for dofs (k,), as a `PlacedSupport` along axes; ``read`` has its values."""
 
-    key: str
-    nodes: IndexArray
-    directions: FloatArray
-    dofs: IndexArray | None
-    read: Callable[[], FloatArray]
-
-
-def _along_axes(key: str, dofs: IndexArray, read: Callable[[], FloatArray], dim: int) -> _Condition:
-    return _Condition(key, dofs // dim, np.eye(dim)[dofs % dim], dofs, read)
+    def __init__(
+        self, key: str, dofs: IndexArray, read: Callable[[], FloatArray], dim: int
+    ) -> None:
+        self.key, self.dofs, self.read = key, dofs, read
+        self.nodes, self.directions = dofs // dim, np.eye(dim)[dofs % dim]
 
 
 class Constraints:
@@ -179,19 +174,16 @@ class Constraints:
         self.components = tuple(item for item in placed if item.component is not None)
         self.oblique = tuple(item for item in placed if item.component is None)
         self._is_timed = bool(given) or any(item.present.value.is_timed for item in placed)
-        self._prescribed = [
-            _Condition(item.key, item.nodes, item.directions, item.dofs, item.read)
-            for item in (*self.oblique, *self.components)
-        ]
+        empty, dim = np.empty(0, dtype=np.int32), domain.dim
+        self._prescribed: list[PlacedSupport | _OnAxes] = [*self.oblique, *self.components]
         for number, condition in enumerate(given):
             dofs = np.asarray(condition.dof_indices()[0], dtype=np.int32)
             read = partial(self._read, condition, dofs)
-            self._prescribed.append(_along_axes(f"bcs.{number}", dofs, read, domain.dim))
+            self._prescribed.append(_OnAxes(f"bcs.{number}", dofs, read, dim))
         if domain.axisymmetric:
             dofs = axis_dofs(domain, space)
             zero = np.zeros_like(dofs, dtype=float).copy
-            self._prescribed.append(_along_axes("", dofs, zero, domain.dim))
-        empty, dim = np.empty(0, dtype=np.int32), domain.dim
+            self._prescribed.append(_OnAxes("", dofs, zero, dim))
         fixed = [empty, *(item.dofs for item in self._prescribed if item.dofs is not None)]
         self.dofs: IndexArray = np.unique(np.concatenate(fixed)).astype(np.int32)
         self._values = fem.Function(space)

@@ -14,7 +14,7 @@ from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import facet_nodes
 from contact_locking.fields.present import Clock, PresentValue
-from contact_locking.mesh.cell_kind import CellKind
+from contact_locking.mesh.cell_kind import corner_normals
 from contact_locking.mesh.distribution import summed
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, on_every_rank
@@ -123,9 +123,7 @@ def _nodal_normals(
     """The outward unit normals (k, d) at the local nodes of a support, 0 elsewhere; collective.
 
     The normal at a vertex is the mean of the normals of the facets of the support around the
-    vertex.  A facet with the edges e_i from the vertex has the weight ``1/|e_1|`` in 2D and
-    ``sin(angle)/(|e_1| |e_2|)`` in 3D: the mean is then exact for vertices on a circle or a sphere
-    (N. Max, 1999, doi:10.1080/10867651.1999.10487501).
+    vertex with the weights of `corner_normals`, and is exact on a circle or a sphere.
     """
     dim, mesh = domain.dim, domain.mesh
     cells = domain.owners(facets)
@@ -134,7 +132,7 @@ def _nodal_normals(
     facets, cells = facets[own], cells[own]
     nodes, facet = facet_nodes(domain, space, facets, cells), domain.kind.facet
     corners = space.tabulate_dof_coordinates()[nodes[:, : facet.corners], :dim]
-    units, weights = _normals_at_corners(corners, facet)
+    units, weights = corner_normals(facet, corners)
     # At the other nodes of quadratic displacements the facets count alike.
     others = nodes.shape[1] - facet.corners
     weights = np.concatenate([weights, np.ones((len(nodes), others))], axis=1)
@@ -161,24 +159,3 @@ def _nodal_normals(
 
     agree(domain.comm, refuse_edge)
     return normals
-
-
-def _normals_at_corners(corners: FloatArray, kind: CellKind) -> tuple[FloatArray, FloatArray]:
-    """Unit normals (f, n, d) at the corners (f, n, d) of facets of a kind, and the weights (f, n).
-
-    The normals are of either sign.
-    """
-    if kind.dim == 1:
-        edges = corners[:, 1] - corners[:, 0]
-        sizes = np.linalg.norm(edges, axis=1)[:, None]
-        unit = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / sizes
-        return np.repeat(unit[:, None], 2, axis=1), np.tile(1.0 / sizes, 2)
-    # The corners of the simplex beside each corner.
-    beside = kind.beside * kind.corners if kind.is_simplex else kind.beside
-    around = [(i, *(j for j in ends if j != i)) for i, ends in enumerate(beside)]
-    at, one, other = (corners[:, list(places)] for places in zip(*around, strict=True))
-    first, second = one - at, other - at
-    normals = np.cross(first, second)
-    sizes = np.linalg.norm(normals, axis=2)
-    squares = np.sum(first**2, axis=2) * np.sum(second**2, axis=2)
-    return normals / sizes[..., None], sizes / squares
