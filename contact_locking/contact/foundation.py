@@ -132,22 +132,23 @@ def _check_own(body: Distance, x: FloatArray) -> None:
     gap: Any = body.gap(x)
     normal: Any = body.contact_normal(x)
     parts = (("gap", gap, x.shape[1:], "(k,)"), ("contact_normal", normal, x.shape, "(d, k)"))
-    for name, values, shape, wanted in parts:
+    for name, values, shape, expected in parts:
         if not isinstance(values, np.ndarray) or values.shape != shape:
             kind = type(values).__name__
-            found = f"{kind} {values.shape}" if hasattr(values, "shape") else kind
+            actual = f"{kind} {values.shape}" if hasattr(values, "shape") else kind
             raise InputError(
-                f"its {name} must be an array {wanted} at points (d, k), here {shape}, not {found}"
+                f"its {name} must be an array {expected} at points (d, k), here {shape}, not "
+                f"{actual}"
             )
     length = np.linalg.norm(normal, axis=0)
-    for name, values, is_right, wanted in (
+    for name, values, is_right, expected in (
         ("gap", gap, np.isfinite(gap), "finite"),
         ("length of contact_normal", length, np.abs(length - 1.0) <= _UNIT, "1"),
     ):
         if not is_right.all():
             first = int(np.argmin(is_right))
             at = ", ".join(f"{value:.3g}" for value in x[:, first])
-            raise InputError(f"its {name} must be {wanted}, and is {values[first]:.3g} at ({at})")
+            raise InputError(f"its {name} must be {expected}, and is {values[first]:.3g} at ({at})")
 
 
 def _slope_of_own(body: Distance, x: FloatArray, step: float) -> FloatArray:
@@ -155,11 +156,11 @@ def _slope_of_own(body: Distance, x: FloatArray, step: float) -> FloatArray:
 
     On the other side the point that is nearest may lie on another face of the foundation.
     """
-    way, here = step * body.contact_normal(x), body.gap(x)
-    found = np.stack([here - body.gap(x + way), body.gap(x - way) - here]) / step
+    way, gap = step * body.contact_normal(x), body.gap(x)
+    slopes = np.stack([gap - body.gap(x + way), body.gap(x - way) - gap]) / step
     # A gap need not be finite beside Gamma_C.
-    nearer = np.argmin(np.nan_to_num(np.abs(found - 1.0), nan=np.inf), axis=0)
-    return np.asarray(found[nearer, np.arange(len(here))])
+    nearer = np.argmin(np.nan_to_num(np.abs(slopes - 1.0), nan=np.inf), axis=0)
+    return np.asarray(slopes[nearer, np.arange(len(gap))])
 
 
 class RigidFoundation(PlacedFoundation):
@@ -173,10 +174,10 @@ class RigidFoundation(PlacedFoundation):
 
     has_shape = True
 
-    def __init__(self, domain: Domain, given: Foundation, key: str, clock: Clock) -> None:
+    def __init__(self, domain: Domain, foundation: Foundation, key: str, clock: Clock) -> None:
         self._comm, self._dim, self._key, self._clock = domain.comm, domain.dim, key, clock
-        self._place = f"{key}.{given.shape_key}".removesuffix(".")
-        self._moved, shape = given.moved, given.shape
+        self._place = f"{key}.{foundation.shape_key}".removesuffix(".")
+        self._moved, shape = foundation.moved, foundation.shape
         shape = shape if isinstance(shape, Shape) else OwnShape(shape)
         try:
             self._shape: Shape = shape.read(domain.comm)
@@ -339,13 +340,13 @@ class RigidFoundation(PlacedFoundation):
         return motion.place(self._body.sharp_points(at_rest, spacing).T).T
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        found, comm = [*self._shape_warnings], self._comm
+        warnings, comm = [*self._shape_warnings], self._comm
         body = self._body
         if not self.moves:
             normals = self._evaluated(body.contact_normal, surface.points.T).T
             facing = np.sum(normals * surface.body_normals(), axis=1)
             if on_every_rank(comm, np.abs(facing) <= _ALONG):
-                found.append(
+                warnings.append(
                     f"{self._place}: the surface of the foundation is at right angles to Gamma_C "
                     "everywhere, so that it cannot press; turn it, or name a boundary part that "
                     "faces the foundation"
@@ -353,7 +354,7 @@ class RigidFoundation(PlacedFoundation):
         if isinstance(body, LevelSetAt):
             low, high = self._slopes(body, surface)
             if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:
-                found.append(
+                warnings.append(
                     f"{self._place}: the length of its gradient is between {low:.3g} and "
                     f"{high:.3g} on Gamma_C, and that of a distance is 1; the expression was "
                     "divided by the length, which is the distance near its zeros only"
@@ -365,13 +366,13 @@ class RigidFoundation(PlacedFoundation):
             slope = self._evaluated(lambda x: _slope_of_own(body, x, step), at_rest)
             low, high = -maximum(comm, -slope, -np.inf), maximum(comm, slope)
             if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:
-                found.append(
+                warnings.append(
                     f"{self._place}: along contact_normal the gap falls by {low:.3g} to {high:.3g} "
                     "per length near Gamma_C, and a distance by 1: a body touches too early or too "
                     "late; give a distance, or LevelSet, which divides by the length of a gradient"
                 )
         if on_any_rank(comm, self._at_open_end(surface.points.T)):
-            found.append(
+            warnings.append(
                 f"{self._place}: a part of Gamma_C lies beyond the end of the open "
                 "foundation, whose rim is nearest there; let the foundation reach beyond the body"
             )
@@ -379,18 +380,18 @@ class RigidFoundation(PlacedFoundation):
         if isinstance(body, FacetedFoundation):
             ratio = body.extent / extent
             if not 1.0 / _LARGE_RATIO < ratio < _LARGE_RATIO:
-                found.append(
+                warnings.append(
                     f"{self._place}: it is {body.extent:.3g} long, and the body {extent:.3g}; are "
                     "its units those of the mesh?"
                 )
         nearest = -maximum(comm, -gap, -np.inf)
         if nearest > extent:
-            found.append(
+            warnings.append(
                 f"{self._key}: the body is {extent:.3g} long, and the foundation is {nearest:.3g} "
                 "away from Gamma_C; does the foundation stand in its place, in the units of the "
                 "mesh?"
             )
-        return found
+        return warnings
 
     def _slopes(self, body: LevelSetAt, surface: ContactSurface) -> tuple[float, float]:
         """The least and the largest ``|grad f|`` at the nodes at present; collective."""

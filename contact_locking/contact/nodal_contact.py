@@ -407,26 +407,26 @@ class BoundsInForce:
 
     def enter(self, contacts: Iterable[NodalContact], values: Iterable[FloatArray]) -> None:
         """Set the values at some contacts."""
-        for contact, part in zip(contacts, values, strict=True):
-            self[contact] = part
+        for contact, bound in zip(contacts, values, strict=True):
+            self[contact] = bound
 
 
 def joint_norm(contacts: Sequence[NodalContact], values: Sequence[FloatArray]) -> float:
     """The L2 norm over all contacts of values (k,) for each contact; collective."""
-    norms = [contact.norm(part) for contact, part in zip(contacts, values, strict=True)]
+    norms = [contact.norm(local) for contact, local in zip(contacts, values, strict=True)]
     return float(np.linalg.norm(norms)) if len(norms) > 1 else sum(norms)
 
 
 def place_of(
-    given: Contact, domain: Domain, space: fem.FunctionSpace, element: Element
+    contact: Contact, domain: Domain, space: fem.FunctionSpace, element: Element
 ) -> ContactSurface:
     """The place of a contact; collective."""
-    if given.against is None:
-        return ContactSurface(domain, space, given.on, f"{given.key}.on", element)
+    if contact.against is None:
+        return ContactSurface(domain, space, contact.on, f"{contact.key}.on", element)
     # `check` of one body does without SciPy, whose import takes a tenth of its time.
     from contact_locking.contact.paired_surface import PairedSurface
 
-    return PairedSurface(domain, space, given, element)
+    return PairedSurface(domain, space, contact, element)
 
 
 # At this pressure, slight in every unit, a friction bound shows its sign; at 0 it may be 0.
@@ -440,11 +440,11 @@ def check_friction(contact: NodalContact) -> None:
     """
     law, points, comm = contact.friction.law, contact.surface.points, contact.surface.domain.comm
     key, mu = contact.given.friction_key("coefficient"), np.zeros(len(points))
-    given = None if (friction := contact.given.friction) is None else friction.coefficient
+    coefficient = None if (friction := contact.given.friction) is None else friction.coefficient
 
     def evaluate() -> None:
         # A rank without points has no values whose shape could tell, but for an expression.
-        if len(points) or (given is not None and given.expression is not None):
+        if len(points) or (coefficient is not None and coefficient.expression is not None):
             mu[:] = with_key(key, lambda: law(points, np.zeros(len(points))))
 
     agree(comm, evaluate)
@@ -460,17 +460,18 @@ def check_friction(contact: NodalContact) -> None:
 
 def _check_bound(contact: NodalContact, key: str) -> None:
     count, comm = len(contact.surface.points), contact.surface.domain.comm
-    found: Any = contact.friction.evaluate(np.full(count, _SLIGHT), np.zeros(count))
-    wanted = f"evaluate of {type(contact.friction).__name__} must give the friction bound (k,)"
+    bound: Any = contact.friction.evaluate(np.full(count, _SLIGHT), np.zeros(count))
+    expected = f"evaluate of {type(contact.friction).__name__} must give the friction bound (k,)"
 
     def require() -> None:
-        if np.shape(found) != (count,):
-            raise InputError(f"{wanted}, here ({count},), not the shape {np.shape(found)}", key)
+        if np.shape(bound) != (count,):
+            raise InputError(f"{expected}, here ({count},), not the shape {np.shape(bound)}", key)
 
     agree(comm, require)
-    is_right = np.isfinite(found) & (np.asarray(found) >= 0.0)
+    is_right = np.isfinite(bound) & (np.asarray(bound) >= 0.0)
     if not on_every_rank(comm, is_right):
-        wrong = np.concatenate(comm.allgather(np.asarray(found)[~is_right]))
+        wrong = np.concatenate(comm.allgather(np.asarray(bound)[~is_right]))
         raise InputError(
-            f"{wanted} of finite numbers from 0 up, and is {wrong[0]:g} somewhere without slip", key
+            f"{expected} of finite numbers from 0 up, and is {wrong[0]:g} somewhere without slip",
+            key,
         )

@@ -80,11 +80,11 @@ class CellKind:
         """The values (q, c) of the functions of degree 1 of the corners at points (q, dim)."""
         if self.is_simplex:
             return np.column_stack([1.0 - points.sum(axis=1), points])
-        found = np.ones((len(points), self.corners))
+        values = np.ones((len(points), self.corners))
         for axis in range(self.dim):
             far = (np.arange(self.corners) >> axis & 1).astype(bool)
-            found *= np.where(far, points[:, axis : axis + 1], 1.0 - points[:, axis : axis + 1])
-        return found
+            values *= np.where(far, points[:, axis : axis + 1], 1.0 - points[:, axis : axis + 1])
+        return values
 
     def room(self, points: FloatArray) -> FloatArray:
         """(q,) the least distance of points (q, dim) to the sides of the reference cell.
@@ -153,8 +153,8 @@ def facet_normals(corners: FloatArray) -> FloatArray:
     if corners.shape[2] == 2:
         edge = corners[:, 1] - corners[:, 0]
         return np.stack([edge[:, 1], -edge[:, 0]], axis=1)
-    one, other = corners[:, -1] - corners[:, 0], corners[:, 2] - corners[:, 1]
-    return np.asarray(0.5 * np.cross(one, other), dtype=float)
+    first, second = corners[:, -1] - corners[:, 0], corners[:, 2] - corners[:, 1]
+    return np.asarray(0.5 * np.cross(first, second), dtype=float)
 
 
 def unit_normals(corners: FloatArray) -> FloatArray:
@@ -179,8 +179,8 @@ def corner_normals(kind: CellKind, corners: FloatArray) -> tuple[FloatArray, Flo
     # The corners of the simplex beside each corner.
     beside = kind.beside * kind.corners if kind.is_simplex else kind.beside
     around = [(i, *(j for j in ends if j != i)) for i, ends in enumerate(beside)]
-    at, one, other = (corners[:, list(places)] for places in zip(*around, strict=True))
-    first, second = one - at, other - at
+    at, start, end = (corners[:, list(places)] for places in zip(*around, strict=True))
+    first, second = start - at, end - at
     normals = np.cross(first, second)
     sizes = np.linalg.norm(normals, axis=2)
     squares = np.sum(first**2, axis=2) * np.sum(second**2, axis=2)

@@ -102,20 +102,20 @@ class Body:
     def require_parts(self, contacts: Sequence[Contact]) -> None:
         """Raise InputError for parts that do not fit the mesh; collective."""
         domain = self.domain
-        loads = [item for item in self.loads if not isinstance(item, BodyForce)]
-        for part in (*contacts, *loads, *self.springs):
-            domain.facets(part.on, f"{part.key}.on")
-            require_surface(domain, part.on, f"{part.key}.on")
-        for part in contacts:
-            numbers = np.unique(domain.parts[domain.owners(domain.facets(part.on))])
+        loads = [load for load in self.loads if not isinstance(load, BodyForce)]
+        for concept in (*contacts, *loads, *self.springs):
+            domain.facets(concept.on, f"{concept.key}.on")
+            require_surface(domain, concept.on, f"{concept.key}.on")
+        for concept in contacts:
+            numbers = np.unique(domain.parts[domain.owners(domain.facets(concept.on))])
             bodies = set[int]().union(*domain.comm.allgather(numbers.tolist()))
-            if part.against and set(part.on) == set(part.against) and len(bodies) < 2:
-                facets = domain.facets(part.on)
+            if concept.against and set(concept.on) == set(concept.against) and len(bodies) < 2:
+                facets = domain.facets(concept.on)
                 owned = domain.mesh.topology.index_map(domain.dim - 1).size_local
                 normals, _ = domain.area_normals(facets[facets < owned])
                 squares = domain.comm.allreduce(normals.T @ normals)
                 across = np.round(np.linalg.eigh(squares)[1][:, -1], 2)
-                first, name = part.on[0], ", ".join(part.on)
+                first, name = concept.on[0], ", ".join(concept.on)
                 lips = ", ".join(
                     f"{first}_{number}: {{on: [{name}], facing: {list(map(float, way + 0.0))}}}"
                     for number, way in ((1, across), (2, -across))
@@ -123,7 +123,7 @@ class Body:
                 raise InputError(
                     f"{name} belongs to one body; where it holds both lips of a cut, give each lip "
                     f"a name, by mesh.parts: {{{lips}}}, for on and for against",
-                    f"{part.key}.against",
+                    f"{concept.key}.against",
                 )
 
     def require_free(self, contacts: Sequence[Contact]) -> None:
@@ -134,7 +134,7 @@ class Body:
         domain = self.domain
         facets = [
             np.empty(0, dtype=np.int32),
-            *(domain.facets(part.on, f"{part.key}.on") for part in contacts),
+            *(domain.facets(contact.on, f"{contact.key}.on") for contact in contacts),
         ]
         on_contact = np.concatenate(facets)
         for condition in self.held:
@@ -160,12 +160,12 @@ class Body:
             ((*self.elasticity, *self.limits), _ADVICE, "each"),
             (self.eigenstrains, _ADVICE_ON_CELLS, "all"),
         ):
-            for item in items:
-                cells = every if item.cells is None else item.cells
-                inside = expressions(item.given) if isinstance(item.given, Concept) else ()
+            for data in items:
+                cells = every if data.cells is None else data.cells
+                inside = expressions(data.given) if isinstance(data.given, Concept) else ()
                 for place, value, _ in inside:
                     entities = Entities.of(domain, domain.dim, cells)
-                    key, times = item.key_of(*place), clock.some_times
+                    key, times = data.key_of(*place), clock.some_times
                     yield from features(entities, value, key, advice, relative, times)
         for held in (*self.held, *self.springs):
             for place, value, _ in expressions(held):
@@ -182,8 +182,8 @@ class Body:
             # endless.
             slips = [0.0, _SOME_SLIP * domain.extent, domain.extent]
             for slip in slips if "s" in mu.expression.names else slips[:1]:
-                if found := features(facets, mu, key, _ADVICE_ON_FACETS, s=slip):
-                    yield from found
+                if warnings := features(facets, mu, key, _ADVICE_ON_FACETS, s=slip):
+                    yield from warnings
                     break
 
 
@@ -280,17 +280,17 @@ class DiscreteProblem:
     @property
     def free(self) -> int:
         """The number of rigid motions that contact alone stops."""
-        return sum(part.free for part in self.held)
+        return sum(held.free for held in self.held)
 
     @property
     def sliding(self) -> int:
         """The number of rigid motions that friction alone stops."""
-        return sum(part.sliding for part in self.held)
+        return sum(held.sliding for held in self.held)
 
     @property
     def sprung(self) -> int:
         """The number of rigid motions that springs stop and no displacement condition does."""
-        return sum(part.sprung for part in self.held)
+        return sum(held.sprung for held in self.held)
 
     def enter(self, states: Sequence[ContactState]) -> None:
         """Begin a step with the memory of friction at each contact; collective."""
@@ -300,7 +300,8 @@ class DiscreteProblem:
     def at_rest(self) -> tuple[ContactState, ...]:
         """The memory of friction before the first step."""
         return tuple(
-            ContactState.at_rest(len(item.surface.nodes), self.domain.dim) for item in self.contacts
+            ContactState.at_rest(len(contact.surface.nodes), self.domain.dim)
+            for contact in self.contacts
         )
 
     def place(self) -> None:
@@ -361,8 +362,8 @@ def distance(u: fem.Function, other: fem.Function, data: ProblemData) -> dict[st
     """
     mesh = u.function_space.mesh
     comm = mesh.comm
-    here, there = mesh.geometry.x, other.function_space.mesh.geometry.x
-    is_alike = np.array_equal(here, there) and len(u.x.array) == len(other.x.array)
+    points, other_points = mesh.geometry.x, other.function_space.mesh.geometry.x
+    is_alike = np.array_equal(points, other_points) and len(u.x.array) == len(other.x.array)
     if not on_every_rank(comm, is_alike):
         raise InputError("must be a solution on the same mesh, of the same degree", "other")
     difference = fem.Function(u.function_space)

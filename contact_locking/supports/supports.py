@@ -71,31 +71,35 @@ class PlacedSupport:
 
 
 def place(
-    domain: Domain, space: fem.FunctionSpace, given: Support | Displacement, clock: Clock
+    domain: Domain, space: fem.FunctionSpace, condition: Support | Displacement, clock: Clock
 ) -> Iterator[PlacedSupport]:
     """The nodes and the directions of a support, or of each component; collective.
 
     Raises InputError for a boundary part whose normal jumps at a node.
     """
-    facets, axes = domain.facets(given.on, f"{given.key}.on"), np.eye(domain.dim)
+    facets, axes = domain.facets(condition.on, f"{condition.key}.on"), np.eye(domain.dim)
     nodes = np.unique(fem.locate_dofs_topological(space, domain.dim - 1, facets)).astype(np.int32)
     points = np.asarray(space.tabulate_dof_coordinates()[nodes, : domain.dim].T)
-    if isinstance(given, Displacement):
-        for axis, component in enumerate(given.value):
+    if isinstance(condition, Displacement):
+        for axis, component in enumerate(condition.value):
             if component is not None:
-                key, along = f"{given.key}.value.{axis}", np.tile(axes[axis], (len(nodes), 1))
+                key, along = f"{condition.key}.value.{axis}", np.tile(axes[axis], (len(nodes), 1))
                 present = PresentValue(component, key, clock)
-                yield PlacedSupport(given.on, key, nodes, points, along, present, axis)
+                yield PlacedSupport(condition.on, key, nodes, points, along, present, axis)
         return
     is_normal, present = (
-        given.along == "normal",
-        PresentValue(given.value, f"{given.key}.value", clock),
+        condition.along == "normal",
+        PresentValue(condition.value, f"{condition.key}.value", clock),
     )
     if is_normal:
-        along = _nodal_normals(domain, space, given, facets)[nodes]
+        along = _nodal_normals(domain, space, condition, facets)[nodes]
     else:
-        along = np.tile(np.array(given.along) / np.linalg.norm(given.along), (len(nodes), 1))
-    held = PlacedSupport(given.on, given.key, nodes, points, along, present, is_normal=is_normal)
+        along = np.tile(
+            np.array(condition.along) / np.linalg.norm(condition.along), (len(nodes), 1)
+        )
+    held = PlacedSupport(
+        condition.on, condition.key, nodes, points, along, present, is_normal=is_normal
+    )
     for axis, sign in itertools.product(range(domain.dim), (-1.0, 1.0)):
         away = np.abs(along - sign * axes[axis]).max(initial=0.0)
         if on_every_rank(domain.comm, bool(away <= _ALONG_AXIS)):
@@ -128,8 +132,8 @@ def _nodal_normals(
     dim, mesh = domain.dim, domain.mesh
     cells = domain.owners(facets)
     # A ghost of a facet counts on the rank that owns the cell.
-    own = cells < mesh.topology.index_map(dim).size_local
-    facets, cells = facets[own], cells[own]
+    owned = cells < mesh.topology.index_map(dim).size_local
+    facets, cells = facets[owned], cells[owned]
     nodes, facet = facet_nodes(domain, space, facets, cells), domain.kind.facet
     corners = space.tabulate_dof_coordinates()[nodes[:, : facet.corners], :dim]
     units, weights = corner_normals(facet, corners)
@@ -140,8 +144,8 @@ def _nodal_normals(
     outward = corners.mean(axis=1) - inside
     units = units * np.sign(np.sum(units * outward[:, None], axis=2))[..., None]
     means = units.mean(axis=1, keepdims=True)
-    rest = np.repeat(means, nodes.shape[1] - units.shape[1], axis=1)
-    units = np.concatenate([units, rest], axis=1)
+    further = np.repeat(means, nodes.shape[1] - units.shape[1], axis=1)
+    units = np.concatenate([units, further], axis=1)
     sums = summed(space.dofmap.index_map, nodes, weights[..., None] * units)
     sizes = np.linalg.norm(sums, axis=1, keepdims=True)
     normals = np.divide(sums, sizes, out=np.zeros_like(sums), where=sizes > 0.0)
