@@ -49,8 +49,9 @@ bench: ## measure tangents, times and errors (minutes) and write benchmarks/resu
 	./in-env python3 benchmarks/accuracy.py
 	./in-env python3 benchmarks/accuracy.py --figure docs/figures/error_over_time.svg
 
-peers: ## solve the same problems by GetFEM, Clarabel and others (five minutes): benchmarks/peers/results.md
+peers: ## solve the same problems by GetFEM, Clarabel and others (seven minutes): benchmarks/peers/results.md and published.md
 	CONTACT_LOCKING_PACKAGES=benchmarks/peers/debian-packages.txt ./in-env python3 benchmarks/peers/run.py
+	./in-env python3 benchmarks/peers/published.py
 
 SEEDS = 20
 FIRST = 0

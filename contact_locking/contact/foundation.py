@@ -11,6 +11,7 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.contact.contact import Foundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, Misplaced, with_key
+from contact_locking.fields.findings import Finding
 from contact_locking.fields.present import Clock, Entities, PresentValue, features
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
@@ -380,17 +381,12 @@ class RigidFoundation(PlacedFoundation):
         if isinstance(body, FacetedFoundation):
             ratio = body.extent / extent
             if not 1.0 / _LARGE_RATIO < ratio < _LARGE_RATIO:
-                warnings.append(
-                    f"{self._place}: it is {body.extent:.3g} long, and the body {extent:.3g}; are "
-                    "its units those of the mesh?"
-                )
-        nearest = -maximum(comm, -gap, -np.inf)
-        if nearest > extent:
-            warnings.append(
-                f"{self._key}: the body is {extent:.3g} long, and the foundation is {nearest:.3g} "
-                "away from Gamma_C; does the foundation stand in its place, in the units of the "
-                "mesh?"
-            )
+                finding = Finding("foundation.size", self._place, size=body.extent, extent=extent)
+                warnings.append(finding)
+        distance = -maximum(comm, -gap, -np.inf)
+        if distance > extent:
+            finding = Finding("foundation.far", self._key, distance=distance, extent=extent)
+            warnings.append(finding)
         return warnings
 
     def _slopes(self, body: LevelSetAt, surface: ContactSurface) -> tuple[float, float]:

@@ -16,6 +16,7 @@ from contact_locking.contact.foundation import PlacedFoundation, RigidFoundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, with_key
 from contact_locking.fem.spaces import Element
+from contact_locking.fields.findings import Finding
 from contact_locking.fields.present import Clock
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
@@ -129,11 +130,7 @@ class NodalContact:
         # The whole body is inside if Gamma_C is at least as deep as the body is wide.
         if depth >= np.ptp(domain.bounding_box, axis=0).min():
             kind = "foundation" if self.foundation.has_shape else "gap"
-            warnings.append(
-                f"{self.key}.{kind}: all of the body lies inside the foundation, Gamma_C at least "
-                f"{depth:.3g} deep; a gap is positive where there is a distance to the foundation: "
-                "is its sign right, and the foundation in its place?"
-            )
+            warnings.append(Finding("gap.inside", f"{self.key}.{kind}", depth=depth))
         warnings += self.foundation.warnings(surface, self._first_gap)
         smoothing = self.given.friction_key("smoothing")
         warnings += [f"{smoothing}.{text}" for text in self._kernel.warnings(surface)]
@@ -167,11 +164,7 @@ class NodalContact:
         if least == 0.0 or turn <= least or is_even:
             return []
         key = f"{self.key}.foundation"
-        return [
-            f"{key}: it overlaps the body at rest by up to {depth.max():.3g}, along normals that "
-            f"are up to {turn:.2g} rad off their mean, and friction does not know of the way on "
-            f"which it came: take {key}.motion from where it touches, and steps"
-        ]
+        return [Finding("foundation.overlap", key, depth=depth.max(), turn=turn)]
 
     def constant_support(self) -> str | None:
         """A held node beside which R keeps constants, as a place in words; collective."""

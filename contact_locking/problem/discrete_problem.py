@@ -24,6 +24,7 @@ from contact_locking.contact.travel import Travel
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
 from contact_locking.fem.spaces import Element
+from contact_locking.fields.findings import TEXTS, Finding
 from contact_locking.fields.present import Clock, Entities, features
 from contact_locking.laws.locking import squared_norm
 from contact_locking.laws.penalty import Penalty, PenaltyParameters
@@ -264,13 +265,10 @@ class DiscreteProblem:
         self.warnings += of_loads
         for load in self.loads:
             ratio = load.stress / self.material.stiffness
-            text = (
-                f"it reaches {ratio:.3g} times the stiffness of the material; do their units agree?"
-            )
             if ratio > _ABSURD:
-                raise InputError(text, load.key)
+                raise InputError(TEXTS["load.large"].format(ratio=ratio), load.key)
             if ratio > 1.0:
-                self.warnings.append(f"{load.key}: {text}")
+                self.warnings.append(Finding("load.large", load.key, ratio=ratio))
         self.warnings += body.features(contacts, clock)
 
     @property
