@@ -179,7 +179,7 @@ class ContactProblem:
         solution = solver.solution(
             solver.state(report), None, extras, derivatives, certificate=certificate
         )
-        return solution.telling(warnings=[*solution.summary["warnings"], *solver.unused_options()])
+        return solution.warned(*solver.unused_options())
 
     def report(self, after: Solution | None = None, start: Solution | None = None) -> SolverReport:
         """How ``solver`` has solved for the present data; as in :meth:`solve`."""

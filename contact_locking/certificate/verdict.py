@@ -63,12 +63,18 @@ class Certificate:
         return "; ".join(filter(None, (*broken, self.proofs.complaint)))
 
     def summary(self) -> dict[str, Any]:
-        """The key ``certificate`` of summary.json."""
+        """The entries of summary.json about the certificate."""
+        bounds = self.proofs.entries.get("bounds")
         return {
-            "criteria": {name: item.summary() for name, item in self.criteria.items()},
-            **self.proofs.entries,
-            "resultants": self.resultants,
-            "errors": {**self.errors, **self.proofs.errors},
+            **({} if bounds is None else {"bounds": bounds}),
+            "reactions": self.reactions,
+            "residual": self.residual,
+            "certificate": {
+                "criteria": {name: item.summary() for name, item in self.criteria.items()},
+                **self.proofs.entries,
+                "resultants": self.resultants,
+                "errors": {**self.errors, **self.proofs.errors},
+            },
         }
 
 

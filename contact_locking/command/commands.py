@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
             print("The file describes a study; run solves its base case.")
         solution, warnings = solve_and_write(parameters, directory, comm, monitor, *options)
     summary = solution.summary
-    for warning in [*(summary["warnings"] if arguments.quiet else ()), *warnings]:
+    for warning in [*(solution.warnings if arguments.quiet else ()), *warnings]:
         terminal.complain(f"warning: {warning}")
     if speaks:
         tables = [[*in_words.rows(summary), ("results in", directory)]]
@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
         print("\n".join(map(terminal.columns, filter(None, tables))))
     if solution.converged:
         return CONVERGED
-    told = (f"not converged: {summary['reason']}", summary["suggestion"])
+    told = (f"not converged: {solution.reason}", solution.suggestion)
     lines = (*filter(None, told), f"The state that it reached is in {directory}.")
     terminal.complain("error: " + "\n".join(lines))
     return NOT_CONVERGED

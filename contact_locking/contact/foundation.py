@@ -13,7 +13,7 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.contact.contact import Foundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, Misplaced, with_key
-from contact_locking.fields.plausibility import about_the_distance, about_the_size
+from contact_locking.fields.findings import about_the_distance, about_the_size
 from contact_locking.fields.present import Clock, Entities, PresentValue, features
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain

@@ -16,7 +16,7 @@ from contact_locking.contact.foundation import GivenGap, PlacedFoundation, Rigid
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, with_key
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.plausibility import about_the_gap
+from contact_locking.fields.findings import about_the_gap
 from contact_locking.fields.present import Clock
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain

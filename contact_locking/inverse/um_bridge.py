@@ -91,11 +91,11 @@ class Model:
         (last,) = deque(solutions, maxlen=1)
         self._domains[mesh] = last.domain
         if not last.converged:
-            raise NotConverged(str(last.summary["reason"]))
+            raise NotConverged(str(last.reason))
         values = np.array([value_of(name, last) for name in of])
         slopes = np.zeros((len(of), len(to)))
         if derives:
-            table = last.summary["sensitivities"]
+            table = last.facts["sensitivities"]
             slopes[:] = [[table[name][key]["derivative"] for key in to] for name in of]
         return values, slopes
 

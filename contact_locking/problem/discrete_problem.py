@@ -25,7 +25,7 @@ from contact_locking.contact.travel import Travel
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.plausibility import about_an_overlap_at_rest
+from contact_locking.fields.findings import about_an_overlap_at_rest
 from contact_locking.fields.present import Clock, Entities, features
 from contact_locking.laws.locking import squared_norm
 from contact_locking.laws.penalty import Penalty, PenaltyParameters

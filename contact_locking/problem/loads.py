@@ -23,7 +23,7 @@ from contact_locking.arrays import LARGEST, FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.fem.compiled import JointForm, integral
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.plausibility import about_a_load
+from contact_locking.fields.findings import about_a_load
 from contact_locking.fields.present import (
     Clock,
     Entities,

@@ -66,13 +66,14 @@ def adapted(
     while finer is not None:
         domain = finer
         solution = solve_on(domain)
-        summary, now = solution.summary, time.perf_counter()
-        error = summary["certificate"]["errors"]["mesh"]["relative"]
-        entry = {name: summary[name] for name in ("dofs", "cells")} | {"estimate": error}
-        tangents = summary["iterations"]["tangents"]
-        meshes.append(entry | {"tangents": tangents, "seconds": now - since})
+        assert solution.report is not None
+        now, tangents = time.perf_counter(), solution.report.tangents
+        error = solution.certificate.errors["mesh"]["relative"]
+        sizes = {name: solution.facts[name] for name in ("dofs", "cells")}
+        more = {"estimate": error, "tangents": tangents, "seconds": now - since}
+        meshes.append(sizes | more)
         shown = "no error" if error is None else f"estimate {100.0 * error:.3g} %"
-        words = f"{entry['dofs']} unknowns, {shown}, {tangents} tangents, {now - since:.1f} s"
+        words = f"{sizes['dofs']} unknowns, {shown}, {tangents} tangents, {now - since:.1f} s"
         since = now
         is_reached, stopped = _end(solution, given)
         if len(meshes) >= given.max_meshes:
@@ -89,7 +90,7 @@ def adapted(
         monitor.mesh(len(meshes), words)
         if stopped and not is_reached:
             text = f"the meshes were not refined until adapt.tolerance was reached: {stopped}"
-            solution = solution.telling(warnings=[*summary["warnings"], text])
+            solution = solution.warned(text)
             monitor.message(f"warning: {text}")
         about = {"tolerance": given.tolerance, "reached": is_reached, "stopped": stopped or None}
         yield solution.telling(
@@ -100,9 +101,8 @@ def adapted(
 
 def _end(solution: Solution, given: Adaptation) -> tuple[bool, str]:
     """Whether the mesh is fine enough, and why the loop ends here, empty if it goes on."""
-    certificate = solution.summary["certificate"]
-    estimate, criteria = certificate["errors"]["mesh"], certificate["criteria"]
-    broken = {name for name, item in criteria.items() if not item["holds"]}
+    estimate, criteria = solution.certificate.errors["mesh"], solution.certificate.criteria
+    broken = {name for name, criterion in criteria.items() if not criterion.holds}
     if entered_places(solution) and (solution.converged or broken == {ENTRY}):
         # No error on this mesh tells of a foundation that enters between the nodes.
         return False, ""
@@ -110,7 +110,7 @@ def _end(solution: Solution, given: Adaptation) -> tuple[bool, str]:
         return False, "the solve on this mesh did not converge"
     if estimate["relative"] is None:
         # A body at rest has no relative error.
-        if solution.summary["elastic_energy"] == 0.0:
+        if solution.facts["elastic_energy"] == 0.0:
             return True, "the body is at rest"
         return False, f"no error: {estimate.get('reason')}"
     if estimate["relative"] <= given.tolerance:

@@ -48,15 +48,15 @@ def row_of(
     solution: Solution, history: Table, at: float, energy: EnergyBalance, seconds: float
 ) -> Row:
     """The row of history.csv for the next step."""
-    summary = solution.summary
-    reactions = summary["certificate"]["resultants"]["reactions"]
-    dim = len(reactions)
-    row: dict[str, float] = {"step": len(history) + 1, "t": at} | columns(summary, dim)
-    row |= components("reaction", reactions)
-    for name, force in summary["reactions"].items():
+    certificate, report, dim = solution.certificate, solution.report, solution.domain.dim
+    assert report is not None
+    contacts = solution.facts["contacts"]
+    row: dict[str, float] = {"step": len(history) + 1, "t": at} | columns(solution.facts, dim)
+    row |= components("reaction", certificate.resultants["reactions"])
+    for name, force in certificate.reactions.items():
         row |= components(f"reaction_{name}", force)
-    several = len(summary["contacts"]) > 1
-    for entry in summary["contacts"]:
+    several = len(contacts) > 1
+    for entry in contacts:
         ending = f"_{entry['name']}" if several else ""
         row |= columns(entry, dim, ending) if several else {}
         for name in ("force", "travel") if "tool" in entry else ():
@@ -71,13 +71,12 @@ def row_of(
         "energy_defect": energy.defect,
     }
     row |= {f"{name}_total": history.last(f"{name}_total") + row[name] for name in SUMMED}
-    criteria = summary["certificate"]["criteria"].values()
     row |= {
         "converged": int(solution.converged),
-        "tangents": summary["iterations"]["tangents"],
-        "linear": summary["iterations"]["linear"],
-        "residual": summary["residual"],
-        "nearest_criterion": max(entry["value"] / entry["limit"] for entry in criteria),
+        "tangents": report.tangents,
+        "linear": report.linear,
+        "residual": certificate.residual,
+        "nearest_criterion": max(item.value / item.limit for item in certificate.criteria.values()),
         "seconds": seconds,
     }
     return row
@@ -238,22 +237,20 @@ class Process(Iterator[S]):
             energy, after = energy_balance(before or Moment.at_rest(state), state)
             found = self._solution(state, energy, at)
             # Half the step misses a foundation between the nodes as well.
-            entering = found.summary["certificate"]["criteria"].get(ENTRY, {"holds": True})
+            entering = found.certificate.criteria.get(ENTRY)
             if (
                 not found.converged
-                and entering["holds"]
-                and self._halve(
-                    f"the step to t = {at:.6g} did not converge ({found.summary['reason']})"
-                )
+                and (entering is None or entering.holds)
+                and self._halve(f"the step to t = {at:.6g} did not converge ({found.reason})")
             ):
                 continue
             if not found.converged:
                 # Where the process stops, its words begin with the last time.
                 last_time = solution.time if solution and not self._stops else -math.inf
-                told = timeline.explained(found.summary["reason"], at, last_time)
+                told = timeline.explained(found.reason, at, last_time)
                 found = found.telling(**told)
                 if solution is not None and self._stops:
-                    yield self._stopped(solution, found.summary["reason"])
+                    yield self._stopped(solution, found.reason)
                     return
             solution, before = found, after
             seconds = clocks.perf_counter() - began
@@ -297,8 +294,8 @@ class Process(Iterator[S]):
 
     def _end(self, last: S, ended: str | None = None) -> dict[str, Any]:
         """The entries of a last solution with which the process ends, in words, or fails."""
-        told = [*last.summary["warnings"], *self._halved[len(last.halved) :]]
-        steps = {**last.summary["steps"], "halvings": len(self._halved), "ended": ended}
+        told = [*last.warnings, *self._halved[len(last.halved) :]]
+        steps = {**last.facts["steps"], "halvings": len(self._halved), "ended": ended}
         return {"steps": steps, "warnings": told if ended is None else [ended, *told]}
 
     def _stopped(self, last: S, reason: str) -> S:
@@ -327,7 +324,7 @@ class Process(Iterator[S]):
         if solution.probes is not None:
             sampled = in_step(solution.probes, len(self.history), solution.time)
             self._probes = sampled.after(self._probes or Table())
-        told = [*solution.summary["warnings"], *self._halved, *self._solver.unused_options()]
+        told = [*solution.warnings, *self._halved, *self._solver.unused_options()]
         steps = totals(self.history, len(self._halved), self._planned)
         return dataclasses.replace(
             solution.telling(restart=restart, steps=steps, warnings=told),

@@ -16,7 +16,6 @@ from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.certificate.verdict import Certificate, certify
 from contact_locking.fem.compiled import integral
-from contact_locking.fields import plausibility
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.penalty_method import method as penalty_method
@@ -24,11 +23,10 @@ from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.discrete_problem import DiscreteProblem, distance
 from contact_locking.problem.rounding import LooseMotion
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.results.between_nodes import uncovered_entry
+from contact_locking.process.findings import findings
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import (
     BodyFields,
-    ContactFields,
     Contacts,
     gather_contacts,
     on_gamma_c,
@@ -216,9 +214,8 @@ class ProblemSolver:
         measured = {"reason": "not measured for a process, whose past depends on n as well"}
         if criteria is None:
             measured = self._distance_to_limit(solution)
-        entry = solution.summary["certificate"]
-        errors = {**entry["errors"], "penalty_measured": measured}
-        return solution.telling(certificate={**entry, "errors": errors})
+        errors = {**judged.errors, "penalty_measured": measured}
+        return dataclasses.replace(solution, certificate=dataclasses.replace(judged, errors=errors))
 
     def _distance_to_limit(self, solution: Solution) -> dict[str, Any]:
         """How far the solution for n = inf on the same mesh is from this one; collective."""
@@ -269,30 +266,54 @@ def solution_of(
     certificate: Certificate | None,
     differentiable: Differentiable | None = None,
 ) -> Solution:
-    """The fields, the contact points and the summary of a solved state; collective.
+    """The fields, the contact points and the numbers of a solved state; collective.
 
-    Without a certificate the summary repeats the verdict of the solver.
+    Without a certificate the solution has the verdict of the solver.
     """
-    problem, body = state.problem, state.body
+    problem, body, report = state.problem, state.body, state.report
     indicator = certificate.indicator if certificate else None
     points, facets = gather_contacts(state.contacts, problem.domain)
     # The next solve overwrites the displacement of the problem.
-    own = problem.u.copy()
-    own.name = problem.u.name
+    displacement = problem.u.copy()
+    displacement.name = problem.u.name
+    reason, suggestion = report.reason, report.suggestion
+    if problem.free and not report.converged:
+        slide = problem.rigidity.describe_slide()
+        if slide is None and problem.data.tools:
+            slide = problem.rigidity.describe_loose()
+        if slide is not None:
+            reason, suggestion = f"{slide}; {reason}", _WAY_OUT_OF_SLIDING
+    warnings: list[str] = [*problem.warnings, *report.warnings]
+    if report.converged:
+        warnings += findings(state)
+    if certificate is not None:
+        warnings += certificate.proofs.warnings
+        if not report.converged and certificate.proofs.reason:
+            reason += f"; {certificate.proofs.reason}"
+        if report.converged and certificate.complaint:
+            enters = bool(state.contacts) and not certificate.criteria[ENTRY].holds
+            reason = certificate.complaint
+            suggestion = _WAY_OUT_OF_ENTRY if enters else _WAY_OUT_OF_COMPLAINTS
     return Solution(
         domain=problem.domain,
         element=problem.element,
-        displacement=own,
+        displacement=displacement,
         **{name: getattr(body, name) for name in BodyFields.FIELDS},
         error_indicator=indicator and indicator.field,
         elastic_error_indicator=indicator and indicator.elastic_field,
         contacts=state.contacts,
         contact_points=points,
         contact_facets=facets,
-        summary=_summary(state, certificate),
+        state=state_of(state),
+        facts=_facts(state),
+        converged=report.converged and not (certificate and certificate.complaint),
+        reason=reason,
+        suggestion=suggestion,
+        warnings=warnings,
+        certificate=certificate,
+        report=report,
         differentiable=differentiable,
         data=problem.data,
-        state=state_of(state),
         **on_gamma_c(state.contacts, problem.u),
     )
 
@@ -315,83 +336,18 @@ def state_of(state: SolvedState) -> State:
     return State(saved, state.multipliers, after)
 
 
-def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
-    """Warnings about results that the user probably did not intend; collective."""
-    problem, target, data, body = state.problem, state.target, state.problem.data, state.body
-    depths = [(fields.u_normal - fields.gap, fields.free) for fields in state.contacts]
-    entering = [maximum(state.comm, depth[free]) for depth, free in depths]
-    held = [maximum(state.comm, depth[~free]) for depth, free in depths]
-    largest = numbers["strain_norm_max"]
-    found = plausibility.about_the_strain(largest)
-    found += plausibility.about_the_rotation(
-        numbers["rotation_max"], numbers["rotation_max_at"], largest
-    )
-    used = body.largest(body.strain_norm, body.locking_limit)
-    found += plausibility.about_the_overstrain(used - 1.0, target.penalty.n, target.young)
-    found += plausibility.about_strains_between_points(used, numbers["overstrain_max"] + 1.0)
-    found += plausibility.about_held_nodes(
-        [fields.contact.key for fields in state.contacts], held, state.largest_displacement
-    )
-    for fields in state.contacts:
-        between = fields.entry
-        found += plausibility.about_an_entry(
-            fields.contact.key, between.depth, between.share, between.place
-        )
-        found += _about_the_normals(fields, problem.u)
-        length = fields.surface.facing_length
-        slid = fields.contact.slid(problem.u)[fields.state != OPEN]
-        found += plausibility.about_the_sliding(
-            fields.contact.key, maximum(state.comm, slid), length
-        )
-    for contact in data.contacts:
-        depth, place = uncovered_entry(problem.domain, problem.u, contact)
-        found += plausibility.about_uncovered_boundary(
-            contact.key, depth, place, state.largest_displacement
-        )
-    return found + plausibility.about_the_penetration(
-        max(entering, default=0.0),
-        state.largest_displacement,
-        target.penalty.epsilon,
-        target.length / target.young,
-        follows_n=problem.follows_n,
-    )
-
-
-def _about_the_normals(fields: ContactFields, u: fem.Function) -> list[str]:
-    """A warning about bodies in the undeformed frame whose normals turn; collective."""
-    contact = fields.contact
-    if contact.friction.frictionless or contact.pairs_anew:
-        return []
-    comm = contact.surface.domain.comm
-    pressed = fields.pressure > 0.01 * maximum(comm, fields.pressure)
-    turn = contact.turn(u, pressed)
-    mu = contact.friction.coefficient(fields.slip)
-    return plausibility.about_the_normals(contact.key, turn, -maximum(comm, -mu[pressed], -np.inf))
-
-
-def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, Any]:
-    """summary.json, without the entries that only the caller knows; collective."""
+def _facts(state: SolvedState) -> dict[str, Any]:
+    """The numbers of summary.json that neither the certificate nor the caller knows; collective."""
     problem, report, target = state.problem, state.report, state.target
     domain, data, u = problem.domain, problem.data, problem.u
-    slide = None
-    if problem.free and not report.converged:
-        slide = problem.rigidity.describe_slide()
-        if slide is None and data.tools:
-            slide = problem.rigidity.describe_loose()
-    numbers = computed("body", state.body) | _contacts(state)
-    warnings = [*problem.warnings, *report.warnings]
-    if report.converged:
-        warnings += _warnings(state, numbers)
-    summary: dict[str, Any] = {
-        "converged": report.converged,
-        "reason": f"{slide}; {report.reason}" if slide else report.reason,
-        "suggestion": _WAY_OUT_OF_SLIDING if slide else report.suggestion,
+    return {
         "discretisation": data.element.facts(),
         "dofs": int(u.function_space.dofmap.index_map.size_global * domain.dim),
         "cells": domain.num_cells,
         "ranks": domain.comm.size,
         "dolfinx": dolfinx.__version__,
-        **numbers,
+        **computed("body", state.body),
+        **_contacts(state),
         "strain_sets": state.body.about_sets(),
         "iterations": {
             "tangents": report.tangents,
@@ -410,9 +366,7 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
         "duality_gap": report.duality_gap,
         "admissible_load_factor": report.admissible_factor and list(report.admissible_factor),
         "stages": report.stages,
-        "warnings": warnings,
     }
-    return summary if certificate is None else _judged(summary, state, certificate)
 
 
 def _contacts(state: SolvedState) -> dict[str, Any]:
@@ -437,25 +391,3 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
         resultants = [key for key, item in QUANTITIES.items() if item.is_resultant]
         whole |= {key: sums[key] if alone else None for key in resultants}
     return whole | {"contacts": entries}
-
-
-def _judged(
-    summary: dict[str, Any], state: SolvedState, certificate: Certificate
-) -> dict[str, Any]:
-    """The summary with the results of the certificate."""
-    report, proofs = state.report, certificate.proofs
-    summary |= {
-        "reactions": certificate.reactions,
-        "residual": certificate.residual,
-        "certificate": certificate.summary(),
-        "warnings": [*summary["warnings"], *proofs.warnings],
-    }
-    if "bounds" in proofs.entries:
-        summary["bounds"] = proofs.entries["bounds"]
-    if not report.converged and proofs.reason:
-        summary["reason"] += f"; {proofs.reason}"
-    if report.converged and certificate.complaint:
-        enters = bool(state.contacts) and not certificate.criteria[ENTRY].holds
-        way_out = _WAY_OUT_OF_ENTRY if enters else _WAY_OUT_OF_COMPLAINTS
-        summary |= {"converged": False, "reason": certificate.complaint, "suggestion": way_out}
-    return summary

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
@@ -25,7 +25,10 @@ if TYPE_CHECKING:
     from contact_locking.problem.forms import ProblemData
     from contact_locking.results.derived import ContactFields
     from contact_locking.solver.multipliers import Multipliers
-    from contact_locking.solver.task import SavedState
+    from contact_locking.solver.task import SavedState, SolverReport
+
+
+_VERDICT = ("converged", "reason", "suggestion", "warnings")
 
 
 @dataclass(frozen=True)
@@ -74,9 +77,16 @@ class Solution:
 
     ``error_indicator`` (P0) is eta_K, the error in h by recovery, and
     ``elastic_error_indicator`` (P0) the same for the elastic stress; each is None where it was not
-    computed.  ``summary`` has all numbers, by the names of summary.json.  ``state`` is all that the
-    next solve may take from this one, ``domain`` and ``element`` are the mesh with its names and
-    the element, and ``data`` the forms of the problem.
+    computed.  ``state`` is all that the next solve may take from this one, ``domain`` and
+    ``element`` are the mesh with its names and the element, and ``data`` the forms of the problem.
+
+    ``converged`` says whether solver and certificate accept the solution, with the ``reason`` and a
+    ``suggestion`` in words.  ``warnings`` are findings.  ``certificate`` has the criteria, balances
+    and errors as objects, None where none was made, and ``report`` what the solver has taken.
+    ``facts`` are the numbers, by the names of summary.json.  ``time``, ``history`` and ``halved``
+    are those of a step, ``probes`` has a row for each point, on rank 0, and ``others`` are further
+    solutions of a study.  ``parameters`` are those of a study file, and ``problem`` is the
+    fingerprint of its problem.
     """
 
     domain: Domain
@@ -100,16 +110,22 @@ class Solution:
     contact_points: ContactPoints | None
     contact_facets: IntArray | None
     state: State
-    summary: Mapping[str, Any]
+    facts: Mapping[str, Any]
+    converged: bool = True
+    reason: str = ""
+    suggestion: str = ""
+    warnings: Sequence[str] = ()
+    certificate: Any = None  # of the package certificate, which is made of results
+    report: SolverReport | None = None
     differentiable: Differentiable | None = None
     data: ProblemData | None = None
-    time: float = 0.0  # the time of the step, 0 without steps
-    history: Table = field(default_factory=Table)  # the steps up to this one, none without
-    probes: Table | None = None  # a row for each point and step, on rank 0; None without probes
-    halved: tuple[str, ...] = ()  # which steps were halved, in words
-    others: tuple[Solution, ...] = ()  # further solutions, where a study asks for them
-    parameters: Any = None  # the parameters of a study file, None for a problem of a script
-    problem: str = ""  # the fingerprint of the problem of a study file, for restarts
+    time: float = 0.0
+    history: Table = field(default_factory=Table)
+    probes: Table | None = None
+    halved: tuple[str, ...] = ()
+    others: tuple[Solution, ...] = ()
+    parameters: Any = None
+    problem: str = ""
 
     def distance(self, other: Solution) -> dict[str, float]:
         """``sqrt(a(u - w, u - w))`` as ``energy_norm`` for the displacement w of ``other``.
@@ -141,11 +157,20 @@ class Solution:
 
     def telling(self, **entries: Any) -> Self:
         """The same solution, whose summary has further or other entries."""
-        return replace(self, summary={**self.summary, **entries})
+        verdict = {name: entries.pop(name) for name in _VERDICT if name in entries}
+        return replace(self, **verdict, facts={**self.facts, **entries})
+
+    def warned(self, *texts: str) -> Self:
+        """The same solution with further warnings."""
+        return replace(self, warnings=[*self.warnings, *texts])
 
     @property
-    def converged(self) -> bool:
-        return bool(self.summary["converged"])
+    def summary(self) -> dict[str, Any]:
+        """All numbers and words, as summary.json has them."""
+        verdict: dict[str, Any] = {name: getattr(self, name) for name in _VERDICT}
+        judged = {} if self.certificate is None else self.certificate.summary()
+        warnings = verdict.pop("warnings")
+        return {**verdict, **self.facts, "warnings": list(warnings), **judged}
 
 
 #: The name by which scripts know the solution of a study file.

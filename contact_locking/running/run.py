@@ -118,7 +118,7 @@ def write_steps(
                 probes = last.probes
                 if series is not None:
                     series.add(last)
-                if last.converged and last.summary["restart"] is None:
+                if last.converged and last.facts["restart"] is None:
                     number = len(last.history)
                     save_as(last, saved.folder, saved.name_of(number))
                     # Only fields and probes of all steps need the steps before.
@@ -235,8 +235,7 @@ def write(
             except ContactLockingError as error:
                 refused.append(f"no checkpoint was saved: {str(error).splitlines()[0]}")
                 on_root_of(comm, target, lambda: shutil.rmtree(folder, ignore_errors=True))
-        told = [*solution.summary.get("warnings", []), *warnings, *refused]
-        complete = solution.telling(warnings=told)
+        complete = solution.warned(*warnings, *refused)
 
         def finish() -> None:
             _write_texts(complete, staging)
@@ -285,7 +284,7 @@ def _write_texts(solution: Solution, folder: Path) -> None:
         texts[names.PARAMETERS] = study_file.dump(solution.parameters)
     if len(solution.history):
         texts[names.HISTORY] = solution.history.text()
-    if branches := solution.summary.get("branches"):
+    if branches := solution.facts.get("branches"):
         # The points in the order of the branch.
         texts[names.BRANCHES] = Table(branches["points"]).text()
     if solution.probes is not None:
@@ -388,4 +387,4 @@ def _outcome(made: Any, place: Path | None, output: Output | None, comm: MPI.Int
                 write(solution, place, output)
         summary = json.loads(summary_text(solution.summary))
     state: State = "converged" if solution.converged else "not converged"
-    return Outcome(state, str(summary["reason"]), summary)
+    return Outcome(state, solution.reason, summary)

@@ -101,10 +101,10 @@ class SolvableStudy:
         problem, parameters = self.problem, self.parameters
         found = self.solver.solution(state, criteria, parameters.certificate)
         labels = parameters.output.labels(found.domain.dim, found.domain.axisymmetric)
-        summary = {"title": parameters.title, "units": labels, **found.summary}
+        facts = {"title": parameters.title, "units": labels, **found.facts}
         probes = sample(problem.probes, found) if len(problem.probes) else None
         return dataclasses.replace(
-            found, summary=summary, probes=probes, parameters=parameters, problem=self._fingerprint
+            found, facts=facts, probes=probes, parameters=parameters, problem=self._fingerprint
         )
 
     def solution(
@@ -139,8 +139,7 @@ class SolvableStudy:
             start = checkpoint.start_in_words(restart, report)
         solver.monitor.message("computing fields and the certificate")
         solution = self.solution(solver.state(report))
-        told = [*solution.summary["warnings"], *solver.unused_options()]
-        yield solution.telling(warnings=told, restart=start)
+        yield solution.warned(*solver.unused_options()).telling(restart=start)
 
     def close(self) -> None:
         """Destroy the PETSc objects."""
@@ -241,7 +240,7 @@ def solve_steps(
                 for axis in ("x", "y"):
                     values = partial(solution.history.values, getattr(chart, axis))
                     with_key(f"output.charts.{number}.{axis}", values)
-            for warning in solution.summary["warnings"]:
+            for warning in solution.warnings:
                 # Steps differ in the numbers of a warning, but for those in keys, as contact.1.
                 words = _NUMBERS.sub("", warning)
                 if words not in told:

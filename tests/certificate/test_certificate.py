@@ -162,13 +162,6 @@ def test_every_criterion_holds_with_a_margin(dim: int, n: float) -> None:
         assert entry["value"] <= share * entry["limit"], name
 
 
-@pytest.mark.serial
-def test_resultants_of_loads_contact_and_reactions_add_up() -> None:
-    resultants = certificate(block())["resultants"]
-    assert resultants["loads"] == pytest.approx([0.03, -0.05])
-    assert np.sum(list(resultants.values()), axis=0) == pytest.approx([0.0, 0.0], abs=1e-9)
-
-
 @pytest.mark.parametrize("dim", [2, 3])
 def test_any_number_of_ranks_gives_the_same_certificate(dim: int) -> None:
     parameters = block(dim, 0.1 if dim == 2 else 0.34, certificate__constants=True)

@@ -115,29 +115,6 @@ def test_bad_input_returns_2_with_one_message_and_writes_nothing(
         assert errors == ""
 
 
-def test_a_message_about_the_mesh_names_file_line_and_key(
-    folder: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
-) -> None:
-    if comm.rank == 0:
-        (folder / "study.yml").write_text(UNDRAWN_BLOCK.replace("on: top", "on: tip"))
-    comm.Barrier()
-    assert run(folder, "--quiet") == 2
-    if comm.rank == 0:
-        place = f"{folder / 'study.yml'}:6: loads.tractions.0.on: "
-        assert capsys.readouterr().err.startswith(f"error: {place}")
-
-
-def test_a_folder_that_cannot_be_written_to_is_refused_before_the_solve(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def solve(*_: object) -> None:
-        pytest.fail("the solve has begun")
-
-    monkeypatch.setattr(solving, "solve", solve)
-    words = ["--set", "output.directory=/dev/null/results", "--quiet"]
-    assert cli.main(["run", str(folder / "study.yml"), *words]) == 2
-
-
 def test_a_file_with_a_study_runs_its_base_case_and_says_so(
     folder: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -148,18 +125,6 @@ def test_a_file_with_a_study_runs_its_base_case_and_says_so(
     comm.Barrier()
     assert run(folder) == 0
     assert ("base case" in capsys.readouterr().out) == (comm.rank == 0)
-
-
-def test_warnings_go_to_standard_error_once_and_into_the_summary(
-    folder: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(folder, "--set", "friction.smoothing.radius=0.01") == 0
-    output, errors = capsys.readouterr()
-    if comm.rank == 0:
-        (warning,) = json.loads((folder / "out" / "summary.json").read_text())["warnings"]
-        assert errors == f"warning: {warning}\n" and warning not in output
-    else:
-        assert (output, errors) == ("", "")
 
 
 def test_check_says_what_would_run_and_leaves_no_trace(

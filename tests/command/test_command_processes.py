@@ -88,12 +88,6 @@ def without_a_reader(tmp_path: Path, *words: str) -> subprocess.CompletedProcess
 
 
 @pytest.mark.serial
-def test_a_reader_that_leaves_early_is_no_error(tmp_path: Path) -> None:
-    result = without_a_reader(tmp_path, "schema")
-    assert (result.returncode, result.stderr) == (1, "")
-
-
-@pytest.mark.serial
 @pytest.mark.parametrize(
     "words", ["", slow("--quiet -- -snes_monitor"), slow("-- -ksp_view -snes_monitor")]
 )

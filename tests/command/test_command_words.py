@@ -18,13 +18,6 @@ def test_petsc_options_are_pairs_or_flags() -> None:
             cli.petsc_options(wrong)
 
 
-def test_several_settings_may_follow_one_flag() -> None:
-    words = ["run", "--set", "a.b=1", "c=[x=2]", "FILE", "d=3"]
-    assert cli.one_setting_each(words) == [
-        *("run", "--set", "a.b=1", "--set", "c=[x=2]", "FILE", "d=3")
-    ]
-
-
 @pytest.mark.parametrize(
     "words", [[], ["solve"], ["run"], ["run", "a", "b"], ["schema", "--", "-x"], ["mesh", "a"]]
 )
@@ -33,8 +26,3 @@ def test_wrong_words_return_2_with_one_message(
 ) -> None:
     assert cli.main(words) == 2
     assert capsys.readouterr().err.startswith("error: ")
-
-
-@pytest.mark.parametrize("command", ["run", "study", "fit"])
-def test_o_is_short_for_output_in_every_command_that_writes(command: str) -> None:
-    assert cli.parser().parse_args([command, "a.yml", "-o", "r"]).output == "r"

@@ -59,13 +59,6 @@ ROLLER = {"foundation": {"cylinder": {"centre": [5.53, 3.18], "radius": 0.2}}}
 
 
 @pytest.mark.serial
-def test_a_finer_mesh_of_the_contact_sees_a_tool() -> None:
-    assert not solve(given(STRIP, ROLLER)).converged
-    fine = solve(given(STRIP | {"structured": False, "h_contact": 0.05}, ROLLER))
-    assert fine.converged and fine.summary["warnings"] == []
-
-
-@pytest.mark.serial
 def test_a_fit_is_told_to_refine_its_mesh(tmp_path: Path) -> None:
     (tmp_path / "curve.csv").write_text("loads.displacements.0.value.1,force\n0.1,1\n0.2,2\n")
     fit = {

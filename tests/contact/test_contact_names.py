@@ -37,13 +37,6 @@ def test_the_name_of_another_contact_is_refused() -> None:
     assert str(caught.value).startswith("contact.1.name: ")
 
 
-@pytest.mark.parametrize("name", ["", "a.b"])
-def test_a_name_is_a_part_of_dotted_keys(name: str) -> None:
-    with pytest.raises(InputError) as caught:
-        from_mapping({"contact": {"on": "bottom", "name": name}})
-    assert str(caught.value).startswith("contact.name: ")
-
-
 def test_the_forces_of_two_foundations_stand_by_their_names() -> None:
     """Plate and groove press against each other, so that their sum says nothing."""
     kinds = ("contacts.plate", "contacts.1", "contacts.bottom")

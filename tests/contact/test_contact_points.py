@@ -11,9 +11,8 @@ from solutions import of_kind
 
 from contact_locking import solve
 from contact_locking.arrays import IntArray
-from contact_locking.results.contact_points import ContactPoints, facets_table, joined
+from contact_locking.results.contact_points import ContactPoints, facets_table
 from contact_locking.results.table import Table
-from contact_locking.view.pictures.style import facets_within
 
 pytestmark = pytest.mark.serial
 
@@ -22,18 +21,6 @@ def table(dim: int, kind: str = "with two contacts") -> tuple[ContactPoints, Int
     solution = of_kind(dim, kind)
     assert solution.contact_points is not None and solution.contact_facets is not None
     return solution.contact_points, solution.contact_facets
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_the_parts_of_joined_contacts_are_the_contacts(dim: int) -> None:
-    points, facets = table(dim)
-    parts = points.parts()
-    assert [set(part.contact) for part in parts] == [{0}, {1}]
-    own = [facets_within(facets, rows) for rows in points.rows()]
-    again, numbers = joined(list(zip(parts, own, strict=True)), dim)
-    assert np.array_equal(numbers, facets)
-    assert np.array_equal(again.x, points.x) and np.array_equal(again.contact, points.contact)
-    assert np.array_equal(own[0], own[1])
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 from mpi4py import MPI
-from pressed_tools import HELD, pressed, solved, tool
-from problems import block
+from pressed_tools import HELD, pressed, tool
 
 from contact_locking import InputError, assemble, solve, solve_steps
 
@@ -30,12 +29,6 @@ def test_a_force_that_cannot_push_is_refused(force: list[Any], why: str) -> None
     with pytest.raises(InputError) as raised:
         assemble(given, MPI.COMM_WORLD)
     assert why in f"{raised.value.key}: {raised.value}"
-
-
-def test_the_study_file_refuses_a_zero_force_and_another_number_of_components() -> None:
-    for force, why in (([0.0, 0.0], "nothing pushes"), ([0.0, 0.0, -1.0], "2 components")):
-        with pytest.raises(ValueError, match=why):
-            pressed(tool(force))
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.3])
@@ -66,9 +59,3 @@ def test_what_the_gap_and_the_tool_cannot_stop_is_still_infeasible() -> None:
     found = solve(pressed(tool([0.0, -0.03]), loads={"displacements": apart}))
     assert not found.converged
     assert found.summary["reason"].startswith("infeasible")
-
-
-def test_a_problem_without_tools_has_no_word_of_them() -> None:
-    found = solved(block(h=0.5))
-    assert "tool" not in found.summary["contacts"][0]
-    assert "tool_balance" not in found.summary["certificate"]["criteria"]

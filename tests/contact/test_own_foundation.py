@@ -22,7 +22,6 @@ from contact_locking import (
     solve,
 )
 from contact_locking.arrays import FloatArray
-from contact_locking.results.contact_points import OPEN
 from contact_locking.shapes.shape import Distance, Shape
 
 pytestmark = pytest.mark.serial
@@ -133,21 +132,6 @@ def test_an_own_foundation_gives_what_the_same_shape_of_the_package_gives(
         assert found.summary[key] == pytest.approx(expected.summary[key], rel=1e-8, abs=1e-10), key
     difference = found.displacement.x.array - expected.displacement.x.array
     assert np.abs(difference).max(initial=0.0) < 1e-9
-
-
-def test_an_edge_of_an_own_foundation_carries_the_load(
-    monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm
-) -> None:
-    slope = np.array([0.1, 1.0]) / np.hypot(0.1, 1.0)
-    wedge = Wedge((0.5, 0.002), ((slope[0], slope[1]), (-slope[0], slope[1])))
-    monkeypatch.setattr(Foundation, "shape", property(lambda given: wedge))
-    solution = on({"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}, 2, comm)
-    assert solution.converged, solution.summary["reason"]
-    points = solution.contact_points
-    if points is not None:
-        touching = points.x[points.state != OPEN, 0]
-        assert len(touching) > 0
-        assert touching == pytest.approx(0.5, abs=0.11)
 
 
 def test_a_shape_of_a_script_is_one_without_a_key_in_study_files() -> None:

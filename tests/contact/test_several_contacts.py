@@ -12,9 +12,8 @@ from mpi4py import MPI
 from problems import block
 from slow import slow
 
-from contact_locking import StudySolution, assemble, save, solve, solve_assembled
+from contact_locking import StudySolution, save, solve
 from contact_locking.errors import InputError
-from contact_locking.solver.settings import Settings
 from contact_locking.study_file.parameters import Parameters
 
 NONE = {"kernel": "none"}
@@ -124,20 +123,3 @@ def test_a_state_of_two_contacts_is_saved_and_solves_the_same_problem_at_once(
     again = solve(parameters, restart=directory)
     assert again.converged and again.summary["iterations"]["tangents"] == 0
     same(first, again, 1e-12)
-
-
-def test_own_bounds_of_friction_are_one_for_each_contact() -> None:
-    entries = [{"on": "bottom"}, {"on": "top", "gap": -0.003}]
-    problem = assemble(between(2, entries), MPI.COMM_WORLD)
-    for contact, strength in zip(problem.contacts, (1e-4, 3e-4), strict=True):
-        given = contact.friction
-        contact.friction = type(
-            "Tresca",
-            (type(given),),
-            {"evaluate": lambda self, p, s, g=strength: np.full(len(s), g)},
-        )(given.surface, given.smoothing, given.law)
-    solution = solve_assembled(problem)
-    assert solution.converged, solution.summary["reason"]
-    for fields, strength in zip(solution.contacts, (1e-4, 3e-4), strict=True):
-        size = np.linalg.norm(fields.traction, axis=1)
-        assert (size <= strength * (1.0 + Settings().tolerance * 1e3)).all()

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from dolfinx import fem
 from mpi4py import MPI
-from two_bodies import POISSON, YOUNG, stack
+from two_bodies import stack
 
 import contact_locking as cl
-from contact_locking import StudySolution, assemble, save, solve, solve_steps, study_file
+from contact_locking import StudySolution, save, solve, solve_steps, study_file
 from contact_locking.errors import InputError
 from contact_locking.study_file.parameters import Parameters
 
@@ -114,44 +113,6 @@ def test_a_step_after_a_pairing_anew_goes_on_from_a_checkpoint(tmp_path: Path) -
     rest = solve(sliding(), restart=folder)
     for key in ("friction_force", "slip_max", "elastic_energy", "pressure_max"):
         assert rest.summary[key] == pytest.approx(whole.summary[key], rel=1e-6, abs=1e-9)
-
-
-def test_a_script_pairs_where_the_solution_before_has_come_to() -> None:
-    forces = []
-    for pair in ("once", "each_step"):
-        study = assemble(sliding(), MPI.COMM_WORLD)
-        tags, names = study.domain.facet_tags, study.domain.facet_names
-        facets = {name: tags.find(numbers[0]) for name, numbers in names.items()}
-        way = fem.Constant(study.domain.mesh, 0.0)
-        axes = ((1.0, 0.0), (0.0, 1.0))
-        problem = cl.ContactProblem(
-            cl.Elasticity(young=YOUNG, poisson=POISSON),
-            bcs=[
-                *(cl.Support(facets["bottom"], axis, 0.0) for axis in axes),
-                cl.Support(facets["top"], (1.0, 0.0), way),
-                cl.Support(facets["top"], (0.0, 1.0), -0.01),
-            ],
-            contacts=[cl.Contact(facets["upper_bottom"], against=facets["lower_top"], pair=pair)],
-            space=study.body.space,
-        )
-        solution = None
-        for way.value in (0.0, 0.2, 0.4, 0.6, 0.8):
-            solution = problem.solve(after=solution, certificate=False)
-        assert solution is not None and solution.converged
-        places, found = forces_at(solution)
-        lower = found[:, 1] < -1e-9
-        forces.append(places[lower, 0] @ found[lower, 1] / found[lower, 1].sum())
-        problem.close()
-    # The centres of the pressure on the lower block.
-    assert forces == pytest.approx([1.5, 2.3], abs=0.05)
-    with pytest.raises(InputError, match="must be once or each_step"):
-        cl.ContactProblem(
-            cl.Elasticity(young=YOUNG, poisson=POISSON),
-            contacts=[cl.Contact("a", against="b", pair="always")],
-            space=study.body.space,
-            names={"a": 1, "b": 2},
-            tags=tags,
-        )
 
 
 def test_pairs_that_nobody_can_find_are_refused() -> None:

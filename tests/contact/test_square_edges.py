@@ -56,15 +56,6 @@ def test_an_edge_near_a_node_presses_it_down_by_the_depth_of_the_flat_side() -> 
     assert force(near) == pytest.approx(force(at_node), rel=1e-6)
 
 
-def test_an_outline_in_the_wrong_order_presses_as_the_right_one_and_is_warned_of() -> None:
-    outline = square(0.995, 3.005)
-    right, wrong = pressed({"polyline": outline}), pressed({"polyline": outline[::-1]})
-    assert force(wrong) == pytest.approx(force(right), rel=1e-9)
-    (warning,) = wrong.summary["warnings"]
-    assert "reverse the corners" in warning
-    assert right.summary["warnings"] == []
-
-
 @pytest.mark.parametrize("turn", [1, -1])
 def test_a_cube_with_an_edge_near_nodes_presses_them_down(turn: int, tmp_path: Path) -> None:
     file = tmp_path / "cube.stl"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import basix
 import numpy as np
@@ -17,21 +16,8 @@ from quadratic_bodies import cube, quadratic, solved, solved_cube, square
 from test_elements import LIMIT
 from test_verification_manufactured import problem_of
 
-from contact_locking.errors import InputError
-from contact_locking.fem.spaces import P1, P2, element_of, gauss_element, gauss_shares
+from contact_locking.fem.spaces import P2, gauss_element, gauss_shares
 from contact_locking.mesh.cell_kind import NAMED
-from contact_locking.study_file import from_mapping
-
-
-@pytest.mark.serial
-def test_the_keys_choose_the_element() -> None:
-    def chosen(**given: Any) -> Any:
-        return element_of(from_mapping({"discretisation": given}).discretisation.degree)
-
-    assert chosen() is chosen(degree=1) is P1
-    assert chosen(degree=2) is P2
-    with pytest.raises(InputError, match=r"^discretisation\.degree: "):
-        chosen(degree=3)
 
 
 @pytest.mark.serial
@@ -112,16 +98,6 @@ def test_results_do_not_depend_on_the_number_of_ranks() -> None:
             for name in ("x", "pressure", "u_normal", "bound"):
                 found, wanted = (getattr(s.contact_points, name) for s in (together, alone))
                 assert found == pytest.approx(wanted, rel=1e-6, abs=1e-9), name
-
-
-def test_a_locking_cube_is_solved_by_a_direct_and_an_iterative_solver(
-    comm: MPI.Intracomm,
-) -> None:
-    direct, iterative = solved_cube(), solved(cube(solver__linear="iterative"), comm)
-    assert direct.summary["locked_fraction"] > 0.1
-    assert direct.summary["iterations"]["tangents"] <= 20
-    found = iterative.summary["compliance"]
-    assert found == pytest.approx(direct.summary["compliance"], rel=1e-7)
 
 
 @pytest.mark.serial

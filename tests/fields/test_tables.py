@@ -94,21 +94,6 @@ def test_a_table_with_points_at_the_nodes_is_the_expression(folder: Path, degree
     assert np.abs(difference).max(initial=0.0) <= 1e-7 * largest
 
 
-def test_prescribed_displacements_and_motions_follow_tables(folder: Path) -> None:
-    loads = {"displacements": [{"on": "top", "value": [0, "0.01*ramp(t)"]}]}
-    half_space = {"point": [0, -0.001], "normal": [0, 1]}
-    motion = [0, "-ramp(t) - 0.05"]
-    contact = {"on": "bottom", "foundation": {"half_space": half_space, "motion": motion}}
-    problem = assemble(from_mapping(given(loads=loads, contact=contact), folder), MPI.COMM_WORLD)
-    problem.advance(0.5)
-    problem.constraints.apply(problem.u)
-    largest = MPI.COMM_WORLD.allreduce(float(np.abs(problem.u.x.array).max(initial=0)), MPI.MAX)
-    assert largest == pytest.approx(5e-4)
-    (contact_found,) = problem.contacts
-    assert np.allclose(contact_found.gaps, 0.001)
-    problem.close()
-
-
 @pytest.mark.parametrize(
     ("text", "changes", "key", "words"),
     [

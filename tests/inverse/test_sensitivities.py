@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from problems import block, column
+from problems import block
 
 import contact_locking as cl
 from contact_locking.inverse.numbers import number_at, with_number
@@ -115,28 +115,6 @@ def test_friction_remembers_the_derivatives_of_its_slips() -> None:
     ]
     expected = (sides[0] - sides[1]) / (2e-4 * 0.05)
     assert found["derivative"] == pytest.approx(expected, rel=1e-4)
-
-
-@pytest.mark.serial
-def test_the_column_has_its_closed_derivatives() -> None:
-    """A column between rollers that no limit stops: the compliance is proportional to 1/E."""
-    parameters = with_changes_of(
-        column(
-            pressure=0.005,
-            contact__gap=0.0,
-            penalty={"n": math.inf},
-            material__locking_limit=math.inf,
-        ),
-        {"of": ["compliance", "contact_force.1"], "to": ["material.elasticity.young"]},
-    )
-    solution = solve(parameters)
-    compliance = solution.summary["compliance"]
-    entry = solution.summary["sensitivities"]
-    found = entry["compliance"]["material.elasticity.young"]
-    assert found["elasticity"] == pytest.approx(-1.0, abs=1e-6)
-    assert found["derivative"] == pytest.approx(-compliance, rel=1e-6)
-    force = entry["contact_force.1"]["material.elasticity.young"]
-    assert force["derivative"] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_bodies_that_touch_each_other_have_the_derivatives_of_differences() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,6 @@ from contact_locking.arrays import FloatArray
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.shapes.analytic import HalfSpace, Sphere
 from contact_locking.shapes.shape import MovedDistance
-from contact_locking.study_file import from_mapping
 
 pytestmark = pytest.mark.serial
 
@@ -45,28 +42,3 @@ def test_a_moved_body_has_the_distance_of_the_body_where_it_was(dim: int) -> Non
     step = 1e-6 * np.array([vector()]).T
     slope = plane.gap(x + step) - plane.gap(x)
     assert slope == pytest.approx(-np.sum(plane.contact_normal(x) * step, axis=0), abs=1e-13)
-
-
-@pytest.mark.parametrize(
-    ("motion", "message"),
-    [
-        ([0, 0, 0], "contact.foundation.motion: must have 2 components in 2D, not 3"),
-        ([0, "x"], "contact.foundation.motion.1: in the expression 'x': unknown name 'x'"),
-        ({}, "contact.foundation.motion: moves nothing: give translation, rotation or both"),
-        ({"rotation": "t"}, "contact.foundation.motion.about: is missing beside rotation"),
-        (
-            {"rotation": [0, 0, "t"], "about": [0, 0]},
-            "contact.foundation.motion.rotation: is one angle in 2D, and no list",
-        ),
-        ({"about": [0, 0], "angle": 1}, "contact.foundation.motion.angle: unknown key"),
-    ],
-)
-def test_a_motion_that_means_nothing_is_refused(motion: Any, message: str) -> None:
-    from contact_locking import InputError
-
-    plane = {"half_space": {"point": [0, 0], "normal": [0, 1]}, "motion": motion}
-    with pytest.raises(InputError) as error:
-        from_mapping(
-            {"contact": {"on": "bottom", "foundation": plane}, "steps": {"to": 1, "count": 2}}
-        )
-    assert message in str(error.value)

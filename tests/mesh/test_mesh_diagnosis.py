@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ from small_meshes import (
     SQUARE,
     Groups,
     builder,
-    moved,
     shared,
     side_by_side,
     study,
@@ -216,15 +214,3 @@ def test_a_crash_of_gmsh_is_told(
     (tmp_path / "study.yml").write_text("mesh: {file: body.msh}\n")
     assert cli.main(["check", str(tmp_path / "study.yml")]) == 2
     assert str(path) in capsys.readouterr().err
-
-
-@pytest.mark.serial
-def test_a_message_of_a_bad_mesh_has_the_line_of_the_study_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_msh(tmp_path / "body.msh", moved(SQUARE, 3, (math.nan, 1)), BODY)
-    file = tmp_path / "study.yml"
-    file.write_text("title: x\nmesh: {file: body.msh}\n")
-    for command in ("check", "run"):
-        assert cli.main([command, str(file)]) == 2
-        assert f"error: {file}:2: mesh.file: " in capsys.readouterr().err

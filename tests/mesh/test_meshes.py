@@ -258,18 +258,6 @@ def test_round_bodies_touch_the_ground_in_a_node_at_the_origin(name: str, quarte
     assert np.linalg.norm(points[curved] - centre, axis=1) == pytest.approx(2.0)
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-def test_structured_block_has_no_edge_longer_than_the_diagonal_of_a_grid_cell(dim: int) -> None:
-    geometry = make("block", dim=dim, h=0.3, structured=True)
-    with build(geometry) as model:
-        points, cells, _ = read(model, dim)
-    # ceil(1 / 0.3) = 4 cells along each edge, of size 1/4.
-    assert np.unique(points[:, :dim].round(9)) == pytest.approx([0, 0.25, 0.5, 0.75, 1])
-    assert len(points) == 5**dim
-    assert longest_edge(points, cells["body"]).max() <= 0.25 * math.sqrt(dim) + 1e-12
-    assert measures(points, cells["body"]) == pytest.approx(0.25**dim / math.factorial(dim))
-
-
 @pytest.mark.parametrize(
     ("name", "given"),
     [("block", {"dim": 3, "h": 0.25}), ("ball", {"h": 0.25, "h_contact": 0.1}), ("annulus", {})],

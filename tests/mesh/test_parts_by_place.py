@@ -146,38 +146,6 @@ def test_a_finer_mesh_keeps_the_parts_and_a_checkpoint_knows_them(
     assert again.summary["compliance"] == pytest.approx(solution.summary["compliance"], rel=1e-9)
 
 
-@pytest.mark.serial
-@pytest.mark.parametrize(
-    ("part", "key", "words"),
-    [
-        ({}, "mesh.parts.new", "needs a place: on, plane, box, expression, facing or skin"),
-        ({"facing": [0, 0, 1]}, "mesh.parts.new.facing", "must have 2 components in 2D"),
-        ({"facing": [0, 0]}, "mesh.parts.new.facing", "must not be the zero vector"),
-        ({"skin": "both"}, "mesh.parts.new.skin", "inner"),
-        (
-            {"box": [[1, 0], [0, 1]]},
-            "mesh.parts.new.box",
-            "has the greatest coordinates before",
-        ),
-        ({"box": [[0, 0, 0], [1, 1, 1]]}, "mesh.parts.new.box.0", "must have 2 components in 2D"),
-        ({"expression": "x + 1"}, "mesh.parts.new.expression", "expected a condition"),
-        ({"expression": "z < 1"}, "mesh.parts.new.expression", "unknown name 'z'"),
-        ({"expression": 1}, "mesh.parts.new.expression", "must be a condition such as"),
-        ({"on": "botom"}, "mesh.parts.new.on", "no part before this one is named 'botom'"),
-        (
-            {"plane": {"point": [0, 0], "normal": [0, 0]}},
-            "mesh.parts.new.plane.normal",
-            "must not be the zero vector",
-        ),
-    ],
-)
-def test_a_place_that_is_none_is_refused(part: Any, key: str, words: str) -> None:
-    with pytest.raises(InputError) as caught:
-        from_mapping({"mesh": {"parts": {"new": part}}})
-    text = str(caught.value)
-    assert text.startswith(f"{key}: ") and words in text
-
-
 def test_a_part_without_facets_is_refused_with_the_place_of_the_boundary(
     comm: MPI.Intracomm,
 ) -> None:

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import SMALL_BLOCK, block
-from small_meshes import BODY, FAR, LOOSE, REFUSED, SQUARE, Groups, Points, study
+from problems import block
+from small_meshes import BODY, FAR, LOOSE, REFUSED, SQUARE, Groups, study
 from xdmf import write_xdmf
 
-from contact_locking import check, solve, study_file
-from contact_locking.command import cli
+from contact_locking import check, study_file
 from contact_locking.errors import InputError
 from contact_locking.mesh.data import data_file
 from contact_locking.mesh.parts import groups
@@ -121,24 +120,6 @@ def test_tags_with_several_values_are_groups_named_by_number(
     assert counts == {"1": 1, "2": 1, "5": 2, "8": 1}
 
 
-def test_cells_without_tags_are_one_region(folder: Path, comm: MPI.Intracomm) -> None:
-    named: Groups = {"left": [(4, 1)], "": BODY["body"]}
-    assert list(from_xdmf(written(folder, comm, SQUARE, named), comm).cell_names) == ["mesh"]
-
-
-def test_groups_off_and_inside_the_body_are_refused_where_they_are_used(
-    folder: Path, comm: MPI.Intracomm
-) -> None:
-    named: Groups = {**BODY, "across": [(2, 4)], "diagonal": [(1, 3)]}
-    path = written(folder, comm, SQUARE, named)
-    (warning,) = check(study(path), comm)["warnings"]
-    assert "group 'across' does not lie on the body: 1 of its 1 lines" in warning
-    for name, words in (("across", "does not lie on"), ("diagonal", "lies inside")):
-        with pytest.raises(InputError, match=f"'{name}' {words} the body") as caught:
-            check(study(path, contact={"on": name}), comm)
-        assert caught.value.key == "contact.on"
-
-
 def test_a_group_partly_inside_the_body_keeps_its_boundary_with_a_warning(
     folder: Path, comm: MPI.Intracomm
 ) -> None:
@@ -149,57 +130,10 @@ def test_a_group_partly_inside_the_body_keeps_its_boundary_with_a_warning(
     assert bottom.measure == pytest.approx(1.0)
 
 
-def test_suspicious_meshes_are_read_with_a_warning(folder: Path, comm: MPI.Intracomm) -> None:
-    crack: Groups = {
-        "left": [(1, 6), (7, 4)],
-        "body": [(1, 2, 5), (2, 3, 5), (3, 4, 5), (1, 5, 6), (7, 5, 4)],
-    }
-    thin: Groups = {**BODY, "body": [*BODY["body"], (1, 2, 5)]}
-    cases: list[tuple[Points, Groups, str]] = [
-        ([*SQUARE, (0.5, 0.5), (0, 0.5), (0, 0.5)], crack, "double: nodes 5 and 6 are both"),
-        ([*SQUARE, (0.5, -1e-8)], thin, "triangle 2 at (0.5, -3.33333e-09) has nearly collapsed"),
-    ]
-    for points, named, words in cases:
-        (warning,) = from_xdmf(written(folder, comm, points, named), comm).warnings
-        assert words in warning
-
-
 def test_parts_are_found_across_the_ranks(folder: Path, comm: MPI.Intracomm) -> None:
     path = written(folder, comm, SQUARE + FAR, LOOSE)
     with pytest.raises(InputError, match=r"part 2 of the body \(island, from \(3, 0\) to \(4, 1"):
         check(study(path), comm)
-
-
-def test_a_study_of_the_file_has_the_solution_of_the_builder(
-    folder: Path, comm: MPI.Intracomm
-) -> None:
-    parameters = block(2, 0.25)
-    export(from_geometry(parameters.mesh.geometry, comm), folder / "block.xdmf")
-    from_file = solve(block(2, 0.25, mesh={"file": str(folder / "block.xdmf")}), comm)
-    built = solve(parameters, comm)
-    for key in ("compliance", "elastic_energy", "contact_force", "slip_area"):
-        assert from_file.summary[key] == pytest.approx(built.summary[key], rel=1e-8)
-    if comm.rank == 0:
-        assert from_file.contact_points is not None and built.contact_points is not None
-        pressures = from_file.contact_points.pressure, built.contact_points.pressure
-        assert np.allclose(*pressures, rtol=1e-7, atol=1e-10)
-
-
-def test_the_command_writes_the_mesh_of_any_study(folder: Path, comm: MPI.Intracomm) -> None:
-    file, body = folder / "study.yml", folder / "body.xdmf"
-    if comm.rank == 0:
-        file.write_text(SMALL_BLOCK, encoding="utf-8")
-    comm.Barrier()
-    assert cli.main(["mesh", str(file), "-o", str(body)]) == 0
-    again = ["--set", f"mesh={{file: {body}}}", "-o", str(folder / "again.xdmf")]
-    assert cli.main(["mesh", str(file), *again]) == 0
-    one, two = (from_xdmf(folder / name, comm) for name in ("body.xdmf", "again.xdmf"))
-    for before, after in zip(groups(one), groups(two), strict=True):
-        names = [(item.name, item.dim, item.count) for item in (before, after)]
-        assert names[0] == names[1]
-        # The ranks may have other facets, whose sum rounds otherwise.
-        assert before.measure == pytest.approx(after.measure)
-        assert (before.normal or ()) == pytest.approx(after.normal or (), abs=1e-12)
 
 
 @pytest.mark.serial

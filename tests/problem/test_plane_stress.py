@@ -91,23 +91,6 @@ def test_fibres_along_the_tension_stop_at_their_limit_and_carry_the_rest() -> No
     assert wide == pytest.approx(-POISSON * LIMIT, rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"material__locking": [{"norm": "volume", "at_most": 0.1}]}, "volume does not go with"),
-        ({"material__locking": [{"norm": "deviator", "at_most": 0.1}]}, "across the plane"),
-        ({"material__elasticity": {"stiffness": np.eye(3).tolist()}}, "leave out plane"),
-        ({"material__elasticity": {"lambda": -0.7, "mu": 1.0}}, "3 lambda"),
-        ({"mesh__dim": 3, "mesh__size": [1.0] * 3, "loads": {}}, "not for bodies in 3D"),
-    ],
-)
-def test_what_needs_the_strain_across_the_plane_is_refused(
-    changes: dict[str, Any], message: str
-) -> None:
-    with pytest.raises(ValueError, match=message):
-        sheet(**changes)
-
-
 def test_a_body_in_plane_strain_keeps_its_fingerprint() -> None:
     stress, strain = sheet(), sheet(material__plane="strain")
     plain = sheet()

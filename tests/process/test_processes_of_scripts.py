@@ -89,37 +89,6 @@ def test_a_constant_is_the_time_of_a_process() -> None:
     assert caught.value.key == "Steps.times"
 
 
-def test_expressions_of_t_move_foundations_push_and_hold_in_scripts_as_in_study_files() -> None:
-    """A tool that moves along the body and is pressed on it by a force, and a top that slides."""
-    floor = {"point": [0, 0], "normal": [0, 1]}
-    tool = {"half_space": floor, "motion": ["0.01*t", 0], "force": [0, "0.02*min(2*t, 1)"]}
-    contact = {"on": "bottom", "foundation": tool}
-    held = [{"on": "top", "value": ["-0.01*t", 0]}]
-    friction = {"coefficient": "0.3/(1 + s)", "smoothing": {"radius": 0.25}}
-    study = sheared(contact=contact, loads={"displacements": held}, friction=friction)
-    expected = all_of(study)
-    domain, space = expected[0].domain, expected[0].displacement.function_space
-    plane = cl.Foundation(cl.HalfSpace((0, 0), (0, 1)), motion=tool["motion"], force=tool["force"])
-    top = domain.facets(("top",))
-    problem = cl.ContactProblem(
-        cl.Elasticity(young=1.0, poisson=0.3),
-        bcs=[cl.Support(top, (1.0, 0.0), "-0.01*t"), cl.Support(top, (0.0, 1.0))],
-        limits=[cl.StrainBall(0.04)],
-        contacts=[
-            cl.Contact(
-                domain.facets(("bottom",)),
-                plane,
-                cl.Coulomb("0.3/(1 + s)", cl.Convolution(0.25)),
-            )
-        ],
-        space=space,
-    )
-    process = cl.Process(problem, TIMES)
-    found = list(process)
-    assert_same(process.history, expected[-1].history)
-    assert abs(found[-1].summary["friction_force"][0]) > 1e-3
-
-
 @pytest.fixture
 def late(monkeypatch: pytest.MonkeyPatch) -> Fail:
     """Lets the step from t = 0.375 to 0.5 fail."""
@@ -136,31 +105,6 @@ def late(monkeypatch: pytest.MonkeyPatch) -> Fail:
         monkeypatch.setattr(ProblemSolver, "solve", solved)
 
     return fail
-
-
-def test_a_step_of_a_script_is_halved_as_that_of_a_study(
-    late: Fail, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    block, study = Block(), cl.assemble(sheared(), MPI.COMM_WORLD)
-    late(lambda: block.now)
-    process = block.process()
-    *_, last = process
-    assert len(process.history) == 9 and process.history.rows[3]["t"] == 0.4375
-    assert last.summary["steps"]["halvings"] == 1
-    monkeypatch.undo()
-    late(lambda: study.clock.now)
-    assert_same(process.history, cl.solve_assembled(study).history)
-
-
-def test_a_process_of_a_script_goes_on_from_a_saved_step(tmp_path: Path) -> None:
-    folder, whole = Path(MPI.COMM_WORLD.bcast(tmp_path)), Block().process()
-    for number, solution in enumerate(whole, start=1):
-        if number == 3:
-            cl.save(solution, folder)
-    rest = Block().process(restart=folder)
-    times = [solution.time for solution in rest]
-    assert times == list(TIMES[2:])
-    assert_same(rest.history, whole.history)
 
 
 @pytest.mark.usefixtures("unrendered")

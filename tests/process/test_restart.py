@@ -54,15 +54,6 @@ CHANGES: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("method", ["interior_point", slow("penalty")])
-def test_a_restart_in_3d_finds_what_a_cold_start_finds(method: str, folder: Path) -> None:
-    save(solving.solve(given(method, 3)), folder)
-    changed = given(method, 3, friction__coefficient=0.33)
-    restarted, cold = solving.solve(changed, restart=folder), solving.solve(changed)
-    assert agree(restarted, cold)
-    assert 0 < tangents(restarted) < tangents(cold)
-
-
 @pytest.mark.serial
 @pytest.mark.parametrize("n", [slow(1e8), float("inf")])
 def test_the_inequality_is_solved_from_nothing_unless_it_is_solved_already(

@@ -14,7 +14,6 @@ from dolfinx import fem
 from mpi4py import MPI
 from solutions import made_up
 
-from contact_locking import study_file
 from contact_locking.errors import InputError
 from contact_locking.results import fields
 from contact_locking.results import folder as output_folder
@@ -117,15 +116,6 @@ def test_contact_csv_has_a_row_per_point_in_order(
     assert sorted(set(facets.ravel())) == list(range(len(rows)))
 
 
-def test_contact_csv_of_a_body_without_contact_is_a_header(
-    folder: Path, comm: MPI.Intracomm
-) -> None:
-    writing.write(made_up(contact=False), folder)
-    comm.Barrier()
-    for name in ("contact.csv", "contact_facets.csv"):
-        assert (folder / name).read_text().count("\n") == 1
-
-
 def test_the_summary_is_json_that_says_what_is_not_finite(
     folder: Path, comm: MPI.Intracomm
 ) -> None:
@@ -140,13 +130,6 @@ def test_the_summary_is_json_that_says_what_is_not_finite(
     assert summary["contact_force"] == [0.0, 0.125]
     assert summary["certificate"]["bounds"]["one"]["bound"] is None
     assert summary["not_finite"] == {"certificate.bounds.one.bound": "inf"}
-
-
-def test_the_parameters_load_back_equal(folder: Path, comm: MPI.Intracomm) -> None:
-    solution = made_up()
-    writing.write(solution, folder)
-    comm.Barrier()
-    assert study_file.load(folder / "parameters.yaml").parameters == solution.parameters
 
 
 def test_a_folder_that_cannot_be_written_to_is_bad_input_on_every_rank(

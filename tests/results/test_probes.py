@@ -12,11 +12,10 @@ from mpi4py import MPI
 from pressed_square import BOTH_DEGREES, square
 from problems import block
 
-from contact_locking import InputError, Parameters, solve, study_file
+from contact_locking import InputError, Parameters, solve
 from contact_locking.monitor import Monitor
 from contact_locking.running.run import run
 from contact_locking.study.assembly import assemble
-from contact_locking.study_file import from_mapping
 
 POINTS = [[0.5, 0.5], [0.1, 0.7], [1.0, 1.0], [0.5, 0.0]]
 PROBES = [{"points": POINTS}, {"line": {"from": [0, 0.5], "to": [1, 0.5], "count": 5}}]
@@ -94,18 +93,6 @@ def test_probes_do_not_depend_on_the_ranks(degree: int) -> None:
         assert together[name][0] == together[name][6]
 
 
-def test_a_held_point_has_its_prescribed_displacement_and_a_node_of_contact_its_own() -> None:
-    solution = solve(square(output={"probes": PROBES}))
-    if solution.contact_points is None or solution.probes is None:
-        return
-    found = table(solution.probes.text())
-    # Interpolation multiplies the other nodes by the rounding of zero.
-    assert [found["u_x"][8], found["u_y"][8]] == pytest.approx([0.0, 0.0], abs=1e-15)
-    points = solution.contact_points
-    (row,) = np.flatnonzero(np.isclose(points.x[:, 0], 0.5))
-    assert found["u_y"][3] == pytest.approx(-points.u_normal[row], rel=1e-12)
-
-
 class _Stopping(Monitor):
     """Stops a process before its second step."""
 
@@ -145,28 +132,3 @@ def test_a_point_outside_of_the_body_is_refused_before_the_solve(probe: Any, key
     with pytest.raises(InputError, match="outside of the mesh") as caught:
         assemble(square(output={"probes": [{"points": [[0, 0]]}, probe]}), MPI.COMM_WORLD)
     assert caught.value.key == key
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize(
-    ("probes", "words"),
-    [
-        ([{}], "exactly one of points and line"),
-        ([{"points": [[0, 0, 0]]}], "must have 2 components in 2D"),
-        ([{"line": {"from": [0, 0], "to": [1, 0, 0], "count": 3}}], "must have 2 coordinates"),
-        ([{"line": {"from": [0, 0], "to": [1, 0], "count": 1}}], "count"),
-        ([{"line": {"from": [0, 0], "to": [1, 0], "count": 9000}}] * 2, "18000 points"),
-    ],
-)
-def test_wrong_probes_are_refused_with_their_key(probes: Any, words: str) -> None:
-    with pytest.raises(InputError, match=words) as caught:
-        from_mapping({"mesh": {"builder": "block"}, "output": {"probes": probes}})
-    assert "output.probes" in str(caught.value)
-
-
-def test_probes_count_in_the_fingerprint_and_survive_a_dump() -> None:
-    held = {"displacements": [{"on": "right", "value": [0, 0]}]}
-    without = square(loads=held, output={"probes": []})
-    some = square(loads=held, output={"probes": PROBES})
-    assert study_file.fingerprint(some) != study_file.fingerprint(without)
-    assert "from:" in study_file.dump(some)

@@ -174,16 +174,6 @@ def test_the_centre_of_pressure_is_not_known_before_the_body_touches(tmp_path: P
     assert (tmp_path / "report" / "history-place.svg").exists()
 
 
-@pytest.mark.serial
-def test_a_block_that_slides_uses_all_of_its_friction() -> None:
-    drag = {"displacements": [{"on": "top", "value": [0.1, -0.01]}]}
-    free: dict[str, Any] = {"friction__smoothing": {"kernel": "none"}, "penalty": {}}
-    found = summary(block(h=0.5, loads=drag, material__locking_limit=float("inf"), **free))
-    assert found["friction_used"] == pytest.approx(1.0, abs=1e-6)
-    force, friction = found["contact_force"][1], -found["friction_force"][0]
-    assert friction == pytest.approx(0.3 * force, rel=1e-6)
-
-
 def test_the_numbers_and_their_places_do_not_depend_on_the_ranks() -> None:
     given = block(h=0.25, penalty__n=float("inf"), material__locking_limit=0.02)
     together, alone = summary(given), solve(given, MPI.COMM_SELF).summary
@@ -192,18 +182,6 @@ def test_the_numbers_and_their_places_do_not_depend_on_the_ranks() -> None:
             assert together[key] == pytest.approx(alone[key], rel=1e-5, abs=1e-7), key
             if item.at:
                 assert together[f"{key}_at"] == pytest.approx(alone[f"{key}_at"], abs=1e-9), key
-
-
-def test_two_contacts_have_numbers_of_their_own_and_together() -> None:
-    squeezed = {"displacements": [{"on": "left", "value": [0, 0]}]}
-    found = summary(
-        block(h=0.25, loads=squeezed, contact=[{"on": "bottom", "gap": -0.01}, {"on": "top"}])
-    )
-    below, above = found["contacts"]
-    assert found["pressure_max"] == max(below["pressure_max"], above["pressure_max"]) > 0.0
-    assert found["contact_area"] == pytest.approx(below["contact_area"] + above["contact_area"])
-    forces = np.add(below["contact_force"], above["contact_force"])
-    assert found["contact_force"] == pytest.approx(list(forces))
 
 
 @pytest.fixture

@@ -5,14 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import gmsh
 import pytest
 from changed_study import changed
-from mpi4py import MPI
 
-from contact_locking import study_file
 from contact_locking.command import cli
-from contact_locking.running import solving
 
 pytestmark = pytest.mark.serial
 
@@ -101,52 +97,3 @@ def test_output_that_is_a_file_is_refused(
     message = _refused(changed(tmp_path, {}), tmp_path / "out", capsys)
     assert "output.directory" in message
     assert (tmp_path / "out").read_text() == "in the way"
-
-
-def _mesh_file(path: Path, dim: int, order: int = 1) -> None:
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        if dim == 1:
-            a, b = (gmsh.model.geo.addPoint(x, 0.0, 0.0, 0.5) for x in (0.0, 1.0))
-            gmsh.model.geo.addLine(a, b)
-            gmsh.model.geo.synchronize()
-            gmsh.model.addPhysicalGroup(1, [1], name="line")
-        else:
-            gmsh.model.occ.addRectangle(0.0, 0.0, 0.0, 1.0, 1.0)
-            gmsh.model.occ.synchronize()
-            gmsh.model.addPhysicalGroup(2, [1], name="body")
-            for tag, name in enumerate(("bottom", "right", "top", "left"), start=1):
-                gmsh.model.addPhysicalGroup(1, [tag], name=name)
-        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.3)
-        gmsh.model.mesh.generate(dim)
-        gmsh.model.mesh.setOrder(order)
-        gmsh.write(str(path))
-    finally:
-        gmsh.finalize()
-
-
-@pytest.mark.parametrize(("dim", "order"), [(1, 1), (2, 3)])
-def test_meshes_that_will_not_do_are_refused(
-    dim: int, order: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    _mesh_file(tmp_path / "body.msh", dim, order=order)
-    file = changed(tmp_path, {"mesh": {"file": "body.msh"}})
-    assert "mesh.file" in _refused(file, tmp_path / "out", capsys)
-
-
-def test_a_file_that_is_no_mesh_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "body.msh").write_text("$MeshFormat\nnonsense\n")
-    file = changed(tmp_path, {"mesh": {"file": "body.msh"}})
-    assert "mesh.file" in _refused(file, tmp_path / "out", capsys)
-
-
-def test_a_mesh_of_the_users_own_with_named_groups_is_solved(tmp_path: Path) -> None:
-    _mesh_file(tmp_path / "body.msh", 2)
-    study = study_file.load(changed(tmp_path, {"mesh": {"file": "body.msh"}}))
-    solution = solving.solve(study.parameters, MPI.COMM_SELF)
-    assert solution.converged
-    assert set(solution.domain.facet_names) == {"bottom", "right", "top", "left"}
-    assert solution.summary["contact_force"][1] > 0.0

@@ -10,7 +10,6 @@ from solutions import made_up
 
 from contact_locking.command import cli
 from contact_locking.errors import InputError
-from contact_locking.files.atomic import locked
 from contact_locking.process.checkpoint import SavedSteps
 from contact_locking.running import run as writing
 from contact_locking.view import report
@@ -101,10 +100,3 @@ def test_the_reports_of_a_run_and_a_study_in_one_folder_are_two_pages(tmp_path: 
     assert pages == [tmp_path / "report.html", tmp_path / "report-study.html"]
     run, study = (page.read_text(encoding="utf-8") for page in pages)
     assert "of 8 cases" not in run and "cases" in study and run != study
-
-
-def test_a_lock_left_by_a_killed_run_is_taken_over(tmp_path: Path) -> None:
-    (tmp_path / ".lock").write_text("a study, process 12 on a-machine\n")
-    with locked(tmp_path, "run"):
-        pass
-    assert not (tmp_path / ".lock").exists()

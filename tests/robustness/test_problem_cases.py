@@ -101,28 +101,6 @@ def test_the_displacement_scales_with_a_tiny_load(kernel: str) -> None:
     assert np.abs(v / share - u).max() <= 1e-7 * np.abs(u).max()
 
 
-@pytest.mark.parametrize("kernel", ["convolution", "none"])
-def test_friction_alone_holds_a_pressed_and_sheared_block(kernel: str) -> None:
-    """A uniform state without strain along the foot: pressure p, shear t < mu p, no slip."""
-    p, t = 0.02, 0.006
-    loads = {
-        "tractions": [
-            {"on": "top", "value": [t, -p]},
-            {"on": "right", "value": [0.0, t]},
-            {"on": "left", "value": [0.0, -t]},
-        ]
-    }
-    mesh = {"builder": "block", "dim": 2, "h": 0.25}
-    data = study(mesh, loads, friction=0.5, smoothing={"kernel": kernel, "radius": 0.3})
-    data["material"]["elasticity"] = {"young": 1.0, "poisson": 0.0}
-    found = solution_of(data)
-    np.testing.assert_allclose(found.summary["contact_force"], [0.0, p], atol=1e-6 * p)
-    np.testing.assert_allclose(found.summary["friction_force"], [-t, 0.0], atol=1e-6 * t)
-    points = found.contact_points
-    assert points is not None
-    assert np.abs(points.u_tangent).max() <= 1e-6 * np.abs(found.displacement.x.array).max()
-
-
 def _lifted_sheet(height: float, **more: Any) -> Study:
     """A sheet of steel of 300 to 1 on a floor, lifted at one end; N, mm, per mm of width."""
     loads = {

@@ -26,21 +26,6 @@ def test_bodies_have_opposite_forces_with_swapped_sides(seed: int, kind: str) ->
     assert (outcome.kind, outcome.notes["swapped"]) == (SOLVED, kind), outcome.reason
 
 
-def test_a_disc_that_sinks_far_between_pads_is_held_or_told_to_be_lost() -> None:
-    """It sinks by 0.16, and fingers close by 0.0012: no node of the coarse pads meets it."""
-    given = case_of("grip", 207).study
-    other = exchanged(given)
-    assert other is not None
-    held, lost = (
-        solve_assembled(assemble(Parameters.model_validate(each), MPI.COMM_SELF))
-        for each in (given, other)
-    )
-    assert held.converged and not lost.converged
-    assert held.summary["reactions"]["left_root"][0] == pytest.approx(9.253e-6, rel=5e-3)
-    apart = lost.summary["certificate"]["criteria"]["bodies_apart"]["value"]
-    assert apart == pytest.approx(0.5, abs=0.01)
-
-
 def test_grains_under_one_name_have_no_sides_to_swap() -> None:
     assert exchanged(case_of("grains", 0).study) is None
 

@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 import pytest
-from wrong_values import STUDIES_WRONG, WRONG, nested
+from wrong_values import SECTIONS_WRONG, STUDIES_WRONG, WRONG, nested
 
 from contact_locking.errors import InputError
 from contact_locking.study_file import from_mapping
@@ -57,3 +57,11 @@ def test_a_study_that_cannot_run_is_refused(study: Any) -> None:
     with pytest.raises(InputError) as caught:
         from_mapping({"study": study})
     assert str(caught.value).startswith("study")
+
+
+@pytest.mark.parametrize(("key", "data"), SECTIONS_WRONG)
+def test_a_wrong_section_is_refused_with_its_key_alone(key: str, data: Any) -> None:
+    with pytest.raises(InputError) as caught:
+        from_mapping(data)
+    assert str(caught.value).startswith(f"{key}: ")
+    assert "\n" not in str(caught.value)

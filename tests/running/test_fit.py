@@ -100,19 +100,6 @@ def test_a_modulus_is_fitted_to_a_line(folder: Folder) -> None:
 
 
 @quick
-def test_a_fit_finds_its_evaluations_again_and_a_run_takes_its_place(folder: Folder) -> None:
-    folder.write(COLUMN + FIT, curve=LINE)
-    folder.fit()
-    before, found = folder.evaluations, folder.found
-    assert len(before) == 2 * found["evaluations"]
-    assert folder.fit() == 0
-    assert folder.evaluations == before and folder.found == found
-    output = str(folder.path / "results")
-    assert cli.main(["run", str(folder.path / "study.yml"), "--quiet", "--output", output]) == 0
-    assert not (folder.path / "results/fit.json").exists()
-
-
-@quick
 @pytest.mark.parametrize("starts", [1, 2])
 def test_a_fit_that_was_killed_goes_on(folder: Folder, starts: int) -> None:
     """One search, or several as the cases of a study."""

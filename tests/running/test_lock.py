@@ -66,15 +66,6 @@ def run(study: Path) -> int:
     return cli.main(["run", str(study), "--output", str(study.parent / "out"), "--quiet"])
 
 
-def test_a_second_run_in_the_folder_of_one_going_on_is_refused(
-    study: Path, running: subprocess.Popen[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(study) == 2
-    errors = capsys.readouterr().err
-    assert "are being written to" in errors and f"by a run, process {running.pid} on" in errors
-    assert list(study.parent.glob("out/.partial-*/fields.bp")), "its files are left alone"
-
-
 def test_a_run_in_the_folder_of_a_study_going_on_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -5,38 +5,16 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
 import pytest
-from mpi4py import MPI
-from problems import block, column, with_changes
+from problems import block, with_changes
 from slow import slow
 from solved_by_cg import crushed_steel
 
-from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
-from contact_locking.results.contact_points import OPEN
 from contact_locking.running import solving
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
 from contact_locking.solver.linear.tangent_solver import MultigridTangents
 from contact_locking.study_file.parameters import Parameters
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize("dim", [2, slow(3)])
-@pytest.mark.parametrize("coefficient", [0.0, 0.3, "0.5 - 0.2*s/(s + 0.01)"])
-def test_interior_point_and_newton_find_the_same_solution(
-    dim: int, coefficient: float | str
-) -> None:
-    h = 0.1 if dim == 2 else 0.34
-    newton, interior = (
-        solving.solve(block(dim, h, friction__coefficient=coefficient, solver={"method": method}))
-        for method in ("penalty", "interior_point")
-    )
-    assert newton.converged and interior.converged
-    for key in ("compliance", "elastic_energy", "strain_norm_max"):
-        assert interior.summary[key] == pytest.approx(newton.summary[key], rel=1e-8)
-    for key in ("contact_force", "friction_force"):
-        assert interior.summary[key] == pytest.approx(newton.summary[key], rel=1e-7, abs=1e-9)
 
 
 @pytest.mark.serial
@@ -46,45 +24,6 @@ def test_iterations_hardly_depend_on_n(coefficient: float) -> None:
         solution = solving.solve(block(h=0.1, penalty__n=n, friction__coefficient=coefficient))
         assert solution.converged, solution.summary["reason"]
         assert solution.summary["iterations"]["tangents"] <= 30
-
-
-@pytest.mark.serial
-def test_penalised_solutions_tend_to_that_of_the_inequality() -> None:
-    def displacement(n: float) -> FloatArray:
-        # Alone, since two meshes need not be distributed alike.
-        solution = solving.solve(block(penalty__n=n), MPI.COMM_SELF)
-        return solution.displacement.x.array.copy()
-
-    limit = displacement(math.inf)
-    errors = [np.abs(displacement(n) - limit).max() for n in (1e2, 1e3, 1e4)]
-    assert errors[0] > 3.0 * errors[1] > 9.0 * errors[2]
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_inequality_keeps_both_constraints_and_the_coulomb_cone(dim: int) -> None:
-    solution = solving.solve(block(dim, 0.1 if dim == 2 else 0.34, penalty__n=math.inf))
-    summary = solution.summary
-    assert solution.converged
-    assert summary["strain_norm_max"] <= 0.02 * (1.0 + 1e-6)
-    assert summary["locked_fraction"] > 0.1
-    assert summary["penetration_max"] <= 1e-8
-    points = solution.contact_points
-    if points is not None:
-        traction = np.linalg.norm(points.traction, axis=1)
-        assert np.all(traction <= points.bound * (1.0 + 1e-6) + 1e-9)
-        assert np.abs(points.pressure * (points.gap - points.u_normal)).max() <= 1e-8
-        assert np.array_equal(points.pressure > 0.0, points.state != OPEN)
-        sliding = np.sum(points.traction * points.u_tangent, axis=1)
-        assert np.all(sliding <= 1e-12)
-
-
-@pytest.mark.serial
-def test_column_under_the_inequality_stops_at_the_locking_limit() -> None:
-    solution = solving.solve(column(penalty={"n": math.inf}))
-    assert solution.converged
-    assert solution.summary["strain_norm_max"] == pytest.approx(0.02, rel=1e-7)
-    # It sinks by the gap and the locked shortening.
-    assert solution.summary["compliance"] == pytest.approx(0.05 * (0.1 + 0.04), rel=1e-7)
 
 
 def _stretched(by: float, n: float) -> Parameters:

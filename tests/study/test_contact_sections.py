@@ -7,13 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mpi4py import MPI
 from problems import block
 
 from contact_locking.contact.contact import Coulomb, Mollifier
 from contact_locking.errors import InputError
 from contact_locking.running.solving import solve
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file import dump, from_mapping, load, problem_fingerprint
 
 pytestmark = pytest.mark.serial
@@ -41,12 +39,6 @@ def file(tmp_path: Path) -> Path:
     path = tmp_path / "study.yml"
     path.write_text(FLOOR_AND_WALL)
     return path
-
-
-def refusal(data: Any) -> str:
-    with pytest.raises(InputError) as caught:
-        from_mapping(data)
-    return str(caught.value)
 
 
 def test_one_section_is_one_part_with_the_common_friction() -> None:
@@ -112,62 +104,6 @@ def test_the_fingerprint_tells_problems_apart_and_not_the_ways_to_write_them() -
     assert len({one, of(two), of(two[::-1]), of(two, {"coefficient": 0.3}), of([])}) == 5
 
 
-WRONG: list[tuple[Any, str]] = [
-    (3, "contact: must be a mapping with keys among on, foundation, friction, gap, against"),
-    ([3], "contact.0: must be a mapping with keys among on, foundation, friction, gap, "),
-    (
-        [{}, {"gapp": 1}],
-        r"contact.1.gapp: unknown key (did you mean 'gap'?); known here: on, foundation",
-    ),
-    ([{}, {"on": "botom"}], "contact.1.on: no part of the boundary is named 'botom' (did you"),
-    # What only scripts give has no key.
-    ([{"at": "a"}], "contact.0.at: unknown key"),
-    ([{"<at>": "a"}], "contact.0.<at>: unknown key"),
-    ({"foundation": {"polyline": {"<only>": [[0, 0], [1, 0]]}}}, "contact.foundation.polyline: "),
-    ([{}, {"gap": "z"}], "contact.1.gap: in the expression 'z': unknown name 'z'"),
-    ([{}, {"gap": 1, "foundation": SPHERE}], "contact.1.gap: the foundation defines the gap"),
-    (
-        [{}, {"foundation": {"sphere": {"centre": [0, 0, 0], "radius": 1}}}],
-        "contact.1.foundation.sphere.centre: must have 2 components in 2D",
-    ),
-    ([{"friction": {"coefficient": -1}}], "contact.0.friction.coefficient: must be >= 0, not -1"),
-    ([{"friction": {"coefficient": "z"}}], "contact.0.friction.coefficient: in the expression 'z'"),
-    (
-        {"friction": {"smoothing": {"kernel": "convolve"}}},
-        "contact.friction.smoothing.kernel: must be convolution, helmholtz or none, not 'convolve'",
-    ),
-    ([{"friction": {"mu": 1}}], "contact.0.friction.mu: unknown key (did you mean"),
-    ({"0": {"gap": 1}}, "contact.0: contact is one section and not a list: leave the number out"),
-    ([{}] * 101, "contact: has 101 entries; at most 100 are allowed"),
-]
-
-
-@pytest.mark.parametrize(("contact", "message"), WRONG, ids=lambda value: str(value)[:30])
-def test_a_wrong_section_is_refused_by_its_number(contact: Any, message: str) -> None:
-    text = refusal({"contact": contact})
-    assert text.startswith(message)
-    assert "\n" not in text
-
-
-def test_a_fault_of_a_list_has_its_line(file: Path) -> None:
-    file.write_text(FLOOR_AND_WALL.replace("0.6", "-0.6").replace("gap: 0.01", "gap: q"))
-    with pytest.raises(InputError) as caught:
-        load(file)
-    first, second = str(caught.value).splitlines()
-    assert first.startswith(f"{file}:4: contact.0.gap: in the expression 'q'")
-    assert second.startswith(f"{file}:8: contact.1.friction.coefficient: must be >= 0")
-
-
-def test_prescribed_displacements_must_not_overlap_any_part() -> None:
-    sections = [{"on": "bottom"}, {"on": ["right", "left"]}]
-    held = {"displacements": [{"on": "left", "value": [0, 0]}]}
-    with pytest.raises(
-        InputError, match=r"Gamma_C and Gamma_D overlap: .*null across it"
-    ) as caught:
-        assemble(block(h=0.5, contact=sections, loads=held), MPI.COMM_WORLD)
-    assert caught.value.key == "loads.displacements.0.on"
-
-
 def test_contact_may_be_held_along_its_surface_and_not_across() -> None:
     """It slides on the foundation as it is moved, and the reaction holds it against friction."""
 
@@ -186,17 +122,3 @@ def test_contact_may_be_held_along_its_surface_and_not_across() -> None:
     assert sum(force[0] for force in found["reactions"].values()) == pytest.approx(-friction)
     with pytest.raises(InputError, match="displacement across it"):
         solved(None, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("key", "message"),
-    [
-        ("contact.gap", "'contact' is a list with the indices 0 to 0, not 'gap'"),
-        ("contact.1.gap", "'contact' is a list with the indices 0 to 0, not '1'"),
-        ("contact.0.gapp", "no key 'gapp' in contact.0 (did you mean 'gap'?)"),
-        ("contact.first.gap", "no key 'first' in contact"),
-        ("contact.0.0.gap", "no key '0' in contact.0"),
-    ],
-)
-def test_a_study_cannot_vary_what_the_list_does_not_have(key: str, message: str) -> None:
-    assert message in refusal({"contact": [{}], "study": {"vary": {key: [0]}}})

@@ -164,28 +164,6 @@ def test_heat_locks_the_body_at_the_limit_of_the_whole_strain(
     assert found.summary["locked_fraction"] == 1.0
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({}, "give either value, or expansion and temperature"),
-        ({"value": 1.0, "expansion": 1.0}, "give either value"),
-        ({"value": 0.1, "temperature": 3.0}, "belongs to expansion, not"),
-        ({"expansion": 1e-5}, "is missing beside expansion"),
-        ({"value": [0.1]}, "must have 2 or 3 normal strains in 2D, not 1"),
-        ({"value": [[0.1, 0.2], [0.3, 0.1]]}, "not symmetric"),
-        ({"value": [[0.1, 0.2], 0.3]}, "mixes numbers and rows"),
-        ({"value": [[0.1, 0.2, 0.0]] * 2}, "rows of a square tensor"),
-        ({"value": np.ones((3, 3)).tolist()}, "must be 0 in 2D"),
-        ({"value": 0.1, "on": "core"}, "no part of the body is named 'core'"),
-        ({"value": "0.1*t"}, "the file has no steps"),
-        ({"value": "0.1*z"}, "unknown name 'z'"),
-    ],
-)
-def test_what_is_no_eigenstrain_is_refused(given: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        body(material__eigenstrain=given)
-
-
 def test_derivatives_by_heat_and_springs_are_those_of_differences(comm: MPI.Intracomm) -> None:
     names = ["contact_force.1", "elastic_energy", "compliance"]
     keys = ["material.eigenstrain.value", "loads.springs.0.stiffness"]

@@ -91,19 +91,6 @@ def test_a_stiffness_may_vary_and_must_be_positive(comm: MPI.Intracomm) -> None:
         solve(pillar(loads__springs=[bed | {"stiffness": "x - 0.5"}]), comm)
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"stiffness": 0.0}, "greater than 0|must be > 0"),
-        ({"stiffness": 1.0, "along": [1.0]}, "must have 2 components"),
-        ({"stiffness": 1.0, "on": "nowhere"}, "no part of the boundary is named 'nowhere'"),
-    ],
-)
-def test_what_is_no_spring_is_refused(given: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        pillar(loads__springs=[{"on": "bottom"} | given])
-
-
 def test_springs_beside_contact_and_friction_keep_every_balance(comm: MPI.Intracomm) -> None:
     """The model case on springs in place of its clamp, in steps, with a balance of energies."""
     loads = {

@@ -34,17 +34,6 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def test_the_block_of_the_specification_is_read(file: Path) -> None:
-    parameters = load(file).parameters
-    assert parameters.mesh.geometry.h == 0.05
-    first, second = parameters.loads.displacements[0].value
-    assert first == 0.0 and second is None
-    assert parameters.friction.coefficient == "0.3 + 0.1*exp(-s)"
-    assert parameters.solver.petsc == {"snes_monitor": None}
-    assert parameters.study is not None
-    assert len(parameters.study.cases()) == 3
-
-
 def test_a_dump_loads_back_to_equal_parameters(file: Path, tmp_path: Path) -> None:
     mesh = tmp_path / "body.msh"
     mesh.touch()

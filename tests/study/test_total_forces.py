@@ -30,16 +30,6 @@ def test_a_force_is_the_traction_with_this_resultant(dim: int, comm: MPI.Intraco
         assert other.summary[key] == pytest.approx(one.summary[key], rel=1e-8)
 
 
-def test_parts_share_a_force_by_their_sizes(comm: MPI.Intracomm) -> None:
-    loads = {
-        "forces": [{"on": ["top", "right"], "value": [0.0, -0.08]}],
-        "displacements": [{"on": "left", "value": [0.0, 0.0]}],
-    }
-    parts = solve(block(h=0.25, mesh__size=[3.0, 1.0], loads=loads, friction=None), comm)
-    balance = parts.summary["contact_force"][1] + parts.summary["reactions"]["left"][1]
-    assert balance == pytest.approx(0.08, rel=1e-8)
-
-
 def test_a_force_on_a_body_of_revolution_is_that_of_the_whole_ring(comm: MPI.Intracomm) -> None:
     loads = {"forces": [{"on": "top", "value": [0.0, -0.1]}]}
     mesh = {"builder": "block", "size": [0.7, 1.0], "h": 0.35, "axisymmetric": True}

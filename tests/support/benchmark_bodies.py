@@ -150,25 +150,6 @@ def cylinders(folder: Path, fine: float, ratio: float = 1.0) -> Path:
     return write_outlines(folder / f"cylinders_{ratio}.msh", bodies, cylinder_size(fine, ratio))
 
 
-def cylinder(folder: Path, fine: float) -> Path:
-    """A half cylinder without a body below it."""
-    bodies = half_cylinder("upper", 1.0)
-    return write_outlines(folder / "cylinder.msh", bodies, cylinder_size(fine))
-
-
-def cylinder_on_block(folder: Path, fine: float) -> Path:
-    """A half cylinder on a block, whose top is the part ``face``."""
-    block = [
-        Side("flat_lower", (-4.0, -4.0)),
-        Side("", (4.0, -4.0)),
-        Side("face", (4.0, 0.0)),
-        Side("face", (0.0, 0.0)),
-        Side("", (-4.0, 0.0)),
-    ]
-    bodies = {**half_cylinder("upper", 1.0), "lower": block}
-    return write_outlines(folder / "stiff.msh", bodies, cylinder_size(fine))
-
-
 def cylinder_study(path: Path, mu: float, down: Any, aside: Any = 0.0) -> dict[str, Any]:
     """The flat side of the upper cylinder is moved, and that of the lower body is held."""
     return {

@@ -89,10 +89,9 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> StudySolution
         contact_points=points if mesh.comm.rank == 0 else None,
         contact_facets=facets if mesh.comm.rank == 0 else None,
         state=NO_STATE,
-        summary={
+        reason="every criterion held",
+        facts={
             "units": {"length": "mm", "stress": "MPa"},
-            "converged": True,
-            "reason": "every criterion held",
             "dofs": 1234,
             "locked_fraction": 0.5,
             "contact_force": [0.0, np.float64(0.125)],

@@ -12,7 +12,6 @@ from sweep.case import Study
 
 from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.errors import InputError
-from contact_locking.problem.motions import describe_motion
 from contact_locking.results import in_words
 from contact_locking.results.solution import StudySolution
 from contact_locking.running.solving import solve, solve_assembled
@@ -21,7 +20,6 @@ from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial
 
-_BOX = {2: np.array([[0.0, 0.0], [2.0, 1.0]]), 3: np.array([[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]])}
 _LOCAL = {"kernel": "none"}
 _WIDE = {"kernel": "convolution", "radius": 1.0}
 
@@ -149,27 +147,6 @@ def test_friction_that_grows_with_the_slip_holds_a_body_after_a_slip_of_0_01(law
     assert found.summary["iterations"]["tangents"] <= 12
     # It slips everywhere, and holds more if it slips on.
     assert found.summary["friction_used"] == pytest.approx(1.0) and not found.summary["warnings"]
-
-
-@pytest.mark.parametrize(
-    ("motion", "dim", "words"),
-    [
-        ([1, 0, 0], 2, "translation along x"),
-        ([1, -2, 0.01], 2, "translation along x and y"),
-        ([0, -4, 2], 2, "rotation about (2, 0)"),
-        ([0, 0, 3], 2, "rotation about (0, 0)"),
-        ([0, 0, -1, 0, 0, 0], 3, "translation along z"),
-        ([0, 0, 0, 0, 1, 0], 3, "rotation about the line along y through (0, 0.5, 0)"),
-        (
-            [0, 0, 1, 1, 0, 0],
-            3,
-            "translation along z with rotation about the line along z through (0, 0, 0.5)",
-        ),
-        ([1], 2, "translation along y, the axis"),
-    ],
-)
-def test_a_rigid_motion_is_told_in_words(motion: list[float], dim: int, words: str) -> None:
-    assert describe_motion(np.array(motion, dtype=float), _BOX[dim]) == words
 
 
 def test_feet_that_slide_apart_hold_each_other() -> None:

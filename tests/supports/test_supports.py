@@ -69,16 +69,6 @@ def test_oblique_rollers_of_a_turned_block_are_the_rollers_of_the_block(
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("along", ["given", "normal"])
-@pytest.mark.parametrize("dim", [2, 3])
-def test_a_support_along_an_axis_is_the_condition_for_the_component(dim: int, along: str) -> None:
-    wanted = unturned(dim, 1, math.inf)
-    found = solved(dim, np.eye(dim), along, **sharp(1, math.inf))
-    assert np.array_equal(nodal(found), nodal(wanted))
-    assert found.summary["reactions"] == wanted.summary["reactions"]
-
-
-@pytest.mark.serial
 def test_iterative_solvers_keep_the_held_directions() -> None:
     rotation, solver = turn(2), {"linear": "iterative", "tolerance": 1e-10}
     found, wanted = solved(2, rotation, "given", solver=solver), unturned(2, 1, 1e3)

@@ -103,8 +103,3 @@ def test_a_bound_of_the_users_own_has_no_verdict() -> None:
 
     found = constants_of(slip_weakening, Capped)["uniqueness"]
     assert found["verdict"] == "not known" and "user's own" in found["why"]
-
-
-def test_the_observed_contraction_factor_stands_beside_the_verdict() -> None:
-    found = certificate(block(solver={"method": "penalty"}))["constants"]["uniqueness"]
-    assert 0.0 < found["contraction"] < 1.0

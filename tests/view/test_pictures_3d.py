@@ -194,17 +194,3 @@ def test_without_pyvista_or_a_screen_the_reason_says_so(monkeypatch: pytest.Monk
     monkeypatch.setattr(space, "_PROGRAM", (sys.executable, "-c", ABORT))
     with pytest.raises(NoRendering, match="exit code -6"):
         space.views(snapshot())
-
-
-def test_without_a_screen_and_anything_on_the_path_all_results_are_there(
-    tmp_path: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    solution, folder = made_up(3, output={"fields": False}), comm.bcast(tmp_path)
-    monkeypatch.setenv("PATH", "")
-    monkeypatch.delenv("DISPLAY", raising=False)
-    warnings = writing.write(solution, folder)
-    # VTK from PyPI needs no screen.
-    assert not warnings or "no picture was drawn" in warnings[0]
-    if comm.rank == 0:
-        assert (folder / "picture.png").is_file() == (not warnings)
-        assert (folder / "summary.json").is_file()

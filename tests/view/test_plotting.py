@@ -13,9 +13,8 @@ import pytest
 from mpi4py import MPI
 from solutions import DIVISIONS, KINDS, displacement, made_up, of_kind
 
-from contact_locking.errors import NoRendering
 from contact_locking.view import pictures
-from contact_locking.view.pictures import space, style
+from contact_locking.view.pictures import style
 from contact_locking.view.pictures.gather import gather
 from contact_locking.view.pictures.style import Snapshot
 
@@ -66,20 +65,6 @@ def test_a_picture_in_the_plane_is_drawn(kind: str, tmp_path: Path, comm: MPI.In
         image = matplotlib.image.imread(folder / "picture.png")
         assert image.shape[1] == round(7.2 * style.DPI) and min(image.shape[:2]) > 800
         assert image[:, :, :3].std() > 0.05
-
-
-def test_without_pyvista_there_is_no_picture_in_space_and_the_reason_says_how_to_get_one(
-    tmp_path: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(body: object) -> None:
-        raise NoRendering("there is no PyVista")
-
-    monkeypatch.setattr(space, "views", fail)
-    folder = comm.bcast(tmp_path)
-    told = pictures.picture(of_kind(3, "locked"), folder)
-    assert told is not None and "there is no PyVista\n" in told and "apt-get install" in told
-    comm.Barrier()
-    assert not list(folder.iterdir())
 
 
 def test_a_picture_that_fails_says_why_on_every_rank_and_leaves_no_file(

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import subprocess
-import sys
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -18,8 +15,7 @@ from report_folder import page, quick, run_folder
 
 from contact_locking.results import folder as result_files
 from contact_locking.view import report
-from contact_locking.view.report import pages
-from contact_locking.view.report.page import Chart, environment
+from contact_locking.view.report.page import environment
 
 pytestmark = pytest.mark.serial
 
@@ -122,29 +118,3 @@ def test_a_folder_of_the_same_name_keeps_its_other_files(tmp_path: Path) -> None
     report.write(tmp_path)
     run_folder(tmp_path)
     assert own.exists() and not (tmp_path / "report.html").exists()
-
-
-@quick
-def test_a_report_replaces_the_one_before(own_run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = set(os.listdir(own_run))
-    report.write(own_run)
-    charts = set(os.listdir(own_run / "report"))
-    with monkeypatch.context() as patch:
-        one = Chart("old", "", "<svg>", b"")
-        patch.setattr(pages, "run_page", lambda results: ("", [one]))
-        report.write(own_run)
-    report.write(own_run)
-    assert set(os.listdir(own_run)) == before | {report.PAGE, report.CHARTS}
-    assert set(os.listdir(own_run / "report")) == charts | {"old.svg", "old.png"}
-
-
-def test_reports_need_no_dolfinx(own_run: Path) -> None:
-    script = f"""
-import sys
-from contact_locking.command import cli
-code = cli.main(["report", {str(own_run)!r}])
-sys.exit(code or any(name.split(".")[0] in ("dolfinx", "mpi4py") for name in sys.modules))
-"""
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, ""), done
-    assert done.stdout == f"{own_run / 'report.html'}: written\n"

@@ -152,15 +152,15 @@ class Model:
         for solution in solve_steps(parameters, self._comm, domain=self._domains.get(mesh)):
             self._domains[mesh] = solution.domain
             if not solution.converged:
-                told = (solution.summary["reason"], solution.summary["suggestion"])
+                told = (solution.reason, solution.suggestion)
                 self.failure = ".  ".join(filter(None, told))
                 return None
             times.append(solution.time)
             values.append([value_of(name, solution) for name in names])
-            if solution.summary.get("limit_used") is not None:
-                used.append(solution.summary["limit_used"])
+            if solution.facts.get("limit_used") is not None:
+                used.append(solution.facts["limit_used"])
             if parameters.sensitivities is not None:
-                derived = solution.summary["sensitivities"]
+                derived = solution.facts["sensitivities"]
                 slopes.append(
                     [[derived[name][key]["derivative"] for key in self.keys] for name in names]
                 )
