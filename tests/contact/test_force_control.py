@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 from mpi4py import MPI
-from pressed_tools import HELD, pressed, solved, told, tool
-from problems import column
+from pressed_tools import HELD, pressed, told, tool
+from problems import column, solved
 
 from contact_locking import assemble, solve
 from contact_locking.certificate.balances import equilibrium

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from pressed_tools import HELD, NONE, UP, pressed, solved, told
+from pressed_tools import HELD, NONE, UP, pressed, told
+from problems import solved
 
 from contact_locking import InputError, solve
 from contact_locking.certificate.balances import equilibrium
