@@ -35,7 +35,7 @@ from contact_locking.results.contact_points import (
     joined,
     lexicographic,
 )
-from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
+from contact_locking.solver.multipliers import ContactForces, Multipliers
 
 # The regularised friction traction never reaches the bound: a point slips from 99 % of the bound
 # on.
@@ -74,7 +74,7 @@ class ContactFields:
         self.pressure = forces.pressure
         self.traction = contact.split_nodal(0.0 - forces.friction)[1]
         self.smoothed_stress = -contact.friction.smoothing.apply(self.pressure)
-        self.bound, self.regularisation = bounds[contact], bounds.lengths[contact]
+        self.bound, self.regularisation = bounds[contact], contact.regularisation
         slips = np.linalg.norm(self.traction, axis=1) >= _SLIP_SHARE * self.bound
         slips &= contact.slides
         self.state = np.where(forces.touches, np.where(slips, SLIP, STICK), OPEN)
@@ -144,27 +144,6 @@ class Contacts:
         found = np.concatenate([np.empty(0), *(values(one) for one in self.fields)])
         places = [np.empty((0, self.domain.dim)), *(one.surface.points for one in self.fields)]
         return peak(self.domain.comm, found, np.concatenate(places))
-
-
-def penalised(system: PenalisedSystem) -> Multipliers:
-    """Locking stress (23), pressure (25) and friction (22) of u by the penalty laws; collective."""
-    data, u, kept = system.data, system.u, system.kept
-    forces = []
-    for contact, of_contact in zip(data.contacts, system.penalty_laws(), strict=True):
-        pressure = contact.acting(of_contact.pressure)
-        forces.append(ContactForces(pressure, of_contact.friction, pressure > 0.0))
-    spaces = multiplier_spaces(data, kept, u.function_space.mesh)
-    found = Multipliers.none(data, spaces, tuple(forces))
-
-    def compile_laws() -> list[fem.Expression]:
-        laws = (item.multiplier(data.strain(u), data.n) for item in data.sets)
-        return [compiled.interpolation(*pair) for pair in zip(laws, spaces, strict=True)]
-
-    for law, part in zip(kept("penalty laws", compile_laws), found.parts, strict=True):
-        part.interpolate(law)
-        part.x.scatter_forward()
-    found.add_up(data)
-    return found
 
 
 def gather_contacts(

@@ -268,7 +268,6 @@ def test_the_method_of_the_solver_falls_back_on_the_branch(monkeypatch: Any) -> 
         return strategy.Attempt(Outcome(), NotConverged("not tried"))
 
     monkeypatch.setattr(strategy, "_attempt", fails)
-    monkeypatch.setattr(strategy, "polish", lambda *given, **named: None)
     solver = _solver(_weakening(1e4))
     report = solve("auto", Task(solver.system, solver.target, solver.settings))
     assert report.converged
