@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+
+_NUMBERS = re.compile(r"(?<![\w.])[-+]?\d[\d.e+-]*")
 
 
 class Monitor:
@@ -44,17 +47,21 @@ class Monitor:
 
 
 class Attentive(Monitor):
-    """Passes all calls on to ``listener``, except for warnings that it has passed on before."""
+    """Passes all calls on to ``listener``, except for warnings that it has passed on before.
+
+    Warnings of several steps differ in their numbers, but for those in keys, as ``contact.1``.
+    """
 
     def __init__(self, listener: Monitor) -> None:
         self._listener = listener
         self._warnings: set[str] = set()
 
     def message(self, text: str) -> None:
-        if text not in self._warnings:
+        words = _NUMBERS.sub("", text)
+        if words not in self._warnings:
             self._listener.message(text)
         if text.startswith("warning"):
-            self._warnings.add(text)
+            self._warnings.add(words)
 
 
 def _passed_on(name: str) -> Callable[..., None]:

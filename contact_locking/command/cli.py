@@ -99,14 +99,12 @@ def parser() -> argparse.ArgumentParser:
         "--restart", metavar="DIR", type=Path, help="start from the state that a run saved there"
     )
     one.add_argument("--quiet", action="store_true", help="print warnings and errors only")
-    one.add_argument("--progress", type=Path, help=argparse.SUPPRESS)  # for a study to look at
     one = add_for_file("study", "Solve every case of a study; repeat the command to continue it.")
     one.add_argument("-o", "--output", metavar="DIR", help="folder of the results")
     add_plan(one, "cases")
     one = add_for_file("fit", "Fit numbers of a study file to curves; repeat it to continue.")
     one.add_argument("-o", "--output", metavar="DIR", help="folder of the results")
     one.add_argument("--quiet", action="store_true", help="print warnings and errors only")
-    one.add_argument("--progress", type=Path, help=argparse.SUPPRESS)
     add_plan(one, "searches of fit.starts")
     one = add_for_file("serve", "Answer requests of UM-Bridge for numbers of a study file.")
     one.add_argument("--host", default="127.0.0.1", help="the address, 127.0.0.1 by default")

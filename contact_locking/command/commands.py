@@ -345,11 +345,11 @@ def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
 def _solving(
     arguments: argparse.Namespace, study: StudyFile, comm: MPI.Intracomm
 ) -> Iterator[tuple[Monitor, bool]]:
-    """The listener of a solve that has the folder of the results for itself.
+    """The monitor of a solve that has the folder of the results for itself.
 
-    It is the terminal, if the command speaks, and the progress file that a study asks for.
+    It is the terminal, if the command speaks.
     """
-    from contact_locking.command.terminal import ProgressFile, TerminalMonitor
+    from contact_locking.command.terminal import TerminalMonitor
     from contact_locking.monitor import Monitor
     from contact_locking.results import folder as output_folder
 
@@ -359,9 +359,6 @@ def _solving(
     )
     reserved = output_folder.reserved(study.parameters.output.directory, comm)
     with _explained(study), reserved, shown as monitor, petsc_complaints():
-        progress: Path | None = arguments.progress
-        if progress is not None and comm.rank == 0:
-            monitor = ProgressFile(progress, monitor)
         yield monitor, speaks
 
 

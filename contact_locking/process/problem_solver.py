@@ -333,7 +333,7 @@ def state_of(state: SolvedState) -> State:
         fields.contact.state_after(problem.u, fields.state != OPEN, fields.holds)
         for fields in state.contacts
     )
-    return State(saved, state.multipliers, after)
+    return State(saved, after)
 
 
 def _facts(state: SolvedState) -> dict[str, Any]:

@@ -100,7 +100,7 @@ def _case(
     return Case(values, label, name, folder, parameters.model_copy(update={"output": output}))
 
 
-FAILURE, PROGRESS, LOG = "failure.json", "progress.json", "log.txt"
+FAILURE, LOG = "failure.json", "log.txt"
 
 State = Literal["converged", "not converged", "failed", "not run"]
 
@@ -156,7 +156,7 @@ def begin(case: Case) -> None:
     """Prepare the folder for `run`, and remove the files of an earlier attempt.  Raises OSError."""
     case.folder.mkdir(parents=True, exist_ok=True)
     remove_abandoned(case.folder)
-    for name in (FAILURE, PROGRESS, LOG):
+    for name in (FAILURE, LOG):
         (case.folder / name).unlink(missing_ok=True)
     write_text(case.folder / PARAMETERS, study_file.dump(case.parameters))
 

@@ -22,7 +22,7 @@ from contact_locking.results.folder import (
     require_own,
 )
 from contact_locking.running.cases import (
-    PROGRESS,
+    LOG,
     Case,
     Outcome,
     State,
@@ -30,11 +30,10 @@ from contact_locking.running.cases import (
     conclude,
     each_once,
     outcome,
-    read_mapping,
     row_of,
     write_rows,
 )
-from contact_locking.running.executor import Executor, Plan, Slot, launcher
+from contact_locking.running.executor import Executor, Plan, Slot, end_of, launcher
 from contact_locking.running.signals import stoppable
 from contact_locking.study_file import StudyFile
 from contact_locking.study_file.parameters import Parameters
@@ -227,18 +226,9 @@ class View:
         outer = Table.grid()
         outer.add_row(Text(", ".join(counts), style="bold"))
         inner = Table.grid(padding=(0, 2))
-        for one in running:
-            cells = (one.case.label, status(one.case), duration(one.seconds))
+        for slot in running:
+            last = end_of(slot.case.folder / LOG).strip().rpartition("\n")[2] or "starting"
+            cells = (slot.case.label, last.strip(), duration(slot.seconds))
             inner.add_row(*(Text(f"  {printable(cell)}", no_wrap=True) for cell in cells))
         outer.add_row(inner)
         return outer
-
-
-def status(case: Case) -> str:
-    """The latest progress that a running case has recorded."""
-    now = read_mapping(case.folder / PROGRESS)
-    if now is None:
-        return "starting"
-    if "iteration" not in now:
-        return str(now.get("message", ""))
-    return f"n = {now.get('n')}  iteration {now['iteration']}  residual {now.get('residual')}"

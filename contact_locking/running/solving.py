@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import re
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
@@ -45,7 +44,6 @@ _WINGS = {
     "certificate.error_bound": "theory",
     "certificate.critical_friction": "theory",
 }
-_NUMBERS = re.compile(r"(?<![\w.])[-+]?\d[\d.e+-]*")
 
 
 def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None = None) -> Settings:
@@ -233,7 +231,6 @@ def solve_steps(
     fingerprint = on_root(comm, lambda: study_file.fingerprint(parameters))
     for warning in problem.warnings:
         monitor.message(f"warning: {warning}")
-    told = set[str]()
     with contextlib.closing(SolvableStudy(problem, monitor, petsc_options)) as study:
         for solution in study.solutions(restart):
             for number, chart in enumerate(parameters.output.charts):
@@ -241,11 +238,7 @@ def solve_steps(
                     values = partial(solution.history.values, getattr(chart, axis))
                     with_key(f"output.charts.{number}.{axis}", values)
             for warning in solution.warnings:
-                # Steps differ in the numbers of a warning, but for those in keys, as contact.1.
-                words = _NUMBERS.sub("", warning)
-                if words not in told:
-                    told.add(words)
-                    monitor.message(f"warning: {warning}")
+                monitor.message(f"warning: {warning}")
             entries: dict[str, Any] = {"version": __version__, "fingerprint": fingerprint}
             entries["wall_seconds"] = time.perf_counter() - start
             others = tuple(other.telling(**entries) for other in solution.others)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
@@ -11,25 +10,11 @@ import pytest
 from rich.console import Console
 from study_folder import Folder
 
-from contact_locking.command.terminal import ProgressFile
-from contact_locking.monitor import Monitor
 from contact_locking.running.cases import Case, Outcome
 from contact_locking.running.executor import Slot
 from contact_locking.running.runner import Study, View
 
 pytestmark = pytest.mark.serial
-
-
-def test_the_progress_file_tells_where_a_run_is(tmp_path: Path) -> None:
-    path = tmp_path / "progress.json"
-    monitor = ProgressFile(path, Monitor())
-    monitor.message("preparing")
-    assert json.loads(path.read_text()) == {"message": "preparing"}
-    monitor.stage(1, 1, float("inf"), 0.0)
-    monitor.iteration(7, 1e-3)
-    assert json.loads(path.read_text()) == {"n": "inf", "iteration": "7", "residual": "1.0e-03"}
-    missing = ProgressFile(tmp_path / "missing" / "progress.json", Monitor())
-    missing.message("nobody reads this, and the run goes on")
 
 
 def test_a_terminal_shows_what_runs_and_how_far_it_is(
@@ -40,8 +25,8 @@ def test_a_terminal_shows_what_runs_and_how_far_it_is(
     study = Study.of(folder.load())
     for case in study.cases:
         case.folder.mkdir(parents=True)
-    news = '{"n": "30", "iteration": "7", "residual": "1.0e-03"}'
-    (study.cases[2].folder / "progress.json").write_text(news)
+    log = "computing\n  stage 1/1  n = 30  iteration 7, residual 1.0e-03\n"
+    (study.cases[2].folder / "log.txt").write_text(log)
     with View(Console(force_terminal=True, width=100), 3) as view:
         warned = {"warnings": ["the strain is large", "no picture"]}
         view.ended(study.cases[0], Outcome("converged", summary=warned), 30.0)
@@ -52,7 +37,7 @@ def test_a_terminal_shows_what_runs_and_how_far_it_is(
     assert "warning: the strain is large" in shown and "warning: no picture" in shown
     assert "[2/3] penalty.n = 3  not converged: [too] steep  (50 s)" in shown
     assert "2 of 3 done, 1 running, 1 not converged" in shown
-    assert "penalty.n = 30    n = 30  iteration 7  residual 1.0e-03    10 s" in shown
+    assert "penalty.n = 30    stage 1/1  n = 30  iteration 7, residual 1.0e-03    10 s" in shown
 
 
 @dataclass
