@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
-
-_NUMBERS = re.compile(r"(?<![\w.])[-+]?\d[\d.e+-]*")
 
 
 class Monitor:
@@ -47,21 +44,17 @@ class Monitor:
 
 
 class Attentive(Monitor):
-    """Passes all calls on to ``listener``, except for warnings that it has passed on before.
-
-    Warnings of several steps differ in their numbers, but for those in keys, as ``contact.1``.
-    """
+    """Passes all calls on to ``listener``, except for warnings that it has passed on before."""
 
     def __init__(self, listener: Monitor) -> None:
         self._listener = listener
         self._warnings: set[str] = set()
 
     def message(self, text: str) -> None:
-        words = _NUMBERS.sub("", text)
-        if words not in self._warnings:
+        if text not in self._warnings:
             self._listener.message(text)
         if text.startswith("warning"):
-            self._warnings.add(words)
+            self._warnings.add(text)
 
 
 def _passed_on(name: str) -> Callable[..., None]:

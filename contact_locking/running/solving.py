@@ -18,6 +18,7 @@ from contact_locking import study_file, wings
 from contact_locking._version import __version__
 from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.errors import InputError, with_key
+from contact_locking.fields.findings import Finding
 from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
@@ -231,6 +232,7 @@ def solve_steps(
     fingerprint = on_root(comm, lambda: study_file.fingerprint(parameters))
     for warning in problem.warnings:
         monitor.message(f"warning: {warning}")
+    said = set[Any]()
     with contextlib.closing(SolvableStudy(problem, monitor, petsc_options)) as study:
         for solution in study.solutions(restart):
             for number, chart in enumerate(parameters.output.charts):
@@ -238,7 +240,11 @@ def solve_steps(
                     values = partial(solution.history.values, getattr(chart, axis))
                     with_key(f"output.charts.{number}.{axis}", values)
             for warning in solution.warnings:
-                monitor.message(f"warning: {warning}")
+                # The findings of several steps differ in their numbers.
+                about = (warning.code, warning.key) if isinstance(warning, Finding) else warning
+                if about not in said:
+                    said.add(about)
+                    monitor.message(f"warning: {warning}")
             entries: dict[str, Any] = {"version": __version__, "fingerprint": fingerprint}
             entries["wall_seconds"] = time.perf_counter() - start
             others = tuple(other.telling(**entries) for other in solution.others)
