@@ -67,8 +67,8 @@ def console() -> Console:
 def complain(text: str) -> None:
     """Print to standard error, from rank 0; lines after the first are indented."""
     if is_root():
-        head, *rest = printable(text).split("\n")
-        print("\n".join([head, *(f"       {line}" for line in rest)]), file=sys.stderr, flush=True)
+        head, *lines = printable(text).split("\n")
+        print("\n".join([head, *(f"       {line}" for line in lines)]), file=sys.stderr, flush=True)
 
 
 class LastingOutput(io.FileIO):

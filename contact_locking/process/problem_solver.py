@@ -80,8 +80,8 @@ class ProblemSolver:
             held_by_friction=problem.sliding > 0,
             loose=loose,
         )
-        one = fem.Constant(problem.domain.mesh, 1.0)
-        self._volume = integral(problem.domain, one * problem.data.dx)
+        unit = fem.Constant(problem.domain.mesh, 1.0)
+        self._volume = integral(problem.domain, unit * problem.data.dx)
 
     @property
     def target(self) -> Target:
@@ -143,13 +143,15 @@ class ProblemSolver:
         """
         problem, system = self.problem, self.system
         forces = (report.multipliers or penalised(system)).contacts
-        if not problem.go_along([item.touches for item in forces]):
+        if not problem.go_along([of_contact.touches for of_contact in forces]):
             return None
         return SavedState(
             displacement=problem.u.x.array.copy(),
-            pressures=tuple(item.pressure for item in forces),
+            pressures=tuple(of_contact.pressure for of_contact in forces),
             penalty=problem.penalty,
-            slips=tuple(norm(item.increment(problem.u), axis=1) for item in problem.contacts),
+            slips=tuple(
+                norm(of_contact.increment(problem.u), axis=1) for of_contact in problem.contacts
+            ),
             travels=system.tools.travels,
             last=report.last,
             in_step=True,
@@ -164,7 +166,7 @@ class ProblemSolver:
     def may_lock_up(self) -> bool:
         """Whether limits of the strain may leave nothing admissible; collective."""
         sets = self.system.data.sets
-        limits = np.concatenate([np.zeros(1), *(item.inverse_limit.x.array for item in sets)])
+        limits = np.concatenate([np.zeros(1), *(law.inverse_limit.x.array for law in sets)])
         return self.target.penalty.is_strict and maximum(self.system.comm, limits) > 0.0
 
     def verdict(self) -> Verdict | None:
@@ -374,10 +376,10 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
     domain, tools = state.problem.domain, state.system.tools
     entries: list[dict[str, Any]] = []
     for fields in state.contacts:
-        found = computed("contact", Contacts(domain, (fields,)))
+        numbers = computed("contact", Contacts(domain, (fields,)))
         contact, against = fields.contact, fields.contact.against
         places = {"on": list(contact.on), **({"against": list(against)} if against else {})}
-        entry = {"name": contact.given.name, **places, **found}
+        entry = {"name": contact.given.name, **places, **numbers}
         for tool, size in zip(tools, tools.travels, strict=True):
             if tool.contact is fields.contact:
                 entry["tool"] = tool.summary(size)

@@ -192,11 +192,11 @@ def _jsonable(value: Any, key: str, not_finite: dict[str, str]) -> Any:
     match value:
         case dict():
             return {
-                str(name): _jsonable(item, f"{key}.{name}" if key else str(name), not_finite)
-                for name, item in value.items()
+                str(name): _jsonable(entry, f"{key}.{name}" if key else str(name), not_finite)
+                for name, entry in value.items()
             }
         case list() | tuple() | np.ndarray():
-            return [_jsonable(item, f"{key}.{i}", not_finite) for i, item in enumerate(value)]
+            return [_jsonable(entry, f"{key}.{i}", not_finite) for i, entry in enumerate(value)]
         case np.generic():
             return _jsonable(value.item(), key, not_finite)
         case float() if not math.isfinite(value):

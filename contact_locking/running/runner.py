@@ -104,17 +104,17 @@ def finish(study: Study, parameters: Parameters, plan: Plan, console: Console) -
                     view.line(f"warning: the file system of {directory} has no locks", "yellow")
                 require_own(directory, (PARAMETERS, TABLE_CSV, TABLE_LINES))
                 cases, before = study.cases, study.finished
-                told = f", {before} finished before" if before else ""
-                view.line(f"{len(cases)} cases in {directory}{told}")
+                words = f", {before} finished before" if before else ""
+                view.line(f"{len(cases)} cases in {directory}{words}")
                 asked, cores = plan.jobs * plan.ranks, os.cpu_count() or 1
                 if asked > cores:
-                    told = (
+                    words = (
                         f"{asked} processes share the {cores} cores of this machine, and are slow"
                     )
-                    view.line(f"warning: {told}", "yellow")
+                    view.line(f"warning: {words}", "yellow")
                 if repeated := len(cases) - len(study.outcomes):
-                    told = f"{repeated} repeat the values of others, and are solved once"
-                    view.line(f"warning: {told}", "yellow")
+                    words = f"{repeated} repeat the values of others, and are solved once"
+                    view.line(f"warning: {words}", "yellow")
                 for folder in (directory, directory / "cases"):
                     remove_abandoned(folder)
                 write_text(directory / PARAMETERS, study_file.dump(parameters))

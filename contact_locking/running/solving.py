@@ -98,12 +98,12 @@ class SolvableStudy:
     ) -> Solution:
         """The solution in a state, with title, probes and parameters of the study file."""
         problem, parameters = self.problem, self.parameters
-        found = self.solver.solution(state, criteria, parameters.certificate)
-        labels = parameters.output.labels(found.domain.dim, found.domain.axisymmetric)
-        facts = {"title": parameters.title, "units": labels, **found.facts}
-        probes = sample(problem.probes, found) if len(problem.probes) else None
+        solution = self.solver.solution(state, criteria, parameters.certificate)
+        labels = parameters.output.labels(solution.domain.dim, solution.domain.axisymmetric)
+        facts = {"title": parameters.title, "units": labels, **solution.facts}
+        probes = sample(problem.probes, solution) if len(problem.probes) else None
         return dataclasses.replace(
-            found, facts=facts, probes=probes, parameters=parameters, problem=self._fingerprint
+            solution, facts=facts, probes=probes, parameters=parameters, problem=self._fingerprint
         )
 
     def solution(
