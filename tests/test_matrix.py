@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from problems import solved
 from sweep.covering import Item, Row, design, pairs_in, pairs_of
 from tool_files import ascii_stl
 
@@ -239,8 +240,7 @@ def test_every_pair_of_features_is_in_a_problem_or_excluded() -> None:
 
 @pytest.mark.parametrize("row", ROWS, ids=[str(number) for number in range(len(ROWS))])
 def test_features_that_go_together_are_solved(row: Row, tmp_path: Path) -> None:
-    solution = solve(from_mapping(study_of(row, tmp_path)), MPI.COMM_SELF)
-    assert solution.converged, solution.summary["reason"]
+    solved(from_mapping(study_of(row, tmp_path)), MPI.COMM_SELF)
 
 
 @pytest.mark.parametrize(

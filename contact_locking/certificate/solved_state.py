@@ -19,7 +19,8 @@ from contact_locking.parallel import maximum
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.strain_sets import NormSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.results.derived import BodyFields, ContactFields, penalised
+from contact_locking.results.derived import BodyFields, ContactFields
+from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.task import SolverReport, Target
 from contact_locking.supports.conditions import Constraints
@@ -48,8 +49,7 @@ class Criterion:
 class SolvedState:
     """A problem with its solution ``problem.u``, its multipliers and the report of the solver.
 
-    Without multipliers in the report the stresses are those of the penalty laws.  The constructor
-    is collective.
+    The constructor is collective.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class SolvedState:
     ) -> None:
         self.problem, self.system = problem, system
         self.target, self.settings, self.report = target, settings, report
-        self.multipliers = report.multipliers or penalised(system)
+        self.multipliers = report.multipliers or Multipliers.zero(system)
         self.body = BodyFields(problem, system, self.multipliers)
         pairs = zip(problem.contacts, self.multipliers.contacts, strict=True)
         self.contacts = tuple(

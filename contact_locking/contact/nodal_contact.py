@@ -341,24 +341,18 @@ class BoundsInForce:
     """The friction bound G in force at each contact, a stress; all are zero at first.
 
     ``bounds[contact]`` are the values (k,) at the owned nodes of the contact.
-    ``lengths[contact]`` is the length that smooths friction at present.
     """
 
     def __init__(self, contacts: Sequence[NodalContact]) -> None:
         self._bounds: dict[NodalContact, FloatArray] = {
             contact: np.zeros(len(contact.surface.nodes)) for contact in contacts
         }
-        self.lengths = {contact: contact.regularisation for contact in contacts}
 
     def __getitem__(self, contact: NodalContact) -> FloatArray:
         return self._bounds[contact]
 
     def __setitem__(self, contact: NodalContact, values: FloatArray) -> None:
         self._bounds[contact] = np.array(values)
-
-    def smooth(self, lengths: Iterable[float]) -> None:
-        """Set the length that smooths friction at each contact."""
-        self.lengths = dict(zip(self.lengths, lengths, strict=True))
 
     def at(self, contacts: Iterable[NodalContact]) -> list[FloatArray]:
         """The values at some contacts."""

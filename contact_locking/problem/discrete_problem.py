@@ -230,8 +230,6 @@ class DiscreteProblem:
             loads=self._work(),
             contacts=nodal,
             bounds=BoundsInForce(nodal),
-            n=fem.Constant(domain.mesh, n),
-            epsilon=fem.Constant(domain.mesh, epsilon),
             element=element,
             limits=tuple(item.strain_set for item in self.limits.others),
             tools=tuple(Travel(item) for item in nodal if item.is_free),

@@ -96,14 +96,16 @@ class Checkpoint:
 
     def restored(self, solver: ProblemSolver) -> SolvedState:
         """The saved state in place of what the solver would find; collective."""
-        contacts, counts = solver.problem.contacts, Counts()
-        self.state.enter(solver.system)
+        contacts, counts, system = solver.problem.contacts, Counts(), solver.system
+        system.u.x.array[:] = self.state.displacement
+        system.constraints.apply(system.u)
+        system.tools.travels = self.state.travels
         # The travel of a foundation, which is part of the state, changes what slips refer to.
         for contact, (place, slip) in zip(contacts, self.memories, strict=False):
             contact.recall(place, slip, self.old_displacement)
         if len(self.history):
             counts = Counts(int(self.history.last("tangents")), int(self.history.last("linear")))
-        solver.system.bounds.enter(contacts, self.bounds)
+        system.bounds.enter(contacts, self.bounds)
         outcome = Outcome(self.multipliers)
         return solver.state(SolverReport.solved(outcome, counts, from_saved=True))
 
@@ -309,9 +311,9 @@ def read(directory: str | Path, problem: DiscreteProblem, is_step: bool = False)
         )
     state = SavedState(
         field("displacement", problem.u.function_space).x.array,
-        () if multipliers is None else tuple(forces.pressure for forces in multipliers.contacts),
+        tuple(about["travels"]),
+        multipliers,
         Penalty(about["n"], about["epsilon"], tuple(about["regularisations"])),
-        travels=tuple(about["travels"]),
     )
     return Checkpoint(
         state,

@@ -9,7 +9,6 @@ from typing import Any
 import dolfinx
 import numpy as np
 from dolfinx import fem
-from numpy.linalg import norm
 
 from contact_locking import wings
 from contact_locking.certificate.laws import ENTRY
@@ -30,7 +29,6 @@ from contact_locking.results.derived import (
     Contacts,
     gather_contacts,
     on_gamma_c,
-    penalised,
 )
 from contact_locking.results.output import Extras
 from contact_locking.results.quantities import QUANTITIES, computed
@@ -142,20 +140,13 @@ class ProblemSolver:
         Returns where to go on from, None if they face each other so already.
         """
         problem, system = self.problem, self.system
-        forces = (report.multipliers or penalised(system)).contacts
-        if not problem.go_along([of_contact.touches for of_contact in forces]):
+        assert report.multipliers is not None
+        touching = [forces.touches for forces in report.multipliers.contacts]
+        if not problem.go_along(touching):
             return None
-        return SavedState(
-            displacement=problem.u.x.array.copy(),
-            pressures=tuple(of_contact.pressure for of_contact in forces),
-            penalty=problem.penalty,
-            slips=tuple(
-                norm(of_contact.increment(problem.u), axis=1) for of_contact in problem.contacts
-            ),
-            travels=system.tools.travels,
-            last=report.last,
-            in_step=True,
-        )
+        displacement, travels = problem.u.x.array.copy(), system.tools.travels
+        penalty = problem.penalty
+        return SavedState(displacement, travels, report.multipliers, penalty, report.last)
 
     @property
     def task(self) -> Task:
@@ -194,7 +185,6 @@ class ProblemSolver:
 
     def state(self, report: SolverReport) -> SolvedState:
         """The solved state with its stresses and tractions; collective."""
-        self.system.set_penalty(self.problem.penalty)
         return SolvedState(self.problem, self.system, self.target, self.settings, report)
 
     def solution(
@@ -230,7 +220,6 @@ class ProblemSolver:
             system.clear()
             report = solve_system("auto", dataclasses.replace(self.task, target=limit), None)
             exact = problem.u.copy()
-        system.set_penalty(problem.penalty)
         if not report.converged:
             return {"reason": f"not solved for n = .inf: {report.reason}"}
         return distance(solution.displacement, exact, problem.data)
@@ -325,10 +314,9 @@ def state_of(state: SolvedState) -> State:
     problem = state.problem
     saved = SavedState(
         displacement=problem.u.x.array.copy(),
-        pressures=tuple(fields.pressure for fields in state.contacts),
-        penalty=problem.penalty,
-        slips=tuple(np.linalg.norm(fields.increment, axis=1) for fields in state.contacts),
         travels=state.system.tools.travels,
+        multipliers=state.multipliers,
+        penalty=problem.penalty,
         last=state.report.last,
     )
     after = tuple(

@@ -35,7 +35,7 @@ from contact_locking.results.contact_points import (
     joined,
     lexicographic,
 )
-from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
+from contact_locking.solver.multipliers import ContactForces, Multipliers
 
 # The regularised friction traction never reaches the bound: a point slips from 99 % of the bound
 # on.
@@ -74,7 +74,7 @@ class ContactFields:
         self.pressure = forces.pressure
         self.traction = contact.split_nodal(0.0 - forces.friction)[1]
         self.smoothed_stress = -contact.friction.smoothing.apply(self.pressure)
-        self.bound, self.regularisation = bounds[contact], bounds.lengths[contact]
+        self.bound, self.regularisation = bounds[contact], contact.regularisation
         slips = np.linalg.norm(self.traction, axis=1) >= _SLIP_SHARE * self.bound
         slips &= contact.slides
         self.state = np.where(forces.touches, np.where(slips, SLIP, STICK), OPEN)
@@ -147,27 +147,6 @@ class Contacts:
             *(fields.surface.points for fields in self.fields),
         ]
         return peak(self.domain.comm, nodal, np.concatenate(places))
-
-
-def penalised(system: PenalisedSystem) -> Multipliers:
-    """Locking stress (23), pressure (25) and friction (22) of u by the penalty laws; collective."""
-    data, u, kept = system.data, system.u, system.kept
-    forces = []
-    for contact, of_contact in zip(data.contacts, system.penalty_laws(), strict=True):
-        pressure = contact.acting(of_contact.pressure)
-        forces.append(ContactForces(pressure, of_contact.friction, pressure > 0.0))
-    spaces = multiplier_spaces(data, kept, u.function_space.mesh)
-    multipliers = Multipliers.none(data, spaces, tuple(forces))
-
-    def compile_laws() -> list[fem.Expression]:
-        laws = (strains.multiplier(data.strain(u), data.n) for strains in data.sets)
-        return [compiled.interpolation(*pair) for pair in zip(laws, spaces, strict=True)]
-
-    for law, y in zip(kept("penalty laws", compile_laws), multipliers.parts, strict=True):
-        y.interpolate(law)
-        y.x.scatter_forward()
-    multipliers.add_up(data)
-    return multipliers
 
 
 def gather_contacts(

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from certified import certificate, solved
-from problems import block, column, under_a_plate
+from certified import certificate
+from problems import block, column, solved, under_a_plate
 from slow import slow
 
 pytestmark = pytest.mark.serial

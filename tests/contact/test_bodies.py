@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
-from problems import with_changes
+from problems import solved, with_changes
 from small_meshes import Groups, grid, shared, side_by_side
 from two_bodies import YOUNG, fit, lame_pressure, stack
 
@@ -26,12 +26,6 @@ from contact_locking.study_file.parameters import Parameters
 pytest.importorskip("gmsh")
 
 DIRECT_OR_NOT = ("direct", "iterative")
-
-
-def solved(parameters: Parameters) -> StudySolution:
-    solution = solve(parameters)
-    assert solution.converged, solution.summary["reason"]
-    return solution
 
 
 def largest(solution: StudySolution, values: Any) -> float:

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from problems import solved
 from slow import slow
 from two_bodies import POISSON, YOUNG, bent_boxes, stack
 
-from contact_locking import StudySolution, assemble, solve
+from contact_locking import assemble
 from contact_locking.problem.system import BodyForms
 from contact_locking.study_file.parameters import Parameters
 
@@ -24,12 +25,6 @@ COMM = MPI.COMM_WORLD
 def facing(swapped: bool) -> dict[str, str]:
     sides = ["lower_top", "upper_bottom"]
     return {"on": sides[not swapped], "against": sides[swapped]}
-
-
-def solved(parameters: Parameters) -> StudySolution:
-    solution = solve(parameters)
-    assert solution.converged, solution.summary["reason"]
-    return solution
 
 
 def largest(values: Any) -> float:

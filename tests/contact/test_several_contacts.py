@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import block
+from problems import block, solved
 from slow import slow
 
 from contact_locking import StudySolution, save, solve
@@ -30,12 +30,6 @@ def between(dim: int, contact: Any, **changes: Any) -> Parameters:
         "penalty__n": math.inf,
     }
     return block(dim, 0.125 if dim == 2 else 0.34, **(given | changes))
-
-
-def solved(parameters: Parameters) -> StudySolution:
-    solution = solve(parameters)
-    assert solution.converged, solution.summary["reason"]
-    return solution
 
 
 def same(one: StudySolution, other: StudySolution, share: float = 1e-7) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from problems import solved
 from two_bodies import stack
 
 import contact_locking as cl
@@ -37,12 +38,6 @@ def sliding(dim: int = 2, pair: str = "each_step", to: float = 1.0, **changes: A
         "steps": {"to": to, "count": round(8 * to)},
     }
     return stack(dim, 0.2 if dim == 2 else 0.5, **given | changes)
-
-
-def solved(parameters: Parameters) -> StudySolution:
-    solution = solve(parameters)
-    assert solution.converged, solution.summary["reason"]
-    return solution
 
 
 def last_forces(parameters: Parameters) -> tuple[StudySolution, Any, Any]:

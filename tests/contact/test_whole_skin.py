@@ -7,23 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from problems import block
+from problems import block, solved
 from rings import floor, ring
 from slow import slow
 
-from contact_locking import Parameters, StudySolution, solve
+from contact_locking import Parameters, solve
 from contact_locking.errors import Misplaced
 
 
 def roller(foundation: dict[str, Any]) -> Parameters:
     mesh = {"builder": "annulus", "h": 0.25}
     return ring([0.02, -0.05], foundation, mesh=mesh)
-
-
-def solved(parameters: Parameters) -> StudySolution:
-    found = solve(parameters)
-    assert found.converged, found.summary["reason"]
-    return found
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import pytest
 from boxes import write_distorted
 from mpi4py import MPI
 from msh import write_msh
+from problems import solved
 from small_meshes import EDGES, SQUARE, Points
 
 from contact_locking import StudySolution, check, solve, study_file
@@ -64,12 +65,6 @@ def pressed(file: str, dim: int, **changes: Any) -> Any:
 def indicated(solution: StudySolution) -> float:
     """The estimated error of the mesh, relative to the solution."""
     return float(solution.summary["certificate"]["errors"]["mesh"]["relative"])
-
-
-def solved(parameters: Any) -> StudySolution:
-    solution = solve(parameters)
-    assert solution.converged, solution.summary["reason"]
-    return solution
 
 
 @DIMENSIONS

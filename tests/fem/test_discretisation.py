@@ -11,8 +11,8 @@ import ufl
 from certified import work_of_stored_forces
 from manufactured import Manufactured
 from mpi4py import MPI
-from problems import block
-from quadratic_bodies import cube, quadratic, solved, solved_cube, square
+from problems import block, solved
+from quadratic_bodies import cube, quadratic, solved_cube, square
 from test_elements import LIMIT
 from test_verification_manufactured import problem_of
 

@@ -10,21 +10,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from problems import block
+from problems import block, solved
 from verification_table import Row
 
 from contact_locking import study_file
 from contact_locking.laws.elasticity import isotropic_stiffness, lame_from_young
 from contact_locking.results.solution import StudySolution
-from contact_locking.running import solving
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial
 
 
 def _solved(parameters: Parameters) -> StudySolution:
-    solution = solving.solve(parameters)
-    assert solution.converged, solution.summary["reason"]
+    solution = solved(parameters)
     return solution
 
 

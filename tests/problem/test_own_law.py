@@ -40,7 +40,10 @@ def with_energy(comm: MPI.Intracomm, energy: Any, **changes: Any) -> StudySoluti
 def ball(problem: StudyProblem, u: fem.Function) -> Any:
     """The locking law of the package once more."""
     one_over = fem.Constant(problem.domain.mesh, 1.0 / LIMIT)
-    return locking_energy(strain(u), one_over, problem.data.n) * problem.data.dx
+    return (
+        locking_energy(strain(u), one_over, fem.Constant(problem.domain.mesh, problem.penalty.n))
+        * problem.data.dx
+    )
 
 
 def test_the_ball_as_an_own_law_gives_what_the_package_has(comm: MPI.Intracomm) -> None:

@@ -56,7 +56,7 @@ CHANGES: dict[str, dict[str, Any]] = {
 
 @pytest.mark.serial
 @pytest.mark.parametrize("n", [slow(1e8), float("inf")])
-def test_the_inequality_is_solved_from_nothing_unless_it_is_solved_already(
+def test_a_start_from_other_data_finds_what_a_cold_start_finds_in_few_more_tangents(
     n: float, folder: Path
 ) -> None:
     save(solving.solve(given("auto", penalty__n=n)), folder)
@@ -65,14 +65,13 @@ def test_the_inequality_is_solved_from_nothing_unless_it_is_solved_already(
     for name in ("friction", "no limit", "no friction", "gap"):
         changed = given("auto", penalty__n=n, **CHANGES[name])
         restarted, cold = solving.solve(changed, restart=folder), solving.solve(changed)
-        assert restarted.summary["restart"].startswith("from nothing"), name
-        assert agree(restarted, cold, 1e-12), name
-        assert tangents(restarted) == tangents(cold), name
+        assert agree(restarted, cold), name
+        assert tangents(restarted) <= tangents(cold) + 10, name
 
 
 @pytest.mark.serial
 @pytest.mark.parametrize("changes", [{"load": 1.01}, {"friction__coefficient": 0.33}])
-def test_a_small_change_takes_newton_half_of_the_tangents_at_most(
+def test_a_small_change_takes_half_of_the_tangents_at_most(
     changes: dict[str, Any], folder: Path
 ) -> None:
     # Many cells are at the edge of locking on a mesh as fine as this.

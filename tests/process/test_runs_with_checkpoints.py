@@ -60,7 +60,7 @@ def test_run_saves_a_checkpoint_if_asked_and_says_what_a_restart_did(
     for changes, told in (
         ((), "meets every criterion, nothing was left to do"),
         (("--set", "friction.coefficient=0.31"), f"from the state in {run.folder / 'a'}\n"),
-        (("--set", "penalty.n=1e5"), "from nothing, as the state in"),
+        (("--set", "penalty.n=1e5"), f"from the state in {run.folder / 'a'}\n"),
     ):
         assert run("b", *start, *changes) == 0
         output = capsys.readouterr().out

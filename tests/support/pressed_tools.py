@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from mpi4py import MPI
 from problems import block
 
-from contact_locking import Parameters, StudySolution, solve
+from contact_locking import Parameters, StudySolution
 
 NONE = {"kernel": "none"}
 HELD = [{"on": "bottom", "value": [0.0, 0.0]}]
@@ -30,12 +29,6 @@ def pressed(contact: Any, n: float = math.inf, **changes: Any) -> Parameters:
     loads = {"tractions": [{"on": "right", "value": [-0.01, 0.003]}], "displacements": HELD}
     given: dict[str, Any] = {"h": 0.34, "loads": loads, "penalty__n": n, "contact": contact}
     return block(**(given | changes))
-
-
-def solved(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> StudySolution:
-    solution = solve(parameters, comm)
-    assert solution.converged, solution.summary["reason"]
-    return solution
 
 
 def told(solution: StudySolution, number: int = 0) -> dict[str, Any]:

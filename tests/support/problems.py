@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from mpi4py import MPI
+
+from contact_locking import StudySolution, solve
 from contact_locking.study_file.parameters import Parameters
 
 SMALL_BLOCK = """\
@@ -41,6 +44,12 @@ def block(dim: int = 2, h: float = 0.1, **changes: Any) -> Parameters:
         "penalty": {"n": 1e3},
     }
     return with_changes(data, **changes)
+
+
+def solved(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> StudySolution:
+    found = solve(parameters, comm)
+    assert found.converged, found.summary["reason"]
+    return found
 
 
 def under_a_plate(down: float, **changes: Any) -> Parameters:

@@ -6,11 +6,10 @@ import functools
 from typing import Any
 
 from mpi4py import MPI
-from problems import with_changes
+from problems import solved, with_changes
 from test_elements import LIMIT, benchmark
 
 from contact_locking.results.solution import StudySolution
-from contact_locking.running import solving
 from contact_locking.study_file.parameters import Parameters
 
 
@@ -32,12 +31,6 @@ def cube(**changes: Any) -> Parameters:
         "contact": {"on": []},
     }
     return with_changes(data, **changes)
-
-
-def solved(parameters: Parameters, comm: MPI.Intracomm) -> StudySolution:
-    solution = solving.solve(parameters, comm)
-    assert solution.converged, solution.summary["reason"]
-    return solution
 
 
 @functools.cache

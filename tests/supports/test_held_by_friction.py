@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from certified import solved
 from mpi4py import MPI
+from problems import solved
 from sweep.case import Study
 
 from contact_locking.contact.coulomb import FrictionBound

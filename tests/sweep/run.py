@@ -4,7 +4,7 @@
     make sweep SEEDS=100 FAMILIES="rollers disc" JOBS=1
     make sweep LINEAR=iterative                       with multigrid in place of a factorisation
     make sweep N=1e4                                  with this penalty in place of the usual
-    make sweep SEEDS=168 FAMILIES=pairs               all pairs of features, by another judge
+    make sweep SEEDS=168 FAMILIES=pairs               all pairs of features
 
 Of what is not right, each problem is left in the folder of the results as a study file that
 `contact-locking run` takes, with the reason at its head.  The exit code is 1 if there is any.
@@ -29,7 +29,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from contact_locking.files.atomic import write_text
-from sweep import swapped
 from sweep.solve import (
     BROKEN,
     CLAIM,
@@ -183,13 +182,6 @@ def table(outcomes: Sequence[Outcome]) -> str:
     return "\n".join(lines)
 
 
-def of_swapped(outcomes: Sequence[Outcome]) -> str:
-    """How many of the problems with swapped sides agree, and by what; "" without any."""
-    notes = [str(o.notes["swapped"]).split(":")[0] for o in outcomes if "swapped" in o.notes]
-    counts = ", ".join(f"{kind} {notes.count(kind)}" for kind in swapped.KINDS)
-    return f"swapped sides: {counts}" if notes else ""
-
-
 def of_pairs(outcomes: Sequence[Outcome]) -> str:
     """The shares by which the family of pairs is measured; "" without its problems."""
     rows = [outcome for outcome in outcomes if outcome.row]
@@ -258,7 +250,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         elif sys.stderr.isatty():
             print(f"\r{len(outcomes)} of {len(tasks)}", end="\r", file=sys.stderr)
     outcomes.sort(key=lambda o: (names.index(o.family), o.seed))
-    text = "\n".join(filter(None, (table(outcomes), of_swapped(outcomes), of_pairs(outcomes))))
+    text = "\n".join(filter(None, (table(outcomes), of_pairs(outcomes))))
     print(text)
     given.output.mkdir(parents=True, exist_ok=True)
     (given.output / "table.txt").write_text(text + "\n", encoding="utf-8")

@@ -20,7 +20,7 @@ from contact_locking.running.solving import SolvableStudy
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters
 
-from . import comparisons, derivatives, reference, swapped, unseen
+from . import comparisons, derivatives, reference, unseen
 from .case import Case, Study, Truth
 from .elements import Mesh
 from .families import case_of
@@ -95,7 +95,7 @@ def outcome_of(
 
 
 def outcome_of_case(case: Case, checks: bool = True, family: str = "", seed: int = 0) -> Outcome:
-    """Solve and judge; with ``checks`` the conic solver, other units and swapped sides, too."""
+    """Solve and judge; with ``checks`` the conic solver and other units, too."""
     outcome = Outcome(family, seed, BROKEN, study=case.study, row=case.row)
     start = time.process_time()
     try:
@@ -143,7 +143,7 @@ def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
 
 
 def _compared(case: Case, seen: _Seen, outcome: Outcome) -> list[str]:
-    """What the conic solver, swapped sides and other units say of a solution; "" if nothing."""
+    """What the conic solver and other units say of a solution; "" if nothing."""
     study, judge, moment = outcome.study, seen.judge, seen.moments[-1]
     random = np.random.default_rng(outcome.seed)
     if case.twin is not None:
@@ -168,10 +168,6 @@ def _compared(case: Case, seen: _Seen, outcome: Outcome) -> list[str]:
         wrong.append(comparisons.against_reference(judge, moment))
     except reference.NoReference as error:
         outcome.notes["reference"] = str(error)
-    beside = swapped.compared(study, seen.last, _rounding(judge, moment))
-    if beside is not None:
-        wrong.append(beside.complaint)
-        outcome.notes["swapped"] = beside.note
     if comparisons.is_unique(seen.last.parameters):
         transform = Transform.random(random, judge.mesh.dim, case.truth.homogeneous)
         told, difference = comparisons.against_transformed(
@@ -269,12 +265,6 @@ def at_the_verge(case: Case, problem: StudyProblem) -> Study:
     for condition in study["loads"]["displacements"]:
         condition["value"] = [None if v is None else factor * v for v in condition["value"]]
     return study
-
-
-def _rounding(judge: Judge, moment: Moment) -> float:
-    """The size of forces that rounding and the solver's tolerance leave in a body that is free."""
-    size = float(np.abs(moment.u).max(initial=0.0))
-    return 1e-9 * float(judge.body.stiffness.max()) * size * judge.extent ** (judge.mesh.dim - 2)
 
 
 def _judge_infeasible(truth: Truth, judge: Judge, outcome: Outcome) -> None:

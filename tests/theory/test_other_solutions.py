@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 import ufl
-from certified import solved
 from mpi4py import MPI
 from msh import MeshElements
+from problems import solved
 from small_meshes import grid, shared
 from sweep.case import Study
 

@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 import ufl
-from certified import solved
-from problems import block, under_a_plate, with_changes
+from problems import block, solved, under_a_plate, with_changes
 
 from contact_locking.fem.compiled import integral
 

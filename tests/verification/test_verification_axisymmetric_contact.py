@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from problems import with_changes
+from problems import solved, with_changes
 from test_verification_hertz import (
     DEPTH,
     FORCE,
@@ -41,8 +41,7 @@ def test_v25_the_force_of_a_ball_at_a_depth_pushes_the_ball_to_that_depth(found:
                 "foundation": {"sphere": {"centre": [0, 1.3], "radius": 0.5}, **driven},
             },
         }
-        solution = solving.solve(with_changes(data))
-        assert solution.converged, solution.summary["reason"]
+        solution = solved(with_changes(data))
         return solution.summary
 
     depth = 0.04
@@ -109,8 +108,7 @@ def test_v25_a_locking_ball_in_space_has_the_forces_of_its_half_section(found: l
             },
             "friction": {"coefficient": 0.3, "smoothing": {"kernel": "convolution", "radius": 0.1}},
         }
-        solution = solving.solve(with_changes(data))
-        assert solution.converged, solution.summary["reason"]
+        solution = solved(with_changes(data))
         return solution.summary
 
     common = {"radius": 1.0, "quarter": True, "contact_width": 0.5}

@@ -9,24 +9,17 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from dolfinx.mesh import Mesh
+from problems import solved
 from two_bodies import POISSON, fit, lame_pressure, stack, two_discs
 from verification_table import Row
 
 import contact_locking as cl
-from contact_locking import StudySolution, solve
-from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial
 
 pytest.importorskip("gmsh")
 
 TEST = "test_verification_bodies.py"
-
-
-def solved(parameters: Parameters) -> StudySolution:
-    solution = solve(parameters)
-    assert solution.converged, solution.summary["reason"]
-    return solution
 
 
 def above_and_below(mesh: Mesh, above: float, below: float) -> fem.Function:

@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 import pytest
-from pressed_tools import NONE, solved, told
-from problems import column
+from pressed_tools import NONE, told
+from problems import column, solved
 from verification_table import Row
 
 pytestmark = pytest.mark.serial

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
-from quadratic_bodies import solved, square
+from problems import solved
+from quadratic_bodies import square
 from test_elements import benchmark
 
 from contact_locking.errors import InputError
