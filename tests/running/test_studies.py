@@ -18,10 +18,8 @@ from study_folder import STUDY, Folder, solved
 from contact_locking import meshes, study_file
 from contact_locking.command import cli, terminal
 from contact_locking.command.cli import parse
-from contact_locking.command.terminal import ProgressFile
 from contact_locking.errors import InputError
 from contact_locking.files.atomic import locked
-from contact_locking.monitor import Monitor
 from contact_locking.running.cases import Case, Outcome, cases_of, row_of
 from contact_locking.running.executor import Slot
 from contact_locking.running.runner import Study, View
@@ -280,18 +278,6 @@ def test_any_study_has_cases_or_is_refused(
         json.dumps(row_of(case.values, case.name, Outcome("not run")), allow_nan=False).encode()
 
 
-def test_the_progress_file_tells_where_a_run_is(tmp_path: Path) -> None:
-    path = tmp_path / "progress.json"
-    monitor = ProgressFile(path, Monitor())
-    monitor.message("preparing")
-    assert json.loads(path.read_text()) == {"message": "preparing"}
-    monitor.stage(1, 1, float("inf"), 0.0)
-    monitor.iteration(7, 1e-3)
-    assert json.loads(path.read_text()) == {"n": "inf", "iteration": "7", "residual": "1.0e-03"}
-    missing = ProgressFile(tmp_path / "missing" / "progress.json", Monitor())
-    missing.message("nobody reads this, and the run goes on")
-
-
 def test_a_terminal_shows_what_runs_and_how_far_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -300,8 +286,8 @@ def test_a_terminal_shows_what_runs_and_how_far_it_is(
     study = Study.of(folder.load())
     for case in study.cases:
         case.folder.mkdir(parents=True)
-    news = '{"n": "30", "iteration": "7", "residual": "1.0e-03"}'
-    (study.cases[2].folder / "progress.json").write_text(news)
+    log = "computing\n  stage 1/1  n = 30  iteration 7, residual 1.0e-03\n"
+    (study.cases[2].folder / "log.txt").write_text(log)
     with View(Console(force_terminal=True, width=100), 3) as view:
         warned = {"warnings": ["the strain is large", "no picture"]}
         view.ended(study.cases[0], Outcome("converged", summary=warned), 30.0)
@@ -312,7 +298,7 @@ def test_a_terminal_shows_what_runs_and_how_far_it_is(
     assert "warning: the strain is large" in shown and "warning: no picture" in shown
     assert "[2/3] penalty.n = 3  not converged: [too] steep  (50 s)" in shown
     assert "2 of 3 done, 1 running, 1 not converged" in shown
-    assert "penalty.n = 30    n = 30  iteration 7  residual 1.0e-03    10 s" in shown
+    assert "penalty.n = 30    stage 1/1  n = 30  iteration 7, residual 1.0e-03    10 s" in shown
 
 
 @dataclass
