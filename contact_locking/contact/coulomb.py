@@ -89,10 +89,10 @@ class ConvolutionOperator(Smoothing):
         return np.asarray(self._matrix @ np.concatenate(self._comm.allgather(values)))
 
     def adjoint(self, values: FloatArray) -> FloatArray:
-        own, weights = self._surface.own, self._surface.weights
-        sums = self._comm.allreduce(self._matrix.T @ (weights[own] * values))
+        rows, weights = self._surface.own, self._surface.weights
+        sums = self._comm.allreduce(self._matrix.T @ (weights[rows] * values))
         shares = np.divide(sums, weights, out=np.zeros_like(weights), where=weights > 0.0)
-        return np.asarray(shares[own])
+        return np.asarray(shares[rows])
 
     def norm(self) -> float:
         return self._norm
@@ -198,11 +198,13 @@ class HelmholtzOperator(Smoothing):
     def apply(self, values: FloatArray) -> FloatArray:
         everywhere = np.concatenate(self._comm.allgather(values))
         mean = self._surface.mean_by_part(everywhere, self._mass)
-        own = self._surface.own
-        self._rhs.array_w[:] = (self._mass * (everywhere - mean))[own]
+        rows = self._surface.own
+        self._rhs.array_w[:] = (self._mass * (everywhere - mean))[rows]
         self._solver.solve(self._rhs, self._solution)
-        rest = np.concatenate(self._comm.allgather(self._solution.array_r))
-        return np.asarray((mean + rest - self._surface.mean_by_part(rest, self._mass))[own])
+        deviation = np.concatenate(self._comm.allgather(self._solution.array_r))
+        return np.asarray(
+            (mean + deviation - self._surface.mean_by_part(deviation, self._mass))[rows]
+        )
 
     def is_positive(self) -> bool:
         # The inverse of an M-matrix has no negative entry.  K has positive entries beside its
@@ -218,8 +220,8 @@ class HelmholtzOperator(Smoothing):
         return on_every_rank(self._comm, positive)
 
     def destroy(self) -> None:
-        for item in (self._solver, self._operator, self._rhs, self._solution):
-            item.destroy()
+        for petsc_object in (self._solver, self._operator, self._rhs, self._solution):
+            petsc_object.destroy()
 
 
 # The default radius of R is this share of the extent of Gamma_C.  It is at least twice the longest
@@ -318,11 +320,11 @@ def _of_expression(
                 raise NotConverged(f"the friction coefficient: {error}") from error
             raise
 
-    found = agree(comm, local)
+    values = agree(comm, local)
     # An expression that is zero may evaluate to less than zero by rounding.
-    least = -_ROUNDING * maximum(comm, np.abs(found))
-    agree(comm, lambda: _refuse_negative(found, least, points, slip))
-    return np.maximum(found, 0.0)
+    least = -_ROUNDING * maximum(comm, np.abs(values))
+    agree(comm, lambda: _refuse_negative(values, least, points, slip))
+    return np.maximum(values, 0.0)
 
 
 def _refuse_negative(mu: FloatArray, least: float, points: FloatArray, slip: FloatArray) -> None:

@@ -178,10 +178,10 @@ class Travel:
     def summary(self, size: float) -> dict[str, Any]:
         """The force F, the unit vector d, the travel q, and -k q with a spring."""
         direction = [float(x) + 0.0 for x in self.direction]
-        found = {"force": self.force, "direction": direction, "travel": size + 0.0}
+        summary = {"force": self.force, "direction": direction, "travel": size + 0.0}
         if self._spring is not None:
-            found["spring_force"] = 0.0 - self.stiffness * size
-        return found
+            summary["spring_force"] = 0.0 - self.stiffness * size
+        return summary
 
     @property
     def _towards(self) -> BoolArray:

@@ -172,12 +172,6 @@ def require_solved(equations: Equations) -> None:
         raise InputError(_CHANGED)
 
 
-def require_settled(system: PenalisedSystem, tolerance: float) -> None:
-    """Raise InputError if the penalty laws do not balance the forces; collective."""
-    if system.relative_residual(tolerance) > _POINTS:
-        raise InputError(_CHANGED)
-
-
 def share_at_change(equations: Equations) -> dict[str, float]:
     """The share of the points of "strain", "contact" and "friction" near a change; collective."""
     young, comm = equations.target.young, equations.system.comm

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from typing import Any
@@ -21,7 +22,7 @@ from contact_locking.inverse.derivatives import (
     refresh,
     width,
 )
-from contact_locking.inverse.equations import Equations, require_settled, share_at_change
+from contact_locking.inverse.equations import Equations, share_at_change
 from contact_locking.inverse.fields import field
 from contact_locking.inverse.linearisation import Change, penalised_iterate
 from contact_locking.inverse.numbers import number_at, with_number
@@ -114,17 +115,14 @@ class LazyDerivatives:
             # Data that have changed since are told from the equations, which they change.
             refresh(problem, system)
             target, settings = self._solver.target, deriving(self._solver)
-            tolerance = settings.tolerance
             iterate = report.last
-            if iterate is None and report.multipliers is not None:
+            if iterate is None and (math.isinf(target.penalty.n) or target.penalty.epsilon == 0.0):
                 raise InputError(
                     "a solution that was read from a checkpoint has no last iterate, by which it "
                     "would be differentiated: solve it anew"
                 )
-            # Newton's method has the last word where there are no multipliers.
-            if iterate is None or report.multipliers is None:
-                require_settled(system, tolerance)
-                iterate = penalised_iterate(system, target, tolerance)
+            if iterate is None:
+                iterate = penalised_iterate(system, target, settings.tolerance)
             frozen = Frozen(problem, system, lambda: self._solver.target, iterate)
             self._made = Derivatives(frozen, Task(system, target, settings))
         return self._made

@@ -17,12 +17,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
 import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.fem import compiled
 from contact_locking.laws.locking import (
     locking_energy,
     locking_stress,
@@ -34,6 +36,7 @@ from contact_locking.laws.locking import (
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem import forms
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
 
 
 def psi(v: Expr, delta: Expr) -> Expr:
@@ -143,18 +146,33 @@ class Equations:
         pressed = _sum(c.penetration(u) ** 2 / (2.0 * self.epsilon) * c.ds for c in self.contacts)
         return 0.5 * self.a(u, u) + phi + pressed + self.j(u) - self.load(u)
 
-    # Section 2.1, (6): the friction bound of a displacement.
+    # Section 2.1, (6): the forces and the friction bound of a displacement.
+
+    def pressure(self, contact: NodalContact) -> FloatArray:
+        """``-sigma_nu = [u_nu - g]^+/epsilon`` (k,) at the nodes of a contact; collective."""
+        depth = (contact.split(self.system.u)[0] - contact.gaps).clip(0.0)
+        return contact.acting(depth / float(self.epsilon.value))
 
     def friction_bounds(self) -> list[FloatArray]:
-        """``G = mu(|u_tau|) |R sigma_nu(u)|`` (k,) of each contact with friction; collective.
+        """``G = mu(|u_tau|) |R sigma_nu(u)|`` (k,) of each contact with friction; collective."""
+        u = self.system.u
+        return [c.friction_bound(u, self.pressure(c)) for c in self.system.rubbing]
 
-        ``-sigma_nu = [u_nu - g]^+/epsilon`` at the nodes.
-        """
-        u, found = self.system.u, []
-        for contact in self.system.rubbing:
-            pressure = (contact.split(u)[0] - contact.gaps).clip(0.0) / float(self.epsilon.value)
-            found.append(contact.friction_bound(u, contact.acting(pressure)))
-        return found
+    def multipliers(self) -> Multipliers:
+        """``R_n(eps(u))`` (23), ``-sigma_nu`` and ``-sigma_tau`` (22); collective."""
+        system, forces = self.system, []
+        for item in self.contacts:
+            contact, pressure = item.contact, self.pressure(item.contact)
+            slip = contact.increment(system.u)
+            size = np.hypot(np.linalg.norm(slip, axis=1), float(item.delta.value))
+            friction = (system.bounds[contact] / size)[:, None] * slip
+            forces.append(ContactForces(pressure, friction, pressure > 0.0))
+        spaces = multiplier_spaces(self.data, system.kept, system.u.function_space.mesh)
+        result = Multipliers.none(self.data, spaces, tuple(forces))
+        stress = self.data.sets[0].multiplier(self.data.strain(system.u), self.n)
+        result.locking_stress.interpolate(compiled.interpolation(stress, spaces[0]))
+        result.locking_stress.x.scatter_forward()
+        return result
 
     def refresh(self) -> None:
         """Take the friction bounds that the system holds; collective."""

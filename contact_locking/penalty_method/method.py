@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.penalty_method.continuation import PenaltyPath, follow
@@ -28,12 +30,16 @@ _BOUND_WAY_OUT = (
 def solve(task: Task, saved: SavedState | None = None) -> SolverReport:
     """Solve (26) with the fixed point of its friction bound; collective.
 
-    From a saved state it goes on with the penalties of that state; where this fails, from nothing.
+    From a saved state it starts with the penalties of that state; where this fails, from nothing.
     """
     equations, settings = Equations(task.system), task.settings
     stages: list[dict[str, float | int]] = []
-    if saved is not None:
-        _enter(saved, equations)
+    if saved is not None and saved.multipliers is not None:
+        system = task.system
+        system.u.x.array[:] = saved.displacement
+        system.constraints.apply(system.u)
+        for contact, forces in zip(system.contacts, saved.multipliers.contacts, strict=True):
+            system.bounds[contact] = contact.friction_bound(system.u, forces.pressure)
         few = task.with_settings(max_iterations=min(_FROM_SAVED, settings.max_iterations))
         path = PenaltyPath.onwards(saved.penalty, task.target)
         try:
@@ -45,7 +51,7 @@ def solve(task: Task, saved: SavedState | None = None) -> SolverReport:
     try:
         outcome = _along(PenaltyPath.towards(task.target), task, equations, stages)
     except NotConverged as failure:
-        reached = Outcome()
+        reached = Outcome(equations.multipliers())
         if isinstance(failure, Unsettled):
             reached = reached.settled(failure.change, failure.contraction)
         known = vars(reached) | vars(task.counts)
@@ -95,16 +101,4 @@ def _settled(newton: Newton, task: Task, equations: Equations) -> Outcome:
     if task.system.rubbing:
         outcome = outcome.settled(*fixed_point(task, equations, solve_tresca))
     newton.solve(tolerance)
-    return outcome
-
-
-def _enter(saved: SavedState, equations: Equations) -> None:
-    """Take the displacement and the friction bounds of a saved state; collective."""
-    system = equations.system
-    system.u.x.array[:] = saved.displacement
-    system.constraints.apply(system.u)
-    equations.set_penalty(saved.penalty)
-    for contact, pressure in zip(system.contacts, saved.pressures, strict=False):
-        system.bounds[contact] = contact.friction_bound(system.u, pressure)
-    if not saved.pressures:
-        system.bounds.enter(system.rubbing, equations.friction_bounds())
+    return replace(outcome, multipliers=equations.multipliers())

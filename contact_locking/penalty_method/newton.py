@@ -8,7 +8,6 @@ through a locking front) nor on the energy (which has no digits left near the mi
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import ufl
@@ -111,21 +110,18 @@ class Newton:
         motions.destroy()
         self._x, self._f = self._matrix.createVecRight(), self._matrix.createVecLeft()
         self._tolerance, self._last, self._least_steps = settings.tolerance, np.inf, 0
-        self._raised: BaseException | None = None
         self._snes = snes = PETSc.SNES().create(system.comm)
-        snes.setFunction(self._kept(lambda _, x, f: self._assemble_residual(x, f)), self._f)
-        snes.setJacobian(self._kept(self._assemble_tangent), self._matrix)
+        snes.setFunction(lambda _, x, f: self._assemble_residual(x, f), self._f)
+        snes.setJacobian(self._assemble_tangent, self._matrix)
         snes.setType(PETSc.SNES.Type.PYTHON)
-        step = CriticalPointStep(task.counts)
-        step.step = self._kept(step.step)  # type: ignore[method-assign]
-        snes.setPythonContext(step)
+        snes.setPythonContext(CriticalPointStep(task.counts))
         snes.ksp.setErrorIfNotConverged(True)
         defaults = default_options(settings.linear, system.dim, system.size, system.comm)
         # SNES's own divergence test takes the growth of the residual norm for divergence.
         defaults |= {"snes_divergence_tolerance": -1.0}
         self._options = configure([snes, snes.ksp], defaults, settings.petsc)
         snes.setTolerances(max_it=settings.max_iterations)
-        snes.setConvergenceTest(self._kept(self._test))
+        snes.setConvergenceTest(self._test)
 
     def solve(self, tolerance: float, least_steps: int = 0) -> None:
         """Solve from the system's displacement to ``|F| <= tolerance max(|f|, |a(u, .)|)``.
@@ -133,14 +129,14 @@ class Newton:
         ``least_steps`` are taken even if the start is good enough.  Raises NotConverged, with the
         displacement left as it was, if that is not reached.
         """
-        self._tolerance, self._least_steps, self._raised = tolerance, least_steps, None
+        self._tolerance, self._least_steps = tolerance, least_steps
         self._equations.refresh()
         self._x.array_w[:] = self._system.u.x.array[: self._owned]
         start, failure = self._x.copy(), ""
         try:
             self._snes.solve(None, self._x)
         except PETSc.Error as error:
-            failure = self._failure(error)
+            failure = _reason(error)
         else:
             if (reason := self._snes.getConvergedReason()) < 0:
                 failure = f"SNES stopped with reason {reason}"
@@ -206,23 +202,11 @@ class Newton:
         f.destroy()
         return 5.0 * noise
 
-    def _kept(self, callback: Callable[..., Any]) -> Callable[..., Any]:
-        """The callback, with what it raises kept: PETSc passes on an error code only."""
 
-        def call(*arguments: Any) -> Any:
-            try:
-                return callback(*arguments)
-            except PETSc.Error:
-                raise
-            except BaseException as error:
-                self._raised = error
-                raise
-
-        return call
-
-    def _failure(self, error: PETSc.Error) -> str:
-        """Why PETSc gave up; what a callback raised is raised again unless it is NotConverged."""
-        raise_callback_error(error)
-        if self._raised is not None and not isinstance(self._raised, NotConverged):
-            raise self._raised from None
-        return str(self._raised or LINEAR_FAILURE)
+def _reason(error: PETSc.Error) -> str:
+    """Why PETSc gave up; what a callback raised is raised again unless it is numerical."""
+    raise_callback_error(error)
+    cause: BaseException | None = error
+    while isinstance(cause, PETSc.Error):
+        cause = cause.__cause__
+    return str(cause or LINEAR_FAILURE)

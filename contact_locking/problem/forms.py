@@ -1,4 +1,4 @@
-"""The body's share of the penalised problem (25)/(26): the sum of its laws."""
+"""The forms of the body in UFL, from the data of a problem."""
 
 from __future__ import annotations
 
@@ -26,12 +26,11 @@ class ProblemData:
     strain to a stress.  ``largest_eigenvalue`` is the largest eigenvalue of A at each point, and
     ``inverse_limit`` is 1/M of the ball.  ``loads`` is the linear form (f, .) (13), None without
     loads.  ``contacts`` is empty for a body that touches nothing, and ``bounds`` is their
-    friction at present.  ``n`` and ``epsilon`` are the penalty parameters.  ``element`` is the
-    element of the displacements.  ``limits`` are the sets of strains beside the ball.  ``tools``
-    are the free motions of foundations.  ``own_energy`` is for a law that this package does not
-    have: it maps u to a convex and differentiable functional J(u), whose derivative is added to
-    (25).  The work of an ``eigenstrain`` is a part of ``loads``, and ``springs`` on the boundary
-    are a part of a(., .).
+    friction at present.  ``element`` is the element of the displacements.  ``limits`` are the sets
+    of strains beside the ball.  ``tools`` are the free motions of foundations.  ``own_energy`` is
+    for a law that this package does not have: it maps u to a convex and differentiable functional
+    J(u), whose derivative is added to (25).  The work of an ``eigenstrain`` is a part of
+    ``loads``, and ``springs`` on the boundary are a part of a(., .).
     """
 
     elasticity: Callable[[Expr, Expr], ufl.Form]
@@ -42,8 +41,6 @@ class ProblemData:
     loads: ufl.Form | None
     contacts: tuple[NodalContact, ...]
     bounds: BoundsInForce
-    n: fem.Constant
-    epsilon: fem.Constant
     element: Element
     limits: tuple[StrainSet, ...] = ()
     tools: tuple[Travel, ...] = ()
@@ -156,21 +153,3 @@ def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
     """``J'(u) v`` for the user's own energy J, which the data must have."""
     assert data.own_energy is not None
     return ufl.derivative(data.own_energy(u), u, v)
-
-
-def residual(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
-    """The left side of (25) minus its right side, without the forces on Gamma_C."""
-    form = elastic_form(u, v, data)
-    for item in data.sets:
-        form += item.virtual_work(data.strain(u), data.strain(v), data.n) * data.locking_dx
-    if data.own_energy is not None:
-        form += own_forces(u, v, data)
-    return form - external_work(v, data)
-
-
-def energy(u: fem.Function, data: ProblemData) -> Expr:
-    """The potential whose derivative is :func:`residual`."""
-    form = 0.5 * elastic_form(u, u, data) - external_work(u, data)
-    for item in data.sets:
-        form += item.energy(data.strain(u), data.n) * data.locking_dx
-    return form if data.own_energy is None else form + data.own_energy(u)

@@ -1,9 +1,9 @@
-"""The discrete penalised problem for a solver: vectors, matrices and friction bounds."""
+"""The discrete problem for a solver: displacement, forces of the body, friction bounds."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
@@ -15,13 +15,10 @@ from contact_locking.arrays import FloatArray
 from contact_locking.contact.force_balance import Tools
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.fem import compiled
-from contact_locking.fem.compiled import JointForm, Kept, compiled_together
-from contact_locking.fem.contact_operator import PointStiffness
+from contact_locking.fem.compiled import JointForm, Kept
 from contact_locking.laws.locking import squared_norm
-from contact_locking.laws.penalty import Penalty
 from contact_locking.problem import forms
 from contact_locking.problem.affine_part import affine_part, near_nullspace
-from contact_locking.problem.penalty_laws import PenaltyLaws
 from contact_locking.problem.rounding import LooseMotion, Rounding, largest_displacement
 from contact_locking.supports.conditions import Constraints
 
@@ -124,17 +121,12 @@ class BodyForms:
 
 
 class PenalisedSystem:
-    """The residual and the tangent of (26) in PETSc, for penalties and friction bounds that change.
+    """The body of a discrete problem for a solver, with the friction bounds and tools in force.
 
     ``u`` is the displacement, at all times with the prescribed values in the constrained dofs.
     ``held_by_contact`` says that contact alone stops some rigid motion, and ``held_by_friction``
     that friction alone stops some rigid motion.  ``loose`` is that of :class:`Rounding`.
     """
-
-    # If contact alone stops a rigid motion, all of Gamma_C keeps this share of the contact
-    # stiffness in the tangent, which is then regular.  The residual, and so the solution, does not
-    # change.
-    CONTACT_FLOOR = 1e-6
 
     def __init__(
         self,
@@ -156,7 +148,7 @@ class PenalisedSystem:
         self.forms = BodyForms(space, data)
         self._work = fem.Function(space)
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        self.tools = Tools(data.tools, data.epsilon, data.bounds)
+        self.tools = Tools(data.tools)
         self.assemble_loads()
 
     def assemble_loads(self) -> None:
@@ -179,46 +171,16 @@ class PenalisedSystem:
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         return forms.stiffness(self.u, v, du, self.data)
 
-    # The penalised forms are compiled at their first use.  The solver for n = inf never uses them.
-
-    @cached_property
-    def _residual(self) -> JointForm:
-        test = ufl.TestFunction(self.u.function_space)
-        return JointForm(forms.residual(self.u, test, self.data))
-
-    @cached_property
-    def _tangent(self) -> JointForm:
-        test = ufl.TestFunction(self.u.function_space)
-        return JointForm(ufl.derivative(forms.residual(self.u, test, self.data), self.u))
-
-    def penalty_laws(self) -> list[PenaltyLaws]:
-        """Pressure and friction by the penalty laws on each contact at present; collective."""
-        epsilon = float(self.data.epsilon.value)
-        return [PenaltyLaws(item, self.u, epsilon, self.bounds) for item in self.contacts]
-
     @property
     def size(self) -> int:
         """The number of displacement dofs, constrained dofs included."""
         dofmap = self.u.function_space.dofmap
         return int(dofmap.index_map.size_global * dofmap.index_map_bs)
 
-    def set_penalty(self, penalty: Penalty) -> None:
-        """Set the parameters of the penalised forms."""
-        self.data.n.value, self.data.epsilon.value = penalty.n, penalty.epsilon
-        self.bounds.smooth(penalty.regularisations)
-
     @property
     def rubbing(self) -> tuple[NodalContact, ...]:
         """The contacts with friction."""
         return tuple(item for item in self.contacts if not item.friction.frictionless)
-
-    def create_matrix(self) -> PETSc.Mat:
-        """A matrix with the tangent's sparsity and its near-nullspace; collective."""
-        operators = [contact.surface.operator for contact in self.contacts]
-        matrix, motions = self._tangent.create_matrix(operators), self.near_nullspace()
-        matrix.setNearNullSpace(motions)
-        motions.destroy()
-        return matrix
 
     def near_nullspace(self) -> PETSc.NullSpace:
         """The rigid body motions, for algebraic multigrid; collective."""
@@ -228,39 +190,6 @@ class PenalisedSystem:
         """The affine displacements, for elements of degree 2; collective."""
         space = self.u.function_space
         return [affine_part(space, self.constraints)] if self.data.element.degree == 2 else []
-
-    def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        """``f``, the free part of ``F(x)``; sets ``u = x``; collective."""
-        self.set_displacement(x)
-        self._assemble_residual(f)
-
-    def tangent(self, x: PETSc.Vec, matrix: PETSc.Mat) -> None:
-        """The tangent at ``x``, with a positive diagonal for prescribed displacements.
-
-        The matrix is declared symmetric positive definite each time, because PETSc forgets this
-        property with new values, and MUMPS would then look for pivots.  Collective.
-        """
-        self.set_displacement(x)
-        floor = self.CONTACT_FLOOR / float(self.data.epsilon.value) * self.held_by_contact
-        pairs = zip(self.contacts, self.penalty_laws(), strict=True)
-        touching = [
-            PointStiffness(item.surface.operator, laws.stiffness(floor)) for item, laws in pairs
-        ]
-        self.constraints.assemble_matrix(self._tangent, matrix, touching)
-        matrix.setOption(PETSc.Mat.Option.SPD, True)
-
-    def _assemble_residual(self, f: PETSc.Vec) -> None:
-        """Assemble the free part of ``F(u)`` into ``f``; collective."""
-        self._residual.assemble_vector(self._work.x)
-        forces = sum(laws.forces() for laws in self.penalty_laws())
-        f.array_w[:] = self.constraints.free_part(self._work.x.array[: self._owned] + forces)
-
-    def potential(self) -> float:
-        """The energy whose derivative is ``F(u)`` at a fixed friction bound; collective."""
-        parts = compiled_together(forms.energy(self.u, self.data))
-        of_body = sum(fem.assemble_scalar(compiled.form(part)) for part in parts)
-        of_contact = sum(laws.energy() for laws in self.penalty_laws())
-        return float(self.comm.allreduce(of_body)) + of_contact
 
     def force_scale(self, tolerance: float) -> float:
         """``max(|f|, |a(u, .)|)`` over all dofs, reactions included, above rounding; collective."""
@@ -288,44 +217,6 @@ class PenalisedSystem:
     def _norm(self, forces: FloatArray) -> float:
         square = float(np.sum(forces[: self._owned] ** 2))
         return float(np.sqrt(self.comm.allreduce(square)))
-
-    def set_displacement(self, x: PETSc.Vec) -> None:
-        """``u = x`` at free dofs, and the prescribed values at constrained dofs; collective.
-
-        Tools travel to where the penalty laws hold their forces.
-        """
-        self.u.x.array[: self._owned] = x.array_r
-        self.constraints.apply(self.u)
-        self.tools.settle(self.u)
-
-    def take_over(
-        self, displacement: FloatArray, pressures: Sequence[FloatArray], travels: Sequence[float]
-    ) -> None:
-        """Set the free dofs of ``u`` to given local values, and the friction bounds; collective.
-
-        ``travels`` are those of the tools, which stay without any.  ``pressures`` gives the
-        pressures (k,) of each contact for the friction bounds; without any, the pressures are those
-        of the penalty law.
-        """
-        self.u.x.array[:] = displacement
-        self.constraints.apply(self.u)
-        self.tools.travels = tuple(travels) or self.tools.travels
-        if not pressures:
-            return self.update_bounds()
-        for contact, pressure in zip(self.contacts, pressures, strict=True):
-            self.bounds[contact] = contact.friction_bound(self.u, pressure)
-
-    def penalty_bounds(self) -> list[FloatArray]:
-        """The friction bounds of :attr:`rubbing` for the penalty law's pressures; collective."""
-        return [
-            contact.friction_bound(self.u, contact.acting(laws.pressure))
-            for contact, laws in zip(self.contacts, self.penalty_laws(), strict=True)
-            if not contact.friction.frictionless
-        ]
-
-    def update_bounds(self) -> None:
-        """Set the friction bounds to :meth:`penalty_bounds`; collective."""
-        self.bounds.enter(self.rubbing, self.penalty_bounds())
 
     def hold(self, stress: float) -> None:
         """Set every friction bound to a stress, whether anything presses or not; collective."""
@@ -366,23 +257,9 @@ class PenalisedSystem:
         if not only_on_failure:
             restore()
 
-    def relative_residual(self, tolerance: float = 1e-8) -> float:
-        """``|F(u)|`` over the free dofs, relative to :meth:`force_scale`; collective."""
-        f, travels = self.u.x.petsc_vec.duplicate(), self.tools.travels
-        self.tools.settle(self.u)
-        self._assemble_residual(f)
-        self.tools.travels = travels
-        residual, scale = float(f.norm()), self.force_scale(tolerance)
-        f.destroy()
-        return residual / scale if scale > 0.0 else residual
-
     def function_of(self, values: FloatArray) -> fem.Function:
         """A displacement field with these owned values; collective."""
         found = fem.Function(self.u.function_space)
         found.x.array[: self._owned] = values[: self._owned]
         found.x.scatter_forward()
         return found
-
-    def displacement(self, x: PETSc.Vec) -> None:
-        """Copy the displacement into ``x``."""
-        x.array_w[:] = self.u.x.array[: self._owned]

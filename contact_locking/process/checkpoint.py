@@ -96,14 +96,16 @@ class Checkpoint:
 
     def restored(self, solver: ProblemSolver) -> SolvedState:
         """The saved state in place of what the solver would find; collective."""
-        contacts, counts = solver.problem.contacts, Counts()
-        self.state.enter(solver.system)
+        contacts, counts, system = solver.problem.contacts, Counts(), solver.system
+        system.u.x.array[:] = self.state.displacement
+        system.constraints.apply(system.u)
+        system.tools.travels = self.state.travels
         # The travel of a foundation, which is part of the state, changes what slips refer to.
         for contact, (place, slip) in zip(contacts, self.memories, strict=False):
             contact.recall(place, slip, self.old_displacement)
         if len(self.history):
             counts = Counts(int(self.history.last("tangents")), int(self.history.last("linear")))
-        solver.system.bounds.enter(contacts, self.bounds)
+        system.bounds.enter(contacts, self.bounds)
         outcome = Outcome(self.multipliers)
         return solver.state(SolverReport.solved(outcome, counts, from_saved=True))
 
@@ -297,8 +299,8 @@ def read(directory: str | Path, problem: DiscreteProblem, is_step: bool = False)
                 memories.append((vectors("old_place", *at), scalars("old_slip", *at)))
         spaces = multiplier_spaces(problem.data, Kept(), problem.domain.mesh)
         multipliers = Multipliers.none(problem.data, spaces, tuple(forces))
-        for number, part in enumerate(multipliers.parts):
-            layout.fill(part, arrays.get(f"locking_stress_{number}"))
+        for number, y in enumerate(multipliers.parts):
+            layout.fill(y, arrays.get(f"locking_stress_{number}"))
         multipliers.add_up(problem.data)
     if comm.bcast("old_displacement" in arrays):
         old_displacement = field("old_displacement", problem.u.function_space).x.array
@@ -309,9 +311,9 @@ def read(directory: str | Path, problem: DiscreteProblem, is_step: bool = False)
         )
     state = SavedState(
         field("displacement", problem.u.function_space).x.array,
-        () if multipliers is None else tuple(forces.pressure for forces in multipliers.contacts),
+        tuple(about["travels"]),
+        multipliers,
         Penalty(about["n"], about["epsilon"], tuple(about["regularisations"])),
-        travels=tuple(about["travels"]),
     )
     return Checkpoint(
         state,
@@ -371,7 +373,7 @@ def _fields(solution: Solution) -> dict[str, fem.Function]:
     """The stored fields by name; in a step, with what friction remembered in it; collective."""
     fields = {"displacement": solution.displacement}
     fields["places"] = _places(solution.displacement.function_space)
-    fields |= {f"locking_stress_{i}": part for i, part in enumerate(solution.locking_parts)}
+    fields |= {f"locking_stress_{i}": y for i, y in enumerate(solution.locking_parts)}
     for number, contact in enumerate(solution.contacts):
         surface = contact.surface
         scalars = {

@@ -9,7 +9,6 @@ from typing import Any
 import dolfinx
 import numpy as np
 from dolfinx import fem
-from numpy.linalg import norm
 
 from contact_locking import wings
 from contact_locking.certificate.laws import ENTRY
@@ -30,7 +29,6 @@ from contact_locking.results.derived import (
     Contacts,
     gather_contacts,
     on_gamma_c,
-    penalised,
 )
 from contact_locking.results.output import Extras
 from contact_locking.results.quantities import QUANTITIES, computed
@@ -80,8 +78,8 @@ class ProblemSolver:
             held_by_friction=problem.sliding > 0,
             loose=loose,
         )
-        one = fem.Constant(problem.domain.mesh, 1.0)
-        self._volume = integral(problem.domain, one * problem.data.dx)
+        unit = fem.Constant(problem.domain.mesh, 1.0)
+        self._volume = integral(problem.domain, unit * problem.data.dx)
 
     @property
     def target(self) -> Target:
@@ -142,18 +140,13 @@ class ProblemSolver:
         Returns where to go on from, None if they face each other so already.
         """
         problem, system = self.problem, self.system
-        forces = (report.multipliers or penalised(system)).contacts
-        if not problem.go_along([item.touches for item in forces]):
+        assert report.multipliers is not None
+        touching = [forces.touches for forces in report.multipliers.contacts]
+        if not problem.go_along(touching):
             return None
-        return SavedState(
-            displacement=problem.u.x.array.copy(),
-            pressures=tuple(item.pressure for item in forces),
-            penalty=problem.penalty,
-            slips=tuple(norm(item.increment(problem.u), axis=1) for item in problem.contacts),
-            travels=system.tools.travels,
-            last=report.last,
-            in_step=True,
-        )
+        displacement, travels = problem.u.x.array.copy(), system.tools.travels
+        penalty = problem.penalty
+        return SavedState(displacement, travels, report.multipliers, penalty, report.last)
 
     @property
     def task(self) -> Task:
@@ -164,7 +157,7 @@ class ProblemSolver:
     def may_lock_up(self) -> bool:
         """Whether limits of the strain may leave nothing admissible; collective."""
         sets = self.system.data.sets
-        limits = np.concatenate([np.zeros(1), *(item.inverse_limit.x.array for item in sets)])
+        limits = np.concatenate([np.zeros(1), *(law.inverse_limit.x.array for law in sets)])
         return self.target.penalty.is_strict and maximum(self.system.comm, limits) > 0.0
 
     def verdict(self) -> Verdict | None:
@@ -192,7 +185,6 @@ class ProblemSolver:
 
     def state(self, report: SolverReport) -> SolvedState:
         """The solved state with its stresses and tractions; collective."""
-        self.system.set_penalty(self.problem.penalty)
         return SolvedState(self.problem, self.system, self.target, self.settings, report)
 
     def solution(
@@ -228,7 +220,6 @@ class ProblemSolver:
             system.clear()
             report = solve_system("auto", dataclasses.replace(self.task, target=limit), None)
             exact = problem.u.copy()
-        system.set_penalty(problem.penalty)
         if not report.converged:
             return {"reason": f"not solved for n = .inf: {report.reason}"}
         return distance(solution.displacement, exact, problem.data)
@@ -323,17 +314,16 @@ def state_of(state: SolvedState) -> State:
     problem = state.problem
     saved = SavedState(
         displacement=problem.u.x.array.copy(),
-        pressures=tuple(fields.pressure for fields in state.contacts),
-        penalty=problem.penalty,
-        slips=tuple(np.linalg.norm(fields.increment, axis=1) for fields in state.contacts),
         travels=state.system.tools.travels,
+        multipliers=state.multipliers,
+        penalty=problem.penalty,
         last=state.report.last,
     )
     after = tuple(
         fields.contact.state_after(problem.u, fields.state != OPEN, fields.holds)
         for fields in state.contacts
     )
-    return State(saved, state.multipliers, after)
+    return State(saved, after)
 
 
 def _facts(state: SolvedState) -> dict[str, Any]:
@@ -374,10 +364,10 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
     domain, tools = state.problem.domain, state.system.tools
     entries: list[dict[str, Any]] = []
     for fields in state.contacts:
-        found = computed("contact", Contacts(domain, (fields,)))
+        numbers = computed("contact", Contacts(domain, (fields,)))
         contact, against = fields.contact, fields.contact.against
         places = {"on": list(contact.on), **({"against": list(against)} if against else {})}
-        entry = {"name": contact.given.name, **places, **found}
+        entry = {"name": contact.given.name, **places, **numbers}
         for tool, size in zip(tools, tools.travels, strict=True):
             if tool.contact is fields.contact:
                 entry["tool"] = tool.summary(size)

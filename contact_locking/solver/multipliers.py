@@ -13,6 +13,7 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import Kept
 from contact_locking.problem.forms import ProblemData
+from contact_locking.problem.system import PenalisedSystem
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,13 @@ class Multipliers:
         total = parts[0] if data.only_ball else fem.Function(parts[0].function_space)
         total.name = "locking_stress"
         return cls(total, contacts, parts)
+
+    @classmethod
+    def zero(cls, system: PenalisedSystem) -> Multipliers:
+        """No stress and no forces; collective."""
+        data, mesh = system.data, system.u.function_space.mesh
+        forces = (ContactForces.none(len(c.surface.nodes), system.dim) for c in data.contacts)
+        return cls.none(data, multiplier_spaces(data, system.kept, mesh), tuple(forces))
 
     def add_up(self, data: ProblemData) -> None:
         """Make Z the sum of the shares of all sets of strains; collective."""

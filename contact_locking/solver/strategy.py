@@ -14,9 +14,7 @@ from contact_locking.parallel import maximum
 from contact_locking.solver.interior_point.feasibility import Verdict, judge
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE, is_direct
-from contact_locking.solver.polish import has_digits, is_in_reach, polish, step_on
 from contact_locking.solver.task import (
-    LastIterate,
     Outcome,
     SavedState,
     SolverReport,
@@ -24,18 +22,9 @@ from contact_locking.solver.task import (
     stage_of,
 )
 
-# Newton's steps from where the interior point method arrived.
-_POLISH = 4
-# Newton's steps from where the interior point method stopped early.
-_RESCUE = 30
 # What wings try after a failure may take so many times the tangents of the solve that fails, or so
 # many where that fails at once.
 _TIMES, _AT_LEAST = 16, 1000
-# From a saved state Newton either arrives within so many steps and updates of the bound, or takes
-# more tangents than the interior point method needs from nothing.  Where it is that near, the
-# relative residual at the start is below the last of these numbers.
-_FEW_STEPS, _FEW_UPDATES, _NEAR = 6, 12, 0.1
-
 _FACTORISED = (
     "the iterative solver of solver.linear did not converge; the direct solver took its place"
 )
@@ -58,21 +47,13 @@ _VERGE_WAY_OUT = (
 
 
 def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
-    """Solve by the interior point method; for a finite n Newton's method polishes the solution.
-
-    The interior point method starts from nothing.  Where Newton's method arrives from the saved
-    state, the interior point method is not run.
-    """
+    """Solve by the pieces of the laws from a saved state, and by the interior point method."""
     penalty, proofs = task.target.penalty, Proofs(task)
     task.monitor.stage(1, 1, penalty.n, penalty.epsilon)
-    # In another frame the pieces of the laws lead on in fewer steps than Newton's method.
-    by_newton = saved is not None and not (saved.in_step and saved.last)
-    if saved and by_newton and (arrived := _newton_from(saved, task)) is not None:
-        return _solved(task, arrived, from_saved=True)
-    attempt = _attempted(task, None if saved is None else saved.last, proofs.leave_hope)
+    attempt = _attempted(task, saved, proofs.leave_hope)
     if attempt.failure is not None:
         return _by_other_ways(task, attempt, attempt.failure, proofs)
-    return _solved(task, attempt.found, attempt.warnings, attempt.from_last)
+    return _solved(task, attempt.found, attempt.warnings, attempt.from_saved)
 
 
 @dataclass(frozen=True)
@@ -124,7 +105,7 @@ def _solved(
 def _by_other_ways(
     task: Task, attempt: Attempt, failure: NotConverged, proofs: Proofs
 ) -> SolverReport:
-    """What Newton's method or a wing finds after a failure, or why there is no solution."""
+    """What a wing finds after a failure, or why there is no solution."""
     report = SolverReport(
         **vars(attempt.found),
         is_infeasible=isinstance(failure, Infeasible),
@@ -135,8 +116,6 @@ def _by_other_ways(
     )
     if report.is_unbalanced:
         return _ended(report, task)
-    if (polished := polish(task, _RESCUE, attempt.found, near=False)) is not None:
-        return _solved(task, polished, attempt.warnings)
     if proofs.leave_hope(failure):
         most = max(_AT_LEAST, _TIMES * task.counts.tangents)
         for rescue in wings.RESCUES:
@@ -169,18 +148,18 @@ class Attempt:
 
     found: Outcome
     failure: NotConverged | None = None
-    from_last: bool = False
+    from_saved: bool = False
     warnings: Sequence[str] = ()
 
 
 def _attempted(
-    task: Task, last: LastIterate | None, goes_on: Callable[[NotConverged], bool]
+    task: Task, saved: SavedState | None, goes_on: Callable[[NotConverged], bool]
 ) -> Attempt:
     """A solve by one approach after the other, as long as one ``goes_on`` after a failure.
 
     No two solvers are there at a time, nor beside what ``goes_on`` solves, as each takes much
     memory.  An approach that an iterative solver ends goes again with a direct one, if auto would
-    have taken that.  ``last`` is the solution of the step before, for the first solve.  Collective.
+    have taken that.  ``saved`` is where the first solve goes on from.  Collective.
     """
     failure, warnings = NotConverged(), list[str]()
     number, count = 0, 1
@@ -188,7 +167,7 @@ def _attempted(
         solver = InteriorPoint(task)
         count = len(solver.approaches)
         solver.approach = solver.approaches[number]
-        made, last = replace(_attempt(solver, task, last), warnings=[*warnings]), None
+        made, saved = replace(_attempt(solver, task, saved), warnings=[*warnings]), None
         if made.failure is None:
             return made
         failure = made.failure
@@ -200,17 +179,13 @@ def _attempted(
     return made
 
 
-def _attempt(solver: InteriorPoint, task: Task, last: LastIterate | None) -> Attempt:
-    """What a solver finds, to its last digits, as far as a method arrives there; collective."""
+def _attempt(solver: InteriorPoint, task: Task, saved: SavedState | None) -> Attempt:
+    """What a solver finds, finished by the pieces of the laws; collective."""
     system = task.system
     system.u.x.array[:] = system.constraints.held_part(system.u.x.array)
     try:
-        found = solver.solve(last)
-        # Newton's last steps want a linear solver as sharp as they are.
-        direct = None if solver.is_elastic else solver.direct
-        polishes = direct is not None and is_in_reach(task)
-        polished = polish(task, _POLISH, found, direct) if polishes else None
-        return Attempt(polished or solver.finish(found), from_last=solver.from_last)
+        found = solver.solve(solver.iterate_of(saved))
+        return Attempt(solver.finish(found), from_saved=solver.from_saved)
     except NotConverged as failure:
         reached = Outcome(solver.multipliers(), friction_change=solver.friction_change)
         return Attempt(reached, failure)
@@ -239,23 +214,6 @@ def _friction_way_out(task: Task) -> list[str]:
     if not task.system.rubbing:
         return []
     return [_HELD_BY_FRICTION if task.system.held_by_friction else _BOUND_WAY_OUT]
-
-
-def _newton_from(saved: SavedState, task: Task) -> Outcome | None:
-    """Where Newton's method arrives from the saved state; None if not, with the system cleared."""
-    system, settings = task.system, task.settings
-    if is_direct(settings.linear, system.dim, system.size) and has_digits(task.target):
-        if saved.slips and system.rubbing and (found := step_on(saved, task)) is not None:
-            return found
-        saved.enter(system)
-        task.system.set_penalty(task.target.penalty)
-        if system.relative_residual(settings.tolerance) <= _NEAR:
-            updates = min(_FEW_UPDATES, settings.max_friction_updates)
-            few = task.with_settings(max_friction_updates=updates)
-            if (found := polish(few, _FEW_STEPS)) is not None:
-                return found
-    system.clear()
-    return None
 
 
 METHODS: Mapping[str, Callable[[Task, SavedState | None], SolverReport]] = {

@@ -211,22 +211,13 @@ class Task:
 class SavedState:
     """The solution of some problem on this mesh with the penalty parameters ``penalty``.
 
-    ``displacement`` holds local values, ghosts included, ``pressures`` those (k,) at the owned
-    nodes of each contact; without any, nothing is known of them.  ``slips`` holds the lengths (k,)
-    of the slip in the step of a process that ended with this state, and ``travels`` those of the
-    tools.  ``last`` is the last iterate that led to this state, if it is known.  ``in_step`` says
-    that the state solves the problem of this step in another frame of bodies that touch.
+    ``displacement`` holds local values, ghosts included, and ``travels`` those of the tools.
+    ``multipliers`` are None where the contacts or the sets of strains were others.  ``last`` is the
+    last iterate that led to this state, if it is known.
     """
 
     displacement: FloatArray
-    pressures: tuple[FloatArray, ...]
+    travels: tuple[float, ...]
+    multipliers: Multipliers | None
     penalty: Penalty
-    slips: tuple[FloatArray, ...] = ()
-    travels: tuple[float, ...] = ()
     last: LastIterate | None = None
-    in_step: bool = False
-
-    def enter(self, system: PenalisedSystem) -> None:
-        """Put displacement, travels and friction bounds into ``system``; collective."""
-        travels = self.travels if len(self.travels) == len(system.tools) else ()
-        system.take_over(self.displacement, self.pressures, travels)

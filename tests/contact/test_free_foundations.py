@@ -85,36 +85,6 @@ def test_ranks_and_linear_solvers_find_the_same_place(comm: MPI.Intracomm) -> No
 
 
 @pytest.mark.serial
-def test_a_foundation_settles_from_anywhere_and_its_border_is_the_derivative() -> None:
-    """``q(u)`` is the root of g, and ``dq = -C^-1 B . du``."""
-    contact = held(force=[0.003, -0.03])
-    problem = assemble(pressed(contact, 1e3), MPI.COMM_WORLD)
-    solver = SolvableStudy(problem).solver
-    system = solver.system
-    system.set_penalty(problem.penalty)
-    own = system.tools[0].contact
-    random = np.random.default_rng(1)
-    x = system.u.function_space.tabulate_dof_coordinates()[:, :2]
-    system.u.x.array[:] = 0.01 * np.sin(x @ random.normal(size=(2, 2)) * 3.0).reshape(-1)
-    system.bounds[own] = np.full(len(own.free), 0.02)
-    places = []
-    for start in (0.0, -3.0, 5.0):
-        system.tools.travels = (start,)
-        system.tools.settle(system.u)
-        places.append(system.tools.travels[0])
-    assert places == pytest.approx([places[0]] * 3, rel=1e-9, abs=1e-12)
-    ((_, tractions, corner),) = system.tools.borders(system.u, 0.0)
-    assert corner > 0.0
-    change = 1e-7 * np.cos(5.0 * x).reshape(-1)
-    owned = own.surface.vector_space.dofmap.index_map.size_local * 2
-    pushed = float(own.surface.nodal_forces(tractions)[:owned] @ change[:owned])
-    expected = -system.comm.allreduce(pushed) / corner
-    system.u.x.array[:] += change
-    system.tools.settle(system.u)
-    assert system.tools.travels[0] - places[-1] == pytest.approx(expected, rel=1e-3)
-
-
-@pytest.mark.serial
 def test_derivatives_by_the_stiffness_of_a_spring_are_those_of_more_solves() -> None:
     contact = held(spring={"stiffness": 2.0}, force=[0.0, -0.01])
     asked = {

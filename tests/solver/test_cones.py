@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,10 @@ from scipy.sparse import csc_matrix
 
 from contact_locking.arrays import FloatArray
 from contact_locking.solver.interior_point.cones import Balls, Cone, HalfLines, Step
+from contact_locking.solver.interior_point.contact_cones import FrictionCones
 from contact_locking.solver.interior_point.lorentz import Scaling
-from contact_locking.solver.interior_point.slips import Slips
+from contact_locking.solver.interior_point.projections import SmoothFrictionProjection
+from contact_locking.solver.interior_point.slips import Slips, along_planes
 
 pytestmark = pytest.mark.serial
 
@@ -144,3 +147,40 @@ def test_cones_alone_find_the_minimiser_of_a_conic_solver(seed: int) -> None:
     P, A = (csc_matrix(x) for x in (np.diag(np.append(np.ones(n), still)), np.vstack(rows)))
     solver = clarabel.DefaultSolver(P, np.append(-f, G), A, right, kinds, options)
     assert u == pytest.approx(np.array(solver.solve().x[:n]), abs=1e-6)
+
+
+def _friction(length: float, random: np.random.Generator) -> tuple[SmoothFrictionProjection, Slips]:
+    """A smooth law of friction at points with planes across the first axis of space."""
+    count = 40
+    family = FrictionCones.__new__(FrictionCones)
+    family.normal = np.repeat(np.eye(3)[:, :1], count, axis=1)
+    family.weights, family.scale, family.regularisation = np.ones(count), 1.0, length
+    family.nodes = SimpleNamespace(dim=3)  # type: ignore[assignment]
+    family.x, family.z = np.zeros((2, 5, count))
+    family.z[0] = random.uniform(0.1, 2.0, count)
+    law = SmoothFrictionProjection(family, 1.7, 1e14)
+    family.seen = along_planes(random.standard_normal((3, count)), family.normal)
+    return law, family
+
+
+@pytest.mark.parametrize("length", [1e-6, 1e-2, 1.0])
+def test_smooth_friction_has_one_slip_for_each_shift_and_its_derivative(length: float) -> None:
+    """``y = G s/sqrt(s^2 + eps^2)`` at the solution, and the step that the law's slope gives."""
+    random = np.random.default_rng(5)
+    law, family = _friction(length, random)
+    slip = family.seen * random.uniform(0.0, 3.0, 40) * length
+    reach = np.sqrt(np.sum(slip**2, axis=0) + length**2)
+    family.seen = slip
+    law.start(family.bound / reach * slip)
+    assert law._law() == pytest.approx(law.y, rel=1e-9, abs=1e-12)
+    law.linearise()
+    law.evaluate()
+    assert np.abs(law.rest).max() <= 1e-8 * np.abs(law.y).max() * (1.0 + 1.0 / length)
+    step = along_planes(random.standard_normal((3, 40)), family.normal) * length
+    t = 1e-6
+    moved = [slip + sign * t * step for sign in (1.0, -1.0)]
+    ends = [family.bound * s / np.sqrt(np.sum(s**2, axis=0) + length**2) for s in moved]
+    slope = (ends[0] - ends[1]) / (2.0 * t)
+    assert family.block(step) == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(slope).max())
+    # The reaction at the same slip is in proportion to the bound.
+    assert family.response(family.bound) == pytest.approx(law.y, rel=1e-6, abs=1e-9)

@@ -33,6 +33,7 @@ from contact_locking.solver.interior_point.projections import (
     HalfLineProjection,
     LockingProjection,
     Projection,
+    SmoothFrictionProjection,
 )
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
@@ -57,6 +58,8 @@ _FAR = 10.0
 # piece by this factor.
 _GAIN = 0.5
 _MOST_STEPS = 15
+# Where so few points are on another piece, friction goes on with a c that is larger by the factor.
+_FEW_CHANGE, _SHARPER = 4, 10.0
 # The products of the points and multipliers that solutions are differentiated by, over the density
 # of the elastic energy.
 _PRODUCT = 1e-10
@@ -64,9 +67,13 @@ _PRODUCT = 1e-10
 
 @dataclass(frozen=True)
 class _Left:
-    """The state after a step: the worst measure, and how many points are on another piece."""
+    """The state after a step: its measures, and how many points are on another piece.
+
+    ``worst`` is the worst measure, and ``unbalanced`` that of the forces.
+    """
 
     worst: float
+    unbalanced: float
     changed: int
 
     def is_less_than(self, before: _Left, factor: float) -> bool:
@@ -109,7 +116,8 @@ class ActiveSet:
         """The semismooth equation of a family."""
         stiffness = self._task.target.stiffness
         if isinstance(family, FrictionCones):
-            return FrictionProjection(family, stiffness, _STIFFEST)
+            law = SmoothFrictionProjection if family.regularisation > 0.0 else FrictionProjection
+            return law(family, stiffness, _STIFFEST)
         if isinstance(family, LockingCones):
             return LockingProjection(family, stiffness, _STIFFEST)
         assert isinstance(family, HalfLines)
@@ -139,14 +147,8 @@ class ActiveSet:
         return self._solve_or_restore(is_linearised=False)
 
     def knows(self, last: LastIterate) -> bool:
-        """Whether it is worth to go on from a solution; collective.
-
-        In 3D so many cells reach their limit or leave it in a step that it takes more
-        tangents.
-        """
+        """Whether a solution is one of these laws; collective."""
         families = list(self._laws)
-        if self._task.system.dim == 3 and any(isinstance(f, LimitsOfStrain) for f in families):
-            return False
         fits = len(families) == len(last.cones) and all(
             pair is None or pair[1].shape == family.z.shape
             for family, pair in zip(families, last.cones, strict=True)
@@ -227,12 +229,12 @@ class ActiveSet:
     def _solve(self, is_linearised: bool) -> Iterate:
         """The iterate at the solution; raises NotConverged."""
         task, tangent = self._task, self._tangent
-        iterate = Iterate(tangent, self._tuning.band)
+        iterate, laws = Iterate(tangent, self._tuning.band), self._laws.values()
         left: list[_Left] = []
         bound_step: BoundStep | None = None
-        keeps = reached = False
+        keeps = reached = is_cycle = False
         for number in range(min(_MOST_STEPS, task.settings.max_iterations)):
-            for law in () if is_linearised else self._laws.values():
+            for law in () if is_linearised else laws:
                 if not keeps:
                     law.linearise()
                 law.evaluate()
@@ -246,6 +248,7 @@ class ActiveSet:
                 bound_step = BoundStep(self._moving, tangent, self._tuning)
             self._advance(self._direction(bound_step))
             measures = self._judge.measure(iterate)
+            measures.primal = max(measures.primal, *(law.misfit() for law in laws))
             task.monitor.iteration(number, measures.worst())
             reached_before = reached
             reached = measures.reached(task.settings, self._tuning.gap_tolerance)
@@ -258,13 +261,21 @@ class ActiveSet:
                 # One more step by the same tangent takes off most of what is left.
                 keeps = True
                 continue
-            changed = tangent.comm.allreduce(sum(law.changed for law in self._laws.values()))
-            left.append(_Left(measures.worst(), int(changed)))
+            changed = tangent.comm.allreduce(sum(law.changed for law in laws))
+            left.append(_Left(measures.worst(), measures.equilibrium, int(changed)))
             if self._leads_away(left):
-                raise NotConverged("the pieces of the laws are too far away")
-            kept_well = not keeps or (
-                not reached_before and left[-1].worst <= _KEPT_GAIN * left[-2].worst
-            )
+                is_cycle = is_cycle or not self._moving
+                if is_cycle or left[-1].worst > _FAR or left[-1].changed > _FEW_CHANGE:
+                    raise NotConverged("the pieces of the laws are too far away")
+                # Nodes that go round in a circle stick and slide at another shift of the law.
+                is_cycle = True
+                left.clear()
+                keeps = False
+                for bound in self._moving:
+                    self._laws[bound.friction].c *= _SHARPER
+                continue
+            gains = len(left) > 1 and left[-1].worst <= _KEPT_GAIN * left[-2].worst
+            kept_well = not keeps or (gains and not reached_before)
             is_near = left[-1].changed == 0 and left[-1].worst <= _KEEPS_BELOW
             keeps = is_near and kept_well
         raise NotConverged("the pieces of the laws do not settle")
@@ -326,6 +337,7 @@ class ActiveSet:
     def _leads_away(self, left: Sequence[_Left]) -> bool:
         """Whether the steps so far lead nowhere."""
         last = left[-1]
-        if not np.isfinite(last.worst) or (len(left) > 1 and last.worst > _FAR):
+        is_far = last.worst > _FAR and last.unbalanced > _KEEPS_BELOW
+        if not np.isfinite(last.worst) or (len(left) > 1 and is_far):
             return True
         return len(left) > 2 and not any(last.is_less_than(before, _GAIN) for before in left[-4:-1])

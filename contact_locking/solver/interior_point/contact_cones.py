@@ -12,7 +12,7 @@ from contact_locking.parallel import maximum, minimum
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.solver.interior_point.cones import HalfLines
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes, OnContact
-from contact_locking.solver.interior_point.lorentz import aligned
+from contact_locking.solver.interior_point.lorentz import aligned, norm
 from contact_locking.solver.interior_point.slips import Slips, along_planes
 from contact_locking.solver.multipliers import Multipliers
 
@@ -57,6 +57,9 @@ class ContactCones(OnContact, HalfLines):
         # units, is the one that does not vanish.
         self.nodes.enter(self.z > self.x * stiffness / self.scale, forces.touches)
 
+    def read(self, multipliers: Multipliers) -> FloatArray:
+        return self.nodes.of_all(multipliers.contacts[self.nodes.number].pressure)
+
     def write_springs(self, stiffness: Sequence[FloatArray]) -> None:
         normal = self.nodes.normal
         self.tangent_block = stiffness[0] * normal[:, None] * normal
@@ -100,6 +103,13 @@ class FrictionCones(OnContact, Slips):
 
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
         self.nodes.enter(self.reactions, multipliers.contacts[self.nodes.number].friction)
+
+    def read(self, multipliers: Multipliers) -> FloatArray:
+        friction = multipliers.contacts[self.nodes.number].friction
+        z = np.zeros_like(self.z)
+        z[self._rows] = -self.nodes.of_all(friction).T
+        z[0] = norm(z[self._rows])
+        return z
 
     def centred(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         # Data that turn the normal of a foundation turn slips and tractions with it.

@@ -100,7 +100,7 @@ class ContactNodes:
         return result
 
     def of_all(self, values: FloatArray) -> FloatArray:
-        """The values (k,) at these nodes, from values at all owned nodes of the contact."""
+        """The values (k, ...) at these nodes, from those at all owned nodes of the contact."""
         return np.asarray(values[self._active])
 
     def enter(self, values: npt.NDArray[Scalar], into: npt.NDArray[Scalar]) -> None:

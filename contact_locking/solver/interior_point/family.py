@@ -62,6 +62,10 @@ class Family(Cone):
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
         """Add the reactions; ``stiffness`` compares pressures with openings.  Collective."""
 
+    @abstractmethod
+    def read(self, multipliers: Multipliers) -> FloatArray:
+        """The z whose reactions :meth:`write` has written."""
+
     def centred(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Points and multipliers on the central path, near the given ones; collective.
 

@@ -104,6 +104,10 @@ class LockingCones(LimitsOfStrain, Balls):
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
         self.strains.set_tensors(multipliers.parts[self._number], self.reactions)
 
+    def read(self, multipliers: Multipliers) -> FloatArray:
+        y = self.strains.mandel(multipliers.parts[self._number])
+        return np.vstack([norm(y), -y])
+
     def centred(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         return aligned(x, z, np.ones(len(self.weights), dtype=bool))
 
@@ -157,6 +161,9 @@ class StrainHalfLines(LimitsOfStrain, HalfLines):
 
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
         self.strains.set_values(multipliers.parts[self._number], self.reactions)
+
+    def read(self, multipliers: Multipliers) -> FloatArray:
+        return multipliers.parts[self._number].x.array[self.strains.dofs]
 
     def tangent_term(self, v: Expr, du: Expr) -> Expr:
         """``int k (N : eps(du)) (N : eps(v))``."""

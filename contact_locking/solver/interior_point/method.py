@@ -9,10 +9,10 @@ back-substitutions more than one with known bounds.
 1. Start: the elastic displacement (:mod:`start`).  If it is admissible and rubs nowhere, it is the
    solution.  Else each family of cones puts its points near the central path around it.
 2. Measure equilibrium, the laws, the duality gap and the friction bound (:mod:`judge`); stop at
-   the tolerances, or with a proof that nothing is admissible (:mod:`farkas`).  Where nobody
-   polishes a penalised solution, go on until each locking stress keeps its law.  Where rounding
-   has unbalanced the forces, or makes the tangent of 3 singular, bound the stiffness of the steps
-   that follow.
+   the tolerances, or with a proof that nothing is admissible (:mod:`farkas`).  Where the
+   pieces of the laws do not finish a penalised solution, go on until each locking stress keeps
+   its law.  Where rounding has unbalanced the forces, or makes the tangent of 3 singular, bound
+   the stiffness of the steps that follow.
 3. Linearise: scale each cone by Nesterov and Todd (doi:10.1287/moor.22.1.1), eliminate it, and
    assemble and factorise the tangent.  Everything up to 8 uses that factorisation.
 4. Predictor: the direction towards products of zero; it foresees the step of the friction bound.
@@ -48,8 +48,8 @@ from contact_locking.solver.interior_point.start import ElasticStart, rests
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Approach, Tuning
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
-from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
-from contact_locking.solver.task import LastIterate, Outcome, Task
+from contact_locking.solver.multipliers import Multipliers
+from contact_locking.solver.task import LastIterate, Outcome, SavedState, Task
 
 
 class InteriorPoint:
@@ -70,15 +70,15 @@ class InteriorPoint:
         self._judge = Judge(task, self._tangent, tuning)
         #: Whether the elastic displacement alone is the solution.
         self.is_elastic = False
-        #: Whether the solution goes on from that of an earlier step.
-        self.from_last = False
+        #: Whether the solution goes on from the saved state.
+        self.from_saved = False
         self._pieces: ActiveSet | None = None
         self._first: tuple[float, float] | None = None
 
     def solve(self, last: LastIterate | None = None) -> Outcome:
         """Iterate to the tolerances; raises NotConverged, the best iterate left in place.
 
-        ``last`` is the solution of the step before, if there is one.
+        ``last`` is a solution that may be near, such as that of the step before.
         """
         return self._solve(lambda: self._start(last))
 
@@ -97,18 +97,18 @@ class InteriorPoint:
         return self._judge.friction_change
 
     def finish(self, found: Outcome) -> Outcome:
-        """A solution that cones have left rough, by the pieces of the laws; collective.
+        """A solution of the cones to its last digits, by the pieces of the laws; collective.
 
-        It is as it was where it is not rough, where linear solves are iterative, and where that
-        method does not arrive.
+        Cones leave locking stresses and penalised solutions rough.  A solution is as it was
+        where linear solves are iterative, and where that method does not arrive.
         """
         judge, last = self._judge, found.last
         is_done = self.is_elastic or self._pieces is not None or self._tangent.direct is None
         if is_done or last is None:
             return found
-        keeps_law = not self._has_law or judge.keeps_penalty_law(self._iterate)
-        is_strict = math.isinf(self._task.target.penalty.n) and bool(self._families.strains)
-        if not judge.leaves_gap and keeps_law and not is_strict:
+        penalty = self._task.target.penalty
+        is_strict = math.isinf(penalty.n) and penalty.epsilon == 0.0
+        if is_strict and not (self._families.strains or judge.leaves_gap):
             return found
         pieces = self._all_pieces()
         with np.errstate(all="ignore"):
@@ -119,13 +119,7 @@ class InteriorPoint:
     def multipliers(self) -> Multipliers:
         """The multipliers of the present iterate; collective."""
         system = self._task.system
-        contacts = (
-            ContactForces.none(len(contact.surface.nodes), system.dim)
-            for contact in system.contacts
-        )
-        mesh = system.u.function_space.mesh
-        spaces = multiplier_spaces(system.data, system.kept, mesh)
-        found = Multipliers.none(system.data, spaces, tuple(contacts))
+        found = Multipliers.zero(system)
         if not self.is_elastic:
             for family in self._iterate.families:
                 family.write(found, self._task.target.young)
@@ -160,6 +154,21 @@ class InteriorPoint:
             raise_callback_error(error)
             raise NotConverged(LINEAR_FAILURE) from error
 
+    def iterate_of(self, saved: SavedState | None) -> LastIterate | None:
+        """The iterate that led to a saved state, or one of its multipliers; None without."""
+        if saved is None or saved.last is not None or saved.multipliers is None:
+            return None if saved is None else saved.last
+        families, system = self._families, self._task.system
+        with system.preserved():
+            system.u.x.array[:] = saved.displacement
+            for family in families.every:
+                family.z = family.read(saved.multipliers)
+            for bound in families.bounds:
+                bound.friction.z[0] = bound.friction.nodes.of_all(bound.wanted())
+        # Where nodes have slid is not saved.
+        pairs = tuple((np.zeros_like(family.x), family.z) for family in families.every)
+        return LastIterate(saved.displacement, saved.travels, pairs)
+
     def _last(self) -> LastIterate:
         if self._pieces is not None:
             return self._pieces.last()
@@ -187,11 +196,6 @@ class InteriorPoint:
         moves = self.bound_moves and self._families.bounds
         return self._tuning.approaches if moves else self._tuning.approaches[:1]
 
-    @property
-    def direct(self) -> PETSc.KSP | None:
-        """The direct solver of the tangents, if any, for Newton's method, until :meth:`destroy`."""
-        return self._tangent.direct
-
     def destroy(self) -> None:
         self._tangent.destroy()
         self._families.destroy()
@@ -202,7 +206,7 @@ class InteriorPoint:
         self._judge.friction_change, self._first = 0.0, None
         self._left = self._stiffest = math.inf
         self._crawled, self._gap = 0, 0.0
-        self._pieces, self.from_last, self.is_elastic = None, False, False
+        self._pieces, self.from_saved, self.is_elastic = None, False, False
         try:
             is_found = start()
         except PETSc.Error as error:
@@ -216,7 +220,7 @@ class InteriorPoint:
         if self.is_elastic or is_found:
             return self._gap
         limit, tuning = settings.max_iterations, self._tuning
-        # Where Newton's method polishes the solution, it gives locking stresses their law.
+        # Where linear solves are direct, the pieces of the laws give locking stresses their law.
         wants_law = self._has_law and self._tangent.direct is None
         steps_left = tuning.steps_for_law if wants_law else 0
         can_rest = self.bound_moves and not task.system.tools.act
@@ -272,8 +276,8 @@ class InteriorPoint:
         tangent, bounds = self._tangent, self._families.bounds
         pieces = self._pieces_of_laws(last is not None)
         if pieces is not None and last is not None and pieces.knows(last):
-            self.from_last = self._take(pieces, pieces.from_last(last))
-            if self.from_last:
+            self.from_saved = self._take(pieces, pieces.from_last(last))
+            if self.from_saved:
                 return True
         if last is not None:
             pieces = None

@@ -29,6 +29,8 @@ from contact_locking.solver.task import Pair
 _TINY = float(np.finfo(float).tiny)
 # Nodes whose friction was at least this share of its bound go on to slide in the next step.
 _SLIDES_ON = 1.0 - 1e-4
+# Newton's steps for the slip of one point, and the share of it that is rounding.
+_MOST_STEPS, _ROUNDING = 60, 1e-15
 # The halvings of an interval of logarithms, to its rounding.
 _BISECTIONS = 60
 
@@ -80,6 +82,10 @@ class Projection(ABC, Generic[F]):
     def aim(self) -> Reaction:
         """The reactions that the step leads to if nothing moves."""
         return Reaction(self.family, self.y + self.rest)
+
+    def misfit(self) -> float:
+        """How far the reactions are from a smooth law, relative, 0 for pieces; collective."""
+        return 0.0
 
     def _shifted(self) -> FloatArray:
         """``v = y + c s`` of what was seen."""
@@ -184,9 +190,7 @@ class HalfLineProjection(Projection[Any]):
 class FrictionProjection(Projection[FrictionCones]):
     """``y = G v/max(G, |v|)`` with ``v = y + c s`` for the slip s and ``y = -sigma_tau``.
 
-    The bound G follows the pressure outside of this law (:mod:`bound_step`).  Where friction is
-    regularised by a length eps, ``m y = G s`` with ``m = sqrt(s^2 + eps^2)`` takes its place, with
-    y as an unknown of its own (Chan, Golub and Mulet, doi:10.1137/S1064827596299767).
+    The bound G follows the pressure outside of this law (:mod:`bound_step`).
     """
 
     def __init__(self, family: FrictionCones, stiffness: float, stiffest: float) -> None:
@@ -206,16 +210,8 @@ class FrictionProjection(Projection[FrictionCones]):
         self._slides_at, self._slipped = _SLIDES_ON, self.c * slip
 
     def linearise(self) -> None:
-        family, slip = self.family, self.family.seen
-        bound, length = family.bound, family.regularisation
+        family, bound = self.family, self.family.bound
         family.bound_step = np.zeros_like(bound)
-        if length > 0.0:
-            size = norm(slip)
-            self._m = np.sqrt(size**2 + length**2)
-            along = slip / np.maximum(size, _TINY)
-            used = np.clip(dot(self.y, along), 0.0, bound)
-            family.set_block(bound / self._m, -used * size / self._m**2, along, slip / self._m)
-            return
         v = self._shifted() + self._slipped
         size = norm(v)
         # A node that would turn round in each step sticks instead.
@@ -233,10 +229,6 @@ class FrictionProjection(Projection[FrictionCones]):
 
     def evaluate(self) -> None:
         family = self.family
-        if family.regularisation > 0.0:
-            self._m = np.sqrt(dot(family.seen, family.seen) + family.regularisation**2)
-            self.rest = family.bound * family.seen / self._m - self.y
-            return
         v = self._shifted()
         left = v * (family.bound / np.maximum(np.maximum(family.bound, norm(v)), _TINY)) - self.y
         along = dot(self._along, left) * self._along
@@ -268,11 +260,7 @@ class FrictionProjection(Projection[FrictionCones]):
 
     def inside_under(self, bound: FloatArray, product: float) -> Pair:
         """The pair under a bound (k,) > 0: friction and slip move at the same ``v = y + c s``."""
-        family, product = self.family, product * self.family.scale
-        if family.regularisation > 0.0:
-            family.z[0] = bound
-            family.settle(product)
-            return family.x, family.z
+        product *= self.family.scale
         v = self._shifted()
         size = norm(v)
         products = np.asarray(self.c * product / bound**2, dtype=float)
@@ -284,17 +272,81 @@ class FrictionProjection(Projection[FrictionCones]):
 
     def settle(self) -> None:
         """Keep the friction within its bound, and give the family points in its cones."""
-        family, bound = self.family, self.family.bound
-        if family.regularisation == 0.0:
-            v = self._shifted()
-            other = (norm(v) <= bound) != self._sticks
-            self.changed = _count(other | (self._turns(v) & ~self._sticks))
-        size = norm(self.y)
-        y = self.y * (bound / np.maximum(np.maximum(bound, size), _TINY))
+        family, bound, v = self.family, self.family.bound, self._shifted()
+        other = (norm(v) <= bound) != self._sticks
+        self.changed = _count(other | (self._turns(v) & ~self._sticks))
+        y = self.y * (bound / np.maximum(np.maximum(bound, norm(self.y)), _TINY))
         family.z[self._rows] = -y
-        if family.regularisation > 0.0:
-            family.z[-1] = -np.sqrt(np.maximum(bound**2 - dot(y, y), 0.0))
         family.touch()
+
+
+class SmoothFrictionProjection(FrictionProjection):
+    """``y = G s/sqrt(s^2 + eps^2)`` with the slip s at which ``v = y + c s``, and eps > 0.
+
+    This is the proximal map of ``G sqrt(s^2 + eps^2)`` (22).  It is smooth, and at each y and what
+    was seen it has the slip of the law between both, from which Newton's method takes few steps.
+    """
+
+    def linearise(self) -> None:
+        family, v = self.family, self._shifted()
+        family.bound_step = np.zeros_like(family.bound)
+        size = norm(v)
+        self._sticks = size <= family.bound
+        slip = _slip(size, family.bound, family.regularisation, self.c)
+        reach = np.hypot(slip, family.regularisation)
+        across = family.bound / reach
+        along = across * (family.regularisation / reach) ** 2
+        self._along = v / np.maximum(size, _TINY)
+        softer = 1.0 + self.softness * along, 1.0 + self.softness * across
+        self._shares = (1.0 + along / self.c) / softer[0], (1.0 + across / self.c) / softer[1]
+        along, across = along / softer[0], across / softer[1]
+        follows = slip / reach / softer[0] * self._along
+        family.set_block(across, along - across, self._along, follows)
+
+    def evaluate(self) -> None:
+        left = self._law() - self.y
+        along = dot(self._along, left) * self._along
+        self.rest = self._shares[0] * along + self._shares[1] * (left - along)
+
+    def _law(self) -> FloatArray:
+        """``G s/sqrt(s^2 + eps^2)`` (d, k) of v."""
+        family, v = self.family, self._shifted()
+        slip = _slip(norm(v), family.bound, family.regularisation, self.c)
+        size = family.bound * slip / np.hypot(slip, family.regularisation)
+        return np.asarray(size / np.maximum(norm(v), _TINY) * v)
+
+    def misfit(self) -> float:
+        family, left = self.family, self._law() - self.y
+        squares = np.array([family.power(left, left), family.power(family.bound, family.bound)])
+        miss, size = family.comm.allreduce(squares)
+        return float(np.sqrt(miss / size)) if size > 0.0 else 0.0
+
+    def inside_under(self, bound: FloatArray, product: float) -> Pair:
+        family = self.family
+        family.z[0] = bound
+        family.settle(product * family.scale)
+        return family.x, family.z
+
+    def settle(self) -> None:
+        super().settle()
+        y, bound = self.family.reactions, self.family.bound
+        self.family.z[-1] = -np.sqrt(np.maximum(bound**2 - dot(y, y), 0.0))
+
+
+def _slip(size: FloatArray, bound: FloatArray, length: float, c: float) -> FloatArray:
+    """The s >= 0 with ``G s/sqrt(s^2 + length^2) + c s = size``.
+
+    Newton's method on a concave function goes up from a lower bound of the root.
+    """
+    s = np.maximum(size - bound, size / (bound / (c * length) + 1.0)) / c
+    for _ in range(_MOST_STEPS):
+        reach = np.hypot(s, length)
+        slope = bound / reach * (length / reach) ** 2 + c
+        step = (size - bound * s / reach - c * s) / slope
+        s = np.maximum(s + step, 0.0)
+        if np.all(np.abs(step) <= _ROUNDING * s):
+            break
+    return np.asarray(s)
 
 
 class LockingProjection(Projection[LockingCones]):

@@ -106,6 +106,12 @@ class StrainOperator:
             tensors[self.dofs, i, j] = tensors[self.dofs, j, i] = row / mandel_factor(i, j)
         function.x.scatter_forward()
 
+    def mandel(self, function: fem.Function) -> FloatArray:
+        """The Mandel vectors (m, k) of a function of ``tensors``."""
+        tensors = function.x.array.reshape(-1, *function.ufl_shape)
+        rows = [mandel_factor(i, j) * tensors[self.dofs, i, j] for i, j in self._pairs]
+        return np.array(rows)
+
     def set_values(self, function: fem.Function, values: FloatArray) -> None:
         """Give a function of ``scalars`` values (k,); collective."""
         function.x.array[self.dofs] = values

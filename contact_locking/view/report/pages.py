@@ -27,7 +27,7 @@ from .run_charts import (
     branch_charts,
     contact_charts,
     derivative_charts,
-    fit_chart,
+    fit_charts,
     history_charts,
     rows_of_derivatives,
     wanted_charts,
@@ -49,7 +49,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     steps = wanted_charts(wanted, [Process(run.history)], contacts, units)
     charts = {
         "steps": steps + history_charts(run.history, contacts, units),
-        "fit": [] if run.fit is None else [fit_chart(run.fit)],
+        "fit": [] if run.fit is None else fit_charts(run.fit),
         "branch": branch_charts(summary.get("branches"), units),
         "derivatives": derivative_charts(derivatives),
         "adapt": adapt_charts(run),
