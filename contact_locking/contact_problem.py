@@ -242,9 +242,9 @@ def _penalty(n: Any, compliance: Any) -> PenaltyParameters:
 def _check_lists(**lists: Any) -> None:
     for key, items in lists.items():
         require_kind(items, Sequence, "a list", key)
-    for item in lists["limits"]:
-        if not callable(getattr(item, "on", None)):
-            raise InputError(f"must be limits, such as StrainBall(0.02), not {item!r}", "limits")
+    for limit in lists["limits"]:
+        if not callable(getattr(limit, "on", None)):
+            raise InputError(f"must be limits, such as StrainBall(0.02), not {limit!r}", "limits")
 
 
 def _space_of(

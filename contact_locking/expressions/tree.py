@@ -130,7 +130,7 @@ def _evaluate(
         case Name(name):
             return variables[name]
         case Apply(operation, arguments):
-            values = [_evaluate(item, operations, variables, look_up) for item in arguments]
+            values = [_evaluate(operand, operations, variables, look_up) for operand in arguments]
             return operations[operation](*values)
         case Lookup(_, argument):
             return look_up(node, _evaluate(argument, operations, variables, look_up))
@@ -285,10 +285,10 @@ def _forward(node: Node, by: Sequence[str], variables: Mapping[str, Any]) -> tup
             if not any(slopes for _, slopes in parts):
                 return result, {}
             if operation == "if":
-                condition, (_, one), (_, other) = values[0], *parts[1:]
-                names = one.keys() | other.keys()
+                condition, (_, first), (_, other) = values[0], *parts[1:]
+                names = first.keys() | other.keys()
                 chosen = {
-                    name: np.where(condition, one.get(name, 0.0), other.get(name, 0.0))
+                    name: np.where(condition, first.get(name, 0.0), other.get(name, 0.0))
                     for name in names
                 }
                 return result, chosen

@@ -85,15 +85,15 @@ class ContactPoints:
     def of(cls, table: Table) -> ContactPoints:
         """The points of a :attr:`table`.  Raises KeyError for a column that is not there."""
         axes = [axis for axis in AXES if axis in table.columns]
-        found: dict[str, Any] = {}
+        columns: dict[str, Any] = {}
         for key, name in _COLUMNS.items():
             if key == "state":
-                found[key] = np.array([STATE_NAMES.index(x) for x in table.columns[name]], int)
+                columns[key] = np.array([STATE_NAMES.index(x) for x in table.columns[name]], int)
             elif name in table.columns:
-                found[key] = table.column(name)
+                columns[key] = table.column(name)
             else:
-                found[key] = np.column_stack([table.column(x) for x in _with_axes(name, axes)])
-        return cls(**found | {"contact": table.whole("contact")})
+                columns[key] = np.column_stack([table.column(x) for x in _with_axes(name, axes)])
+        return cls(**columns | {"contact": table.whole("contact")})
 
 
 def _with_axes(name: str, axes: Sequence[str]) -> list[str]:
@@ -124,7 +124,7 @@ def joined(
         )
     )
     firsts = itertools.accumulate((len(table) for table, _ in contacts), initial=0)
-    facets = [first + own for first, (_, own) in zip(firsts, contacts, strict=False)]
+    facets = [first + numbers for first, (_, numbers) in zip(firsts, contacts, strict=False)]
     return points, np.concatenate([np.empty((0, dim), dtype=np.int64), *facets])
 
 
@@ -159,7 +159,7 @@ def curves(segments: IntArray) -> list[IntArray]:
     for joined in neighbours.values():
         joined.sort()
     ends = [point for point, joined in neighbours.items() if len(joined) == 1]
-    found = []
+    found_curves = []
     for start in [*sorted(ends), *sorted(neighbours)]:
         curve = [start]
         while neighbours[curve[-1]]:
@@ -167,8 +167,8 @@ def curves(segments: IntArray) -> list[IntArray]:
             neighbours[following].remove(curve[-1])
             curve.append(following)
         if len(curve) > 1:
-            found.append(np.array(curve, dtype=np.int64))
-    return sorted(found, key=lambda curve: int(curve[0]))
+            found_curves.append(np.array(curve, dtype=np.int64))
+    return sorted(found_curves, key=lambda curve: int(curve[0]))
 
 
 def along_curves(x: FloatArray, segments: FloatArray) -> IntArray:

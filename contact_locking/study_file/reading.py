@@ -28,7 +28,7 @@ from contact_locking.values.value import show
 
 def _message(details: Any, place: Place) -> str | None:
     """The message for an error at a key, if it is not that of the value alone."""
-    given = show(details["input"])
+    shown = show(details["input"])
     gone = (REMOVED_VALUES.get((str(key), str(details["input"]))) for key in details["loc"])
     if instead := next(filter(None, gone), None):
         return instead
@@ -49,7 +49,7 @@ def _message(details: Any, place: Place) -> str | None:
             keys = ", ".join(known_keys(Parameters, place))
             several = ", or a list of such mappings" if place == ("contact",) else ""
             with_keys = f" with keys among {keys}" if keys else ""
-            return f"must be a mapping{with_keys}{several}, not {given}"
+            return f"must be a mapping{with_keys}{several}, not {shown}"
     return None
 
 
@@ -115,9 +115,11 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> StudyFile:
     return StudyFile(parameters, source)
 
 
-def require_parameters(given: object) -> None:
+def require_parameters(parameters: object) -> None:
     """Raise InputError for what are no parameters of a study, such as the name of its file."""
-    require_kind(given, Parameters, "parameters, as load('study.yml').parameters", "parameters")
+    require_kind(
+        parameters, Parameters, "parameters, as load('study.yml').parameters", "parameters"
+    )
 
 
 def from_mapping(data: Mapping[str, Any], folder: str | Path = ".") -> Parameters:
@@ -141,12 +143,12 @@ def _with_on(data: Any) -> Any:
 
 
 def _key(fault: Fault) -> str:
-    return ".".join(str(part) or "''" for part in fault.place)
+    return ".".join(str(name) or "''" for name in fault.place)
 
 
-def _listed(lines: list[str], more: str) -> str:
+def _listed(lines: list[str], ending: str) -> str:
     """One line for each fault, and after `MOST_FAULTS` of them that there may be more."""
-    return "\n".join(lines if len(lines) < MOST_FAULTS else [*lines[:MOST_FAULTS], more])
+    return "\n".join(lines if len(lines) < MOST_FAULTS else [*lines[:MOST_FAULTS], ending])
 
 
 def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[Fault]]:
@@ -166,13 +168,13 @@ def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[
         # An unknown key is often what another one is missing for.
         unknown = [fault for fault in faults if fault.message.startswith("unknown key")]
         for fault in unknown or faults:
-            told = tell(fault.message, _key(fault)) if fault.place else fault.message
-            wrong.setdefault(told, []).append(shown)
+            text = tell(fault.message, _key(fault)) if fault.place else fault.message
+            wrong.setdefault(text, []).append(shown)
     if wrong:
         listed = []
-        for told, (first, *others) in wrong.items():
+        for text, (first, *others) in wrong.items():
             count = f" and {len(others)} other{'s' * (len(others) > 1)}" if others else ""
-            listed.append(Fault(("study",), f"in the case {first}{count}: {told}"))
+            listed.append(Fault(("study",), f"in the case {first}{count}: {text}"))
         return None, listed[:MOST_FAULTS]
     return parameters, []
 

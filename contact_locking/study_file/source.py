@@ -128,12 +128,12 @@ def assign(data: Any, key: str, value: Any) -> list[str]:
     """
     *above, last = key.split(".")
     created = []
-    for depth, part in enumerate(above):
-        here = ".".join(above[: depth + 1])
-        index = _index(data, part, ".".join(above[:depth]))
+    for depth, name in enumerate(above):
+        section = ".".join(above[: depth + 1])
+        index = _index(data, name, ".".join(above[:depth]))
         if isinstance(data, dict) and data.get(index) is None:
             data[index] = {}
-            created.append(here)
+            created.append(section)
         data = data[index]
     data[_index(data, last, ".".join(above))] = value
     return created
@@ -149,20 +149,22 @@ def _reason(error: MarkedYAMLError) -> str:
         return "a line is indented by blanks, not by tabs"
     began = error.context_mark
     since = f" that begins in line {began.line + 1}" if began is not None and error.context else ""
-    return "; ".join(part for part in (f"{error.context or ''}{since}", error.problem) if part)
+    return "; ".join(
+        clause for clause in (f"{error.context or ''}{since}", error.problem) if clause
+    )
 
 
-def _index(data: Any, part: str, place: str) -> Any:
+def _index(data: Any, name: str, place: str) -> Any:
     if isinstance(data, dict):
-        return part
+        return name
     if not isinstance(data, list):
-        raise KeyError(f"'{place}' is a value, it has no '{part}'")
-    if not (part.isascii() and part.isdecimal() and len(part) < 9 and int(part) < len(data)):
+        raise KeyError(f"'{place}' is a value, it has no '{name}'")
+    if not (name.isascii() and name.isdecimal() and len(name) < 9 and int(name) < len(data)):
         entries = f"0 to {len(data) - 1}" if data else "none"
-        inside = data and isinstance(data[0], dict) and not part.isdecimal()
-        guess = f" (did you mean '{place}.0.{part}'?)" if inside else ""
-        raise KeyError(f"'{place}' is a list with the indices {entries}, not '{part}'{guess}")
-    return int(part)
+        inside = data and isinstance(data[0], dict) and not name.isdecimal()
+        guess = f" (did you mean '{place}.0.{name}'?)" if inside else ""
+        raise KeyError(f"'{place}' is a list with the indices {entries}, not '{name}'{guess}")
+    return int(name)
 
 
 class _Reader:
@@ -208,10 +210,10 @@ class _Reader:
             case SequenceNode():
                 self.check_tag(node, "seq", line)
                 items = []
-                for index, item in enumerate(node.value):
+                for index, entry in enumerate(node.value):
                     below = f"{key}.{index}".lstrip(".")
-                    self.remember(below, item)
-                    items.append(self.data(item, below, depth + 1))
+                    self.remember(below, entry)
+                    items.append(self.data(entry, below, depth + 1))
                 return items
             case MappingNode():
                 self.check_tag(node, "map", line)
@@ -220,7 +222,7 @@ class _Reader:
 
     def mapping(self, node: MappingNode, key: str, depth: int) -> dict[str, Any]:
         entries: dict[str, Any] = {}
-        for name_node, item in node.value:
+        for name_node, value in node.value:
             line = name_node.start_mark.line + 1
             if not isinstance(name_node, ScalarNode):
                 self.refuse("a key must be a name", line)
@@ -235,7 +237,7 @@ class _Reader:
             if name in entries:
                 self.refuse(f"{below}: is given twice", line)
             self.remember(below, name_node)
-            entries[name] = self.data(item, below, depth + 1)
+            entries[name] = self.data(value, below, depth + 1)
         return entries
 
     def scalar(self, node: ScalarNode, line: int) -> Any:

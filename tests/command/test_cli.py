@@ -11,6 +11,7 @@ from problems import UNDRAWN_BLOCK
 
 from contact_locking import meshes, study_file
 from contact_locking.command import cli
+from contact_locking.errors import InputError
 from contact_locking.running import solving
 
 
@@ -219,3 +220,23 @@ def test_mesh_replaces_no_file_and_no_link(
     theirs.unlink()
     (folder / name).symlink_to(folder / "nowhere")
     assert cli.main(words) == 2
+
+
+@pytest.mark.serial
+def test_petsc_options_are_pairs_or_flags() -> None:
+    words = ["-a", "-1e-3", "-b", "--c", "value"]
+    assert cli.petsc_options(words) == {"a": "-1e-3", "b": None, "c": "value"}
+    for wrong in (["value"], ["-a", "1", "2"]):
+        with pytest.raises(InputError, match="begin with a dash"):
+            cli.petsc_options(wrong)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "words", [[], ["solve"], ["run"], ["run", "a", "b"], ["schema", "--", "-x"], ["mesh", "a"]]
+)
+def test_wrong_words_return_2_with_one_message(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(words) == 2
+    assert capsys.readouterr().err.startswith("error: ")

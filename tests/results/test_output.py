@@ -12,8 +12,11 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from problems import block
+from slow import slow
 from solutions import made_up
 
+from contact_locking import solve
 from contact_locking.errors import InputError
 from contact_locking.results import fields
 from contact_locking.results import folder as output_folder
@@ -170,3 +173,34 @@ def test_fields_can_be_written_as_xdmf(tmp_path: Path, comm: MPI.Intracomm) -> N
     data = found["strain_norm"].find("DataItem")
     assert data is not None and data.text is not None and data.text.startswith("fields.h5:")
     assert int(data.get("Dimensions", "").split()[0]) == solution.domain.num_cells
+
+
+@pytest.mark.parametrize("dim", [2, slow(3)])
+def test_a_large_file_has_the_fields_of_a_small_one(
+    dim: int, comm: MPI.Intracomm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    adios2 = pytest.importorskip("adios2")
+    folder = comm.bcast(tmp_path)
+    functions = fields.discontinuous(solve(block(dim, 0.5), comm))
+    for name, largest in (
+        ("small", fields._LARGEST_BP4),
+        ("large", fields.size(functions, comm) - 1),
+    ):
+        monkeypatch.setattr(fields, "_LARGEST_BP4", largest)
+        file = fields.Series(functions, folder / f"{name}.bp", comm)
+        file.add(0.0)
+        file.close()
+    if comm.rank > 0:
+        return
+    # Only a file in the format BP5 has metadata of metadata.
+    assert (folder / "large.bp" / "mmd.0").exists()
+    assert not (folder / "small.bp" / "mmd.0").exists()
+    with (
+        adios2.FileReader(str(folder / "small.bp")) as small,
+        adios2.FileReader(str(folder / "large.bp")) as large,
+    ):
+        names = set(small.available_variables())
+        assert names == set(large.available_variables())
+        assert names >= {function.name for function in functions}
+        for name in names:
+            np.testing.assert_array_equal(small.read(name), large.read(name))

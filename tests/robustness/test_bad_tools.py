@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cad_shapes import SHAPES
 from problems import block
 from tool_files import ascii_stl, binary_stl, box
 
-from contact_locking import InputError
+from contact_locking import InputError, StudySolution, solve
 from contact_locking.arrays import FloatArray
 from contact_locking.files.readable import LARGEST_FILE
 from contact_locking.shapes.tool_files import read_stl
@@ -215,3 +216,64 @@ def test_a_file_that_is_no_polyline_is_refused(text: str, tmp_path: Path) -> Non
 def test_an_expression_without_a_direction_is_refused() -> None:
     refusal({"expression": "(x - 0.25)**2 + y**2"}, 2)
     refusal({"expression": "0.1"}, 2)
+
+
+DEPTH = 0.02
+# The share by which the force of a coarse mesh may be off that of a fine mesh: a tool is 0.6 wide,
+# and the contact ends half a facet too early or too late on each side.
+NEAR = {0.25: 0.5, 0.125: 0.2}
+# Shapes with a tip or a ridge, which facets of a multiple of the depth can miss.
+SHARP = ("crescent", "wedge", "cone", "pyramid", "plate with teeth", "plate with a needle")
+# The other shapes with flat or round sides of the size of the facets of the finer pad.
+BLUNT = tuple(set(SHAPES) - {*SHARP, "hemisphere", "frustum"})
+
+
+def pressed(shape: str, h: float, folder: Path) -> StudySolution:
+    """A pad whose nodes are not placed by the tool, which is turned and off the middle."""
+    cosine, sine = np.cos(0.3), np.sin(0.3)
+    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    file = folder / "tool.stl"
+    file.write_bytes(binary_stl(SHAPES[shape] @ turn.T + [0.51, 0.47, 0.5 - DEPTH]))
+    return solve(
+        from_mapping(
+            {
+                "mesh": {
+                    "builder": "block",
+                    "dim": 3,
+                    "size": [1.0, 1.0, 0.5],
+                    "h": h,
+                    "structured": True,
+                },
+                "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
+                "loads": {"displacements": [{"on": "bottom", "value": [0, 0, 0]}]},
+                "contact": {"on": "top", "foundation": {"surface": str(file)}},
+                "output": {"picture": False},
+            }
+        )
+    )
+
+
+def force(solution: StudySolution) -> float:
+    return -float(solution.summary["contact_force"][2])
+
+
+def check(shape: str, sizes: list[float], finest: float, folder: Path) -> None:
+    fine = force(pressed(shape, finest, folder))
+    for h in sizes:
+        solution = pressed(shape, h, folder)
+        told = [text for text in solution.summary["warnings"] if "between the nodes" in text]
+        assert not any("inside out" in text for text in solution.summary["warnings"])
+        assert solution.converged or (told and shape in SHARP), solution.summary["reason"]
+        if shape in BLUNT or not told:
+            assert force(solution) == pytest.approx(fine, rel=NEAR[h]), h
+
+
+@pytest.mark.parametrize("shape", ["cross", "cone"])
+def test_a_shape_on_a_coarse_pad_has_the_force_or_a_warning(shape: str, tmp_path: Path) -> None:
+    check(shape, [0.25], 0.125, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", sorted(SHAPES))
+def test_every_shape_on_every_pad_has_the_force_or_a_warning(shape: str, tmp_path: Path) -> None:
+    check(shape, [0.25, 0.125], 0.0625, tmp_path)
