@@ -18,10 +18,9 @@ from mutations import BOMB, mutate_data, mutate_text
 
 from contact_locking.errors import InputError
 from contact_locking.running.cases import cases_of
-from contact_locking.study_file import StudyFile, dump, from_mapping, load
-from contact_locking.study_file import dump as fingerprint
+from contact_locking.study_file import StudyFile, dump, fingerprint, from_mapping, load
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.source import Source, read
+from contact_locking.study_file.reading import Source, read
 
 pytestmark = pytest.mark.serial
 
