@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import solved
-from sweep.case import Study, clamp, study
+from sweep.case import Case, Study, clamp, study
+from sweep.solve import SOLVED, outcome_of_case
 
 from contact_locking import study_file
 from contact_locking.arrays import FloatArray
@@ -25,6 +26,7 @@ from contact_locking.running.solving import SolvableStudy
 from contact_locking.solver.strategy import solve
 from contact_locking.solver.task import Outcome, Task
 from contact_locking.study.assembly import assemble
+from contact_locking.study_file.dump import plain
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.theory import words
 from contact_locking.theory.constants import BY_KAPPA
@@ -332,3 +334,22 @@ def test_nothing_is_searched_beside_a_solution_that_is_proved_to_be_unique(
     verdict = found.summary["certificate"]["constants"]["uniqueness"]
     assert verdict["verdict"] == BY_KAPPA and found.summary["index"] == 1
     assert "kappa is below 1" in found.summary["equilibria"]["missing"]
+
+
+_WEDGED = Path(__file__).parents[1] / "robustness" / "wedged" / "curved_overlap.yml"
+
+
+@pytest.mark.serial
+@pytest.mark.slow
+def test_bounds_that_settle_lead_to_the_solution_without_a_penalty() -> None:
+    """The branch over the share of friction took 3600 tangents for it."""
+    parameters = study_file.load(Path(__file__).with_name("huge_load.yml")).parameters
+    solution = solved(parameters, MPI.COMM_SELF)
+    assert solution.summary["iterations"]["tangents"] <= 1000
+
+
+@pytest.mark.serial
+def test_a_finite_penalty_has_the_solution_that_softer_ones_lead_to() -> None:
+    data = plain(study_file.load(_WEDGED, ["penalty.n=1e4"]).parameters)
+    outcome = outcome_of_case(Case(data), checks=False)
+    assert outcome.kind == SOLVED, outcome.reason
