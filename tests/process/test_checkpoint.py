@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +17,6 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block
-from saved_block import on_rank_0, parameters
 from slow import slow
 
 from contact_locking import meshes, save, study_file
@@ -29,11 +29,19 @@ from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 from contact_locking.study_file.parameters import Parameters
 
+COARSE = {2: 0.2, 3: 0.34}
+PLAIN = {"fields": False, "picture": False}
 
-@pytest.fixture
-def folder(comm: MPI.Intracomm, tmp_path: Path) -> Path:
-    """One folder for all ranks."""
-    return comm.bcast(tmp_path)
+
+def parameters(dim: int = 2, **changes: Any) -> Parameters:
+    given = {"friction__smoothing__radius": 0.4, "output": PLAIN, **changes}
+    return block(dim, given.pop("h", COARSE[dim]), **given)
+
+
+def on_rank_0(comm: MPI.Intracomm, work: Callable[[], object]) -> None:
+    if comm.rank == 0:
+        work()
+    comm.Barrier()
 
 
 class Values(NamedTuple):

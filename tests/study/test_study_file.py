@@ -110,20 +110,11 @@ def test_overrides_replace_and_add(file: Path) -> None:
         ("penalty.n=-1", "--set penalty.n: must be > 0"),
         ("penalty={n: -1}", "--set penalty: penalty.n: must be > 0"),
         ("penalty.m=1", "--set penalty.m: unknown key"),
-        ("penalti.n=1", "--set penalti.n: penalti: unknown key (did you mean 'penalty'?)"),
-        ("loads.periodic=[left, right]", "unknown key (there are no periodic pairs"),
-        ("loads.spread=rigid", "for a rigid plate see contact.foundation.force"),
-        (
-            "material.regions={soft: {locking: [{limit: 1}]}}",
-            "known here: at_most, norm, at_least, along, matrix",
-        ),
         ("penalty.n=[1", "--set penalty.n: is not valid YAML"),
         ("penalty.n=&a 1\n--- 2", "--set penalty.n: is not valid YAML"),
         ("penalty.n.m=1", "--set penalty.n.m: 'penalty.n' is a value"),
         ("loads.tractions.1.value=[0, 1]", "indices 0 to 0, not '1'"),
         ("loads.tractions.x.value=[0, 1]", "indices 0 to 0, not 'x'"),
-        ("mesh.size=[1, 1, 1]", "--set mesh.size: must be a list of 2 numbers"),
-        ("contact.foundation.sphere={centre: [0, 0], radius: 1}", "exactly one of"),
     ],
 )
 def test_a_wrong_override_is_refused_by_its_key(file: Path, override: str, message: str) -> None:

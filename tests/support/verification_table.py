@@ -31,7 +31,6 @@ class Row:
     quantity: str
     computed: float
     exact: float | None
-    test: str
 
     @property
     def error(self) -> float:
