@@ -106,6 +106,6 @@ def block_jacobi_follows_its_matrix() -> bool:
         preconditioner.setUp()
         preconditioner.apply(right, inverse)
     follows = bool(inverse.array_r[0] == 0.5)
-    for item in (preconditioner, matrix, right, inverse):
-        item.destroy()
+    for petsc_object in (preconditioner, matrix, right, inverse):
+        petsc_object.destroy()
     return follows

@@ -77,8 +77,8 @@ def peak(comm: MPI.Intracomm, values: FloatArray, places: FloatArray) -> tuple[f
     near = places[values >= (1.0 - _ALIKE) * largest] if largest > 0.0 else places[:0]
     order = np.round(near / (maximum(comm, np.abs(places)) or 1.0), 9)
     first = np.lexsort(order.T[::-1])[:1]
-    found = comm.allgather([*zip(order[first].tolist(), near[first].tolist(), strict=True)])
-    return largest, min(itertools.chain(*found), default=(None, None))[1]
+    candidates = comm.allgather([*zip(order[first].tolist(), near[first].tolist(), strict=True)])
+    return largest, min(itertools.chain(*candidates), default=(None, None))[1]
 
 
 def minimum(comm: MPI.Intracomm, values: FloatArray | float) -> float:
@@ -92,8 +92,8 @@ def exceeded_by_few(comm: MPI.Intracomm, values: FloatArray, few: int, least: fl
     Values that are no numbers count as small.  Every rank gathers ``few + 1`` values of each.
     """
     largest = np.sort(values[values > least])[-few - 1 :]
-    found = np.sort(np.concatenate(comm.allgather(largest)))
-    return float(found[-few - 1]) if len(found) > few else least
+    gathered = np.sort(np.concatenate(comm.allgather(largest)))
+    return float(gathered[-few - 1]) if len(gathered) > few else least
 
 
 def on_any_rank(comm: MPI.Intracomm, marks: BoolArray | bool) -> bool:

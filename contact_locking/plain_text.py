@@ -48,9 +48,9 @@ def per_cent(share: float) -> str:
 
 def coordinates(point: Iterable[float]) -> str:
     """The coordinates of a point, ``14, 0``; those that are rounding beside the others are 0."""
-    found = [float(x) for x in point]
-    rounding = _ROUNDING * max(map(abs, found), default=0.0)
-    return ", ".join(f"{0.0 if abs(x) <= rounding else x:.3g}" for x in found)
+    numbers = [float(x) for x in point]
+    rounding = _ROUNDING * max(map(abs, numbers), default=0.0)
+    return ", ".join(f"{0.0 if abs(x) <= rounding else x:.3g}" for x in numbers)
 
 
 def duration(seconds: float) -> str:

@@ -238,7 +238,14 @@ def test_every_pair_of_features_is_in_a_problem_or_excluded() -> None:
     assert set().union(*map(pairs_in, ROWS)) == pairs_of(FEATURES, agree)
 
 
-@pytest.mark.parametrize("row", ROWS, ids=[str(number) for number in range(len(ROWS))])
+# Each third problem is solved by every run of the tests, and all of them with the slow ones.
+@pytest.mark.parametrize(
+    "row",
+    [
+        pytest.param(row, marks=[pytest.mark.slow] if number % 3 else [], id=str(number))
+        for number, row in enumerate(ROWS)
+    ],
+)
 def test_features_that_go_together_are_solved(row: Row, tmp_path: Path) -> None:
     solved(from_mapping(study_of(row, tmp_path)), MPI.COMM_SELF)
 

@@ -75,9 +75,9 @@ def locking(factor: int) -> Peer:
 
 
 RUNS: dict[str, tuple[Peer, ...]] = {
-    "hertz": (OURS, PAPER, PENALTY, STEPPED, NODAL, INTEGRAL, CLARABEL, BOUNDS, PROXIMAL),
+    "hertz": (OURS, PENALTY, STEPPED, NODAL, INTEGRAL, CLARABEL, BOUNDS, PROXIMAL),
     "block": (OURS, PAPER, PENALTY, STEPPED, NODAL, INTEGRAL, CLARABEL),
-    "plate": (OURS, PAPER, PENALTY, STEPPED, NODAL, INTEGRAL, CLARABEL),
+    "plate": (OURS, PENALTY, STEPPED, NODAL, INTEGRAL, CLARABEL),
     "stack": (OURS, TWO_BODIES),
     **dict.fromkeys(("punch", "roller", "roller_friction"), (EXACT, PRESSED)),
     "locking": (OURS, PAPER, locking(10), locking(2), CLARABEL),

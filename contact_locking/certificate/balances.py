@@ -51,17 +51,19 @@ class Equilibrium:
 
     def criteria(self, tolerance: float) -> dict[str, Criterion]:
         share = _BALANCE_SHARE * tolerance
-        found = {
+        criteria = {
             "equilibrium": Criterion(self.residual, tolerance, "equilibrium residual"),
             "force_balance": Criterion(self.force, share, "sum of all forces on the body"),
         }
         if self.moment is not None:
-            told = "sum of all moments on the body"
-            found["moment_balance"] = Criterion(self.moment, share, told)
+            meaning = "sum of all moments on the body"
+            criteria["moment_balance"] = Criterion(self.moment, share, meaning)
         if self.tools:
-            left = max(self.tools)
-            found["tool_balance"] = Criterion(left, share, "imbalance of the forces on a tool")
-        return found
+            imbalance = max(self.tools)
+            criteria["tool_balance"] = Criterion(
+                imbalance, share, "imbalance of the forces on a tool"
+            )
+        return criteria
 
 
 class NodalForces(NamedTuple):
@@ -94,22 +96,25 @@ def nodal_forces(state: SolvedState) -> NodalForces:
 
     stress, of_stress = state.system.kept("locking stress", compile_stress)
     stress.x.array[:] = state.body.locking_stress.x.array
-    own, touching = np.zeros_like(load), np.zeros_like(load)
+    of_energy, touching = np.zeros_like(load), np.zeros_like(load)
     if data.own_energy is not None:
-        own = -compiled.assembled(forms.own_forces(u, v, data))
+        of_energy = -compiled.assembled(forms.own_forces(u, v, data))
     for contact in state.contacts:
         tractions = contact.traction - contact.pressure[:, None] * contact.normal
         touching += contact.surface.nodal_forces(tractions)
-    left = elastic + compiled.assembled(of_stress) - own - load - touching
-    return NodalForces(load, elastic, touching, own, left)
+    reacting = elastic + compiled.assembled(of_stress) - of_energy - load - touching
+    return NodalForces(load, elastic, touching, of_energy, reacting)
 
 
 def equilibrium(state: SolvedState) -> Equilibrium:
     """Balance the stored stress, pressure and traction with the loads; collective."""
     space, constraints = state.problem.u.function_space, state.problem.constraints
-    load, elastic, touching, own, left = nodal_forces(state)
+    load, elastic, touching, of_energy, balanced = nodal_forces(state)
     owned = len(state.system.load)
-    reaction, unbalanced = constraints.held_part(left[:owned]), constraints.free_part(left[:owned])
+    reaction, unbalanced = (
+        constraints.held_part(balanced[:owned]),
+        constraints.free_part(balanced[:owned]),
+    )
 
     def norm(vector: FloatArray) -> float:
         return float(np.sqrt(state.sum(vector[:owned] ** 2)))
@@ -120,14 +125,16 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     x = space.tabulate_dof_coordinates()[: owned // state.dim, : state.dim]
     total, magnitude, moment = [], 0.0, 0.0
     centre = state.comm.allreduce(x.sum(axis=0)) / state.comm.allreduce(len(x))
-    of_springs = [(item.on, item.forces(state.problem.u)) for item in state.problem.data.springs]
+    of_springs = [
+        (spring.on, spring.forces(state.problem.u)) for spring in state.problem.data.springs
+    ]
     sprung = sum((forces for _, forces in of_springs), np.zeros_like(load))
     reacting = sprung[:owned] + reaction
     # A user's own energy may also act from outside.
-    for vector in (load, touching, reacting, own):
+    for vector in (load, touching, reacting, of_energy):
         nodal = vector[:owned].reshape(-1, state.dim)
         total.append(state.comm.allreduce(nodal.sum(axis=0)))
-        if vector is not own:
+        if vector is not of_energy:
             magnitude = max(magnitude, state.sum(np.linalg.norm(nodal, axis=1)))
         turning = moments(x - centre, nodal).sum(axis=0)
         moment = moment + state.comm.allreduce(turning)
@@ -135,7 +142,7 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     count = np.sqrt(state.comm.allreduce(owned))
     size = max(magnitude, count * rounding / (_BALANCE_SHARE * tolerance)) or 1.0
     axisymmetric = state.problem.domain.axisymmetric
-    rest = np.sum(total, axis=0)[1 if axisymmetric else 0 :]
+    resultant = np.sum(total, axis=0)[1 if axisymmetric else 0 :]
     turning = float(np.linalg.norm(moment)) / (size * state.target.length)
     by_part = reactions_by_part(state.problem.domain, constraints, reaction)
     for name, forces in of_springs:
@@ -143,7 +150,7 @@ def equilibrium(state: SolvedState) -> Equilibrium:
         by_part[name] = by_part.get(name, 0.0) + force
     return Equilibrium(
         residual=norm(unbalanced) / scale,
-        force=float(np.linalg.norm(rest)) / size,
+        force=float(np.linalg.norm(resultant)) / size,
         moment=None if axisymmetric else turning,
         loads=total[0],
         contact=total[1],
@@ -159,12 +166,12 @@ def _tool_balances(state: SolvedState, least: float) -> tuple[float, ...]:
     ``least`` is the force below which forces are rounding.
     """
     of_contact = {id(fields.contact): fields for fields in state.contacts}
-    found = []
+    shares = []
     tools = state.system.tools
     for tool, force in zip(tools, tools.left, strict=True):
         fields = of_contact[id(tool.contact)]
         resultant, magnitude = tool.resultant(fields.pressure, fields.traction)
-        left = abs(float(force) - resultant)
+        imbalance = abs(float(force) - resultant)
         size = max(abs(tool.force), magnitude, least)
-        found.append(left / size if size > 0.0 else left)
-    return tuple(found)
+        shares.append(imbalance / size if size > 0.0 else imbalance)
+    return tuple(shares)

@@ -116,16 +116,16 @@ class Moment:
         A foundation that overlaps the body in the first state touches the body here.
         """
         u, data = state.problem.u, state.problem.data
-        rest = fem.Function(u.function_space)
+        still_body = fem.Function(u.function_space)
         forces: FloatArray = np.zeros_like(state.system.load)
         stored = 0.0
         if data.own_energy is not None:
             v = ufl.TestFunction(u.function_space)
-            forces = assembled(forms.own_forces(rest, v, data))[: len(forces)]
-            stored = integral(state.problem.domain, data.own_energy(rest))
+            forces = assembled(forms.own_forces(still_body, v, data))[: len(forces)]
+            stored = integral(state.problem.domain, data.own_energy(still_body))
         contacts = tuple(Touch.at_rest(state, fields) for fields in state.contacts)
         nothing = np.zeros_like(_eigenstrain(state))
-        return cls(rest.x.array.copy(), forces, contacts, stored, 0.0, 0.0, nothing, 0.0)
+        return cls(still_body.x.array.copy(), forces, contacts, stored, 0.0, 0.0, nothing, 0.0)
 
 
 @dataclass(frozen=True)
@@ -228,8 +228,8 @@ def _stored(state: SolvedState) -> float:
     penalty, points = state.target.penalty, state.points
     total = state.energy
     if np.isfinite(penalty.n):
-        for item in points.sets:
-            excess = item.excess(item.measured(state.problem.u))
+        for law in points.sets:
+            excess = law.excess(law.measured(state.problem.u))
             total += penalty.n * state.sum(points.weights * excess**2)
     if penalty.epsilon > 0.0:
         for fields in state.contacts:
@@ -242,14 +242,14 @@ def _stored(state: SolvedState) -> float:
 
 def _external_forces(state: SolvedState) -> FloatArray:
     """Loads and reactions at the owned dofs; collective."""
-    left = nodal_forces(state).left[: len(state.system.load)]
-    return state.system.load + state.problem.constraints.held_part(left)
+    balanced = nodal_forces(state).left[: len(state.system.load)]
+    return state.system.load + state.problem.constraints.held_part(balanced)
 
 
 def _eigenstrain(state: SolvedState) -> FloatArray:
     """The local values of the eigenstrain, none without one."""
-    given = state.problem.data.eigenstrain
-    return np.zeros(0) if given is None else np.asarray(given.values.x.array)
+    eigenstrain = state.problem.data.eigenstrain
+    return np.zeros(0) if eigenstrain is None else np.asarray(eigenstrain.values.x.array)
 
 
 def _eigenstrain_energy(state: SolvedState, w: fem.Function) -> float:

@@ -106,19 +106,19 @@ def _defect_of_quadratic(state: SolvedState, values: FloatArray) -> FloatArray:
     """
     mesh, kind = state.problem.domain.mesh, state.problem.domain.kind
     at_points = _at(state, values, gauss_points(kind.name))
-    given = _at(state, values, lagrange(kind.name, 2).points)
-    affine, count = fem.functionspace(mesh, ("P", 1)).dofmap, len(given)
+    computed = _at(state, values, lagrange(kind.name, 2).points)
+    affine, count = fem.functionspace(mesh, ("P", 1)).dofmap, len(computed)
     x = mesh.geometry.x[_compat.cell_corners(mesh)[:count]][:, :, : state.dim]
     points = np.einsum("qc,kcd->kqd", gauss_shares(kind.name), x)
     # (n, c) the share of each corner in each node.
     shares = kind.basis(lagrange(kind.name, 2).points)
     nodes = np.einsum("nc,kcd->knd", shares, x)
-    defect = np.empty_like(given)
+    defect = np.empty_like(computed)
     for inside in _regions(state, count):
         corners = affine.list[:count][inside]
-        parts = [item[inside] for item in (x, points, nodes, at_points)]
-        found = _patch_recovery(affine.index_map, shares, corners, *parts)
-        defect[inside] = found - given[inside]
+        parts = [array[inside] for array in (x, points, nodes, at_points)]
+        recovered = _patch_recovery(affine.index_map, shares, corners, *parts)
+        defect[inside] = recovered - computed[inside]
     return defect
 
 
@@ -161,14 +161,14 @@ def _patch_recovery(
     normal, right = sums[:, :, :number], sums[:, :, number:]
     weight = np.where(np.arange(number) > x.shape[2], _REGULARISATION, 0.0)
     normal = normal + normal[:, :1, :1] * np.diag(weight)
-    fits, there = np.zeros_like(right), normal[:, 0, 0] > 0.0
-    fits[there] = np.linalg.solve(normal[there], right[there])
-    found = np.zeros((*nodes.shape[:2], values.shape[2]))
+    fits, has_patch = np.zeros_like(right), normal[:, 0, 0] > 0.0
+    fits[has_patch] = np.linalg.solve(normal[has_patch], right[has_patch])
+    recovered = np.zeros((*nodes.shape[:2], values.shape[2]))
     for corner in every:
         at = np.flatnonzero(shares[:, corner] > 0.0)
-        own = monomials(nodes[:, at], corner) @ fits[corners[:, corner]]
-        found[:, at] += shares[at, corner, None] * own
-    return found
+        of_corner = monomials(nodes[:, at], corner) @ fits[corners[:, corner]]
+        recovered[:, at] += shares[at, corner, None] * of_corner
+    return recovered
 
 
 def _at(state: SolvedState, values: FloatArray, places: FloatArray) -> FloatArray:
@@ -176,10 +176,10 @@ def _at(state: SolvedState, values: FloatArray, places: FloatArray) -> FloatArra
     element, name = state.problem.element, state.problem.domain.kind.name
     if element.strain_degree == 0:
         return values[:, None]
-    own = gauss_points(name) if element.at_gauss_points else lagrange(name, 1).points
-    inverse = np.linalg.inv(nodal_functions(name, 1, own))
+    points = gauss_points(name) if element.at_gauss_points else lagrange(name, 1).points
+    inverse = np.linalg.inv(nodal_functions(name, 1, points))
     table = nodal_functions(name, 1, places) @ inverse
-    return np.einsum("nq,kqm->knm", table, values.reshape(-1, len(own), values.shape[1]))
+    return np.einsum("nq,kqm->knm", table, values.reshape(-1, len(points), values.shape[1]))
 
 
 def _mass(name: str, degree: int) -> FloatArray:
@@ -220,11 +220,11 @@ def nodal_means(
 
 def _regions(state: SolvedState, count: int) -> list[BoolArray]:
     """Masks (k,) of the owned cells: one for each region of the material, one for all others."""
-    rest = np.ones(count, dtype=bool)
+    others = np.ones(count, dtype=bool)
     masks = []
-    for found in state.problem.regions:
+    for region in state.problem.regions:
         mask = np.zeros(count, dtype=bool)
-        mask[found[found < count]] = True
+        mask[region[region < count]] = True
         masks.append(mask)
-        rest &= ~mask
-    return [*masks, rest]
+        others &= ~mask
+    return [*masks, others]

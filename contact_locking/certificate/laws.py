@@ -54,7 +54,7 @@ def law_criteria(state: SolvedState) -> dict[str, Criterion]:
 
     products, violation, squares = locking(state)
     gap = products + squares
-    found = {
+    criteria = {
         "locking_complementarity": of_law(products, "complementarity of locking"),
         "locking_violation": of_law(violation, "violation of the locking law"),
     }
@@ -62,7 +62,7 @@ def law_criteria(state: SolvedState) -> dict[str, Criterion]:
         products, violation, conjugate = np.sum([contact(state, c) for c in state.contacts], axis=0)
         gap += conjugate
         held = "share of the contact forces at nodes that conditions hold"
-        found |= {
+        criteria |= {
             "contact_complementarity": of_law(products, "complementarity of contact"),
             "contact_violation": of_law(violation, "violation of the contact law"),
             "held_nodes": of_law(held_nodes(state), held),
@@ -75,7 +75,7 @@ def law_criteria(state: SolvedState) -> dict[str, Criterion]:
         change = bound_change(state, rubbing)
         moved = "distance of the friction bound from mu |R sigma_nu|"
         constants = max(smoothing_constants(state, fields) for fields in rubbing)
-        found |= {
+        criteria |= {
             "friction_complementarity": of_law(sum(slid), "complementarity of friction"),
             "coulomb_cone": of_law(max(cones), "friction above its bound"),
             "friction_sign": of_law(sum(signs), "work that friction adds"),
@@ -85,8 +85,8 @@ def law_criteria(state: SolvedState) -> dict[str, Criterion]:
     local = [fields for fields in rubbing if _is_local(fields.contact.friction)]
     if local:
         share = "share of the tractions at open nodes in the contact forces"
-        found["open_traction"] = Criterion(open_traction(state, local), _OPEN, share)
-    return found | {"duality_gap": of_law(gap, "duality gap")}
+        criteria["open_traction"] = Criterion(open_traction(state, local), _OPEN, share)
+    return criteria | {"duality_gap": of_law(gap, "duality gap")}
 
 
 def entry_criterion(state: SolvedState) -> dict[str, Criterion]:
@@ -99,12 +99,12 @@ def entry_criterion(state: SolvedState) -> dict[str, Criterion]:
         return {}
     share = max(fields.entry.missed for fields in state.contacts)
     depth = "depth of a foundation that the nodes miss, as a share of its indentation,"
-    found = {ENTRY: Criterion(share, _ENTRY, depth)}
+    criteria = {ENTRY: Criterion(share, _ENTRY, depth)}
     bodies = [fields for fields in state.contacts if fields.surface.frame is not None]
     if bodies:
         distance = max(fields.apart for fields in bodies)
         sliver = max(_sliver(fields) for fields in bodies)
-        found |= {
+        criteria |= {
             "bodies_apart": Criterion(
                 distance, _APART, "distance of bodies where they press, or entry elsewhere,"
             ),
@@ -112,7 +112,7 @@ def entry_criterion(state: SolvedState) -> dict[str, Criterion]:
                 sliver, _SLIVER, "area of a node that presses, over the part that is covered,"
             ),
         }
-    return found
+    return criteria
 
 
 def _sliver(fields: ContactFields) -> float:
@@ -160,15 +160,13 @@ def locking(state: SolvedState) -> tuple[float, float, float]:
     points, n = state.points, state.target.penalty.n
     stress = min(state.mean_stress, 2.0 * n * state.mean_strain)
     products = violation = squares = 0.0
-    for item in points.sets:
-        measured = item.measured(state.problem.u)
-        left = np.abs(item.excess(measured) - item.size / (2.0 * n))
-        products += state.sum(
-            points.weights * np.abs(item.most_work(measured) - item.work(measured))
-        )
-        violation += stress * state.sum(points.weights * left)
-        violation += state.mean_strain * state.sum(points.weights * item.pulling)
-        squares += n * state.sum(points.weights * left**2) if np.isfinite(n) else 0.0
+    for law in points.sets:
+        measured = law.measured(state.problem.u)
+        defect = np.abs(law.excess(measured) - law.size / (2.0 * n))
+        products += state.sum(points.weights * np.abs(law.most_work(measured) - law.work(measured)))
+        violation += stress * state.sum(points.weights * defect)
+        violation += state.mean_strain * state.sum(points.weights * law.pulling)
+        squares += n * state.sum(points.weights * defect**2) if np.isfinite(n) else 0.0
     return (
         state.share_of_work(products),
         state.share_of_work(violation),
@@ -194,8 +192,8 @@ def contact(state: SolvedState, fields: ContactFields) -> tuple[float, float, fl
     apart = np.maximum(fields.gap - fields.u_normal, 0.0)
     conjugate = np.abs(fields.pressure * apart)
     if epsilon > 0.0:
-        left = np.maximum(fields.u_normal - fields.gap, 0.0) - epsilon * fields.pressure
-        conjugate += left**2 / (2.0 * epsilon)
+        defect = np.maximum(fields.u_normal - fields.gap, 0.0) - epsilon * fields.pressure
+        conjugate += defect**2 / (2.0 * epsilon)
     return (
         state.share_of_work(state.sum(weights * np.abs(fields.pressure * opening))),
         state.share_of_work(stress * entering + length * pulling),
@@ -216,8 +214,8 @@ def friction(state: SolvedState, fields: ContactFields) -> tuple[float, float, f
     size = np.linalg.norm(fields.traction, axis=1)
     slip = np.sqrt(np.sum(fields.increment**2, axis=1) + epsilon**2)
     work = -np.sum(fields.traction * fields.increment, axis=1)
-    left = epsilon * np.sqrt(np.maximum(fields.bound**2 - size**2, 0.0))
-    products = np.abs(fields.bound * slip - left - work)
+    regularised = epsilon * np.sqrt(np.maximum(fields.bound**2 - size**2, 0.0))
+    products = np.abs(fields.bound * slip - regularised - work)
     # A friction bound that is less on average is not told from zero.
     area = state.sum(fields.surface.weights)
     least = state.target.least_bound(state.mean_strain) * float(np.sqrt(area))
@@ -237,11 +235,11 @@ def bound_change(state: SolvedState, rubbing: list[ContactFields]) -> float:
     that does not press counts little beside the friction elsewhere.  Collective.
     """
     contacts, u = [fields.contact for fields in rubbing], state.problem.u
-    wanted = [fields.contact.friction_bound(u, fields.pressure) for fields in rubbing]
-    size = max(joint_norm(contacts, wanted), state.target.least_bound(state.mean_strain))
+    bounds = [fields.contact.friction_bound(u, fields.pressure) for fields in rubbing]
+    size = max(joint_norm(contacts, bounds), state.target.least_bound(state.mean_strain))
     change = max(
         fields.contact.norm(np.where(state.held(fields), 0.0, fields.bound - values))
-        for fields, values in zip(rubbing, wanted, strict=True)
+        for fields, values in zip(rubbing, bounds, strict=True)
     )
     return change / size if size > 0.0 else change
 

@@ -97,14 +97,14 @@ class EllipticProblem:
         # CG may change the held part.
         solution.x.array[: self._owned] += self._constraints.free_part(x.array_r)
         solution.x.scatter_forward()
-        for item in (b, x):
-            item.destroy()
+        for petsc_vector in (b, x):
+            petsc_vector.destroy()
         return solution
 
     def close(self) -> None:
         destroy_ksp(self.ksp)
-        for item in (self.matrix, self._nullspace):
-            item.destroy()
+        for petsc_object in (self.matrix, self._nullspace):
+            petsc_object.destroy()
 
     def _action(self) -> tuple[fem.Function, JointForm]:
         held = fem.Function(self._space)
@@ -116,14 +116,17 @@ def on_contacts(
 ) -> fem.Function:
     """The sum of the fields with limited values (k, d) at the nodes of each surface; collective."""
     field = fem.Function(space)
-    for surface, part in zip(surfaces, values, strict=True):
-        field.x.array[:] += surface.vector_function(part).x.array
+    for surface, nodal in zip(surfaces, values, strict=True):
+        field.x.array[:] += surface.vector_function(nodal).x.array
     return field
 
 
 def with_contacts_fixed(state: SolvedState, dofs: FloatArray | float = 0.0) -> Constraints:
     """The conditions, and one for Gamma_C and the nodes where ``dofs`` are 1; collective."""
-    space, surfaces = state.problem.u.function_space, [item.surface for item in state.contacts]
+    space, surfaces = (
+        state.problem.u.function_space,
+        [contact.surface for contact in state.contacts],
+    )
     ones = [np.ones_like(fields.normal) for fields in state.contacts]
     marks = on_contacts(space, surfaces, ones).x.array + dofs
     nodes = np.flatnonzero(marks.reshape(-1, state.dim)[:, 0] > 0.0).astype(np.int32)
@@ -197,9 +200,7 @@ class Lifting:
     def _check(self, lifted: fem.Function) -> None:
         state = self._state
         sets = state.points.sets
-        excesses = [
-            item.reach(item.measured(lifted)) - item.limit * (1.0 + _ROUNDING) for item in sets
-        ]
+        excesses = [law.reach(law.measured(lifted)) - law.limit * (1.0 + _ROUNDING) for law in sets]
         if not all([self._nowhere(excess) for excess in excesses]):
             raise NotApplicable(
                 "the elastic displacement with the prescribed values exceeds the locking limit, "
@@ -246,11 +247,11 @@ def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
     except NotApplicable as failure:
         none = dict.fromkeys(("energy_norm", "relative", "displacement_norm"))
         return {**none, "reason": str(failure)}
-    found = float(np.sqrt(2.0 * _gap(state, w)))
+    bound = float(np.sqrt(2.0 * _gap(state, w)))
     return {
-        "energy_norm": found,
-        "relative": state.relative(found),
-        "displacement_norm": found / float(np.sqrt(state.problem.material.ellipticity)),
+        "energy_norm": bound,
+        "relative": state.relative(bound),
+        "displacement_norm": bound / float(np.sqrt(state.problem.material.ellipticity)),
     }
 
 
@@ -266,10 +267,10 @@ def admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
     if maximum(state.comm, max(enters, default=0.0)) > _ENTRY_ROUNDING * state.target.length:
         raise NotApplicable("prescribed displacements at the edge of Gamma_C enter the foundation")
     theta = 1.0
-    for item in state.points.sets:
-        b = item.measured(w)
-        a = np.zeros_like(b) if start is None else item.measured(start)
-        theta = min(theta, _longest_step(item, a, b - a))
+    for law in state.points.sets:
+        b = law.measured(w)
+        a = np.zeros_like(b) if start is None else law.measured(start)
+        theta = min(theta, _longest_step(law, a, b - a))
     theta = minimum(state.comm, theta)
     w.x.array[:] *= theta
     if start is not None:
@@ -285,10 +286,10 @@ def energy_distance(state: SolvedState, w: fem.Function) -> float:
     return float(np.sqrt(2.0 * state.system.forms.energy(step)))
 
 
-def _longest_step(item: SetAtPoints, a: FloatArray, b: FloatArray) -> float:
+def _longest_step(law: SetAtPoints, a: FloatArray, b: FloatArray) -> float:
     """The largest theta in [0, 1] with ``a + theta b`` in the set at all points, as a is."""
-    locks = np.isfinite(item.limit)
-    a, b, limit = a[locks], b[locks], item.limit[locks]
+    locks = np.isfinite(law.limit)
+    a, b, limit = a[locks], b[locks], law.limit[locks]
     if a.ndim == 1:
         room = np.maximum(limit - a, 0.0)
         steps = np.divide(room, b, out=np.ones_like(b), where=b > 0.0)
@@ -307,9 +308,9 @@ def _gap(state: SolvedState, w: fem.Function) -> float:
     """``eta^2`` of :func:`penalty_error`; collective."""
     points = state.points
     total = 0.5 * energy_distance(state, w) ** 2
-    for item in points.sets:
-        work = item.work(item.measured(w))
-        total += state.sum(points.weights * (item.support - work))
+    for law in points.sets:
+        work = law.work(law.measured(w))
+        total += state.sum(points.weights * (law.support - work))
     for fields in state.contacts:
         normal, slip = fields.contact.split(w)[0], fields.contact.increment(w)
         work = np.sum(fields.traction * slip, axis=1)

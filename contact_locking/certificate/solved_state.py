@@ -179,7 +179,7 @@ class StrainPoints:
         self._strained = kept("strained", lambda: fem.Function(state.problem.u.function_space))
         self._strain = element.strain(self._strained)
         pairs = zip(state.problem.data.sets, state.body.locking_parts, strict=True)
-        self.sets = [self._set(item, part) for item, part in pairs]
+        self.sets = [self._set(law, y) for law, y in pairs]
         self.strain = self._measured(NormSet("strain", state.problem.data.inverse_limit))(
             state.problem.u
         )
@@ -327,8 +327,8 @@ def are_held(
         points = space.tabulate_dof_coordinates()[nodes]
         spans[is_on_axis(domain, points.T), 0, 0] += 1.0
     onto = np.einsum("kij,kjl->kil", np.linalg.pinv(spans, rcond=1e-12, hermitian=True), spans)
-    left = normals - np.einsum("kij,kj->ki", onto, normals)
-    return np.asarray(np.linalg.norm(left, axis=1) <= _ALONG)
+    free_share = normals - np.einsum("kij,kj->ki", onto, normals)
+    return np.asarray(np.linalg.norm(free_share, axis=1) <= _ALONG)
 
 
 def _rows(
@@ -341,10 +341,10 @@ def _rows(
             facets = domain.facets((name,), placed.key)
             on_part = fem.locate_dofs_topological(constraints.space, dim - 1, facets)
             places, directions = placed.rows_at(nodes)
-            here = np.isin(nodes[places], on_part)
-            yield name, places[here], directions[here]
-    for number, own in enumerate(constraints.given):
-        dofs = own.dof_indices()[0]
+            is_on_part = np.isin(nodes[places], on_part)
+            yield name, places[is_on_part], directions[is_on_part]
+    for number, condition in enumerate(constraints.given):
+        dofs = condition.dof_indices()[0]
         for axis, direction in enumerate(np.eye(dim)):
             places = np.flatnonzero(np.isin(dim * nodes + axis, dofs)).astype(np.int32)
             yield f"bcs.{number}", places, np.tile(direction, (len(places), 1))

@@ -56,9 +56,9 @@ class Certificate:
     def complaint(self) -> str:
         """The criteria and the proofs that do not hold, in words; empty if all hold."""
         broken = [
-            f"the {item.meaning} is {item.value:.1e}, above {item.limit:g}"
-            for item in self.criteria.values()
-            if not item.holds
+            f"the {criterion.meaning} is {criterion.value:.1e}, above {criterion.limit:g}"
+            for criterion in self.criteria.values()
+            if not criterion.holds
         ]
         return "; ".join(filter(None, (*broken, self.proofs.complaint)))
 
@@ -70,7 +70,9 @@ class Certificate:
             "reactions": self.reactions,
             "residual": self.residual,
             "certificate": {
-                "criteria": {name: item.summary() for name, item in self.criteria.items()},
+                "criteria": {
+                    name: criterion.summary() for name, criterion in self.criteria.items()
+                },
                 **self.proofs.entries,
                 "resultants": self.resultants,
                 "errors": {**self.errors, **self.proofs.errors},
@@ -80,8 +82,8 @@ class Certificate:
 
 def is_solved(state: SolvedState) -> bool:
     """Whether equilibrium and the laws hold as in a solution; collective."""
-    found = equilibrium(state).criteria(state.settings.tolerance) | law_criteria(state)
-    return all(item.holds for item in found.values())
+    criteria = equilibrium(state).criteria(state.settings.tolerance) | law_criteria(state)
+    return all(criterion.holds for criterion in criteria.values())
 
 
 def certify(

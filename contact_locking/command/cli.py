@@ -82,44 +82,42 @@ def parser() -> argparse.ArgumentParser:
             "--ranks", metavar="K", type=_positive, default=1, help="MPI ranks of each"
         )
 
-    one = add("new", "Copy the study file of a demo, to begin with.")
-    one.add_argument(
+    sub = add("new", "Copy the study file of a demo, to begin with.")
+    sub.add_argument(
         "--like", metavar="DEMO", default="block", help="block, hertz, ball_3d or another demo"
     )
-    one.add_argument(
+    sub.add_argument(
         "-o", "--output", metavar="FILE", type=Path, default=Path("study.yml"),
         help="the new file, study.yml by default; no file is overwritten",
     )  # fmt: skip
-    one = add_for_file("run", "Solve a study file; also under mpirun.", _PETSC_HINT)
-    one.add_argument("-o", "--output", metavar="DIR", help="folder of the results")
-    one.add_argument(
+    sub = add_for_file("run", "Solve a study file; also under mpirun.", _PETSC_HINT)
+    sub.add_argument("-o", "--output", metavar="DIR", help="folder of the results")
+    sub.add_argument(
         "--checkpoint", action="store_true", help="save the state too, in the folder of the results"
     )
-    one.add_argument(
+    sub.add_argument(
         "--restart", metavar="DIR", type=Path, help="start from the state that a run saved there"
     )
-    one.add_argument("--quiet", action="store_true", help="print warnings and errors only")
-    one.add_argument("--progress", type=Path, help=argparse.SUPPRESS)  # for a study to look at
-    one = add_for_file("study", "Solve every case of a study; repeat the command to continue it.")
-    one.add_argument("-o", "--output", metavar="DIR", help="folder of the results")
-    add_plan(one, "cases")
-    one = add_for_file("fit", "Fit numbers of a study file to curves; repeat it to continue.")
-    one.add_argument("-o", "--output", metavar="DIR", help="folder of the results")
-    one.add_argument("--quiet", action="store_true", help="print warnings and errors only")
-    one.add_argument("--progress", type=Path, help=argparse.SUPPRESS)
-    add_plan(one, "searches of fit.starts")
-    one = add_for_file("serve", "Answer requests of UM-Bridge for numbers of a study file.")
-    one.add_argument("--host", default="127.0.0.1", help="the address, 127.0.0.1 by default")
-    one.add_argument("--port", type=int, default=4242, help="the port, 4242 by default")
-    one = add("report", "Write an HTML page and charts of a finished run or study.")
-    one.add_argument("directory", metavar="DIR", type=Path, help="folder of the results")
+    sub.add_argument("--quiet", action="store_true", help="print warnings and errors only")
+    sub = add_for_file("study", "Solve every case of a study; repeat the command to continue it.")
+    sub.add_argument("-o", "--output", metavar="DIR", help="folder of the results")
+    add_plan(sub, "cases")
+    sub = add_for_file("fit", "Fit numbers of a study file to curves; repeat it to continue.")
+    sub.add_argument("-o", "--output", metavar="DIR", help="folder of the results")
+    sub.add_argument("--quiet", action="store_true", help="print warnings and errors only")
+    add_plan(sub, "searches of fit.starts")
+    sub = add_for_file("serve", "Answer requests of UM-Bridge for numbers of a study file.")
+    sub.add_argument("--host", default="127.0.0.1", help="the address, 127.0.0.1 by default")
+    sub.add_argument("--port", type=int, default=4242, help="the port, 4242 by default")
+    sub = add("report", "Write an HTML page and charts of a finished run or study.")
+    sub.add_argument("directory", metavar="DIR", type=Path, help="folder of the results")
     add_for_file("check", "Check a study file and list what would run, without a solve.")
-    one = add_for_file(
+    sub = add_for_file(
         "mesh", "Write the mesh of a study file, or of another program, as a Gmsh or XDMF file."
     )
-    one.add_argument("-o", "--output", metavar="FILE", type=Path, required=True)
-    one = add("schema", "Print every key with its default, unit and description.")
-    one.add_argument("--json", action="store_true", help="as JSON schema, for editors")
+    sub.add_argument("-o", "--output", metavar="FILE", type=Path, required=True)
+    sub = add("schema", "Print every key with its default, unit and description.")
+    sub.add_argument("--json", action="store_true", help="as JSON schema, for editors")
     return whole
 
 
@@ -222,8 +220,8 @@ def _run_command(arguments: argparse.Namespace, program: bool = False) -> int:
 
 def _interrupted(interrupt: KeyboardInterrupt, arguments: argparse.Namespace) -> int:
     said = str(interrupt) or "interrupted"
-    if left := getattr(arguments, "left", lambda: "")():
-        said += f"\n{left}"
+    if remains := getattr(arguments, "left", lambda: "")():
+        said += f"\n{remains}"
     return terminal.abort(signals.exit_code(interrupt), said)
 
 

@@ -92,8 +92,8 @@ def run(arguments: argparse.Namespace) -> int:
         print("\n".join(map(terminal.columns, filter(None, tables))))
     if solution.converged:
         return CONVERGED
-    told = (f"not converged: {solution.reason}", solution.suggestion)
-    lines = (*filter(None, told), f"The state that it reached is in {directory}.")
+    reasons = (f"not converged: {solution.reason}", solution.suggestion)
+    lines = (*filter(None, reasons), f"The state that it reached is in {directory}.")
     terminal.complain("error: " + "\n".join(lines))
     return NOT_CONVERGED
 
@@ -129,15 +129,15 @@ def fit(arguments: argparse.Namespace) -> int:
         f"the evaluations so far are in {directory}; the same command goes on from there"
     )
     with _solving(arguments, file, comm) as (monitor, speaks):
-        found, solution = session.fit(parameters, directory, comm, monitor, begun)
-    for text in [*found["words"], *found["undetermined"]]:
+        estimate, solution = session.fit(parameters, directory, comm, monitor, begun)
+    for text in [*estimate["words"], *estimate["undetermined"]]:
         terminal.complain(f"warning: {text}")
     if speaks:
-        print(terminal.columns(session.rows(found)))
+        print(terminal.columns(session.rows(estimate)))
         print(f"results in {directory}")
-    if found["converged"] and solution.converged:
+    if estimate["converged"] and solution.converged:
         return CONVERGED
-    terminal.complain(f"error: not converged: {found['reason']}")
+    terminal.complain(f"error: not converged: {estimate['reason']}")
     return NOT_CONVERGED
 
 
@@ -146,8 +146,8 @@ def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
     from contact_locking.running.executor import Plan
 
     plan = Plan(arguments.jobs, arguments.ranks)
-    given = file.parameters.fit
-    if given is None or given.starts == 1:
+    section = file.parameters.fit
+    if section is None or section.starts == 1:
         if plan != Plan():
             raise InputError("--jobs and --ranks are for several searches: fit.starts")
         return None
@@ -216,7 +216,7 @@ def check(arguments: argparse.Namespace) -> int:
         table, held, size = (facts.pop(name) for name in ("groups", "held by", "compact dofs"))
         del facts["regions"], facts["boundary parts"]  # the table has them
         rows += [(name, _shown(value)) for name, value in facts.items()]
-        rows += [(f"{part} is held by", words) for part, words in held.items()]
+        rows += [(f"{body_part} is held by", words) for body_part, words in held.items()]
         if parameters.study is not None:
             from contact_locking.running.runner import Study
 
@@ -224,9 +224,9 @@ def check(arguments: argparse.Namespace) -> int:
             finished = f"{cases.finished} finished in {cases.directory}"
             rows.append(("cases of the study", f"{len(cases.cases)}, {finished}"))
         if parameters.fit is not None:
-            numbers = sum(one.count for one in experiments)
-            told = f"{len(parameters.fit.parameters)} to {numbers} measured numbers"
-            rows.append(("numbers to fit", told))
+            numbers = sum(experiment.count for experiment in experiments)
+            fitted = f"{len(parameters.fit.parameters)} to {numbers} measured numbers"
+            rows.append(("numbers to fit", fitted))
         unknowns = facts["dofs"]
         if parameters.adapt is not None:
             unknowns = size = max(unknowns, parameters.adapt.max_dofs)
@@ -345,11 +345,11 @@ def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
 def _solving(
     arguments: argparse.Namespace, study: StudyFile, comm: MPI.Intracomm
 ) -> Iterator[tuple[Monitor, bool]]:
-    """The listener of a solve that has the folder of the results for itself.
+    """The monitor of a solve that has the folder of the results for itself.
 
-    It is the terminal, if the command speaks, and the progress file that a study asks for.
+    It is the terminal, if the command speaks.
     """
-    from contact_locking.command.terminal import ProgressFile, TerminalMonitor
+    from contact_locking.command.terminal import TerminalMonitor
     from contact_locking.monitor import Monitor
     from contact_locking.results import folder as output_folder
 
@@ -359,9 +359,6 @@ def _solving(
     )
     reserved = output_folder.reserved(study.parameters.output.directory, comm)
     with _explained(study), reserved, shown as monitor, petsc_complaints():
-        progress: Path | None = arguments.progress
-        if progress is not None and comm.rank == 0:
-            monitor = ProgressFile(progress, monitor)
         yield monitor, speaks
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import io
-import json
 import os
 import pwd
 import signal
@@ -18,8 +17,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.files.atomic import write_text
-from contact_locking.monitor import Attentive, Monitor
+from contact_locking.monitor import Monitor
 from contact_locking.plain_text import count, printable
 from contact_locking.running import signals
 
@@ -69,8 +67,8 @@ def console() -> Console:
 def complain(text: str) -> None:
     """Print to standard error, from rank 0; lines after the first are indented."""
     if is_root():
-        head, *rest = printable(text).split("\n")
-        print("\n".join([head, *(f"       {line}" for line in rest)]), file=sys.stderr, flush=True)
+        head, *lines = printable(text).split("\n")
+        print("\n".join([head, *(f"       {line}" for line in lines)]), file=sys.stderr, flush=True)
 
 
 class LastingOutput(io.FileIO):
@@ -382,41 +380,3 @@ class TerminalMonitor(Monitor):
         from rich.text import Text
 
         return Text(printable(text), no_wrap=True, overflow="ellipsis")
-
-
-class ProgressFile(Attentive):
-    """Keeps the latest progress in a small JSON file, and passes all calls on to ``listener``.
-
-    The file holds ``{"message": ...}`` before the first stage, then ``{"n": ..., "iteration": ...,
-    "residual": ...}`` with numbers as text.  A file that cannot be written does not stop the solve.
-    """
-
-    def __init__(self, path: Path, listener: Monitor) -> None:
-        super().__init__(listener)
-        self._path = path
-        self._n = ""
-
-    def message(self, text: str) -> None:
-        super().message(text)
-        self._write(message=text)
-
-    def step(self, number: int, left: int, time: float) -> None:
-        super().step(number, left, time)
-        self._write(message=f"step {number}, {left} to do")
-
-    def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
-        super().stage(index, count_estimate, n, epsilon)
-        self._n = f"{n:.3g}"
-        self._write(message=f"n = {self._n}")
-
-    def iteration(self, k: int, residual: float) -> None:
-        super().iteration(k, residual)
-        self._write(n=self._n, iteration=str(k), residual=f"{residual:.1e}")
-
-    def mesh(self, number: int, text: str) -> None:
-        super().mesh(number, text)
-        self._write(message=f"mesh {number}: {text}")
-
-    def _write(self, **news: str) -> None:
-        with contextlib.suppress(OSError):
-            write_text(self._path, json.dumps(news))

@@ -81,8 +81,10 @@ class Motion(Concept):
         if self.translation is None and self.rotation is None:
             yield Fault((), "moves nothing: give translation, rotation or both")
         if (self.rotation is None) != (self.about is None):
-            missing, there = ("about", "rotation") if self.about is None else ("rotation", "about")
-            yield Fault((missing,), f"is missing beside {there}")
+            missing, present = (
+                ("about", "rotation") if self.about is None else ("rotation", "about")
+            )
+            yield Fault((missing,), f"is missing beside {present}")
 
     def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
         if body.dim == 2 and isinstance(self.rotation, tuple):
@@ -184,10 +186,10 @@ class Foundation(_Shapes):
         return self.force is not None or self.spring is not None
 
     def _faults(self) -> Iterator[Fault]:
-        given = [key for key in (*_FIELDS, "own") if getattr(self, key) is not None]
-        if len(given) != 1:
+        shapes = [key for key in (*_FIELDS, "own") if getattr(self, key) is not None]
+        if len(shapes) != 1:
             listed = ", ".join(_FIELDS)
-            message = f"give exactly one of {listed}, not {' and '.join(given) or 'none'}"
+            message = f"give exactly one of {listed}, not {' and '.join(shapes) or 'none'}"
             yield Fault((), message)
         methods = ("gap", "contact_normal")
         is_distance = all(callable(getattr(self.own, name, None)) for name in methods)
@@ -268,9 +270,16 @@ class Mollifier(Concept, Kernel):
         return common.model_copy(update=self.stated())
 
     def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
-        from contact_locking.contact.coulomb import operator_of
+        from contact_locking.contact import coulomb
 
-        return operator_of(self.kernel, self.radius, surface, free, sides)
+        if self.kernel == "none":
+            return coulomb.Identity()
+        comm, whole = surface.domain.comm, surface.whole(free, sides)
+        radius = coulomb.default_radius(surface) if self.radius is None else self.radius
+        if self.kernel == "helmholtz":
+            radius = min(radius, coulomb.LARGEST_RADIUS_SHARE * coulomb.extent_of(surface))
+            return coulomb.HelmholtzOperator(comm, whole, surface.laplacian(sides), radius)
+        return coulomb.ConvolutionOperator(comm, whole, radius)
 
     def warnings(self, surface: ContactSurface) -> list[str]:
         size = surface.domain.facet_diameter(surface.facets)
@@ -327,10 +336,10 @@ class Coulomb(Concept):
 
     def over(self, common: Coulomb) -> Coulomb:
         """``common``, with what this one says itself."""
-        own = self.stated()
+        values = self.stated()
         if isinstance(self.smoothing, Mollifier):
-            own["smoothing"] = self.smoothing.over(common.smoothing or Mollifier())
-        return common.model_copy(update=own)
+            values["smoothing"] = self.smoothing.over(common.smoothing or Mollifier())
+        return common.model_copy(update=values)
 
     @property
     def kernel(self) -> Kernel:
@@ -408,9 +417,9 @@ class Contact(Concept):
 
     def over(self, friction: Coulomb, at: str) -> Contact:
         """The contact at a key of a study file, whose section ``friction`` holds for it as well."""
-        own = self.friction or Coulomb()
-        whole = own.over(friction)
-        shared = [name for name in whole.stated() if getattr(own, name) is None]
+        friction_own = self.friction or Coulomb()
+        whole = friction_own.over(friction)
+        shared = [name for name in whole.stated() if getattr(friction_own, name) is None]
         return self.model_copy(update={"at": at, "friction": whole, "shared": shared})
 
     def friction_key(self, *place: str) -> str:
@@ -457,7 +466,7 @@ def named(contacts: Sequence[Contact]) -> list[Contact]:
         if contact.name in taken:
             raise InputError(f"'{contact.name}' is the name of another contact", contact.key)
         taken |= {contact.name or ""} - {""}
-    found = []
+    renamed = []
     for contact in contacts:
         # The names are parts of dotted keys.
         first = str(next(iter(contact.on))).replace(".", "_")
@@ -465,5 +474,5 @@ def named(contacts: Sequence[Contact]) -> list[Contact]:
         free = (name for name in itertools.chain([first], others) if name not in taken)
         name = contact.name or next(free)
         taken.add(name)
-        found.append(contact.model_copy(update={"name": name}))
-    return found
+        renamed.append(contact.model_copy(update={"name": name}))
+    return renamed

@@ -14,7 +14,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray, IntArray
+from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.contact.surface import ContactSurface, SurfaceMesh
 from contact_locking.errors import InputError, NotConverged, with_key
 from contact_locking.laws.friction import Coefficient, FrictionLaw
@@ -89,10 +89,10 @@ class ConvolutionOperator(Smoothing):
         return np.asarray(self._matrix @ np.concatenate(self._comm.allgather(values)))
 
     def adjoint(self, values: FloatArray) -> FloatArray:
-        own, weights = self._surface.own, self._surface.weights
-        sums = self._comm.allreduce(self._matrix.T @ (weights[own] * values))
+        rows, weights = self._surface.own, self._surface.weights
+        sums = self._comm.allreduce(self._matrix.T @ (weights[rows] * values))
         shares = np.divide(sums, weights, out=np.zeros_like(weights), where=weights > 0.0)
-        return np.asarray(shares[own])
+        return np.asarray(shares[rows])
 
     def norm(self) -> float:
         return self._norm
@@ -198,11 +198,13 @@ class HelmholtzOperator(Smoothing):
     def apply(self, values: FloatArray) -> FloatArray:
         everywhere = np.concatenate(self._comm.allgather(values))
         mean = self._surface.mean_by_part(everywhere, self._mass)
-        own = self._surface.own
-        self._rhs.array_w[:] = (self._mass * (everywhere - mean))[own]
+        rows = self._surface.own
+        self._rhs.array_w[:] = (self._mass * (everywhere - mean))[rows]
         self._solver.solve(self._rhs, self._solution)
-        rest = np.concatenate(self._comm.allgather(self._solution.array_r))
-        return np.asarray((mean + rest - self._surface.mean_by_part(rest, self._mass))[own])
+        deviation = np.concatenate(self._comm.allgather(self._solution.array_r))
+        return np.asarray(
+            (mean + deviation - self._surface.mean_by_part(deviation, self._mass))[rows]
+        )
 
     def is_positive(self) -> bool:
         # The inverse of an M-matrix has no negative entry.  K has positive entries beside its
@@ -218,8 +220,8 @@ class HelmholtzOperator(Smoothing):
         return on_every_rank(self._comm, positive)
 
     def destroy(self) -> None:
-        for item in (self._solver, self._operator, self._rhs, self._solution):
-            item.destroy()
+        for petsc_object in (self._solver, self._operator, self._rhs, self._solution):
+            petsc_object.destroy()
 
 
 # The default radius of R is this share of the extent of Gamma_C.  It is at least twice the longest
@@ -228,9 +230,9 @@ _DEFAULT_RADIUS_SHARE, _DEFAULT_RADIUS_FACETS = 0.1, 2.0
 # A negative friction coefficient smaller than this share of the largest value is zero with
 # rounding.
 _ROUNDING = 1e-12
-# A filter with a larger radius than this share of the extent is the mean over Gamma_C to nine
-# digits.
-_LARGEST_RADIUS_SHARE = 1e4
+#: A filter with a larger radius than this share of the extent is the mean over Gamma_C to nine
+#: digits.
+LARGEST_RADIUS_SHARE = 1e4
 # The central differences of mu take steps of this share of the slip.
 _DIFFERENCE = 1e-3
 
@@ -318,11 +320,11 @@ def _of_expression(
                 raise NotConverged(f"the friction coefficient: {error}") from error
             raise
 
-    found = agree(comm, local)
+    values = agree(comm, local)
     # An expression that is zero may evaluate to less than zero by rounding.
-    least = -_ROUNDING * maximum(comm, np.abs(found))
-    agree(comm, lambda: _refuse_negative(found, least, points, slip))
-    return np.maximum(found, 0.0)
+    least = -_ROUNDING * maximum(comm, np.abs(values))
+    agree(comm, lambda: _refuse_negative(values, least, points, slip))
+    return np.maximum(values, 0.0)
 
 
 def _refuse_negative(mu: FloatArray, least: float, points: FloatArray, slip: FloatArray) -> None:
@@ -340,10 +342,10 @@ def _refuse_negative(mu: FloatArray, least: float, points: FloatArray, slip: Flo
 def default_radius(surface: ContactSurface) -> float:
     """The default radius of R; collective."""
     size = surface.domain.facet_diameter(surface.facets)
-    return max(_DEFAULT_RADIUS_SHARE * _extent(surface), _DEFAULT_RADIUS_FACETS * size)
+    return max(_DEFAULT_RADIUS_SHARE * extent_of(surface), _DEFAULT_RADIUS_FACETS * size)
 
 
-def _extent(surface: ContactSurface) -> float:
+def extent_of(surface: ContactSurface) -> float:
     """About the largest distance between two nodes of Gamma_C; collective.
 
     One end is the point farthest from the mean of the points, the other end the point farthest from
@@ -355,21 +357,3 @@ def _extent(surface: ContactSurface) -> float:
         distances = np.linalg.norm(places - place, axis=1)
         place = places[np.argmax(distances)]
     return float(distances.max())
-
-
-def operator_of(
-    kernel: str | None,
-    radius: float | None,
-    surface: ContactSurface,
-    free: BoolArray,
-    sides: IntArray,
-) -> Smoothing:
-    """R of a standard kernel on a surface; collective.  The arguments are those of `Kernel.on`."""
-    if kernel == "none":
-        return Identity()
-    comm, whole = surface.domain.comm, surface.whole(free, sides)
-    radius = default_radius(surface) if radius is None else radius
-    if kernel == "helmholtz":
-        radius = min(radius, _LARGEST_RADIUS_SHARE * _extent(surface))
-        return HelmholtzOperator(comm, whole, surface.laplacian(sides), radius)
-    return ConvolutionOperator(comm, whole, radius)

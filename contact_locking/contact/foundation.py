@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.contact.contact import Foundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, Misplaced, with_key
-from contact_locking.fields.findings import about_the_distance, about_the_size
+from contact_locking.fields.findings import Finding
 from contact_locking.fields.present import Clock, Entities, PresentValue, features
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
@@ -57,44 +55,49 @@ _STEP = 1e-5
 _UNIT = 1e-6
 # A gradient that is shorter than this share of the longest one is zero with rounding.
 _ROUNDING = 1e-10
+# A foundation is not so many times as long or as short as the body, but in other units.
+_LARGE_RATIO = 200.0
 # Distances below this share of the coordinates are rounding.
 _TOUCH = 8.0 * float(np.finfo(float).eps)
 
 
-class PlacedFoundation(ABC):
-    """The foundation of one contact, at its present place.
+class PlacedFoundation:
+    """The foundation of one contact, at its present place: here a gap along the outward normal.
 
+    The gap is beyond the distance to another body, and says nothing of points off Gamma_C.
     ``is_timed`` says that gap or normal may change from solve to solve, and ``moves`` that the
     foundation has a motion, which drags the body by friction.  ``is_distance`` says that its
-    distance is exact everywhere, so that the distance changes by no more than the way, and
-    ``is_plane`` that it is a half space.
+    distance is exact everywhere, so that the distance changes by no more than the way,
+    ``is_plane`` that it is a half space, and ``has_shape`` that it is a rigid body.  All methods
+    are collective.
     """
 
-    is_timed = moves = is_distance = is_plane = False
+    moves = is_distance = is_plane = has_shape = False
 
-    def __init__(self, comm: MPI.Intracomm, dim: int, key: str) -> None:
-        self._comm, self._dim, self._key = comm, dim, key
+    def __init__(self, domain: Domain, value: Value, key: str, clock: Clock) -> None:
+        self._comm, self._dim, self._key, self._clock = domain.comm, domain.dim, key, clock
+        self._present, self.is_timed = PresentValue(value, key, clock), value.is_timed
 
-    @abstractmethod
     def gap(self, x: FloatArray) -> FloatArray:
-        """The gap (k,) at points (d, k) of Gamma_C at the present time; collective."""
+        """The gap (k,) at points (d, k) of Gamma_C at the present time."""
+        values = self._present(x)
+        if not on_every_rank(self._comm, np.isfinite(values)):
+            raise InputError("is not a finite number somewhere on Gamma_C", self._key)
+        return values
 
-    @abstractmethod
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
-        """The gap (k,) and the contact normal (k, d) at the nodes at present; collective."""
+        """The gap (k,) and the contact normal (k, d) at the nodes at present."""
+        return surface.distance + self.gap(surface.places.T), surface.body_normals()
 
-    @abstractmethod
     def opening(self, x: FloatArray, u_normal: FloatArray, moved: FloatArray) -> FloatArray:
         """How far (k,) points x (d, k) of Gamma_C are away after they moved to ``moved`` (d, k).
 
-        ``u_normal`` (k,) is the displacement along the contact normal; collective.
+        ``u_normal`` (k,) is the displacement along the contact normal.
         """
+        return self.gap(x) - u_normal
 
     def distance(self, x: FloatArray) -> FloatArray:
-        """The distance (k,) of any points (d, k) at present, negative inside.
-
-        The distance is inf where it is not known; collective.
-        """
+        """The distance (k,) of any points (d, k), negative inside, inf where it is not known."""
         return np.full(x.shape[1], np.inf)
 
     def corners(self, box: FloatArray, spacing: float) -> FloatArray:
@@ -119,39 +122,10 @@ class PlacedFoundation(ABC):
         return np.zeros_like(surface.points)
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        """Warnings about the present gap (k,) at the nodes; collective."""
-        return []
-
-
-class GivenGap(PlacedFoundation):
-    """A gap along the outward normal of the body, beyond the distance to another body.
-
-    A gap is a distance along the normal of Gamma_C, and says nothing of other points.
-    """
-
-    def __init__(self, domain: Domain, value: Value, key: str, clock: Clock) -> None:
-        super().__init__(domain.comm, domain.dim, key)
-        self._value, self._clock = value, clock
-        self._present = PresentValue(value, key, clock)
-        self.is_timed = value.is_timed
-
-    def gap(self, x: FloatArray) -> FloatArray:
-        found = self._present(x)
-        if not on_every_rank(self._comm, np.isfinite(found)):
-            raise InputError("is not a finite number somewhere on Gamma_C", self._key)
-        return found
-
-    def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
-        return surface.distance + self.gap(surface.places.T), surface.body_normals()
-
-    def opening(self, x: FloatArray, u_normal: FloatArray, moved: FloatArray) -> FloatArray:
-        return self.gap(x) - u_normal
-
-    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        domain = surface.domain
-        facets = Entities.of(domain, domain.dim - 1, surface.facets)
+        """Warnings about the present gap (k,) at the nodes."""
+        facets = Entities.of(surface.domain, self._dim - 1, surface.facets)
         advice, times = "refine the mesh there", self._clock.some_times
-        return features(facets, self._value, self._key, advice, "range", times)
+        return features(facets, self._present.value, self._key, advice, "range", times)
 
 
 def _check_own(body: Distance, x: FloatArray) -> None:
@@ -159,22 +133,23 @@ def _check_own(body: Distance, x: FloatArray) -> None:
     gap: Any = body.gap(x)
     normal: Any = body.contact_normal(x)
     parts = (("gap", gap, x.shape[1:], "(k,)"), ("contact_normal", normal, x.shape, "(d, k)"))
-    for name, values, shape, wanted in parts:
+    for name, values, shape, expected in parts:
         if not isinstance(values, np.ndarray) or values.shape != shape:
             kind = type(values).__name__
-            found = f"{kind} {values.shape}" if hasattr(values, "shape") else kind
+            actual = f"{kind} {values.shape}" if hasattr(values, "shape") else kind
             raise InputError(
-                f"its {name} must be an array {wanted} at points (d, k), here {shape}, not {found}"
+                f"its {name} must be an array {expected} at points (d, k), here {shape}, not "
+                f"{actual}"
             )
     length = np.linalg.norm(normal, axis=0)
-    for name, values, is_right, wanted in (
+    for name, values, is_right, expected in (
         ("gap", gap, np.isfinite(gap), "finite"),
         ("length of contact_normal", length, np.abs(length - 1.0) <= _UNIT, "1"),
     ):
         if not is_right.all():
             first = int(np.argmin(is_right))
             at = ", ".join(f"{value:.3g}" for value in x[:, first])
-            raise InputError(f"its {name} must be {wanted}, and is {values[first]:.3g} at ({at})")
+            raise InputError(f"its {name} must be {expected}, and is {values[first]:.3g} at ({at})")
 
 
 def _slope_of_own(body: Distance, x: FloatArray, step: float) -> FloatArray:
@@ -182,11 +157,11 @@ def _slope_of_own(body: Distance, x: FloatArray, step: float) -> FloatArray:
 
     On the other side the point that is nearest may lie on another face of the foundation.
     """
-    way, here = step * body.contact_normal(x), body.gap(x)
-    found = np.stack([here - body.gap(x + way), body.gap(x - way) - here]) / step
+    way, gap = step * body.contact_normal(x), body.gap(x)
+    slopes = np.stack([gap - body.gap(x + way), body.gap(x - way) - gap]) / step
     # A gap need not be finite beside Gamma_C.
-    nearer = np.argmin(np.nan_to_num(np.abs(found - 1.0), nan=np.inf), axis=0)
-    return np.asarray(found[nearer, np.arange(len(here))])
+    nearer = np.argmin(np.nan_to_num(np.abs(slopes - 1.0), nan=np.inf), axis=0)
+    return np.asarray(slopes[nearer, np.arange(len(gap))])
 
 
 class RigidFoundation(PlacedFoundation):
@@ -198,10 +173,12 @@ class RigidFoundation(PlacedFoundation):
     reaches into the body so that the way out of it leads through the body.
     """
 
-    def __init__(self, domain: Domain, given: Foundation, key: str, clock: Clock) -> None:
-        super().__init__(domain.comm, domain.dim, key)
-        self._place = f"{key}.{given.shape_key}".removesuffix(".")
-        self._clock, self._moved, shape = clock, given.moved, given.shape
+    has_shape = True
+
+    def __init__(self, domain: Domain, foundation: Foundation, key: str, clock: Clock) -> None:
+        self._comm, self._dim, self._key, self._clock = domain.comm, domain.dim, key, clock
+        self._place = f"{key}.{foundation.shape_key}".removesuffix(".")
+        self._moved, shape = foundation.moved, foundation.shape
         shape = shape if isinstance(shape, Shape) else OwnShape(shape)
         try:
             self._shape: Shape = shape.read(domain.comm)
@@ -364,14 +341,13 @@ class RigidFoundation(PlacedFoundation):
         return motion.place(self._body.sharp_points(at_rest, spacing).T).T
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        """Warnings about the present gap (k,) at the nodes; collective."""
-        found, comm = [*self._shape_warnings], self._comm
+        warnings, comm = [*self._shape_warnings], self._comm
         body = self._body
         if not self.moves:
             normals = self._evaluated(body.contact_normal, surface.points.T).T
             facing = np.sum(normals * surface.body_normals(), axis=1)
             if on_every_rank(comm, np.abs(facing) <= _ALONG):
-                found.append(
+                warnings.append(
                     f"{self._place}: the surface of the foundation is at right angles to Gamma_C "
                     "everywhere, so that it cannot press; turn it, or name a boundary part that "
                     "faces the foundation"
@@ -379,7 +355,7 @@ class RigidFoundation(PlacedFoundation):
         if isinstance(body, LevelSetAt):
             low, high = self._slopes(body, surface)
             if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:
-                found.append(
+                warnings.append(
                     f"{self._place}: the length of its gradient is between {low:.3g} and "
                     f"{high:.3g} on Gamma_C, and that of a distance is 1; the expression was "
                     "divided by the length, which is the distance near its zeros only"
@@ -391,19 +367,27 @@ class RigidFoundation(PlacedFoundation):
             slope = self._evaluated(lambda x: _slope_of_own(body, x, step), at_rest)
             low, high = -maximum(comm, -slope, -np.inf), maximum(comm, slope)
             if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:
-                found.append(
+                warnings.append(
                     f"{self._place}: along contact_normal the gap falls by {low:.3g} to {high:.3g} "
                     "per length near Gamma_C, and a distance by 1: a body touches too early or too "
                     "late; give a distance, or LevelSet, which divides by the length of a gradient"
                 )
         if on_any_rank(comm, self._at_open_end(surface.points.T)):
-            found.append(
+            warnings.append(
                 f"{self._place}: a part of Gamma_C lies beyond the end of the open "
                 "foundation, whose rim is nearest there; let the foundation reach beyond the body"
             )
+        extent = surface.domain.extent
         if isinstance(body, FacetedFoundation):
-            found += about_the_size(surface.domain, body.extent, self._place)
-        return found + about_the_distance(surface.domain, gap, self._key)
+            ratio = body.extent / extent
+            if not 1.0 / _LARGE_RATIO < ratio < _LARGE_RATIO:
+                finding = Finding("foundation.size", self._place, size=body.extent, extent=extent)
+                warnings.append(finding)
+        distance = -maximum(comm, -gap, -np.inf)
+        if distance > extent:
+            finding = Finding("foundation.far", self._key, distance=distance, extent=extent)
+            warnings.append(finding)
+        return warnings
 
     def _slopes(self, body: LevelSetAt, surface: ContactSurface) -> tuple[float, float]:
         """The least and the largest ``|grad f|`` at the nodes at present; collective."""

@@ -12,11 +12,11 @@ from dolfinx import fem
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.contact import Contact, Coulomb
 from contact_locking.contact.coulomb import Identity
-from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
+from contact_locking.contact.foundation import PlacedFoundation, RigidFoundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, with_key
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.findings import about_the_gap
+from contact_locking.fields.findings import Finding
 from contact_locking.fields.present import Clock
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
@@ -25,6 +25,9 @@ from contact_locking.supports.conditions import Constraints
 
 # The share of the friction bound that acts at nodes that cannot slide.
 _TINY = 1e-4
+# An overlap below this share of the extent of the body is rounding; a turn of normals is notable
+# above this share of the friction coefficient.
+_TOUCHING, _NOTABLE = 1e-9, 0.1
 # The frame of two sides is that at the solution if normals and gaps agree to this.
 _SAME = 1e-3
 
@@ -91,7 +94,7 @@ class NodalContact:
         self.surface, self._constraints, domain = surface, constraints, surface.domain
         self.clock = clock
         self.foundation: PlacedFoundation = (
-            GivenGap(domain, given.gap, f"{self.key}.gap", clock)
+            PlacedFoundation(domain, given.gap, f"{self.key}.gap", clock)
             if given.foundation is None
             else RigidFoundation(domain, given.foundation, f"{self.key}.foundation", clock)
         )
@@ -121,16 +124,47 @@ class NodalContact:
 
     def warnings(self) -> list[str]:
         """Warnings about data that the user probably did not intend; collective."""
-        kind = "gap" if isinstance(self.foundation, GivenGap) else "foundation"
-        return [
-            *self.surface.warnings(),
-            *about_the_gap(self.surface.domain, self._first_gap, f"{self.key}.{kind}"),
-            *self.foundation.warnings(self.surface, self._first_gap),
-            *(
-                f"{self.given.friction_key('smoothing')}.{text}"
-                for text in self._kernel.warnings(self.surface)
-            ),
-        ]
+        surface, domain = self.surface, self.surface.domain
+        warnings = surface.warnings()
+        depth = -maximum(domain.comm, self._first_gap, -np.inf)
+        # The whole body is inside if Gamma_C is at least as deep as the body is wide.
+        if depth >= np.ptp(domain.bounding_box, axis=0).min():
+            kind = "foundation" if self.foundation.has_shape else "gap"
+            warnings.append(Finding("gap.inside", f"{self.key}.{kind}", depth=depth))
+        warnings += self.foundation.warnings(surface, self._first_gap)
+        smoothing = self.given.friction_key("smoothing")
+        warnings += [f"{smoothing}.{text}" for text in self._kernel.warnings(surface)]
+        if self.foundation.has_shape and not self.moves:
+            warnings += self._overlap_warnings()
+        return warnings
+
+    def _overlap_warnings(self) -> list[str]:
+        """The warning about a curved foundation with friction that rests at its end; collective.
+
+        Where depths and normals differ the foundation has come with a part of its way along the
+        body, which would be slip.  A press fit on a shaft has the normals of the body and one
+        depth.
+        """
+        surface, domain = self.surface, self.surface.domain
+        mu: FloatArray = np.ones(len(surface.nodes))
+        if self.friction.is_coulomb:
+            mu = self.friction.coefficient(np.zeros_like(mu))
+        depth = np.where(self.free, -self.gaps, 0.0)
+        inside = depth > _TOUCHING * domain.extent
+        data = (depth, self.normals, surface.body_normals(), mu)
+        depth, normals, outward, mu = (
+            np.concatenate(domain.comm.allgather(values[inside])) for values in data
+        )
+        if not len(depth):
+            return []
+        turn = float(np.linalg.norm(normals - normals.mean(axis=0), axis=1).max())
+        tilt = float(np.linalg.norm(normals - outward, axis=1).max())
+        least = _NOTABLE * min(float(mu.max()), 1.0)
+        is_even = tilt <= least and depth.min() > 0.5 * depth.max()
+        if least == 0.0 or turn <= least or is_even:
+            return []
+        key = f"{self.key}.foundation"
+        return [Finding("foundation.overlap", key, depth=depth.max(), turn=turn)]
 
     def constant_support(self) -> str | None:
         """A held node beside which R keeps constants, as a place in words; collective."""
@@ -331,6 +365,43 @@ class NodalContact:
             self.place()
         self.references = reference
 
+    def require_friction(self) -> None:
+        """Raise InputError for a mu or a user's own bound that is not from 0 up at each point.
+
+        Both are evaluated without slip, and the bound at a slight pressure.  Collective.
+        """
+        friction, surface, given = self.friction, self.surface, self.given.friction
+        comm, count = surface.domain.comm, len(surface.points)
+        expression = given and given.coefficient and given.coefficient.expression
+
+        def require(values: FloatArray, what: str, key: str) -> None:
+            is_right = np.isfinite(values) & (values >= 0.0)
+            if not on_every_rank(comm, is_right):
+                wrong = np.concatenate(comm.allgather(values[~is_right]))
+                raise InputError(f"{what}, and is {wrong[0]:g} somewhere", key)
+
+        def coefficients() -> FloatArray:
+            # A rank without points has no values whose shape could tell, but for an expression.
+            slip = np.zeros(count)
+            return np.array(friction.law(surface.points, slip)) if count or expression else slip
+
+        key = self.given.friction_key("coefficient")
+        mu = agree(comm, lambda: with_key(key, coefficients))
+        require(mu, "mu must be a finite number from 0 up everywhere", key)
+        if friction.is_coulomb:
+            return
+        key, kind = f"{self.key}.friction", type(friction).__name__
+        expected = f"evaluate of {kind} must give the friction bound (k,)"
+        bound: Any = friction.evaluate(np.full(count, _SLIGHT), np.zeros(count))
+
+        def require_shape() -> None:
+            if np.shape(bound) != (count,):
+                shape = np.shape(bound)
+                raise InputError(f"{expected}, here ({count},), not the shape {shape}", key)
+
+        agree(comm, require_shape)
+        require(np.asarray(bound), f"{expected} of finite numbers from 0 up without slip", key)
+
     def norm(self, values: FloatArray) -> float:
         """The L2 norm on this part of Gamma_C by the nodal weights; collective."""
         local = float(np.sum(self.surface.weights * values**2))
@@ -360,70 +431,27 @@ class BoundsInForce:
 
     def enter(self, contacts: Iterable[NodalContact], values: Iterable[FloatArray]) -> None:
         """Set the values at some contacts."""
-        for contact, part in zip(contacts, values, strict=True):
-            self[contact] = part
+        for contact, bound in zip(contacts, values, strict=True):
+            self[contact] = bound
 
 
 def joint_norm(contacts: Sequence[NodalContact], values: Sequence[FloatArray]) -> float:
     """The L2 norm over all contacts of values (k,) for each contact; collective."""
-    norms = [contact.norm(part) for contact, part in zip(contacts, values, strict=True)]
+    norms = [contact.norm(local) for contact, local in zip(contacts, values, strict=True)]
     return float(np.linalg.norm(norms)) if len(norms) > 1 else sum(norms)
 
 
 def place_of(
-    given: Contact, domain: Domain, space: fem.FunctionSpace, element: Element
+    contact: Contact, domain: Domain, space: fem.FunctionSpace, element: Element
 ) -> ContactSurface:
     """The place of a contact; collective."""
-    if given.against is None:
-        return ContactSurface(domain, space, given.on, f"{given.key}.on", element)
+    if contact.against is None:
+        return ContactSurface(domain, space, contact.on, f"{contact.key}.on", element)
     # `check` of one body does without SciPy, whose import takes a tenth of its time.
     from contact_locking.contact.paired_surface import PairedSurface
 
-    return PairedSurface(domain, space, given, element)
+    return PairedSurface(domain, space, contact, element)
 
 
 # At this pressure, slight in every unit, a friction bound shows its sign; at 0 it may be 0.
 _SLIGHT = 1e-12
-
-
-def check_friction(contact: NodalContact) -> None:
-    """Raise InputError for a mu or a user's own bound that is not from 0 up at each point.
-
-    Both are evaluated without slip, and the bound at a slight pressure.  Collective.
-    """
-    law, points, comm = contact.friction.law, contact.surface.points, contact.surface.domain.comm
-    key, mu = contact.given.friction_key("coefficient"), np.zeros(len(points))
-    given = None if (friction := contact.given.friction) is None else friction.coefficient
-
-    def evaluate() -> None:
-        # A rank without points has no values whose shape could tell, but for an expression.
-        if len(points) or (given is not None and given.expression is not None):
-            mu[:] = with_key(key, lambda: law(points, np.zeros(len(points))))
-
-    agree(comm, evaluate)
-    is_right = np.isfinite(mu) & (mu >= 0.0)
-    if not on_every_rank(comm, is_right):
-        wrong = np.concatenate(comm.allgather(mu[~is_right]))
-        raise InputError(
-            f"mu must be a finite number from 0 up everywhere, and is {wrong[0]:g} somewhere", key
-        )
-    if not contact.friction.is_coulomb:
-        _check_bound(contact, f"{contact.key}.friction")
-
-
-def _check_bound(contact: NodalContact, key: str) -> None:
-    count, comm = len(contact.surface.points), contact.surface.domain.comm
-    found: Any = contact.friction.evaluate(np.full(count, _SLIGHT), np.zeros(count))
-    wanted = f"evaluate of {type(contact.friction).__name__} must give the friction bound (k,)"
-
-    def require() -> None:
-        if np.shape(found) != (count,):
-            raise InputError(f"{wanted}, here ({count},), not the shape {np.shape(found)}", key)
-
-    agree(comm, require)
-    is_right = np.isfinite(found) & (np.asarray(found) >= 0.0)
-    if not on_every_rank(comm, is_right):
-        wrong = np.concatenate(comm.allgather(np.asarray(found)[~is_right]))
-        raise InputError(
-            f"{wanted} of finite numbers from 0 up, and is {wrong[0]:g} somewhere without slip", key
-        )

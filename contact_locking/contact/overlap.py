@@ -28,42 +28,42 @@ _SMALL, _PARALLEL, _MOST_BENT = 1e-12, 1e-16, 0.42
 EDGES = {2: [(0, 1)], 3: [(1, 2), (0, 2), (0, 1)], 4: [(0, 1), (0, 2), (1, 3), (2, 3)]}
 
 
-def boxes_meet(own: FloatArray, flat: FloatArray) -> BoolArray:
+def boxes_meet(first: FloatArray, flat: FloatArray) -> BoolArray:
     """(p,) whether the boxes around facets (p, c, d - 1) have points in common."""
-    low = np.maximum(own.min(axis=1), flat.min(axis=1))
-    return np.all(low < np.minimum(own.max(axis=1), flat.max(axis=1)), axis=1)
+    low = np.maximum(first.min(axis=1), flat.min(axis=1))
+    return np.all(low < np.minimum(first.max(axis=1), flat.max(axis=1)), axis=1)
 
 
-def overlaps(own: FloatArray, flat: FloatArray, kind: CellKind) -> tuple[IntArray, FloatArray]:
-    """The intersections of facets ``own`` and ``flat`` (p, c, d - 1) of a kind.
+def overlaps(first: FloatArray, flat: FloatArray, kind: CellKind) -> tuple[IntArray, FloatArray]:
+    """The intersections of facets ``first`` and ``flat`` (p, c, d - 1) of a kind.
 
     Returns simplices (q, d, d - 1), and the number (q,) of the pair of each.
     """
-    if own.shape[2] == 1:
-        low = np.maximum(own.min(axis=1), flat.min(axis=1))[:, 0]
-        high = np.minimum(own.max(axis=1), flat.max(axis=1))[:, 0]
+    if first.shape[2] == 1:
+        low = np.maximum(first.min(axis=1), flat.min(axis=1))[:, 0]
+        high = np.minimum(first.max(axis=1), flat.max(axis=1))[:, 0]
         number = np.flatnonzero(high > low)
         return number, np.stack([low, high], axis=1)[number][:, :, None]
     # Gmsh's order of corners goes around.
     around = list(kind.gmsh_order)
-    return _common_triangles(_turned_left(own[:, around]), flat[:, around])
+    return _common_triangles(_turned_left(first[:, around]), flat[:, around])
 
 
 def _turned_left(polygons: FloatArray) -> FloatArray:
     """Convex polygons (p, v, 2) with their corners in mathematically positive order."""
     edges = np.diff(polygons, axis=1)
-    left = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0] > 0.0
-    return np.where(left[:, None, None], polygons, polygons[:, ::-1])
+    is_left = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0] > 0.0
+    return np.where(is_left[:, None, None], polygons, polygons[:, ::-1])
 
 
-def _common_triangles(own: FloatArray, polygons: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Triangles of the intersections of convex polygons ``own`` (p, n, 2) and (p, v, 2).
+def _common_triangles(clips: FloatArray, polygons: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Triangles of the intersections of convex polygons ``clips`` (p, n, 2) and (p, v, 2).
 
-    Each polygon is cut by the line of one edge of ``own`` after the other (Sutherland and Hodgman).
+    Each polygon is cut by the line of one edge of ``clips`` after another (Sutherland, Hodgman).
     """
     inside = np.ones(polygons.shape[:2], dtype=bool)
-    for corner in range(own.shape[1]):
-        start, end = own[:, corner - 1], own[:, corner]
+    for corner in range(clips.shape[1]):
+        start, end = clips[:, corner - 1], clips[:, corner]
         edge = end - start
         away = polygons - start[:, None]
         depth = edge[:, None, 0] * away[:, :, 1] - edge[:, None, 1] * away[:, :, 0]
@@ -72,8 +72,8 @@ def _common_triangles(own: FloatArray, polygons: FloatArray) -> tuple[IntArray, 
         (np.stack([polygons[:, 0], polygons[:, i], polygons[:, i + 1]], axis=1), inside[:, i + 1])
         for i in range(1, polygons.shape[1] - 1)
     ]
-    number = np.concatenate([np.flatnonzero(there) for _, there in fans])
-    triangles = np.concatenate([triangles[there] for triangles, there in fans])
+    number = np.concatenate([np.flatnonzero(is_inside) for _, is_inside in fans])
+    triangles = np.concatenate([triangles[is_inside] for triangles, is_inside in fans])
     return number, triangles
 
 
@@ -95,9 +95,9 @@ def _cut(
     crossings = polygons + share[:, :, None] * (polygons_after - polygons)
     size = polygons.shape[1]
     both = np.stack([polygons, crossings], axis=2).reshape(len(polygons), 2 * size, 2)
-    there = np.stack([keeps, crosses], axis=2).reshape(len(polygons), 2 * size)
-    order = np.argsort(~there, axis=1, kind="stable")[:, : size + 1]
-    return both[rows, order], there[rows, order]
+    exists = np.stack([keeps, crosses], axis=2).reshape(len(polygons), 2 * size)
+    order = np.argsort(~exists, axis=1, kind="stable")[:, : size + 1]
+    return both[rows, order], exists[rows, order]
 
 
 def quadrature(simplices: FloatArray, degree: int) -> tuple[FloatArray, FloatArray]:
@@ -132,8 +132,8 @@ def degree_of(kind: CellKind, corners: FloatArray) -> int:
     sizes = np.einsum("cmd,md->cm", np.array(normals), unit_normals(corners))
     ratio = np.sqrt(np.maximum(sizes.min(axis=0) / sizes.max(axis=0), 0.0))
     factor = float(((1.0 - ratio) / (1.0 + ratio)).max())
-    more = math.log(_SMALL) / math.log(min(max(factor, _PARALLEL), _MOST_BENT))
-    return 4 + int(more)
+    further = math.log(_SMALL) / math.log(min(max(factor, _PARALLEL), _MOST_BENT))
+    return 4 + int(further)
 
 
 def functions(kind: CellKind, corners: FloatArray, points: FloatArray) -> FloatArray:
@@ -162,9 +162,9 @@ def bernstein(linear: FloatArray) -> FloatArray:
 
     They are those of the corners and of the edges of a simplex.
     """
-    found = [linear**2]
-    found += [2.0 * linear[..., [i]] * linear[..., [j]] for i, j in EDGES[linear.shape[-1]]]
-    return np.concatenate(found, axis=-1)
+    values = [linear**2]
+    values += [2.0 * linear[..., [i]] * linear[..., [j]] for i, j in EDGES[linear.shape[-1]]]
+    return np.concatenate(values, axis=-1)
 
 
 def nodal(linear: FloatArray) -> FloatArray:
@@ -174,5 +174,5 @@ def nodal(linear: FloatArray) -> FloatArray:
     return np.asarray(bernstein(linear) @ np.linalg.inv(bernstein(nodes)))
 
 
-def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
+def _cross(first: FloatArray, other: FloatArray) -> FloatArray:
+    return np.asarray(first[..., 0] * other[..., 1] - first[..., 1] * other[..., 0])

@@ -64,8 +64,10 @@ def distances_apart(
     for side, facing in ((one, other), (other, one)):
         points, facet = _lattice(side)
         distance, sagitta, nearest = _distances_to(points, side, facet, facing)
-        own = np.where(bears[facet if side is one else nearest], _sagittae(side)[facet], 0.0)
-        lengths.append(-(distance + offset) - sagitta - own)
+        sagitta_here = np.where(
+            bears[facet if side is one else nearest], _sagittae(side)[facet], 0.0
+        )
+        lengths.append(-(distance + offset) - sagitta - sagitta_here)
         normals.append(facing.outward[nearest])
     return np.concatenate(lengths), np.concatenate(normals)
 
@@ -75,11 +77,11 @@ def _least_of_facets(away: FloatArray, side: Side) -> FloatArray:
 
     A node that faces nothing has -inf, and is not the least one beside others.
     """
-    found, corners = away.copy(), side.kind.corners
+    values, corners = away.copy(), side.kind.corners
     least = np.where(np.isfinite(away), away, np.inf)[side.facets].min(axis=1)
     between = side.facets[:, corners:]
-    np.minimum.at(found, between, np.broadcast_to(least[:, None], between.shape))
-    return found
+    np.minimum.at(values, between, np.broadcast_to(least[:, None], between.shape))
+    return values
 
 
 def _distances_to(
@@ -151,8 +153,8 @@ def _turns(side: Side) -> FloatArray:
     at = side.facets[:, :2].reshape(-1)
     order = np.argsort(at, kind="stable")
     pairs = np.flatnonzero(np.diff(at[order]) == 0)
-    one, other = order[pairs] // 2, order[pairs + 1] // 2
-    cosine = np.sum(side.outward[one] * side.outward[other], axis=1)
+    first, other = order[pairs] // 2, order[pairs + 1] // 2
+    cosine = np.sum(side.outward[first] * side.outward[other], axis=1)
     turns = np.full(2 * len(side.facets), np.inf)
     angles = np.arccos(np.clip(cosine, -1.0, 1.0))
     turns[order[pairs]], turns[order[pairs + 1]] = angles, angles
@@ -208,30 +210,30 @@ class PairedSurface(ContactSurface):
         """Both sides at a displacement (local values), None for rest; collective."""
         if displacement is None:
             return self._one, self._two
-        one, two = (self._at_blocks(displacement, part) for part in (self._mine, self._theirs))
+        one, two = (self._at_blocks(displacement, blocks) for blocks in (self._mine, self._theirs))
         return self._one.moved(one), self._two.moved(two)
 
     def frame_at(self, displacement: FloatArray | None, must_face: bool = True) -> Frame:
-        here, domain = self._here, self.domain
+        mine, domain = self._here, self.domain
         one, two = self.sides_at(displacement)
-        found = pair(one, two)
+        pairing = pair(one, two)
         if must_face:
-            _require_facing(domain, one, two, found, self._given, displacement is not None)
-        faces, coefficients = (found.faces & ~self._at_tip)[here], self._coefficients
-        shares = found.shares[here].tocsr()
+            _require_facing(domain, one, two, pairing, self._given, displacement is not None)
+        faces, coefficients = (pairing.faces & ~self._at_tip)[mine], self._coefficients
+        shares = pairing.shares[mine].tocsr()
         columns = self._theirs[shares.indices]
-        shape = (len(here), coefficients.shape[1])
+        shape = (len(mine), coefficients.shape[1])
         facing = csr_matrix((shares.data, columns, shares.indptr), shape=shape)
-        rows = diags(faces.astype(float)) @ (found.near[here] @ coefficients - facing)
+        rows = diags(faces.astype(float)) @ (pairing.near[mine] @ coefficients - facing)
         rows.eliminate_zeros()
         return Frame(
             displacement,
             rows.tocsr(),
             faces,
-            found.normals[here],
-            np.where(faces, found.gap[here], domain.extent),
-            np.where(faces, found.weights[here], self._whole),
-            np.where(faces, found.weights[here] / self._whole, 1.0),
+            pairing.normals[mine],
+            np.where(faces, pairing.gap[mine], domain.extent),
+            np.where(faces, pairing.weights[mine], self._whole),
+            np.where(faces, pairing.weights[mine] / self._whole, 1.0),
         )
 
     def take(self, frame: Frame) -> None:
@@ -247,13 +249,13 @@ class PairedSurface(ContactSurface):
         self, displacement: FloatArray, presses: BoolArray, gap: FloatArray, entered: float
     ) -> float:
         comm, sides = self.domain.comm, self.sides_at(displacement)
-        here = np.concatenate(comm.allgather(self._here[presses]))
+        pressing = np.concatenate(comm.allgather(self._here[presses]))
         # The gap that adds to the distance of the sides.
-        at = presses if len(here) or self.frame is None else self.frame.faces
+        at = presses if len(pressing) or self.frame is None else self.frame.faces
         offsets = np.concatenate(comm.allgather((gap - self.distance)[at]))
         offset = float(np.median(offsets)) if len(offsets) else 0.0
         lengths, normals = distances_apart(
-            np.isin(np.arange(len(sides[0].points)), here), *sides, offset
+            np.isin(np.arange(len(sides[0].points)), pressing), *sides, offset
         )
         counts = lengths > entered
         sizes = self.extents(displacement, normals[counts])
@@ -263,8 +265,8 @@ class PairedSurface(ContactSurface):
     def _at_blocks(self, displacement: FloatArray, blocks: IntArray) -> FloatArray:
         """The displacement (k, d) at global blocks (k,), from local values; collective."""
         low, high = self.vector_space.dofmap.index_map.local_range
-        own = blocks[(blocks >= low) & (blocks < high)] - low
-        local = displacement.reshape(-1, self.domain.dim)[own]
+        local_blocks = blocks[(blocks >= low) & (blocks < high)] - low
+        local = displacement.reshape(-1, self.domain.dim)[local_blocks]
         return np.concatenate(self.domain.comm.allgather(local))
 
     @property
@@ -368,7 +370,7 @@ def _outward(corners: FloatArray, inside: FloatArray) -> FloatArray:
 
 
 def _require_apart(
-    domain: Domain, one: Side, two: Side, mine: IntArray, theirs: IntArray, given: Contact
+    domain: Domain, one: Side, two: Side, mine: IntArray, theirs: IntArray, contact: Contact
 ) -> None:
     """Raise InputError for sides that have a facet in common; a crack has a node at its tip."""
     both = np.isin(mine, theirs)
@@ -377,22 +379,22 @@ def _require_apart(
         return
     where = domain.where(one.corners[np.argmax(shared)].mean(axis=0))
     raise InputError(
-        f"{', '.join(given.on)} and {', '.join(given.against or ())} share the nodes of "
+        f"{', '.join(contact.on)} and {', '.join(contact.against or ())} share the nodes of "
         f"{int(shared.sum())} facets, as at {where}: bodies that touch each other have nodes of "
         "their own there",
-        f"{given.key}.against",
+        f"{contact.key}.against",
     )
 
 
 def _require_facing(
-    domain: Domain, one: Side, two: Side, found: Pairing, given: Contact, is_moved: bool
+    domain: Domain, one: Side, two: Side, pairing: Pairing, contact: Contact, is_moved: bool
 ) -> None:
     """Raise InputError for sides that do not face each other, or not once, or overlap too deep.
 
     Sides that have moved may do the last two on the way to a solution.
     """
-    key, on, against = given.key, ", ".join(given.on), ", ".join(given.against or ())
-    if not found.faces.any():
+    key, on, against = contact.key, ", ".join(contact.on), ", ".join(contact.against or ())
+    if not pairing.faces.any():
         where = domain.where(one.points.mean(axis=0))
         behind = pair(one, replace(two, outward=-two.outward)).faces
         if behind.any():
@@ -410,14 +412,14 @@ def _require_facing(
         )
     if is_moved:
         return
-    if found.twice is not None:
+    if pairing.twice is not None:
         raise InputError(
-            f"the outward normal of {on} at {domain.where(found.twice)} meets several facets of "
+            f"the outward normal of {on} at {domain.where(pairing.twice)} meets several facets of "
             f"{against}; name only the part of the other body that faces {on}",
             f"{key}.against",
         )
-    deepest = int(np.argmin(found.gap))
-    depth = -float(found.gap[deepest])
+    deepest = int(np.argmin(pairing.gap))
+    depth = -float(pairing.gap[deepest])
     if depth > _DEEPEST * float(np.ptp(domain.bounding_box, axis=0).min()):
         raise Misplaced(
             f"{on} reaches {depth:.4g} deep into {against} at "

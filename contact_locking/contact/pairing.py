@@ -59,7 +59,7 @@ from contact_locking.contact.overlap import (
     quadrature,
     summed,
 )
-from contact_locking.mesh.cell_kind import CellKind, facet_normals, unit_normals
+from contact_locking.mesh.cell_kind import CellKind, corner_normals, facet_normals, unit_normals
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -133,8 +133,8 @@ class Side:
 
     def _at(self, points: FloatArray, rest: FloatArray | None) -> Side:
         turn = np.sum(unit_normals(self.corners) * self.outward, axis=1)
-        there = replace(self, points=points, rest=rest)
-        return replace(there, outward=np.sign(turn)[:, None] * unit_normals(there.corners))
+        side = replace(self, points=points, rest=rest)
+        return replace(side, outward=np.sign(turn)[:, None] * unit_normals(side.corners))
 
     def nodal_normals(self) -> FloatArray:
         """The unit normals (k, d) at the points, averaged over the facets around each."""
@@ -263,10 +263,12 @@ def _integrals(side: Side, plane: FloatArray) -> FloatArray:
 
 def _density(side: Side, facet: IntArray, values: FloatArray) -> FloatArray:
     """(q, n) the area at rest over that of plane facets (q,), at points with values (q, n, c)."""
-    rest = side.at_rest
-    ratio = (rest.sizes() / side.sizes())[facet, None]
+    at_rest = side.at_rest
+    ratio = (at_rest.sizes() / side.sizes())[facet, None]
     if side.revolves:
-        ratio = ratio * 2.0 * math.pi * np.einsum("qni,qi->qn", values, rest.corners[facet, :, 0])
+        ratio = (
+            ratio * 2.0 * math.pi * np.einsum("qni,qi->qn", values, at_rest.corners[facet, :, 0])
+        )
     return np.asarray(ratio)
 
 
@@ -291,12 +293,12 @@ def _targets(one: Side, covered: FloatArray, whole: FloatArray) -> tuple[IntArra
     within = one.facets[is_covered]
     ends = [within[:, each].reshape(-1) for each in np.indices([width] * 2).reshape(2, -1)]
     start, end = ends
-    part = connected_components(csr_matrix((np.ones(len(start)), (start, end)), (count, count)))[1]
+    piece = connected_components(csr_matrix((np.ones(len(start)), (start, end)), (count, count)))[1]
     order = np.lexsort((*one.points.T, integral))
     most = np.full(count, -1)
-    most[part[order]] = order
-    is_alone = ~np.isin(part, part[faces]) & (integral > 0.0)
-    faces[most[part[is_alone]]] = True
+    most[piece[order]] = order
+    is_alone = ~np.isin(piece, piece[faces]) & (integral > 0.0)
+    faces[most[piece[is_alone]]] = True
     target = np.where(faces, np.arange(count), -1)
     lengths = np.linalg.norm(one.points[start] - one.points[end], axis=1)
     # The nearest comes last; of several equally near ones, that whose coordinates are the largest.
@@ -430,9 +432,9 @@ def _candidates(one: Side, other: Side) -> tuple[IntArray, IntArray]:
     largest = around[1].max(initial=0.0)
     distance = np.maximum(tree.query(middles[0])[0] - largest, 0.0)
     reach = _REACH * distance + around[0] + 2.0 * largest
-    found = tree.query_ball_point(middles[0], reach, return_sorted=True)
-    facet = np.repeat(np.arange(len(found)), [len(some) for some in found])
-    facing = np.concatenate([np.empty(0, np.int64), *(np.asarray(x, np.int64) for x in found)])
+    neighbours = tree.query_ball_point(middles[0], reach, return_sorted=True)
+    facet = np.repeat(np.arange(len(neighbours)), [len(some) for some in neighbours])
+    facing = np.concatenate([np.empty(0, np.int64), *(np.asarray(x, np.int64) for x in neighbours)])
     away = middles[1][facing] - middles[0][facet]
     outward = one.outward[facet]
     aside = np.sum(away**2, axis=1) - np.sum(away * outward, axis=1) ** 2
@@ -442,21 +444,11 @@ def _candidates(one: Side, other: Side) -> tuple[IntArray, IntArray]:
 
 
 def _round_normals(side: Side) -> FloatArray:
-    """The unit normals (k, d) at the points, exact on a circle and on a sphere.
-
-    The weights of the facets around a point are those of Max (doi:10.1080/10867651.1999.10487501).
-    """
-    count, edges = side.kind.corners, EDGES[side.kind.corners]
-    normals = np.zeros_like(side.points)
-    for corner in range(count):
-        beside = [sum(edge) - corner for edge in edges if corner in edge]
-        away = side.corners[:, beside] - side.corners[:, [corner]]
-        lengths = np.linalg.norm(away, axis=2)
-        weight = 1.0 / lengths[:, 0]
-        if len(beside) == 2:
-            sine = np.linalg.norm(np.cross(away[:, 0], away[:, 1]), axis=1)
-            weight = sine / np.prod(lengths**2, axis=1)
-        np.add.at(normals, side.facets[:, corner], weight[:, None] * side.outward)
+    """The unit normals (k, d) at the points, exact on a circle and on a sphere."""
+    normals, corners = np.zeros_like(side.points), side.facets.T
+    _, weights = corner_normals(side.kind, side.corners)
+    for number in range(side.kind.corners):
+        np.add.at(normals, corners[number], weights[:, [number]] * side.outward)
     sizes = np.linalg.norm(normals, axis=1)
     return np.asarray(normals / np.where(sizes > 0.0, sizes, 1.0)[:, None])
 
@@ -499,12 +491,12 @@ def _curved(side: Side) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
     turn = np.einsum("ei,ei->e", np.diff(normals[edges], axis=1)[:, 0], along)
     curvature = turn / lengths
     beyond = _continued(edges, along)
-    there = np.where(beyond >= 0, curvature[beyond], 0.0)
+    nearby = np.where(beyond >= 0, curvature[beyond], 0.0)
     is_rim = (beyond < 0).sum(axis=1) == 1
     # Beside the rim the normals turn half as much as the side does.
-    rim, mine = there.sum(axis=1), np.where(is_rim, 2.0, 1.0) * curvature
+    rim, mine = nearby.sum(axis=1), np.where(is_rim, 2.0, 1.0) * curvature
     size, sign = np.abs(mine), np.sign(mine)[:, None]
-    is_round = np.all(sign * there >= _ALIKE * size[:, None], axis=1)
+    is_round = np.all(sign * nearby >= _ALIKE * size[:, None], axis=1)
     is_round |= is_rim & (sign[:, 0] * rim >= _ALIKE * size) & (_ALIKE * np.abs(rim) <= size)
     curvature = np.where(is_round, np.where(is_rim, rim, curvature), 0.0)
     return edges, number.reshape(-1, len(pairs)), lengths, curvature

@@ -252,9 +252,9 @@ class ContactSurface:
         ``|x_2 - x_1| (nu_2 - nu_1) . t/8`` along the normal, with the averaged normals nu of the
         body at the corners and the tangent t (docs/problem.md).  The first use is collective.
         """
-        found = self.points.copy()
+        places = self.points.copy()
         if self.controls.are_nodal:
-            return found
+            return places
         function = self.vector_function(self.body_normals())
         scalars = self.scalar_function(self.weights)
         edges, nodes = (self.controls.edges(each) for each in (function, scalars))
@@ -267,20 +267,20 @@ class ContactSurface:
         slopes[np.abs(slopes) > CORNER] = 0.0
         slopes = np.where(self._is_end(nodes), -slopes[:, ::-1], slopes)
         sagitta = length * (slopes[:, 1] - slopes[:, 0]) / 8.0
-        found[np.searchsorted(self.nodes, nodes[:, 2])] += sagitta[:, None] * normals[middles]
-        return found
+        places[np.searchsorted(self.nodes, nodes[:, 2])] += sagitta[:, None] * normals[middles]
+        return places
 
     def _is_end(self, edges: IndexArray) -> BoolArray:
         """(m, 2) whether edges (m, 3), as nodes of the scalar space, end at the rim; collective."""
         index_map, nodes = self.scalar_space.dofmap.index_map, self.facet_nodes
         facets = summed(index_map, nodes, np.ones((*nodes.shape, 1)))[:, 0]
         # At a corner of Gamma_C, with one facet, the rim ends as well.
-        found = facets[edges[:, :2]] == 1.0
+        is_end = facets[edges[:, :2]] == 1.0
         if self.domain.dim == 3:
             is_inside = facets[edges[:, 2]] > 1.0
             rim = marked(index_map, edges[~is_inside, :2])
-            found |= is_inside[:, None] & rim[edges[:, :2]]
-        return np.asarray(found)
+            is_end |= is_inside[:, None] & rim[edges[:, :2]]
+        return np.asarray(is_end)
 
     def free_nodes(self, normal: FloatArray, constraints: Constraints) -> BoolArray:
         """(k,) the nodes whose normal displacement is not prescribed.
@@ -381,8 +381,8 @@ class ContactSurface:
         faces = np.concatenate(comm.allgather(facing))
         corners = np.unique(self._numbered(self.facet_nodes)[:, : self._corners], axis=0)
         joins = faces[corners].all(axis=1)
-        for one, other in combinations(corners.T, 2):
-            joins &= np.sum(every[one] * every[other], axis=1) > _TURNED
+        for first, other in combinations(corners.T, 2):
+            joins &= np.sum(every[first] * every[other], axis=1) > _TURNED
         if joins.all():
             return np.zeros(len(every), dtype=np.int64)
         points = np.concatenate(comm.allgather(self.points))
@@ -405,11 +405,11 @@ class ContactSurface:
         if self.controls.are_nodal:
             return gap
         function = self.scalar_function(gap)
-        found = self.controls.of_scalars(function)
+        limited = self.controls.of_scalars(function)
         edges = self.controls.edges(function)
         values, rows = function.x.array[edges], np.searchsorted(self.nodes, edges[:, 2])
-        found[rows] = np.clip(found[rows], values.min(axis=1), values.max(axis=1))
-        return found
+        limited[rows] = np.clip(limited[rows], values.min(axis=1), values.max(axis=1))
+        return limited
 
     def vector_function(self, values: FloatArray, name: str = "f") -> fem.Function:
         """A vector function with the given values (k, d) on Gamma_C; collective."""
@@ -472,7 +472,9 @@ class ContactSurface:
         every = np.concatenate(self.domain.comm.allgather(index_map.local_to_global(self.nodes)))
         numbers = np.searchsorted(every, mine)
         inverse = self.controls.inverse(self.nodes, numbers)
-        starts, columns = (part.astype(PETSc.IntType) for part in (inverse.indptr, inverse.indices))
+        starts, columns = (
+            array.astype(PETSc.IntType) for array in (inverse.indptr, inverse.indices)
+        )
         to_nodal = PETSc.Mat().createAIJ(
             nodal.getSizes(), csr=(starts, columns, inverse.data), comm=self.domain.comm
         )

@@ -20,18 +20,26 @@ from contact_locking.arrays import LARGEST
 from contact_locking.errors import InputError
 from contact_locking.plain_text import nearest
 
-from .operations import (
+from .tree import (
     CONSTANTS,
     FUNCTIONS,
     MAX_DEPTH,
     MAX_EXPONENT,
     MAX_LENGTH,
+    NO_NUMBERS,
+    NO_TABLES,
     NUMPY,
     OPERATORS,
     POSITION,
+    Apply,
+    Expression,
+    Lookup,
+    Name,
+    Node,
+    Number,
+    Table,
     shortened,
 )
-from .tree import NO_NUMBERS, NO_TABLES, Apply, Expression, Lookup, Name, Node, Number, Table
 
 # Such as 210 GPa.
 _WITH_UNIT = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)? *[^\W\d_]+(/\w+)?\d?", re.IGNORECASE)
@@ -200,8 +208,8 @@ class _Parser:
             self.refuse(node, f"unknown function '{name}'{guess}; known: {', '.join(known)}")
         arity = 1 if is_table else FUNCTIONS[name]
         if (len(args) < 2) if arity is None else (len(args) != arity):
-            wanted = {None: "two or more arguments", 1: "1 argument", 2: "2 arguments"}[arity]
-            self.refuse(node, f"{name} takes {wanted}, not {len(args)}")
+            demand = {None: "two or more arguments", 1: "1 argument", 2: "2 arguments"}[arity]
+            self.refuse(node, f"{name} takes {demand}, not {len(args)}")
         arguments = [self.number(argument, depth) for argument in args]
         if is_table:
             return Lookup(self.tables[name], arguments[0])
@@ -228,10 +236,10 @@ class _Parser:
             self.refuse(node, f"more than {MAX_DEPTH} operations are nested")
 
     def refuse(self, node: ast.expr, reason: str) -> NoReturn:
-        part = ast.get_source_segment(self.text, node) or self.text
+        segment = ast.get_source_segment(self.text, node) or self.text
         # ast counts bytes, not characters.
         column = len(self.text.encode()[: node.col_offset].decode()) + 1
-        place = "" if part == self.text else f", at character {column} ('{shortened(part)}')"
+        place = "" if segment == self.text else f", at character {column} ('{shortened(segment)}')"
         raise InputError(f"{self.shown()}{place}: {reason}")
 
     def shown(self) -> str:

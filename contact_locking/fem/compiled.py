@@ -28,6 +28,7 @@ from dolfinx import fem, jit, la
 from dolfinx.fem import petsc
 from mpi4py import MPI
 from petsc4py import PETSc
+from ufl.algorithms.analysis import extract_type
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
@@ -80,10 +81,10 @@ def options() -> dict[str, Any]:
     The user's ``dolfinx_jit_options.json`` gives the compiler's options, the place of the cache,
     and a longer timeout.
     """
-    given = jit.get_options()
+    defaults = jit.get_options()
     versions = f"dolfinx-{dolfinx.__version__}-ffcx-{ffcx.__version__}"
-    folder = given["cache_dir"] / f"contact-locking-{versions}"
-    return {"cache_dir": folder, "timeout": max(_TIMEOUT, given["timeout"])}
+    folder = defaults["cache_dir"] / f"contact-locking-{versions}"
+    return {"cache_dir": folder, "timeout": max(_TIMEOUT, defaults["timeout"])}
 
 
 class Kept:
@@ -96,8 +97,8 @@ class Kept:
         """The result of the first call of :func:`make` with the name; collective if that is."""
         if name not in self._found:
             self._found[name] = make()
-        found: T = self._found[name]
-        return found
+        result: T = self._found[name]
+        return result
 
     def form(self, integrals: ufl.Form) -> fem.Form:
         """The compiled form of a UFL form, of one that is equal if there is one; collective."""
@@ -172,37 +173,31 @@ def compiled_together(form: ufl.Form) -> list[ufl.Form]:
     groups: dict[Any, list[Any]] = {}
     for integral in form.integrals():
         kind, tags = integral.integral_type(), id(integral.subdomain_data())
-        rule = None if kind == "cell" else integral.metadata().get("quadrature_rule")
-        key = kind, rule, _is_at_one_point(integral), tags
-        groups.setdefault(key, []).append(integral)
-    return [ufl.Form(integrals) for integrals in sorted(groups.values(), key=_rank)]
+        metadata, has_place = integral.metadata(), False
+        if metadata.get("quadrature_degree", 2) <= 1:
+            has_place = bool(extract_type(integral, ufl.SpatialCoordinate))
+        rule = None if kind == "cell" else metadata.get("quadrature_rule")
+        groups.setdefault((kind, rule, has_place, tags), []).append(integral)
 
+    def rank(integrals: list[Any]) -> tuple[bool, bool]:
+        # Forms over all cells are first, as they have all entries of a matrix.
+        is_everywhere = any(integral.subdomain_id() == "everywhere" for integral in integrals)
+        return integrals[0].integral_type() != "cell", not is_everywhere
 
-def _rank(integrals: list[Any]) -> tuple[bool, bool]:
-    """The order of forms: those over all cells first, as they have all entries of a matrix."""
-    is_everywhere = any(item.subdomain_id() == "everywhere" for item in integrals)
-    return integrals[0].integral_type() != "cell", not is_everywhere
-
-
-def _is_at_one_point(integral: Any) -> bool:
-    """Whether an integral evaluates the coordinates in one point of a cell or facet."""
-    if integral.metadata().get("quadrature_degree", 2) > 1:
-        return False
-    places = ufl.algorithms.analysis.extract_type(integral, ufl.SpatialCoordinate)
-    return bool(places)
+    return [ufl.Form(integrals) for integrals in sorted(groups.values(), key=rank)]
 
 
 class JointForm:
     """A compiled form, in the parts of :func:`compiled_together`, each by ``compile_form``."""
 
     def __init__(self, form: ufl.Form, compile_form: Callable[[ufl.Form], fem.Form] = form) -> None:
-        self._forms = [compile_form(part) for part in compiled_together(form)]
+        self._forms = [compile_form(integrals) for integrals in compiled_together(form)]
 
     def create_matrix(
         self, operators: Sequence[ContactOperator] = (), kind: str | None = None
     ) -> PETSc.Mat:
         """A matrix with the entries of the cells' integrals and of ``operators``; collective."""
-        others = [item for item in operators if item.couples_cells]
+        others = [operator for operator in operators if operator.couples_cells]
         if not others:
             return petsc.create_matrix(self._forms[0], kind)
         matrix = petsc.create_matrix(self._forms[0])
@@ -210,8 +205,8 @@ class JointForm:
         petsc.assemble_matrix(matrix, self._forms[0])
         matrix.assemble()
         numbering = matrix.getLGMap()
-        for item in others:
-            pattern = item.pattern(matrix)
+        for operator in others:
+            pattern = operator.pattern(matrix)
             matrix.axpy(1.0, pattern, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
             pattern.destroy()
         if kind is not None:
@@ -225,10 +220,10 @@ class JointForm:
         DOLFINx assembles into its own matrix as fast as into one in blocks, which a factorisation
         would have to copy.  With entries that couple cells the matrix is PETSc's own.
         """
-        if any(item.couples_cells for item in operators):
+        if any(operator.couples_cells for operator in operators):
             return self.create_matrix(operators)
         shared = fem.create_matrix(self._forms[0], block_mode=la.BlockMode.expanded)
-        starts, columns = (part.astype(PETSc.IntType) for part in (shared.indptr, shared.indices))
+        starts, columns = (array.astype(PETSc.IntType) for array in (shared.indptr, shared.indices))
         size, components = len(starts) - 1, self._forms[0].function_spaces[0].dofmap.index_map_bs
         matrix = PETSc.Mat().createAIJWithArrays(
             (size, size), (starts, columns, shared.data), comm=PETSc.COMM_SELF

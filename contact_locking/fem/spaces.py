@@ -54,9 +54,9 @@ def gauss_points(cell: str) -> FloatArray:
     A cell has as many points as corners: the functions are affine in a simplex, and of degree 1 in
     each coordinate of a quadrilateral or a hexahedron.
     """
-    found, _ = basix.make_quadrature(basix.CellType[cell], 2)
-    apart = np.linalg.norm(lagrange(cell, 1).points[:, None] - found, axis=2)
-    return np.asarray(found[np.argmin(apart, axis=1)])
+    places, _ = basix.make_quadrature(basix.CellType[cell], 2)
+    apart = np.linalg.norm(lagrange(cell, 1).points[:, None] - places, axis=2)
+    return np.asarray(places[np.argmin(apart, axis=1)])
 
 
 @cache

@@ -5,13 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
-from contact_locking.arrays import FloatArray
-from contact_locking.errors import InputError
-from contact_locking.mesh.domain import Domain
-from contact_locking.parallel import maximum
-
 #: The texts by code.  A text about a key begins with it.
 TEXTS = {
     "gap.inside": "all of the body lies inside the foundation, Gamma_C at least {depth:.3g} deep; "
@@ -61,14 +54,6 @@ TEXTS = {
     "displacement: {parameter}: {value:.1e} leaves about {aim:.0f} %, and penalty.n: .inf without "
     "an epsilon nothing",
 }
-# No body can bear loads of this multiple of its stiffness.
-_ABSURD = 1e30
-# An overlap below this share of the extent of the body is rounding.
-_TOUCHING = 1e-9
-# A foundation is not so many times as long or as short as the body, but in other units.
-_LARGE_RATIO = 200.0
-# Normals count that turn by this share of the friction coefficient.
-_NOTABLE = 0.1
 
 
 class Finding(str):
@@ -96,69 +81,3 @@ class Finding(str):
 
     def __getnewargs_ex__(self) -> tuple[tuple[str, str], dict[str, Any]]:
         return (self.code, self.key), dict(self.numbers)
-
-
-def about_the_gap(domain: Domain, gap: FloatArray, key: str) -> list[str]:
-    """Whether the body lies wholly inside the foundation; collective.
-
-    ``gap`` (k,) are the values at the owned nodes of Gamma_C.  The whole body counts as inside if
-    the least depth of Gamma_C is at least the smallest width of the body.
-    """
-    depth = -maximum(domain.comm, gap, -np.inf)
-    low, high = domain.bounding_box
-    is_inside = depth >= float((high - low).min())
-    return [Finding("gap.inside", key, depth=depth)] if is_inside else []
-
-
-def about_an_overlap_at_rest(
-    domain: Domain,
-    depths: FloatArray,
-    normals: FloatArray,
-    outward: FloatArray,
-    mu: FloatArray,
-    key: str,
-) -> list[str]:
-    """Whether a curved foundation with friction rests at its end; collective.
-
-    ``depths`` (k,) are how far nodes of Gamma_C are inside of the foundation at rest, with the
-    normals of the foundation and of the body (k, d) and the friction coefficients ``mu`` (k,).
-    Where depths and normals differ the foundation has come with a part of its way along the body,
-    which would be slip.  A press fit on a shaft has the normals of the body and one depth.
-    """
-    nearly = _TOUCHING * domain.extent
-    inside = [values[depths > nearly] for values in (depths, normals, outward, mu)]
-    depths, normals, outward, mu = (np.concatenate(domain.comm.allgather(part)) for part in inside)
-    if not len(depths):
-        return []
-    turn = float(np.linalg.norm(normals - normals.mean(axis=0), axis=1).max())
-    tilt = float(np.linalg.norm(normals - outward, axis=1).max())
-    least = _NOTABLE * min(float(mu.max()), 1.0)
-    is_even = tilt <= least and depths.min() > 0.5 * depths.max()
-    if least == 0.0 or turn <= least or is_even:
-        return []
-    return [Finding("foundation.overlap", key, depth=depths.max(), turn=turn)]
-
-
-def about_the_distance(domain: Domain, gap: FloatArray, key: str) -> list[str]:
-    """Whether a foundation is farther away than the body is long; collective."""
-    distance, extent = -maximum(domain.comm, -gap, -np.inf), domain.extent
-    is_far = distance > extent
-    return [Finding("foundation.far", key, distance=distance, extent=extent)] if is_far else []
-
-
-def about_the_size(domain: Domain, size: float, key: str) -> list[str]:
-    """Whether a foundation has the wrong units, as m for mm; collective."""
-    if 1.0 / _LARGE_RATIO < size / domain.extent < _LARGE_RATIO:
-        return []
-    return [Finding("foundation.size", key, size=size, extent=domain.extent)]
-
-
-def about_a_load(stress: float, stiffness: float, key: str) -> list[str]:
-    """Whether the largest ``stress`` of a load is above the stiffness of the material.
-
-    Raises InputError for a load that no body can bear.
-    """
-    ratio = stress / stiffness
-    if ratio > _ABSURD:
-        raise InputError(TEXTS["load.large"].format(ratio=ratio), key)
-    return [Finding("load.large", key, ratio=ratio)] if ratio > 1.0 else []

@@ -94,14 +94,14 @@ class Entities:
     def of(cls, domain: Domain, dim: int, local: IndexArray) -> Entities:
         """The entities of a dimension with local numbers, ghosts left out; collective."""
         mesh, count = domain.mesh, domain.mesh.topology.index_map(domain.dim).size_local
-        own = local[(local if dim == domain.dim else domain.owners(local)) < count]
+        owned = local[(local if dim == domain.dim else domain.owners(local)) < count]
         nodes = (
-            _compat.cell_corners(mesh)[own]
+            _compat.cell_corners(mesh)[owned]
             if dim == domain.dim
-            else _compat.entities_to_geometry(mesh, dim, own)
+            else _compat.entities_to_geometry(mesh, dim, owned)
         )
         kind = domain.kind if dim == domain.dim else domain.kind.facet
-        simplices = kind.split(nodes.reshape(len(own), kind.corners))
+        simplices = kind.split(nodes.reshape(len(owned), kind.corners))
         corners = mesh.geometry.x[:, : domain.dim][simplices]
         edges = corners[:, 1:] - corners[:, :1]
         sizes = np.sqrt(np.linalg.det(edges @ np.swapaxes(edges, 1, 2)))
@@ -141,14 +141,14 @@ def features(
     advice: str,
     relative_to: str = "all",
     times: Sequence[float] = (0.0,),
-    **more: Any,
+    **variables: Any,
 ) -> list[str]:
     """A warning about data with features that the points in use do not see; collective.
 
     The points in use are the corners of facets and the midpoints of cells.  Data that are affine
     inside of an entity are seen.  Deviations are ``relative_to`` the largest size of the data in
     the entity (``each``), in all entities (``all``), or to the range of the data (``range``).
-    ``times`` are those of the sampling, and ``more`` are values of further variables.  Raises
+    ``times`` are those of the sampling, and ``variables`` are values of further variables.  Raises
     InputError for a pole.
     """
     if value.expression is None or value.is_constant:
@@ -156,10 +156,10 @@ def features(
     for time in times if value.is_timed else times[:1]:
 
         def values(x: FloatArray, time: float = time) -> FloatArray:
-            return value.unchecked(x.T, time, **more)
+            return value.unchecked(x.T, time, **variables)
 
-        if found := _features(entities, values, key, advice, relative_to):
-            return found
+        if warnings := _features(entities, values, key, advice, relative_to):
+            return warnings
     return []
 
 
@@ -169,7 +169,7 @@ def _features(
     comm, dim = entities.domain.comm, entities.dim
     inner, _ = rule(dim, entities.halvings, 1)
     # The residual of a fit by an affine function.
-    left = np.eye(len(inner)) - inner @ np.linalg.pinv(inner)
+    residual = np.eye(len(inner)) - inner @ np.linalg.pinv(inner)
     used = rule(dim, 0, 1)[0] if entities.name == "cell" else np.eye(dim + 1)
     count = len(entities.corners)
     low, high, sizes, bend = np.zeros((4, count))
@@ -178,14 +178,14 @@ def _features(
     with np.errstate(all="ignore"):
         for chunk, x in entities.chunks(np.vstack([inner, used])):
             both = values(x.reshape(-1, x.shape[2])).reshape(x.shape[:2])
-            given, at_used = both[:, : len(inner)], _filled(both[:, len(inner) :])
-            found = _filled(given)
-            given = np.where(np.isnan(given), found, given)
-            low[chunk], high[chunk] = given.min(axis=1), given.max(axis=1)
-            sizes[chunk] = np.abs(found).max(axis=1)
-            rest = np.abs(found @ left)
-            bend[chunk] = rest.max(axis=1)
-            place[chunk] = x[np.arange(len(x)), rest.argmax(axis=1)]
+            inside, at_used = both[:, : len(inner)], _filled(both[:, len(inner) :])
+            filled = _filled(inside)
+            inside = np.where(np.isnan(inside), filled, inside)
+            low[chunk], high[chunk] = inside.min(axis=1), inside.max(axis=1)
+            sizes[chunk] = np.abs(filled).max(axis=1)
+            deviation = np.abs(filled @ residual)
+            bend[chunk] = deviation.max(axis=1)
+            place[chunk] = x[np.arange(len(x)), deviation.argmax(axis=1)]
             ends = [at_used.min(initial=ends[0]), at_used.max(initial=ends[1])]
     least = -maximum(comm, -np.minimum(low, ends[0]), -np.inf)
     most = maximum(comm, np.maximum(high, ends[1]), -np.inf)
@@ -209,20 +209,20 @@ def _features(
     return []
 
 
-def _filled(found: FloatArray) -> FloatArray:
+def _filled(values: FloatArray) -> FloatArray:
     """Values (k, q) where those that are no numbers, as 0/0, are the mean of their entity.
 
     Infinite values, as of a limit that is none, are larger than all others.
     """
-    finite = np.isfinite(found)
+    finite = np.isfinite(values)
     if np.all(finite):
-        return found
-    most = np.abs(np.where(finite, found, 0.0)).max(initial=1.0)
-    found = np.clip(found, -10.0 * most, 10.0 * most)
-    counted = np.isfinite(found)
+        return values
+    most = np.abs(np.where(finite, values, 0.0)).max(initial=1.0)
+    values = np.clip(values, -10.0 * most, 10.0 * most)
+    counted = np.isfinite(values)
     count = np.maximum(np.sum(counted, axis=1, keepdims=True), 1)
-    means = np.sum(np.where(counted, found, 0.0), axis=1, keepdims=True) / count
-    return np.where(counted, found, means)
+    means = np.sum(np.where(counted, values, 0.0), axis=1, keepdims=True) / count
+    return np.where(counted, values, means)
 
 
 def refuse_poles(entities: Entities, suspects: IndexArray, values: Values, key: str) -> None:
@@ -241,11 +241,11 @@ def refuse_poles(entities: Entities, suspects: IndexArray, values: Values, key: 
     for zoom in range(_ZOOMS):
         shares = centre[:, None] + 0.5**zoom * lattice
         x = np.einsum("kqc,kcd->kqd", shares, corners)
-        found = np.abs(values(x.reshape(-1, x.shape[2])).reshape(x.shape[:2]))
-        found[(shares.min(axis=2) < 0.0) | ~np.isfinite(found)] = -1.0
-        best = np.argmax(found, axis=1)
+        magnitudes = np.abs(values(x.reshape(-1, x.shape[2])).reshape(x.shape[:2]))
+        magnitudes[(shares.min(axis=2) < 0.0) | ~np.isfinite(magnitudes)] = -1.0
+        best = np.argmax(magnitudes, axis=1)
         rows = np.arange(len(corners))
-        sizes[zoom], centre = found[rows, best], shares[rows, best]
+        sizes[zoom], centre = magnitudes[rows, best], shares[rows, best]
     third = _ZOOMS // 3
     start, end = np.maximum(sizes[third], 1e-300), np.maximum(sizes[-1], 1e-300)
     powers = np.log2(end / start) / (_ZOOMS - 1 - third)
@@ -328,14 +328,14 @@ class PresentValue:
         comm = self.clock.mesh.comm
 
         def values() -> FloatArray:
-            found = self.value.at(x, self.clock.now, self._shape)
-            if np.isnan(found).any():
+            present = self.value.at(x, self.clock.now, self._shape)
+            if np.isnan(present).any():
                 raise InputError("is not a number somewhere")
-            return found
+            return present
 
-        found = agree(comm, lambda: with_key(self.key, values))
-        is_zero = self.value.is_timed and self._so_far.hides(maximum(comm, np.abs(found)))
-        return np.zeros_like(found) if is_zero else found
+        present = agree(comm, lambda: with_key(self.key, values))
+        is_zero = self.value.is_timed and self._so_far.hides(maximum(comm, np.abs(present)))
+        return np.zeros_like(present) if is_zero else present
 
     def ufl(self, degree: int) -> Expr:
         """The value in UFL.
@@ -378,7 +378,9 @@ class PresentValue:
     @property
     def is_nodal(self) -> bool:
         """Whether a table counts by its values at nodes in UFL."""
-        return any(isinstance(item, fem.Function) for item in self._coefficients.values())
+        return any(
+            isinstance(coefficient, fem.Function) for coefficient in self._coefficients.values()
+        )
 
     def in_simplices(
         self, corners: FloatArray, shares: FloatArray, time: float

@@ -79,10 +79,10 @@ def mandel_values(tensors: FloatArray, pairs: tuple[tuple[int, int], ...]) -> Fl
 
 def tensor_values(vectors: FloatArray, pairs: tuple[tuple[int, int], ...], size: int) -> FloatArray:
     """The tensors (k, size, size) of Mandel vectors (k, s)."""
-    found = np.zeros((len(vectors), size, size))
+    tensors = np.zeros((len(vectors), size, size))
     for k, (i, j) in enumerate(pairs):
-        found[:, i, j] = found[:, j, i] = vectors[:, k] / mandel_factor(i, j)
-    return found
+        tensors[:, i, j] = tensors[:, j, i] = vectors[:, k] / mandel_factor(i, j)
+    return tensors
 
 
 def lame_from_young(young: Any, poisson: Any) -> tuple[Any, Any]:

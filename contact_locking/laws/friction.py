@@ -33,11 +33,11 @@ class FrictionLaw:
     lipschitz: float | None = None
 
     def __call__(self, points: FloatArray, slip: FloatArray) -> FloatArray:
-        found = np.asarray(self.coefficient(points, slip), dtype=float)
-        if found.shape not in ((), slip.shape):
+        values = np.asarray(self.coefficient(points, slip), dtype=float)
+        if values.shape not in ((), slip.shape):
             raise InputError(
-                f"the coefficient of friction has values of the shape {found.shape} at "
+                f"the coefficient of friction has values of the shape {values.shape} at "
                 f"{len(slip)} points: it maps points (k, d) and slips (k,) to values (k,), as "
                 "lambda x, s: 0.1 + 0.2*x[:, 0] does"
             )
-        return np.broadcast_to(found, slip.shape)
+        return np.broadcast_to(values, slip.shape)

@@ -50,8 +50,8 @@ class StrainLimit(Concept):
         ends = {"at_most", "at_least"} & {*type(self).model_fields}
         if not ends & self.model_fields_set:
             both = len(ends) > 1
-            told = "limits nothing: give at_most, at_least or both" if both else "is missing"
-            yield Fault(() if both else ("at_most",), told)
+            message = "limits nothing: give at_most, at_least or both" if both else "is missing"
+            yield Fault(() if both else ("at_most",), message)
 
     def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
         if self.is_across and body.strains == 2 and body.plane_stress:
@@ -143,17 +143,17 @@ class Direction(StrainLimit):
         import ufl
 
         direction = points.function((points.size,))
-        found = points.between(self, points.name, ufl.outer(direction, direction))
+        sets = points.between(self, points.name, ufl.outer(direction, direction))
         values = points.sampler(self.along, "along", (points.size,))()
         largest = np.abs(values).max(axis=1, initial=0.0)
-        is_limited = np.isfinite([one.limits for one in found]).any(axis=0)
-        told = "the direction is the zero vector somewhere"
-        points.refuse(is_limited & (largest == 0.0), told, f"{points.root}.along")
+        is_limited = np.isfinite([index.limits for index in sets]).any(axis=0)
+        message = "the direction is the zero vector somewhere"
+        points.refuse(is_limited & (largest == 0.0), message, f"{points.root}.along")
         # Scaled first, so that the squares of tiny and huge components are numbers.
         values /= np.where(largest > 0.0, largest, 1.0)[:, None]
         values /= np.maximum(np.linalg.norm(values, axis=1), 0.5)[:, None]
         points.write(direction, values)
-        return found
+        return sets
 
     def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
         if isinstance(self.along, tuple) and not body.dim <= len(self.along) <= body.strains:
@@ -216,5 +216,5 @@ def size_faults(key: str, rows: Any, body: BodyKind) -> Iterator[Fault]:
     """The fault of a Mandel matrix of another size than those of a body, if it has one."""
     size = body.components
     if isinstance(rows, tuple) and len(rows) != size:
-        given = f"{len(rows)}x{len(rows)}"
-        yield Fault((key,), f"must be {size}x{size} {body} (Mandel), not {given}")
+        matrix_rows = f"{len(rows)}x{len(rows)}"
+        yield Fault((key,), f"must be {size}x{size} {body} (Mandel), not {matrix_rows}")

@@ -69,19 +69,19 @@ class Eigenstrain(Concept):
             # A function of points gives whole tensors, as an expression of UFL may.
             is_whole = callable(value.data) and not place
             shape = getattr(value.data, "ufl_shape", (3, 3) if is_whole else ())
-            here: list[Any] = [place]
+            slots: list[Any] = [place]
             if not shape and len(place) < 2:  # a normal strain, or the number of all three
-                here = [(i, i) for i in place or range(3)]
-            entries.append((here, points.sampler(value, dotted(name, *place), shape)))
+                slots = [(i, i) for i in place or range(3)]
+            entries.append((slots, points.sampler(value, dotted(name, *place), shape)))
         warm = points.sampler(1.0 if self.temperature is None else self.temperature, "temperature")
 
         def tensors() -> FloatArray:
-            found = np.zeros((len(points.of(points.cells)), 3, 3))
-            for here, read in entries:
+            tensors_now = np.zeros((len(points.of(points.cells)), 3, 3))
+            for slots, read in entries:
                 values = read()
-                for place in here:
-                    found[:, *place] = values
-            return found * warm()[:, None, None]
+                for place in slots:
+                    tensors_now[:, *place] = values
+            return tensors_now * warm()[:, None, None]
 
         return tensors
 
@@ -182,15 +182,17 @@ class Elasticity(Concept):
 
     @classmethod
     def _completed(cls, data: dict[str, Any]) -> dict[str, Any]:
-        given = {key for key, value in data.items() if value is not None}
-        chosen = [choice for choice in _CHOICES if given & set(choice)]
+        stated = {key for key, value in data.items() if value is not None}
+        chosen = [choice for choice in _CHOICES if stated & set(choice)]
         if len(chosen) > 1:
-            keys = ", ".join(key.strip("<>") for choice in chosen for key in choice if key in given)
-            wanted = ", or ".join(" and ".join(choice) for choice in _CHOICES[:3])
-            refuse_if([Fault((), f"give {wanted}; not {keys} together")])
+            keys = ", ".join(
+                key.strip("<>") for choice in chosen for key in choice if key in stated
+            )
+            choices = ", or ".join(" and ".join(choice) for choice in _CHOICES[:3])
+            refuse_if([Fault((), f"give {choices}; not {keys} together")])
         if not chosen or chosen[0] == _CHOICES[0]:
             return {key: value for key, value in data.items() if value is not None}
-        missing = [key for key in chosen[0] if key not in given]
+        missing = [key for key in chosen[0] if key not in stated]
         refuse_if(Fault((key,), f"is missing beside {chosen[0][0]}") for key in missing)
         return {"young": None, "poisson": None, **data}
 
@@ -198,10 +200,10 @@ class Elasticity(Concept):
         if isinstance(self.stiffness, tuple):
             yield from _stiffness_faults(self.stiffness)
         if self.eigenstrain is not None and (self.stress is not None or self.eigenstrain.on):
-            told = (
+            message = (
                 "has an eigenstrain beside a stress, which has to contain it, or on groups of cells"
             )
-            yield Fault((), told)
+            yield Fault((), message)
 
     def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
         first, second = self.lame_lambda, self.lame_mu

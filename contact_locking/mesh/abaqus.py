@@ -158,7 +158,7 @@ def _of_instances(cards: Iterable[Card]) -> list[Card]:
     """The cards with the instance whose numbers they take; a part without one stands as it is."""
     parts: dict[str, list[Card]] = {}
     used: set[str] = set()
-    found: list[Card] = []
+    scoped: list[Card] = []
     stream = iter(cards)
 
     def until(end: str) -> list[Card]:
@@ -169,18 +169,18 @@ def _of_instances(cards: Iterable[Card]) -> list[Card]:
         if card.keyword == "PART":
             parts[name] = until("END PART")
         elif card.keyword == "INSTANCE":
-            inside, part = until("END INSTANCE"), card.options.get("PART", "").upper()
-            used.add(part)
+            inside, name_of = until("END INSTANCE"), card.options.get("PART", "").upper()
+            used.add(name_of)
             place = tuple(tuple(map(float, filter(None, row))) for row in card.rows)
-            found += [
-                replace(item, scope=name, is_inside=True, place=place)
-                for item in chain(parts.get(part, []), inside)
+            scoped += [
+                replace(entry, scope=name, is_inside=True, place=place)
+                for entry in chain(parts.get(name_of, []), inside)
             ]
         else:
-            found.append(replace(card, scope=card.options.get("INSTANCE", "").upper()))
+            scoped.append(replace(card, scope=card.options.get("INSTANCE", "").upper()))
     for name in parts.keys() - used:
-        found += [replace(card, scope=name, is_inside=True) for card in parts[name]]
-    return found
+        scoped += [replace(card, scope=name, is_inside=True) for card in parts[name]]
+    return scoped
 
 
 class Deck:
@@ -263,13 +263,13 @@ class Deck:
             raise ValueError(f"an element of the type {card.options['TYPE']} takes {count} nodes")
         nodes = self._numbers["NSET"][card.scope]
         try:
-            found = np.array([[nodes[number] for number in row[1:]] for row in rows])
+            corners = np.array([[nodes[number] for number in row[1:]] for row in rows])
         except KeyError as error:
             raise ValueError(f"node {error} of an element is not there") from None
         self._number(
             "ELSET", card, [row[0] for row in rows], sum(len(block.nodes) for block in self.blocks)
         )
-        self.blocks.append(Block(kind, dim, found))
+        self.blocks.append(Block(kind, dim, corners))
 
     def _add_set(self, card: Card) -> None:
         kind = card.keyword
@@ -441,26 +441,26 @@ def _parts(deck: Deck, kind: CellKind, cells: IntArray) -> tuple[list[Group], li
         known = [keys(some, count) for some in fitting if len(some)]
         return facets[np.isin(boundary, np.concatenate(known))] if known else facets[:0]
 
-    found: dict[str, IntArray] = {}
+    groups: dict[str, IntArray] = {}
     empty = []
     for name, nodes in deck.sets("NSET").items():
         inside = np.zeros(count, dtype=bool)
         inside[nodes] = True
-        found[name] = facets[inside[facets].all(axis=1)]
-        if len(nodes) and not len(found[name]):
+        groups[name] = facets[inside[facets].all(axis=1)]
+        if len(nodes) and not len(groups[name]):
             empty.append(name)
     for name, cells_of_set in deck.sets("ELSET").items():
         blocks = deck.by_block(cells_of_set)
         chosen = [block.corners[inside] for block, inside in blocks if block.dim == of.dim]
         if len(rows := on_boundary(chosen)):
-            found[name] = rows
+            groups[name] = rows
     # A surface says more than a set of its nodes.
     for name, sides in deck.surfaces().items():
         if len(rows := on_boundary(sides)):
-            found[name] = rows
+            groups[name] = rows
         else:
             empty.append(name)
-    return [(of, name, rows) for name, rows in found.items() if len(rows)], empty
+    return [(of, name, rows) for name, rows in groups.items() if len(rows)], empty
 
 
 def _write(target: Path, points: FloatArray, cells: IntArray, groups: Sequence[Group]) -> None:

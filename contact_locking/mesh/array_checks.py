@@ -6,6 +6,7 @@ and hanging nodes are looked for on the boundary, which consists of the facets o
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -23,14 +24,14 @@ if TYPE_CHECKING:
 
 
 class _Defect(NamedTuple):
-    """Nodes (n,) that ``cells`` (k,), by their numbers, share wrongly, the first of ``defects``.
+    """Nodes (n,) that ``cells`` (k,), by their numbers, share wrongly, the first of ``total``.
 
     ``numbers`` and ``centre`` are those of the nodes, in words.
     """
 
     nodes: IntArray
     cells: IntArray
-    defects: int
+    total: int
     numbers: str = ""
     centre: str = ""
 
@@ -42,51 +43,49 @@ def check_arrays(comm: MPI.Intracomm, share: MeshData) -> None:
     points are counted rank after rank.
     """
     kind, cells = share.kind, share.cells
-    agree(comm, lambda: _check_coordinates(share))
+
+    def check_coordinates() -> None:
+        bad = ~np.isfinite(share.points).all(axis=1)
+        if bad.any():
+            raise InputError(
+                f"the coordinates of {share.node_words(int(np.argmax(bad)))} are not finite numbers"
+                f"{and_more(int(bad.sum()))}"
+            )
+
+    agree(comm, check_coordinates)
     corners = np.sort(cells.nodes, axis=1)
     twice = np.flatnonzero((corners[:, 1:] == corners[:, :-1]).any(axis=1))
-    own = None
-    if len(twice):
-        own = _Defect(cells.nodes[twice[0]], cells.numbers[twice[:1]], len(twice))
-    if found := _first(comm, share, own):
+    defects = [_Defect(cells.nodes[i], cells.numbers[[i]], len(twice)) for i in twice[:1]]
+    if defect := _first(comm, share, defects):
         raise InputError(
-            f"{kind.name} {found.cells[0]} at {found.centre} has the same node twice"
-            f"{and_more(found.defects)}"
+            f"{kind.name} {defect.cells[0]} at {defect.centre} has the same node twice"
+            f"{and_more(defect.total)}"
         )
-    total = comm.allreduce(len(share.points))
-    if found := _first(comm, share, _shared(comm, corners, cells.numbers, 1, total)):
-        one, other = found.cells[:2]
+    if defect := _first(comm, share, _shared(comm, share, corners, cells.numbers, 1)):
+        first, other = defect.cells[:2]
         raise InputError(
-            f"{kind.name} {other} is {kind.name} {one} once more, at {found.centre}: they have the "
-            f"same nodes{and_more(found.defects)}; remove the duplicates (in Gmsh "
+            f"{kind.name} {other} is {kind.name} {first} once more, at {defect.centre}: they have "
+            f"the same nodes{and_more(defect.total)}; remove the duplicates (in Gmsh "
             "gmsh.model.mesh.removeDuplicateElements)"
         )
     facets = np.sort(kind.facets_of(cells.nodes), axis=1)
     numbers = np.tile(cells.numbers, len(kind.facets))
-    if found := _first(comm, share, _shared(comm, facets, numbers, 2, total)):
+    if defect := _first(comm, share, _shared(comm, share, facets, numbers, 2)):
         raise InputError(
-            f"{len(found.cells)} {kind.plural} share one {'edge' if kind.dim == 2 else 'face'} "
-            f"(nodes {found.numbers} at {found.centre}): {listed(found.cells)}"
-            f"{and_more(found.defects)}; at most two can, as cells do not overlap"
-        )
-
-
-def _check_coordinates(mesh: MeshData) -> None:
-    bad = ~np.isfinite(mesh.points).all(axis=1)
-    if bad.any():
-        raise InputError(
-            f"the coordinates of {mesh.node_words(int(np.argmax(bad)))} are not finite numbers"
-            f"{and_more(int(bad.sum()))}"
+            f"{len(defect.cells)} {kind.plural} share one {'edge' if kind.dim == 2 else 'face'} "
+            f"(nodes {defect.numbers} at {defect.centre}): {listed(defect.cells)}"
+            f"{and_more(defect.total)}; at most two can, as cells do not overlap"
         )
 
 
 def _shared(
-    comm: MPI.Intracomm, rows: IntArray, numbers: IntArray, most: int, total: int
-) -> _Defect | None:
+    comm: MPI.Intracomm, share: MeshData, rows: IntArray, numbers: IntArray, most: int
+) -> list[_Defect]:
     """The first of the rows (k, n) of nodes that more than ``most`` cells have; collective.
 
     Each rank judges the rows of all ranks whose first node it is in charge of.
     """
+    total = comm.allreduce(len(share.points))
     rank = rows[:, 0] * comm.size // max(total, 1)
     order = np.argsort(rank, kind="stable")
     ends = np.searchsorted(rank[order], np.arange(1, comm.size))
@@ -95,26 +94,25 @@ def _shared(
     values = keys(whole[:, :-1], total)
     _, first, count = np.unique(values, return_index=True, return_counts=True)
     many = first[count > most]
-    if not len(many):
-        return None
-    cells = np.sort(whole[values == values[many[0]], -1])
-    return _Defect(whole[many[0], :-1], cells, len(many))
+    cells = [np.sort(whole[values == values[row], -1]) for row in many[:1]]
+    return [_Defect(whole[many[0], :-1], some, len(many)) for some in cells]
 
 
-def _first(comm: MPI.Intracomm, share: MeshData, own: _Defect | None) -> _Defect | None:
+def _first(comm: MPI.Intracomm, share: MeshData, local: list[_Defect]) -> _Defect | None:
     """The first of the defects of all ranks, with the number of all and its words; collective."""
-    found = [defect for defect in comm.allgather(own) if defect is not None]
-    if not found:
+    defects = list(itertools.chain(*comm.allgather(local)))
+    if not defects:
         return None
-    nodes, count = found[0].nodes, sum(defect.defects for defect in found)
-    local = nodes - (comm.exscan(len(share.points)) or 0)
-    here = (local >= 0) & (local < len(share.points))
+    nodes = defects[0].nodes
+    rows = nodes - (comm.exscan(len(share.points)) or 0)
+    mine = (rows >= 0) & (rows < len(share.points))
     numbers: IntArray = np.zeros(len(nodes), dtype=np.int64)
     points: FloatArray = np.zeros((len(nodes), share.dim))
-    numbers[here], points[here] = share.numbers[local[here]], share.points[local[here]]
+    numbers[mine], points[mine] = share.numbers[rows[mine]], share.points[rows[mine]]
     words = listed(comm.allreduce(numbers))
     centre = point_words(comm.allreduce(points).mean(axis=0))
-    return found[0]._replace(defects=count, numbers=words, centre=centre)
+    total = sum(defect.total for defect in defects)
+    return defects[0]._replace(total=total, numbers=words, centre=centre)
 
 
 # Nodes are at one place if they are nearer than this share of a facet: files hold rounded numbers.
@@ -145,50 +143,50 @@ def check_boundary(
     owner, parts = (np.repeat(values, len(facet.simplices)) for values in (owner, parts))
     size = longest_edges(mesh.points, boundary)
     nodes = np.unique(boundary)
-    part = np.empty(len(mesh.points), dtype=np.int64)
-    part[boundary] = parts[:, None]
+    bodies = np.empty(len(mesh.points), dtype=np.int64)
+    bodies[boundary] = parts[:, None]
     tree = cKDTree(mesh.points[nodes])
-    warnings = _cracks(mesh, nodes, part, tree, float(size.min()), facing)
+    warnings = _cracks(mesh, nodes, bodies, tree, float(size.min()), facing)
     _check_hanging(mesh, nodes, tree, boundary, owner, size, facing)
     return warnings
 
 
-def _may_meet(facing: Facing, one: IntArray, other: IntArray, beside: BoolArray) -> BoolArray:
-    """(k,) whether nodes ``one`` (k,) and those ``beside`` (k, n) are on facing sides.
+def _may_meet(facing: Facing, first: IntArray, other: IntArray, beside: BoolArray) -> BoolArray:
+    """(k,) whether nodes ``first`` (k,) and those ``beside`` (k, n) are on facing sides.
 
     They are the marked ones of ``other`` (k, n).
     """
-    found = np.zeros(len(one), dtype=bool)
+    may = np.zeros(len(first), dtype=bool)
     for pair in facing:
         for a, b in (pair, pair[::-1]):
-            found |= a[one] & (b[other] | ~beside).all(axis=1)
-    return found
+            may |= a[first] & (b[other] | ~beside).all(axis=1)
+    return may
 
 
 def _cracks(
-    mesh: MeshData, nodes: IntArray, part: IntArray, tree: cKDTree, size: float, facing: Facing
+    mesh: MeshData, nodes: IntArray, bodies: IntArray, tree: cKDTree, size: float, facing: Facing
 ) -> list[str]:
     """A warning of double nodes in one part; raises InputError for those of two parts."""
     # The nearest neighbour suffices, and the number of nodes at one place has no bound.
     distance, near = tree.query(tree.data, k=2, distance_upper_bound=_SAME_PLACE * size)
     # Of several nodes at one place, a node need not be the first in the list of its own neighbours.
-    own = np.arange(len(nodes))
-    other = np.where(near[:, 0] == own, near[:, 1], near[:, 0])
+    every = np.arange(len(nodes))
+    other = np.where(near[:, 0] == every, near[:, 1], near[:, 0])
     double = np.isfinite(distance[:, 1])
-    there = nodes[np.minimum(other, len(nodes) - 1)][:, None]
-    double &= ~_may_meet(facing, nodes, there, np.ones(there.shape, dtype=bool))
+    partner = nodes[np.minimum(other, len(nodes) - 1)][:, None]
+    double &= ~_may_meet(facing, nodes, partner, np.ones(partner.shape, dtype=bool))
     if not double.any():
         return []
     pairs = np.column_stack([nodes[double], nodes[other[double]]])
-    apart = part[pairs[:, 0]] != part[pairs[:, 1]]
+    apart = bodies[pairs[:, 0]] != bodies[pairs[:, 1]]
     chosen = pairs[apart] if apart.any() else pairs
-    one, two = sorted(chosen[0])
+    first, two = sorted(chosen[0])
     said = (
-        f"nodes {mesh.numbers[one]} and {mesh.numbers[two]} are both at "
-        f"{point_words(mesh.points[one])}"
+        f"nodes {mesh.numbers[first]} and {mesh.numbers[two]} are both at "
+        f"{point_words(mesh.points[first])}"
     )
-    rest = len(np.unique(chosen)) - 2
-    said += f", and {rest} more nodes" if rest else ""
+    others = len(np.unique(chosen)) - 2
+    said += f", and {others} more nodes" if others else ""
     if apart.any():
         raise InputError(
             f"two parts of the body touch and share no nodes: {said}; {_FRAGMENT}, or leave a gap"
@@ -212,12 +210,12 @@ def _check_hanging(
     reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
     # The ball around a facet holds the corners of the facet, and seldom many other nodes.
     count = tree.query_ball_point(middle, reach, return_length=True)
-    more = np.flatnonzero(count > mesh.dim)
-    lists = tree.query_ball_point(middle[more], reach[more])
-    if not len(more):
+    crowded = np.flatnonzero(count > mesh.dim)
+    lists = tree.query_ball_point(middle[crowded], reach[crowded])
+    if not len(crowded):
         return
-    facet = np.repeat(more, [len(found) for found in lists])
-    node = nodes[np.concatenate([np.asarray(found, dtype=np.int64) for found in lists])]
+    facet = np.repeat(crowded, [len(neighbours) for neighbours in lists])
+    node = nodes[np.concatenate([np.asarray(neighbours, dtype=np.int64) for neighbours in lists])]
     keep = (node[:, None] != boundary[facet]).all(axis=1)
     facet, node = facet[keep], node[keep]
     inside, share = _inside(mesh.points[node], corners[facet], size[facet])

@@ -80,11 +80,11 @@ class CellKind:
         """The values (q, c) of the functions of degree 1 of the corners at points (q, dim)."""
         if self.is_simplex:
             return np.column_stack([1.0 - points.sum(axis=1), points])
-        found = np.ones((len(points), self.corners))
+        values = np.ones((len(points), self.corners))
         for axis in range(self.dim):
             far = (np.arange(self.corners) >> axis & 1).astype(bool)
-            found *= np.where(far, points[:, axis : axis + 1], 1.0 - points[:, axis : axis + 1])
-        return found
+            values *= np.where(far, points[:, axis : axis + 1], 1.0 - points[:, axis : axis + 1])
+        return values
 
     def room(self, points: FloatArray) -> FloatArray:
         """(q,) the least distance of points (q, dim) to the sides of the reference cell.
@@ -153,14 +153,38 @@ def facet_normals(corners: FloatArray) -> FloatArray:
     if corners.shape[2] == 2:
         edge = corners[:, 1] - corners[:, 0]
         return np.stack([edge[:, 1], -edge[:, 0]], axis=1)
-    one, other = corners[:, -1] - corners[:, 0], corners[:, 2] - corners[:, 1]
-    return np.asarray(0.5 * np.cross(one, other), dtype=float)
+    first, second = corners[:, -1] - corners[:, 0], corners[:, 2] - corners[:, 1]
+    return np.asarray(0.5 * np.cross(first, second), dtype=float)
 
 
 def unit_normals(corners: FloatArray) -> FloatArray:
     """The unit normals (m, d) of facets (m, c, d), as :func:`facet_normals`."""
     normals = facet_normals(corners)
     return np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])
+
+
+def corner_normals(kind: CellKind, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit normals (f, n, d) at the corners (f, n, d) of facets of a kind, and the weights (f, n).
+
+    The normals are of either sign.  A facet with the edges e_i from a corner has the weight
+    ``1/|e_1|`` there in 2D and ``sin(angle)/(|e_1| |e_2|)`` in 3D: the mean over the facets around
+    a point is then exact on a circle and on a sphere (N. Max, 1999,
+    doi:10.1080/10867651.1999.10487501).
+    """
+    if kind.dim == 1:
+        edges = corners[:, 1] - corners[:, 0]
+        sizes = np.linalg.norm(edges, axis=1)[:, None]
+        unit = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / sizes
+        return np.repeat(unit[:, None], 2, axis=1), np.tile(1.0 / sizes, 2)
+    # The corners of the simplex beside each corner.
+    beside = kind.beside * kind.corners if kind.is_simplex else kind.beside
+    around = [(i, *(j for j in ends if j != i)) for i, ends in enumerate(beside)]
+    at, start, end = (corners[:, list(places)] for places in zip(*around, strict=True))
+    first, second = start - at, end - at
+    normals = np.cross(first, second)
+    sizes = np.linalg.norm(normals, axis=2)
+    squares = np.sum(first**2, axis=2) * np.sum(second**2, axis=2)
+    return normals / sizes[..., None], sizes / squares
 
 
 @cache

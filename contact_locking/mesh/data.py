@@ -77,9 +77,9 @@ class MeshData:
         """Write a file that `load` reads, without Python's pickle."""
         words = json.dumps([self.cells.names, self.facets.names, self.warnings]).encode()
         arrays = {
-            f"{kind}_{part}": getattr(elements, part)
+            f"{kind}_{name}": getattr(elements, name)
             for kind, elements in (("cells", self.cells), ("facets", self.facets))
-            for part in ("nodes", "numbers", "groups")
+            for name in ("nodes", "numbers", "groups")
         }
         np.savez(
             path,

@@ -104,9 +104,9 @@ class DistributedCells:
         a body.
         """
         # Of a small mesh a rank may have no cells.
-        found = agree(self.comm, lambda: check_cells(self.data) if len(self.facets) else [])
+        local = agree(self.comm, lambda: check_cells(self.data) if len(self.facets) else [])
         # Of the cells of all ranks that cause the same warning the first rank names one.
-        warnings: list[str] = next(filter(None, self.comm.allgather(found)), [])
+        warnings: list[str] = next(filter(None, self.comm.allgather(local)), [])
         agree(self.comm, self._check_folds)
         warnings += self._warnings_about_boundary(groups or {}, touching)
         _, count = self.parts
@@ -144,8 +144,8 @@ class DistributedCells:
         pairs = [side for pair in touching for side in pair]
         of_side = np.zeros((len(cells), len(pairs)), dtype=bool)
         for column, names in enumerate(pairs):
-            there = [groups[name] for name in names if name in groups]
-            facets = np.concatenate([np.empty(0, dtype=np.int32), *there])
+            of_names = [groups[name] for name in names if name in groups]
+            facets = np.concatenate([np.empty(0, dtype=np.int32), *of_names])
             of_side[:, column] = marked(self._map, facets)[self.facets[cells, sides]]
         local = (
             self.data.cells.numbers[cells],
@@ -237,8 +237,8 @@ def connected_parts(mesh: dmesh.Mesh) -> tuple[IndexArray, int]:
     joint = topology.connectivity(dim - 1, dim)
     counts = np.diff(joint.offsets)
     pairs = joint.array[np.repeat(counts == 2, counts)].reshape(-1, 2)
-    found, local = components(pairs, cells.size_local + cells.num_ghosts)
-    every = comm.allgather(found)
+    local_count, local = components(pairs, cells.size_local + cells.num_ghosts)
+    every = comm.allgather(local_count)
     local = local + sum(every[: comm.rank])
 
     def part_of(some: IntArray) -> IntArray:
@@ -248,9 +248,9 @@ def connected_parts(mesh: dmesh.Mesh) -> tuple[IndexArray, int]:
     ghosts = np.arange(facets.size_local, facets.size_local + facets.num_ghosts)
     theirs = np.column_stack([facets.ghosts, part_of(ghosts)])
     shared = np.concatenate(comm.allgather(theirs))
-    own = shared[:, 0] - facets.local_range[0]
-    is_own = (own >= 0) & (own < facets.size_local)
-    edges = np.column_stack([part_of(own[is_own]), shared[is_own, 1]])
+    rows = shared[:, 0] - facets.local_range[0]
+    is_own = (rows >= 0) & (rows < facets.size_local)
+    edges = np.column_stack([part_of(rows[is_own]), shared[is_own, 1]])
     count, whole = components(np.concatenate(comm.allgather(edges)), sum(every))
     numbers = whole[local]
     first = np.full(count, np.iinfo(np.int64).max)
@@ -269,19 +269,19 @@ def part_names(
     """
     if count == 1:
         return ("the body",)
-    found = []
+    words_of_all = []
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
     corners = _compat.cell_corners(mesh)[:owned]
-    for part in range(count):
-        own = parts[:owned] == part
-        here = set(np.unique(regions[:owned][own]).tolist())
-        there = set().union(*mesh.comm.allgather(here))
-        of_part = [name for name, number in names.items() if number in there]
-        x = mesh.geometry.x[corners[own], : mesh.topology.dim].reshape(-1, mesh.topology.dim)
+    for body in range(count):
+        inside = parts[:owned] == body
+        mine = set(np.unique(regions[:owned][inside]).tolist())
+        every = set().union(*mesh.comm.allgather(mine))
+        of_part = [name for name, number in names.items() if number in every]
+        x = mesh.geometry.x[corners[inside], : mesh.topology.dim].reshape(-1, mesh.topology.dim)
         low, high = (point_words(corner) for corner in box(mesh.comm, x))
         words = ", ".join([*of_part, f"from {low} to {high}"])
-        found.append(f"part {part + 1} of the body ({words})")
-    return tuple(found)
+        words_of_all.append(f"part {body + 1} of the body ({words})")
+    return tuple(words_of_all)
 
 
 def box(comm: MPI.Intracomm, points: FloatArray) -> FloatArray:
@@ -306,10 +306,10 @@ def on_boundary(
     for group in groups:
         name, inner = group.name, cells.shared[group.entities] == 2
         owned = group.entities < cells.owned_facets
-        here, inside = (
+        total_owned, inside = (
             comm.allreduce(int(np.count_nonzero(marks))) for marks in (owned, owned & inner)
         )
-        total = here + group.missing
+        total = total_owned + group.missing
         if group.missing:
             example = f", such as {group.example}" if group.example else ""
             unusable[name] = (
@@ -325,8 +325,8 @@ def on_boundary(
             )
         else:
             if inside:
-                own = group.entities[inner & owned]
-                example = next(filter(None, comm.allgather(cells.first_facet(own))))
+                dangling = group.entities[inner & owned]
+                example = next(filter(None, comm.allgather(cells.first_facet(dangling))))
                 warnings.append(
                     f"group {name!r} is boundary in part only: {inside} of its {total} {lines} "
                     f"have cells on both sides and are left out, such as the {what} {example}"

@@ -28,8 +28,8 @@ def summed(index_map: common.IndexMap, places: IndexArray, values: FloatArray) -
     size, rows = values.shape[-1], places.reshape(-1)
     total = la.vector(index_map, size)
     at = total.array.reshape(-1, size)
-    for column, part in enumerate(values.reshape(-1, size).T):
-        at[:, column] = np.bincount(rows, part, len(at))
+    for column, summands in enumerate(values.reshape(-1, size).T):
+        at[:, column] = np.bincount(rows, summands, len(at))
     total.scatter_reverse(la.InsertMode.add)
     total.scatter_forward()
     return np.array(at)
@@ -138,8 +138,8 @@ def _of_entities(mesh: dmesh.Mesh, dim: int, nodes: IntArray, values: IntArray) 
 
 def _tags(mesh: dmesh.Mesh, dim: int, nodes: IntArray, values: Any) -> dmesh.MeshTags:
     """The values of entities, given by their nodes on any rank, as tags; collective."""
-    found, local = distribute_entity_data(mesh, dim, nodes, values)
-    return dmesh.meshtags_from_entities(mesh, dim, graph.adjacencylist(found), local)
+    entities, local = distribute_entity_data(mesh, dim, nodes, values)
+    return dmesh.meshtags_from_entities(mesh, dim, graph.adjacencylist(entities), local)
 
 
 def mesh_of(comm: MPI.Intracomm, points: FloatArray, cells: IntArray, kind: CellKind) -> dmesh.Mesh:
@@ -181,13 +181,15 @@ def _facet_groups(mesh: dmesh.Mesh, data: MeshData, row: IntArray) -> list[Entit
     )
     of_cells = np.flatnonzero((every >= 0).all(axis=1)).astype(np.int32)
     tags = _tags(mesh, data.dim - 1, every[of_cells], of_cells)
-    there = np.unique(np.concatenate(comm.allgather(tags.values)))
-    found = []
+    known = np.unique(np.concatenate(comm.allgather(tags.values)))
+    groups = []
     for name in facets.names:
-        own: IndexArray = comm.bcast(np.unique(number.reshape(-1)[facets.named(name)]))
-        off = np.setdiff1d(own, there)
+        rows: IndexArray = comm.bcast(np.unique(number.reshape(-1)[facets.named(name)]))
+        off = np.setdiff1d(rows, known)
         example = ""
         if len(off):
             example = comm.bcast(data.facet_words(first[off[0]]) if comm.rank == 0 else "")
-        found.append(EntityGroup(name, tags.indices[np.isin(tags.values, own)], len(off), example))
-    return found
+        groups.append(
+            EntityGroup(name, tags.indices[np.isin(tags.values, rows)], len(off), example)
+        )
+    return groups

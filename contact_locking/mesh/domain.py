@@ -229,9 +229,10 @@ class Domain:
         return tuple(sorted({tag for name in names for tag in self.facet_names[name]}))
 
     def _unknown(self, kind: str, name: str, known: Iterable[str], key: str | None) -> InputError:
-        there = ", ".join(sorted(known)) or "none at all"
+        listed = ", ".join(sorted(known)) or "none at all"
         return InputError(
-            f"no {kind} named {name!r} in {self.origin}{nearest(name, known)}; it has: {there}", key
+            f"no {kind} named {name!r} in {self.origin}{nearest(name, known)}; it has: {listed}",
+            key,
         )
 
 
@@ -252,9 +253,9 @@ def assembled(
     facets: Mapping[str, BoolArray],
     origin: str = "the mesh",
     parts: tuple[IndexArray, int] | None = None,
-    **more: Any,
+    **fields: Any,
 ) -> Domain:
-    """The domain of a mesh with marks of facets by name; ``more`` are fields of `Domain`.
+    """The domain of a mesh with marks of facets by name; ``fields`` are fields of `Domain`.
 
     ``parts`` are the connected parts of the local cells and their number.  Collective.
     """
@@ -271,7 +272,7 @@ def assembled(
         names,
         part_names(mesh, numbers, bodies, regions.numbers, regions.names),
         origin=origin,
-        **more,
+        **fields,
     )
 
 
@@ -299,10 +300,10 @@ def diagnosed(
             )
 
     agree(mesh.comm, require_regions)
-    told = cells.check({group.name: group.entities for group in groups}, touching)
-    kept, unusable, more = on_boundary(groups, cells)
+    about_cells = cells.check({group.name: group.entities for group in groups}, touching)
+    kept, unusable, about_groups = on_boundary(groups, cells)
     facets = {group.name: marked_facets(mesh, group.entities) for group in kept}
-    said = (*warnings, *told, *more)
+    said = (*warnings, *about_cells, *about_groups)
     return assembled(mesh, regions, facets, origin, cells.parts, unusable=unusable, warnings=said)
 
 

@@ -54,13 +54,13 @@ def extract(model: Any, origin: str) -> MeshData:
     order = np.argsort(numbers)
     numbers = numbers[order].astype(np.int64)
     points = coordinates.reshape(-1, 3)[order]
-    found = [int(number) for number in model.mesh.getElementTypes(dim)]
-    if len(found) > 1:
-        names = [model.mesh.getElementProperties(number)[0].lower() for number in found]
+    types = [int(number) for number in model.mesh.getElementTypes(dim)]
+    if len(types) > 1:
+        names = [model.mesh.getElementProperties(number)[0].lower() for number in types]
         raise InputError(f"{origin} has cells of several kinds ({', '.join(names)}); {ONE_KIND}")
-    kind = _kind_of(model, found[0])
+    kind = _kind_of(model, types[0])
     if kind is None:
-        raise _unsupported(model, origin, found[0], model.mesh.getElements(dim)[1][0][0])
+        raise _unsupported(model, origin, types[0], model.mesh.getElements(dim)[1][0][0])
     cells, facets = (_elements(model, k, numbers, origin) for k in (kind, kind.facet))
     if dim == 2:
         height = points[0, 2]
@@ -77,7 +77,7 @@ def extract(model: Any, origin: str) -> MeshData:
         ones = np.ones_like(cells.groups)
         cells = MeshElements(cells.nodes, cells.numbers, ones, {_WHOLE: (1,)})
     mesh = MeshData(dim, np.ascontiguousarray(points[:, :dim]), numbers, cells, facets)
-    return mesh if found[0] == kind.gmsh else _with_straight_sides(mesh)
+    return mesh if types[0] == kind.gmsh else _with_straight_sides(mesh)
 
 
 def _with_straight_sides(mesh: MeshData) -> MeshData:
@@ -87,8 +87,8 @@ def _with_straight_sides(mesh: MeshData) -> MeshData:
     cells, facets = (
         replace(elements, nodes=np.searchsorted(kept, elements.nodes)) for elements in parts
     )
-    told = "its cells are of second order: their corners alone are taken, with straight sides"
-    return MeshData(mesh.dim, mesh.points[kept], mesh.numbers[kept], cells, facets, (told,))
+    warning = "its cells are of second order: their corners alone are taken, with straight sides"
+    return MeshData(mesh.dim, mesh.points[kept], mesh.numbers[kept], cells, facets, (warning,))
 
 
 def _kind_of(model: Any, number: int) -> CellKind | None:
@@ -229,20 +229,20 @@ def trusted_copy(path: Path) -> Iterator[Path]:
 def _check_begin(stream: BinaryIO, path: Path) -> None:
     begin = stream.read(_BEGIN_LENGTH)
     stream.seek(0)
-    found = _BEGIN.match(begin)
-    if found is None and path.suffix.lower() in ENDINGS:
+    match = _BEGIN.match(begin)
+    if match is None and path.suffix.lower() in ENDINGS:
         made = path.with_suffix(".msh")
         raise InputError(
             f"{path} is a mesh of another program; this writes one that is read: "
             f"contact-locking mesh {path} -o {made}"
         )
-    if found is None:
+    if match is None:
         raise InputError(
             f"{path} is not a mesh in Gmsh's format, which begins with the line $MeshFormat; "
             "in Gmsh, save the mesh as .msh (File > Export, or gmsh.write); a .geo script is not "
             "run here, as it can start programs"
         )
-    version = found[1].decode()
+    version = match[1].decode()
     if version not in _VERSIONS:
         raise InputError(
             f"{path} is in version {version} of Gmsh's mesh format; 2.2, 4.0 and 4.1 can be read "

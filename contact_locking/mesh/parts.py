@@ -48,16 +48,18 @@ def facets_of_skins(domain: Domain, kind: str) -> IndexArray:
     names, rows = np.unique(ridges, return_inverse=True)
     joins = np.repeat(np.arange(len(ridges)), ridges.shape[1]), len(ridges) + rows.reshape(-1)
     numbers = components(np.column_stack(joins), len(ridges) + len(names))[1][: len(ridges)]
-    own = numbers[sum(comm.allgather(len(facets))[: comm.rank]) :][: len(facets)]
+    local = numbers[sum(comm.allgather(len(facets))[: comm.rank]) :][: len(facets)]
     normals, areas = domain.area_normals(facets)
     # A skin is closed, or ends on the axis, where x = 0: the origin changes nothing.
     middle = domain.bounding_box.mean(axis=0)
     middle[0] *= not domain.axisymmetric
     heights = np.sum((nodes.mean(axis=1) - middle) * normals, axis=1)
     count = int(numbers.max(initial=-1)) + 1
-    inside, size = (comm.allreduce(np.bincount(own, values, count)) for values in (heights, areas))
+    inside, size = (
+        comm.allreduce(np.bincount(local, values, count)) for values in (heights, areas)
+    )
     is_inner = inside <= _THIN * domain.extent * size
-    return facets[is_inner[own] == (kind == "inner")]
+    return facets[is_inner[local] == (kind == "inner")]
 
 
 # A point is on a plane, or in a box, up to this share of the size of the body.
@@ -92,26 +94,26 @@ def with_parts(domain: Domain, places: Mapping[str, Any], key: str) -> Domain:
     points = np.concatenate([corners + _PULLED * (centres - corners), centres], axis=1)
     rounding = _ON_PLANE * float(np.ptp(domain.bounding_box, axis=0).max())
     for name, place in places.items():
-        own = f"{key}.{name}"
+        at = f"{key}.{name}"
         if name in marks:
-            raise InputError(f"{domain.origin} has a boundary part with this name already", own)
+            raise InputError(f"{domain.origin} has a boundary part with this name already", at)
         held = place.holds(points.reshape(-1, dim).T, rounding)
-        found = held.reshape(points.shape[:2]).all(axis=1)
+        inside = held.reshape(points.shape[:2]).all(axis=1)
         if place.facing is not None:
             normals, areas = domain.area_normals(every)
-            found &= normals @ place.facing > _ALONG * np.linalg.norm(place.facing) * areas
+            inside &= normals @ place.facing > _ALONG * np.linalg.norm(place.facing) * areas
         if place.skin is not None:
-            found &= marked_facets(mesh, facets_of_skins(domain, place.skin))[every]
+            inside &= marked_facets(mesh, facets_of_skins(domain, place.skin))[every]
         marks[name] = np.zeros_like(outside)
-        marks[name][every] = found
+        marks[name][every] = inside
         if place.on:
-            domain.require_names(place.on, marks, f"{own}.on")
-            marks[name] &= np.any([marks[part] for part in place.on], axis=0)
+            domain.require_names(place.on, marks, f"{at}.on")
+            marks[name] &= np.any([marks[other] for other in place.on], axis=0)
         if not on_any_rank(mesh.comm, bool(marks[name].any())):
             low, high = (domain.where(end) for end in domain.bounding_box)
             skin = "" if place.skin is None else _NO_SKIN
             raise InputError(
-                f"catches no facet of the boundary, which is between {low} and {high}{skin}", own
+                f"catches no facet of the boundary, which is between {low} and {high}{skin}", at
             )
     tags, names = tags_of(mesh, marks)
     return dataclasses.replace(domain, facet_tags=tags, facet_names=names)

@@ -56,7 +56,7 @@ def read_grids(path: Path) -> tuple[Grid, list[Grid]]:
     except ElementTree.ParseError as error:
         raise InputError(f"{path} is not an XML file: {error}") from None
     data = data_file(path)
-    sources = [(item.text or "").strip().partition(":")[0] for item in root.iter("DataItem")]
+    sources = [(element.text or "").strip().partition(":")[0] for element in root.iter("DataItem")]
     if not data.exists() or any(source != data.name for source in sources):
         raise InputError(
             f"{path} does not have its numbers in {data.name} beside it: write it with "
@@ -167,30 +167,30 @@ def _groups(file: io.XDMFFile, grid: Grid, mesh: dmesh.Mesh) -> list[EntityGroup
     """Name and local entities of each group in a grid, and how many are missing; collective."""
     tags = file.read_meshtags(mesh, grid.name)
     comm, owned = mesh.comm, mesh.topology.index_map(grid.dim).size_local
-    given = comm.allreduce(len(file.read_topology_data(grid.name)))
-    missing = given - comm.allreduce(int(np.count_nonzero(tags.indices < owned)))
+    total = comm.allreduce(len(file.read_topology_data(grid.name)))
+    missing = total - comm.allreduce(int(np.count_nonzero(tags.indices < owned)))
     values = np.unique(np.concatenate(comm.allgather(np.unique(tags.values))))
     if len(values) < 2:
         return [EntityGroup(grid.name, tags.indices, missing)]
     return [EntityGroup(str(value), tags.find(value), missing) for value in values]
 
 
-def _regions(found: list[EntityGroup], body: Grid, mesh: dmesh.Mesh) -> Regions:
+def _regions(groups: list[EntityGroup], body: Grid, mesh: dmesh.Mesh) -> Regions:
     """The regions, one for each cell; collective."""
     index_map = mesh.topology.index_map(body.dim)
     count = index_map.size_local + index_map.num_ghosts
-    if not found:
+    if not groups:
         return Regions(np.ones(count, dtype=np.int32), {body.name: 1})
-    require_different([group.name for group in found], "cells")
-    names = {group.name: number for number, group in enumerate(found, start=1)}
+    require_different([group.name for group in groups], "cells")
+    names = {group.name: number for number, group in enumerate(groups, start=1)}
     numbers = np.zeros(count, dtype=np.int32)
 
     def fill() -> None:
-        for name, entities in ((group.name, group.entities) for group in found):
+        for name, entities in ((group.name, group.entities) for group in groups):
             if len(both := numbers[entities][numbers[entities] > 0]):
-                one, other = sorted((name, list(names)[both[0] - 1]))
+                first, other = sorted((name, list(names)[both[0] - 1]))
                 raise InputError(
-                    f"groups {one!r} and {other!r} share cells; let each region have one name"
+                    f"groups {first!r} and {other!r} share cells; let each region have one name"
                 )
             numbers[entities] = names[name]
 
@@ -232,8 +232,10 @@ def export(domain: Domain, path: Path) -> None:
     try:
         with io.XDMFFile(domain.comm, path, "w") as file:
             file.write_mesh(mesh)
-            for number, (dim, name, own) in enumerate(groups, start=1):
-                group = dmesh.meshtags(mesh, dim, own, np.full(len(own), number, dtype=np.int32))
+            for number, (dim, name, entities) in enumerate(groups, start=1):
+                group = dmesh.meshtags(
+                    mesh, dim, entities, np.full(len(entities), number, dtype=np.int32)
+                )
                 group.name = name
                 file.write_meshtags(group, mesh.geometry)
     except RuntimeError as error:

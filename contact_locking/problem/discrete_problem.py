@@ -11,9 +11,8 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.arrays import BoolArray, IndexArray
 from contact_locking.contact.contact import Contact, named
-from contact_locking.contact.foundation import GivenGap
 from contact_locking.contact.nodal_contact import (
     BoundsInForce,
     ContactState,
@@ -25,7 +24,7 @@ from contact_locking.contact.travel import Travel
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.findings import about_an_overlap_at_rest
+from contact_locking.fields.findings import TEXTS, Finding
 from contact_locking.fields.present import Clock, Entities, features
 from contact_locking.laws.locking import squared_norm
 from contact_locking.laws.penalty import Penalty, PenaltyParameters
@@ -34,7 +33,7 @@ from contact_locking.parallel import on_every_rank
 from contact_locking.problem import forms
 from contact_locking.problem.elasticity import Material
 from contact_locking.problem.forms import ProblemData
-from contact_locking.problem.loads import ElasticSupport, Loads, OwnSupport, Springs
+from contact_locking.problem.loads import ElasticSupport, LoadOnMesh, OwnSupport, Springs
 from contact_locking.problem.points import LimitsOnMesh, Placed, Points
 from contact_locking.problem.rigidity import Held, Rigidity
 from contact_locking.supports.conditions import Constraints
@@ -52,6 +51,8 @@ from contact_locking.values.kinds import expressions
 _ADVICE = "refine the mesh there, or let a boundary of material.regions go there"
 _ADVICE_ON_CELLS = "refine the mesh there, or let a boundary of the region in its on go there"
 _ADVICE_ON_FACETS = "refine the mesh there"
+# No body can bear loads of this multiple of its stiffness.
+_ABSURD = 1e30
 # A slip, as a share of the size of the body.
 _SOME_SLIP = 1e-3
 
@@ -84,23 +85,38 @@ class Body:
     others: ufl.Form | None = None
     own_energy: Callable[[fem.Function], Expr] | None = None
 
+    def elastic(self, material: Material) -> Callable[[Expr, Expr], ufl.Form]:
+        """``a(u, v)`` for any displacements."""
+        element, form = self.element, self.form
+        dx = element.elastic_dx(self.domain.dx())
+
+        def of_stress(u: Expr, w: Expr) -> ufl.Form:
+            return ufl.inner(material.linear(element.strain(u)), element.strain(w)) * dx
+
+        def of_form(u: Expr, w: Expr) -> ufl.Form:
+            assert form is not None
+            test, trial = form.arguments()
+            return ufl.replace(form, {trial: u, test: w})
+
+        return of_stress if form is None else of_form
+
     def require_parts(self, contacts: Sequence[Contact]) -> None:
         """Raise InputError for parts that do not fit the mesh; collective."""
         domain = self.domain
-        loads = [item for item in self.loads if not isinstance(item, BodyForce)]
-        for part in (*contacts, *loads, *self.springs):
-            domain.facets(part.on, f"{part.key}.on")
-            require_surface(domain, part.on, f"{part.key}.on")
-        for part in contacts:
-            numbers = np.unique(domain.parts[domain.owners(domain.facets(part.on))])
+        loads = [load for load in self.loads if not isinstance(load, BodyForce)]
+        for concept in (*contacts, *loads, *self.springs):
+            domain.facets(concept.on, f"{concept.key}.on")
+            require_surface(domain, concept.on, f"{concept.key}.on")
+        for concept in contacts:
+            numbers = np.unique(domain.parts[domain.owners(domain.facets(concept.on))])
             bodies = set[int]().union(*domain.comm.allgather(numbers.tolist()))
-            if part.against and set(part.on) == set(part.against) and len(bodies) < 2:
-                facets = domain.facets(part.on)
+            if concept.against and set(concept.on) == set(concept.against) and len(bodies) < 2:
+                facets = domain.facets(concept.on)
                 owned = domain.mesh.topology.index_map(domain.dim - 1).size_local
                 normals, _ = domain.area_normals(facets[facets < owned])
                 squares = domain.comm.allreduce(normals.T @ normals)
                 across = np.round(np.linalg.eigh(squares)[1][:, -1], 2)
-                first, name = part.on[0], ", ".join(part.on)
+                first, name = concept.on[0], ", ".join(concept.on)
                 lips = ", ".join(
                     f"{first}_{number}: {{on: [{name}], facing: {list(map(float, way + 0.0))}}}"
                     for number, way in ((1, across), (2, -across))
@@ -108,7 +124,7 @@ class Body:
                 raise InputError(
                     f"{name} belongs to one body; where it holds both lips of a cut, give each lip "
                     f"a name, by mesh.parts: {{{lips}}}, for on and for against",
-                    f"{part.key}.against",
+                    f"{concept.key}.against",
                 )
 
     def require_free(self, contacts: Sequence[Contact]) -> None:
@@ -119,7 +135,7 @@ class Body:
         domain = self.domain
         facets = [
             np.empty(0, dtype=np.int32),
-            *(domain.facets(part.on, f"{part.key}.on") for part in contacts),
+            *(domain.facets(contact.on, f"{contact.key}.on") for contact in contacts),
         ]
         on_contact = np.concatenate(facets)
         for condition in self.held:
@@ -145,12 +161,12 @@ class Body:
             ((*self.elasticity, *self.limits), _ADVICE, "each"),
             (self.eigenstrains, _ADVICE_ON_CELLS, "all"),
         ):
-            for item in items:
-                cells = every if item.cells is None else item.cells
-                inside = expressions(item.given) if isinstance(item.given, Concept) else ()
+            for data in items:
+                cells = every if data.cells is None else data.cells
+                inside = expressions(data.given) if isinstance(data.given, Concept) else ()
                 for place, value, _ in inside:
                     entities = Entities.of(domain, domain.dim, cells)
-                    key, times = item.key_of(*place), clock.some_times
+                    key, times = data.key_of(*place), clock.some_times
                     yield from features(entities, value, key, advice, relative, times)
         for held in (*self.held, *self.springs):
             for place, value, _ in expressions(held):
@@ -167,8 +183,8 @@ class Body:
             # endless.
             slips = [0.0, _SOME_SLIP * domain.extent, domain.extent]
             for slip in slips if "s" in mu.expression.names else slips[:1]:
-                if found := features(facets, mu, key, _ADVICE_ON_FACETS, s=slip):
-                    yield from found
+                if warnings := features(facets, mu, key, _ADVICE_ON_FACETS, s=slip):
+                    yield from warnings
                     break
 
 
@@ -198,7 +214,8 @@ class DiscreteProblem:
         self.body, self.domain, self.element = body, domain, element
         self.constraints = Constraints(domain, space, body.held, body.bcs, clock)
         self.regions = tuple(body.regions)
-        self.loads = Loads(domain, element, body.loads, clock)
+        self.loads = [LoadOnMesh(domain, element, load, clock) for load in body.loads]
+        of_loads = [text for load in self.loads for text in load.advance()]
         springs: list[ElasticSupport] = [*Springs.of(domain, body.springs, clock)]
         if body.others is not None:
             springs.append(OwnSupport(body.others))
@@ -216,13 +233,11 @@ class DiscreteProblem:
             NodalContact(item, place, self.constraints, slip, clock)
             for item, place in zip(contacts, places, strict=True)
         )
-        self.warnings = [
-            text for contact in nodal for text in (*contact.warnings(), *_overlap_warnings(contact))
-        ]
+        self.warnings = [text for contact in nodal for text in contact.warnings()]
         slips = tuple(contact.regularisation for contact in nodal)
         self.penalty = Penalty(n, epsilon, slips)
         self.data = forms.ProblemData(
-            elasticity=_elastic(body, self.material),
+            elasticity=body.elastic(self.material),
             elastic_stress=self.material.stress,
             largest_eigenvalue=self.material.largest_eigenvalue,
             inverse_limit=self.limits.ball.strain_set.inverse_limit,
@@ -245,7 +260,13 @@ class DiscreteProblem:
                 for kind in (Displacement, Support)
             )
         )
-        self.warnings += self.loads.warnings(self.material.stiffness)
+        self.warnings += of_loads
+        for load in self.loads:
+            ratio = load.stress / self.material.stiffness
+            if ratio > _ABSURD:
+                raise InputError(TEXTS["load.large"].format(ratio=ratio), load.key)
+            if ratio > 1.0:
+                self.warnings.append(Finding("load.large", load.key, ratio=ratio))
         self.warnings += body.features(contacts, clock)
 
     @property
@@ -255,17 +276,17 @@ class DiscreteProblem:
     @property
     def free(self) -> int:
         """The number of rigid motions that contact alone stops."""
-        return sum(part.free for part in self.held)
+        return sum(held.free for held in self.held)
 
     @property
     def sliding(self) -> int:
         """The number of rigid motions that friction alone stops."""
-        return sum(part.sliding for part in self.held)
+        return sum(held.sliding for held in self.held)
 
     @property
     def sprung(self) -> int:
         """The number of rigid motions that springs stop and no displacement condition does."""
-        return sum(part.sprung for part in self.held)
+        return sum(held.sprung for held in self.held)
 
     def enter(self, states: Sequence[ContactState]) -> None:
         """Begin a step with the memory of friction at each contact; collective."""
@@ -275,7 +296,8 @@ class DiscreteProblem:
     def at_rest(self) -> tuple[ContactState, ...]:
         """The memory of friction before the first step."""
         return tuple(
-            ContactState.at_rest(len(item.surface.nodes), self.domain.dim) for item in self.contacts
+            ContactState.at_rest(len(contact.surface.nodes), self.domain.dim)
+            for contact in self.contacts
         )
 
     def place(self) -> None:
@@ -305,65 +327,26 @@ class DiscreteProblem:
         """
         self.material.refresh()
         self.limits.refresh()
-        self.warnings += self.loads.advance()
+        self.warnings += [text for x in self.loads if x.is_timed for text in x.advance()]
         self.place()
 
     def _work(self) -> ufl.Form | None:
         """The loads, less the work of the stress of the body without strain."""
         body, material = self.body, self.material
         v = ufl.TestFunction(body.space)
-        parts = [self.loads.work(v)]
+        parts = [ufl.inner(load.density, v) * load.measure for load in self.loads]
         if body.work is not None:
             parts.append(ufl.replace(body.work, {body.work.arguments()[0]: v}))
         if material.eigenstrain is not None:
             density = ufl.inner(material.eigenstrain.stress, body.element.strain(v))
             parts.append(-density * body.element.elastic_dx(body.domain.dx()))
-        forms = [form for form in parts if form is not None]
-        return sum(forms) if forms else None
+        return sum(parts) if parts else None
 
     def close(self) -> None:
         """Destroy the PETSc objects; collective."""
         for contact in self.contacts:
             contact.friction.smoothing.destroy()
             contact.surface.close()
-
-
-def _overlap_warnings(contact: NodalContact) -> list[str]:
-    """The warning about a foundation with friction that overlaps the body at rest; collective."""
-    friction, surface = contact.friction, contact.surface
-    if contact.moves or surface.is_paired or isinstance(contact.foundation, GivenGap):
-        return []
-    mu: FloatArray = np.ones(len(surface.nodes))
-    if friction.is_coulomb:
-        mu = friction.coefficient(np.zeros_like(mu))
-    depths = np.where(contact.free, -contact.gaps, 0.0)
-    return about_an_overlap_at_rest(
-        surface.domain,
-        depths,
-        contact.normals,
-        surface.body_normals(),
-        mu,
-        f"{contact.key}.foundation",
-    )
-
-
-def _elastic(body: Body, material: Material) -> Callable[[Expr, Expr], ufl.Form]:
-    """``a(u, v)`` for any displacements."""
-    if body.form is None:
-        element = body.element
-        dx = element.elastic_dx(body.domain.dx())
-
-        def of_stress(u: Expr, w: Expr) -> ufl.Form:
-            return ufl.inner(material.linear(element.strain(u)), element.strain(w)) * dx
-
-        return of_stress
-    test, trial = body.form.arguments()
-    form = body.form
-
-    def of_form(u: Expr, w: Expr) -> ufl.Form:
-        return ufl.replace(form, {trial: u, test: w})
-
-    return of_form
 
 
 def distance(u: fem.Function, other: fem.Function, data: ProblemData) -> dict[str, float]:
@@ -375,8 +358,8 @@ def distance(u: fem.Function, other: fem.Function, data: ProblemData) -> dict[st
     """
     mesh = u.function_space.mesh
     comm = mesh.comm
-    here, there = mesh.geometry.x, other.function_space.mesh.geometry.x
-    is_alike = np.array_equal(here, there) and len(u.x.array) == len(other.x.array)
+    points, other_points = mesh.geometry.x, other.function_space.mesh.geometry.x
+    is_alike = np.array_equal(points, other_points) and len(u.x.array) == len(other.x.array)
     if not on_every_rank(comm, is_alike):
         raise InputError("must be a solution on the same mesh, of the same degree", "other")
     difference = fem.Function(u.function_space)

@@ -55,8 +55,8 @@ class EigenstrainOnMesh:
         if size == 2 and not across:
             counted = ufl.as_tensor([[values[i, j] for j in range(2)] for i in range(2)])
         stress = linear(counted)
-        part = ufl.as_tensor([[-stress[i, j] for j in range(size)] for i in range(size)])
-        return cls(values, part, 0.5 * ufl.inner(stress, counted))
+        in_plane = ufl.as_tensor([[-stress[i, j] for j in range(size)] for i in range(size)])
+        return cls(values, in_plane, 0.5 * ufl.inner(stress, counted))
 
 
 class Material:
@@ -85,16 +85,16 @@ class Material:
         self, points: Points, elasticity: Sequence[Placed], eigenstrains: Sequence[Placed] = ()
     ) -> None:
         self._points, self._key = points, elasticity[-1].key
-        given: Elasticity = elasticity[0].given
-        self.in_space = given.plane != "stress"
-        if given.eigenstrain is not None:
-            eigenstrains = [Placed(given.eigenstrain, f"{self._key}.eigenstrain")]
+        whole: Elasticity = elasticity[0].given
+        self.in_space = whole.plane != "stress"
+        if whole.eigenstrain is not None:
+            eigenstrains = [Placed(whole.eigenstrain, f"{self._key}.eigenstrain")]
         self._eigenstrains = eigenstrains
         self.largest_eigenvalue = points.function()
         self.eigenstrain: EigenstrainOnMesh | None = None
         self._pairs, self._size = points.pairs, points.size
-        self._own = given.stress
-        self._is_matrix = any(part.given.stiffness is not None for part in elasticity)
+        self._own = whole.stress
+        self._is_matrix = any(placed.given.stiffness is not None for placed in elasticity)
         if self._own is not None:
             stress = self._own
             initial = stress(ufl.classes.Zero((self._size, self._size)))
@@ -109,7 +109,7 @@ class Material:
                 self._present = points.sampler(initial, self._key, initial.ufl_shape)
             matrix = matrix_of(self.linear, self._pairs, self._size)
             self._matrix = points.sampler(matrix, self._key, matrix.ufl_shape)
-            self._rotational = points.sampler(given.rotational or 0.0, self._key)
+            self._rotational = points.sampler(whole.rotational or 0.0, self._key)
         elif self._is_matrix:
             shape = (len(self._pairs),) * 2
             self._matrix = points.joined(elasticity, self._matrix_in, shape)
@@ -119,7 +119,9 @@ class Material:
             self._lame = points.joined(elasticity, _lame_in, (2,))
             in_plane = self._of_plane(self._lame().T)
             data = [
-                getattr(part.given, name) for part in elasticity for name in part.given.lame_names
+                getattr(placed.given, name)
+                for placed in elasticity
+                for name in placed.given.lame_names
             ]
             # Data of scripts may differ later where they are the same everywhere at first.
             may_vary = any(value.number is None and value.expression is None for value in data)
@@ -220,18 +222,18 @@ class Material:
             return np.zeros(len(stress))
         if self._poisson is None or self._young is None:
             return None
-        found = self._poisson * np.trace(stress, axis1=1, axis2=2)
+        across = self._poisson * np.trace(stress, axis1=1, axis2=2)
         if self.eigenstrain is not None:
-            found -= self._young * self._points.values(self.eigenstrain.values)[:, 2, 2]
-        return np.asarray(found)
+            across -= self._young * self._points.values(self.eigenstrain.values)[:, 2, 2]
+        return np.asarray(across)
 
-    def _matrix_in(self, given: Elasticity, points: Points) -> Sampler:
+    def _matrix_in(self, data: Elasticity, points: Points) -> Sampler:
         """Mandel matrices (k, s, s)."""
-        if given.stiffness is not None:
+        if data.stiffness is not None:
             shape = (len(self._pairs),) * 2
             check = partial(_require_symmetric, points)
-            return points.sampler(given.stiffness, "stiffness", shape, check)
-        lame, dim = _lame_in(given, points), points.domain.dim
+            return points.sampler(data.stiffness, "stiffness", shape, check)
+        lame, dim = _lame_in(data, points), points.domain.dim
 
         def stiffness() -> FloatArray:
             first, second = lame().T
@@ -247,16 +249,16 @@ class Material:
             return np.array([law.plane_stress_lambda(lame[0], lame[1]), lame[1]])
 
 
-def _lame_in(given: Elasticity, points: Points) -> Sampler:
+def _lame_in(data: Elasticity, points: Points) -> Sampler:
     """Both Lame coefficients (k, 2) in space."""
-    names = given.lame_names
-    first, second = (points.sampler(getattr(given, name), given.key_of(name)) for name in names)
+    names = data.lame_names
+    first, second = (points.sampler(getattr(data, name), data.key_of(name)) for name in names)
 
     def lame() -> FloatArray:
         values = first(), second()
         with np.errstate(all="ignore"):
-            found = law.lame_from_young(*values) if names[0] == "young" else values
-            return np.stack(found, axis=1)
+            pair = law.lame_from_young(*values) if names[0] == "young" else values
+            return np.stack(pair, axis=1)
 
     return lame
 
@@ -309,7 +311,10 @@ def split(a: ufl.Form) -> tuple[ufl.Form, ufl.Form | None]:
             of_stress.append(integral)
             continue
         others.append(integral)
-        if {item.ufl_operands[0] for item in extract_type(density, ufl.classes.Grad)} & {u, v}:
+        if {gradient.ufl_operands[0] for gradient in extract_type(density, ufl.classes.Grad)} & {
+            u,
+            v,
+        }:
             raise InputError(
                 "has strains and the displacement itself in one integral; give each an integral "
                 "of its own, as inner(sigma(u), eps(v))*dx + k*inner(u, v)*dx",
@@ -340,8 +345,8 @@ def elasticity_of(a: ufl.Form) -> Elasticity:
         densities.append(mark * _density(integral))
 
     def density_at(of_u: Expr, of_v: Expr) -> Expr:
-        given = {ufl.grad(u): of_u, ufl.grad(v): of_v}
-        return sum(ufl.replace(density, given) for density in densities)
+        strains = {ufl.grad(u): of_u, ufl.grad(v): of_v}
+        return sum(ufl.replace(density, strains) for density in densities)
 
     pairs = [(i, j) for i in range(size) for j in range(i, size)]
 

@@ -23,7 +23,6 @@ from contact_locking.arrays import LARGEST, FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.fem.compiled import JointForm, integral
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.findings import about_a_load
 from contact_locking.fields.present import (
     Clock,
     Entities,
@@ -74,31 +73,33 @@ class Springs(ElasticSupport):
     measure: ufl.Measure
 
     @classmethod
-    def of(cls, domain: Domain, given: Sequence[Spring], clock: Clock) -> list[Springs]:
+    def of(cls, domain: Domain, springs: Sequence[Spring], clock: Clock) -> list[Springs]:
         """The springs of each boundary part; collective.
 
         Raises InputError for a stiffness that is not positive somewhere.
         """
-        found = []
-        for item in given:
-            value = PresentValue(item.stiffness, f"{item.key}.stiffness", clock)
+        placed = []
+        for spring in springs:
+            value = PresentValue(spring.stiffness, f"{spring.key}.stiffness", clock)
             stiffness, along = value.ufl(_SPRING_DEGREE), None
-            if item.along == "normal":
+            if spring.along == "normal":
                 along = ufl.FacetNormal(domain.mesh)
-            elif item.along is not None:
-                along = ufl.as_vector(list(np.array(item.along) / np.linalg.norm(item.along)))
-            facets = Entities.of(domain, domain.dim - 1, domain.facets(item.on, f"{item.key}.on"))
-            if item.stiffness.expression is not None and not item.stiffness.is_constant:
+            elif spring.along is not None:
+                along = ufl.as_vector(list(np.array(spring.along) / np.linalg.norm(spring.along)))
+            facets = Entities.of(
+                domain, domain.dim - 1, domain.facets(spring.on, f"{spring.key}.on")
+            )
+            if spring.stiffness.expression is not None and not spring.stiffness.is_constant:
                 points, _ = rule(facets.dim, 0, _SPRING_DEGREE)
                 places = np.einsum("qc,kcd->dkq", points, facets.corners)
                 least = minimum(domain.comm, value(places.reshape(domain.dim, -1)))
                 if not least > 0.0:
-                    told = f"must be positive everywhere, and is {least:g} somewhere"
-                    raise InputError(told, value.key)
-            for name in item.on:
+                    message = f"must be positive everywhere, and is {least:g} somewhere"
+                    raise InputError(message, value.key)
+            for name in spring.on:
                 measure = domain.ds((name,), quadrature_degree=_SPRING_DEGREE)
-                found.append(cls(name, stiffness, along, measure))
-        return found
+                placed.append(cls(name, stiffness, along, measure))
+        return placed
 
     def form(self, u: Expr, v: Expr) -> ufl.Form:
         if self.along is None:
@@ -141,7 +142,7 @@ def motions_past(
     u, v = fem.Function(space), ufl.TestFunction(space)
     grams = np.zeros((2, count, count))
     for kind, name in enumerate(("form", "all_around")):
-        forms = sum(getattr(item, name)(u, v) for item in springs)
+        forms = sum(getattr(spring, name)(u, v) for spring in springs)
         for number, motion in enumerate(motions):
             u.x.array[:] = motion
             grams[kind, number] = motions[:, :owned] @ _assembled(forms, u)[:owned]
@@ -167,42 +168,13 @@ _ACCURATE, _UNCERTAIN, _LOST = 1e-3, 0.03, 0.3
 _SUSPECTS = 8
 
 
-class Loads:
-    """Loads on a mesh; collective.
-
-    The constructor, :meth:`work` and :meth:`advance` raise InputError with the key and the point
-    for a value that is not finite, for a pole, and for a load that is mostly lost.
-    """
-
-    def __init__(
-        self, domain: Domain, element: Element, given: Sequence[Load], clock: Clock
-    ) -> None:
-        self._loads = [LoadOnMesh(domain, element, load, clock) for load in given]
-        self._told = [text for load in self._loads for text in load.advance()]
-
-    def work(self, v: Any) -> ufl.Form | None:
-        """``(f, v)`` (13), None without loads."""
-        forms = [ufl.inner(load.density, v) * load.measure for load in self._loads]
-        return sum(forms) if forms else None
-
-    def warnings(self, stiffness: float) -> list[str]:
-        """Loads that no rule of integration resolves, or above the stiffness of the material."""
-        large = [about_a_load(item.stress, stiffness, item.key) for item in self._loads]
-        return [*self._told, *(text for texts in large for text in texts)]
-
-    def advance(self) -> list[str]:
-        """Put the loads to the present time, and check them.
-
-        Returns the first warning of each load that its rule of integration does not resolve.
-        """
-        return [text for load in self._loads if load.is_timed for text in load.advance()]
-
-
 class LoadOnMesh:
     """A load: its ``density`` in UFL, a vector, on a ``measure``.
 
     ``halvings`` says how often the rule of integration halves each cell or facet; it is the least
-    with which the integrals are right at the present time and at some planned times.
+    with which the integrals are right at the present time and at some planned times.  The
+    constructor and :meth:`advance` are collective, and raise InputError with the key and the point
+    for a value that is not finite, for a pole, and for a load that is mostly lost.
     """
 
     def __init__(self, domain: Domain, element: Element, given: Load, clock: Clock) -> None:
@@ -266,15 +238,15 @@ class LoadOnMesh:
             # a box in each coordinate.
             factor = int(self._domain.axisymmetric or self._element.boxes)
             return {"quadrature_degree": self._element.degree + factor}
-        found: dict[str, Any] = {"quadrature_degree": _DEGREE}
+        metadata: dict[str, Any] = {"quadrature_degree": _DEGREE}
         if self.halvings > 0:
             points, weights = self._on.reference_rule(self.halvings, _DEGREE)
-            found |= {
+            metadata |= {
                 "quadrature_rule": "custom",
                 "quadrature_points": tuple(tuple(map(float, point)) for point in points),
                 "quadrature_weights": tuple(map(float, weights)),
             }
-        return found
+        return metadata
 
     def advance(self) -> list[str]:
         """Put the load to the present time, and return warnings; collective.
@@ -283,16 +255,16 @@ class LoadOnMesh:
         """
         for value in self._values:
             value.refresh()
-        self._size, told = self._largest()
+        self._size, warnings = self._largest()
         self._acts.value = float(not (self.is_timed and self._so_far.hides(self._size)))
-        return told
+        return warnings
 
     def _largest(self) -> tuple[float, list[str]]:
         """The largest ``|g|`` at the points of cells or facets, and warnings; collective."""
         if not self._is_seen:
             return 0.0, []
         if self._constant:
-            return float(np.linalg.norm([float(item.value) for item in self._values])), []
+            return float(np.linalg.norm([float(value.value) for value in self._values])), []
         comm, time = self._domain.comm, self._clock.now
         used = agree(comm, lambda: self._sample(self.halvings, _DEGREE, time, is_used=True))
         fine = self._sample(self._on.halvings, _HIGHER_DEGREE, time)
@@ -309,14 +281,14 @@ class LoadOnMesh:
             ]
         if self.halvings or share > _ACCURATE:
             coarse = self._sample(0, _DEGREE, time)
-            rest = np.linalg.norm(coarse.integrals - fine.integrals, axis=1)
-            suspects = np.argsort(-rest, kind="stable")[:_SUSPECTS].astype(np.int32)
+            differences = np.linalg.norm(coarse.integrals - fine.integrals, axis=1)
+            suspects = np.argsort(-differences, kind="stable")[:_SUSPECTS].astype(np.int32)
 
             def size(x: FloatArray) -> FloatArray:
                 return np.asarray(np.linalg.norm(self._at(x, time), axis=1))
 
             agree(comm, lambda: refuse_poles(self._on, suspects, size, self.key))
-        is_nodal = any(item.is_nodal for item in self._values)
+        is_nodal = any(value.is_nodal for value in self._values)
         nodes = " (its table counts at the nodes alone)" if is_nodal else ""
         text = (
             f"changes too sharply for this mesh near {where}, where it reaches {largest:.3g}; its "
@@ -330,11 +302,11 @@ class LoadOnMesh:
             return largest, [f"{self.key}: {text}"]
         return largest, []
 
-    def _apart(self, one: _Sample, fine: _Sample) -> float:
+    def _apart(self, coarse: _Sample, fine: _Sample) -> float:
         """How far integrals differ, as a share of ``int |g|``; collective."""
-        rest = np.linalg.norm(one.integrals - fine.integrals, axis=1).sum()
-        left, whole = self._domain.comm.allreduce(np.array([rest, fine.size]))
-        return float(left / whole) if whole > 0.0 else 0.0
+        difference = np.linalg.norm(coarse.integrals - fine.integrals, axis=1).sum()
+        total, whole = self._domain.comm.allreduce(np.array([difference, fine.size]))
+        return float(total / whole) if whole > 0.0 else 0.0
 
     def _at(
         self, x: FloatArray, time: float, used: Mapping[Any, FloatArray] | None = None
@@ -344,12 +316,12 @@ class LoadOnMesh:
         ``used`` are the values (k,) of tables in the forms, if the forms use the points.  Then
         InputError is raised for a value that is no number; at other points such a value is zero.
         """
-        found = np.empty((len(x), len(self._values)))
-        for i, item in enumerate(self._values):
+        components = np.empty((len(x), len(self._values)))
+        for i, value in enumerate(self._values):
             if used is not None:
-                with_key(item.key, partial(item.value.at, x.T, time))
-            found[:, i] = item.value.unchecked(x.T, time, used)
-        return np.where(np.abs(found) <= LARGEST, found, 0.0)
+                with_key(value.key, partial(value.value.at, x.T, time))
+            components[:, i] = value.value.unchecked(x.T, time, used)
+        return np.where(np.abs(components) <= LARGEST, components, 0.0)
 
     def _sample(self, halvings: int, degree: int, time: float, is_used: bool = False) -> _Sample:
         points, weights = rule(self._on.dim, halvings, degree)
@@ -360,11 +332,11 @@ class LoadOnMesh:
             used = None
             if is_used:
                 corners = self._on.corners[chunk]
-                parts = [item.in_simplices(corners, points, time) for item in self._values]
-                used = {table: values for part in parts for table, values in part.items()}
-            found = self._at(places, time, used)
-            sizes = np.linalg.norm(found, axis=1)
-            by_entity = found.reshape(*x.shape[:2], -1)
+                parts = [value.in_simplices(corners, points, time) for value in self._values]
+                used = {table: values for by_table in parts for table, values in by_table.items()}
+            vectors = self._at(places, time, used)
+            sizes = np.linalg.norm(vectors, axis=1)
+            by_entity = vectors.reshape(*x.shape[:2], -1)
             measures = self._on.sizes[chunk]
             integrals[chunk] = measures[:, None] * np.einsum("q,kqc->kc", weights, by_entity)
             size += float(measures @ (sizes.reshape(x.shape[:2]) @ weights))

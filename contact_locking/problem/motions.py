@@ -54,21 +54,21 @@ def rigid_motions(
 
 
 def free_motions(
-    domain: Domain, space: fem.FunctionSpace, constraints: Constraints, part: BoolArray
+    domain: Domain, space: fem.FunctionSpace, constraints: Constraints, dofs: BoolArray
 ) -> FloatArray:
     """Coefficients (m, f) of the f rigid motions that the conditions leave free; collective.
 
-    The conditions are those of one part of the body; ``part`` marks the local dofs of the part.
+    The conditions are those of one part of the body; ``dofs`` marks the local dofs of the part.
     """
     motions = rigid_motions(space, domain.axisymmetric)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
     held = constraints.dofs[constraints.dofs < owned]
-    fixed = motions[:, held[part[held]]]
-    everything = motions[:, :owned][:, part[:owned]]
+    fixed = motions[:, held[dofs[held]]]
+    everything = motions[:, :owned][:, dofs[:owned]]
     directions = constraints.directions
     if constraints.oblique:
         # The component conditions count at their nodes already.
-        along = np.array([directions.part_of(motion * part)[:owned] for motion in motions])
+        along = np.array([directions.part_of(motion * dofs)[:owned] for motion in motions])
         along[:, held] = 0.0
         fixed = np.column_stack([fixed, along])
     gram = domain.comm.allreduce(fixed @ fixed.T)
@@ -86,11 +86,11 @@ def null_motions(gram: FloatArray, sizes: FloatArray) -> FloatArray:
     return np.asarray(scale[:, None] * vectors[:, values <= _NONE])
 
 
-def dofs_of(domain: Domain, space: fem.FunctionSpace, part: int) -> BoolArray:
+def dofs_of(domain: Domain, space: fem.FunctionSpace, number: int) -> BoolArray:
     """The local dofs of a part's cells, ghosts included; collective."""
     dofmap = space.dofmap
     # A rank may have a node of the part without a cell of the part.
-    marks = marked(dofmap.index_map, dofmap.list[np.flatnonzero(domain.parts == part)])
+    marks = marked(dofmap.index_map, dofmap.list[np.flatnonzero(domain.parts == number)])
     return np.repeat(marks, dofmap.index_map_bs)
 
 
@@ -121,10 +121,10 @@ def prescribed_motion(constraints: Constraints, values: FloatArray) -> FloatArra
     length = np.sqrt(comm.allreduce(local_square) / max(total[3], 1.0)) or 1.0
     scale = np.where(np.arange(len(columns)) < size, 1.0, length)
     scaled = np.column_stack(columns) / scale
-    found = np.linalg.lstsq(scaled, aim, rcond=1e-10)[0]
-    if np.linalg.norm(scaled @ found - aim) > _STRAINED * np.linalg.norm(aim):
+    coefficients = np.linalg.lstsq(scaled, aim, rcond=1e-10)[0]
+    if np.linalg.norm(scaled @ coefficients - aim) > _STRAINED * np.linalg.norm(aim):
         return None
-    return np.asarray((found / scale) @ motions)
+    return np.asarray((coefficients / scale) @ motions)
 
 
 def spin(motion: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -175,7 +175,7 @@ def point(place: Iterable[float], size: float) -> str:
 def axes_of(direction: FloatArray) -> str:
     """The axes along which a direction has a part: x and y."""
     share = np.abs(direction) / np.abs(direction).max()
-    return " and ".join(axis for axis, part in zip(AXES, share, strict=False) if part > _SHARE)
+    return " and ".join(axis for axis, size in zip(AXES, share, strict=False) if size > _SHARE)
 
 
 class MotionsAtContact:
@@ -186,9 +186,9 @@ class MotionsAtContact:
     """
 
     def __init__(
-        self, contact: NodalContact, motions: FloatArray, part: BoolArray, tools: Sequence[Travel]
+        self, contact: NodalContact, motions: FloatArray, dofs: BoolArray, tools: Sequence[Travel]
     ) -> None:
-        self.contact, self.own = contact, contact.surface.is_of(part)
+        self.contact, self.own = contact, contact.surface.is_of(dofs)
         surface, dim = contact.surface, contact.surface.domain.dim
         at_nodes = np.array([surface.of_motion(motion) for motion in motions])
         of_body = at_nodes.reshape(len(motions), len(self.own), dim)[:, self.own]
@@ -313,14 +313,14 @@ def _best(
     # Few bodies have free motions, and the import takes a tenth of a second.
     from scipy.optimize import linprog
 
-    found = linprog(-aim, A_ub=rows, b_ub=np.full(len(rows), room), bounds=bounds)
-    return (np.asarray(found.x), float(-found.fun)) if found.status == 0 else None
+    result = linprog(-aim, A_ub=rows, b_ub=np.full(len(rows), room), bounds=bounds)
+    return (np.asarray(result.x), float(-result.fun)) if result.status == 0 else None
 
 
 def _unresisted(rows: FloatArray, aim: FloatArray) -> FloatArray | None:
     """The motion c with ``rows c <= 0`` and the largest ``aim . c``; None if all have 0."""
-    found = _best(aim, rows, 1e-9)
-    return None if found is None or found[1] <= 1e-3 else found[0]
+    best = _best(aim, rows, 1e-9)
+    return None if best is None or best[1] <= 1e-3 else best[0]
 
 
 def _leaving(rows: FloatArray, rubs: BoolArray) -> FloatArray | None:
@@ -330,8 +330,8 @@ def _leaving(rows: FloatArray, rubs: BoolArray) -> FloatArray | None:
     """
     count = rows.shape[1]
     every, bounds = np.column_stack([rows, rubs.astype(float)]), [(-1, 1)] * count + [(0, 1)]
-    found = _best(np.append(np.zeros(count), 1.0), every, 1e-9, bounds)
-    return None if found is None or found[1] <= 1e-3 else found[0][:count]
+    best = _best(np.append(np.zeros(count), 1.0), every, 1e-9, bounds)
+    return None if best is None or best[1] <= 1e-3 else best[0][:count]
 
 
 def sliding_motions(components: FloatArray) -> FloatArray:
@@ -359,10 +359,10 @@ def unheld_motion(
     size = _size_of(normals)
     rows, push = _scaled(normals), _scaled(work)
     for _ in range(_CUTS):
-        found = _best(push, rows)
-        if found is None or found[1] < 1e-3:
+        best = _best(push, rows)
+        if best is None or best[1] < 1e-3:
             return None
-        motion = found[0]
+        motion = best[0]
         cut = resistance(motion) / size
         if np.all(cut @ motion <= 1e-9):
             return motion
@@ -388,11 +388,11 @@ def driven_motion(
     most = -np.inf
     for _ in range(_CUTS):
         rows = np.vstack([leaving, *(np.append(cut, -1.0) for cut in cuts)])
-        found = _best(np.append(push / size, -1.0), rows, bounds=[(-1, 1)] * count + [(0, None)])
-        if found is None:
+        result = _best(np.append(push / size, -1.0), rows, bounds=[(-1, 1)] * count + [(0, None)])
+        if result is None:
             # Friction beside which the push is rounding.
             break
-        motion, above = found[0][:count], found[1]
+        motion, above = result[0][:count], result[1]
         cuts.append(np.asarray(some.T @ rub(some @ motion) / size))
         net = float((push / size - cuts[-1]) @ motion)
         if net > most:

@@ -78,9 +78,9 @@ class Points:
 
     def seen(self, root: str, cells: IndexArray | None = None) -> Points:
         """The same points for data with a key and in some cells."""
-        found = copy.copy(self)
-        found.root, found.name, found.cells = root, root.removeprefix("material."), cells
-        return found
+        points = copy.copy(self)
+        points.root, points.name, points.cells = root, root.removeprefix("material."), cells
+        return points
 
     def of(self, cells: IndexArray | None) -> IndexArray:
         """The numbers of the points in the given cells, or in all cells."""
@@ -122,8 +122,8 @@ class Points:
         read: Sampler
         if isinstance(data, tuple):
             entries = [
-                self.sampler(item, f"{name}.{index}".lstrip("."), shape[1:])
-                for index, item in enumerate(data)
+                self.sampler(component, f"{name}.{index}".lstrip("."), shape[1:])
+                for index, component in enumerate(data)
             ]
 
             def stacked() -> FloatArray:
@@ -148,8 +148,8 @@ class Points:
 
             read = interpolated
         else:
-            one = Value.of(value if isinstance(value, Value | str) else Value(data))
-            read = partial(PresentValue(one, key, self.clock, shape), self.places[:, inside])
+            single = Value.of(value if isinstance(value, Value | str) else Value(data))
+            read = partial(PresentValue(single, key, self.clock, shape), self.places[:, inside])
         if check is None:
             return read
 
@@ -169,13 +169,13 @@ class Points:
         adds: bool = False,
     ) -> Sampler:
         """Values (k, ...) ``of`` each part in its cells, of which the last counts, or their sum."""
-        there = [(self.of(p.cells), of(p.given, self.seen(p.key, p.cells))) for p in parts]
+        samplers = [(self.of(p.cells), of(p.given, self.seen(p.key, p.cells))) for p in parts]
 
         def joined() -> FloatArray:
-            found = np.full((len(self.all), *shape), elsewhere)
-            for where, read in there:
-                found[where] = found[where] + read() if adds else read()
-            return found
+            values = np.full((len(self.all), *shape), elsewhere)
+            for where, read in samplers:
+                values[where] = values[where] + read() if adds else read()
+            return values
 
         return joined
 
@@ -243,10 +243,10 @@ class Points:
         is_one = always or on_any_rank(self.domain.comm, np.isfinite(limits()))
         return [Limited(self, limits, make)] if is_one else []
 
-    def refuse(self, marks: BoolArray, told: str, key: str) -> None:
+    def refuse(self, marks: BoolArray, message: str, key: str) -> None:
         """Raise InputError if any point of any rank is marked; collective."""
         if on_any_rank(self.domain.comm, marks):
-            raise InputError(told, key)
+            raise InputError(message, key)
 
     def least(self, values: FloatArray) -> float:
         """The minimum over all ranks; NaN counts as -inf; collective."""
@@ -278,14 +278,14 @@ class LimitsOnMesh:
     peaks: Sequence[tuple[Points, Sampler]] = ()
 
     @classmethod
-    def of(cls, points: Points, given: Sequence[Placed]) -> LimitsOnMesh:
+    def of(cls, points: Points, placed: Sequence[Placed]) -> LimitsOnMesh:
         """The limits at the points; collective.
 
         Raises InputError for more than one ball, and for limits that are not positive.
         """
         # Those of which a body has one are joined over their cells.
         groups: dict[Any, list[Placed]] = {}
-        for number, item in enumerate(given):
+        for number, item in enumerate(placed):
             is_shared = item.cells is not None and item.given.once
             groups.setdefault(type(item.given) if is_shared else number, []).append(item)
         limits = [(group[0].key, _in_cells(group)) for group in groups.values()]
@@ -294,24 +294,27 @@ class LimitsOnMesh:
             raise InputError("has more than one StrainBall; take the smaller limit", balls[1][0])
         key, ball = balls[0] if balls else ("limits", StrainBall(Value(math.inf)))
         others = [
-            one for key, item in limits if item is not ball for one in item.on(points.seen(key))
+            limited
+            for key, item in limits
+            if item is not ball
+            for limited in item.on(points.seen(key))
         ]
         (of_ball,) = ball.on(points.seen(key))
         limit = at_peaks = points.function()
         peaks = []
         if points.element.at_peaks is not points.element:
-            there = Points(points.domain, points.element.at_peaks, points.clock)
-            at_peaks = there.function()
-            limits_there = there.seen(key).positive(ball.at_most, "at_most", "the locking limit")
-            peaks.append((there, limits_there))
-        found = cls(points, of_ball, others, limit, at_peaks, peaks)
-        found.write()
-        return found
+            corners = Points(points.domain, points.element.at_peaks, points.clock)
+            at_peaks = corners.function()
+            limits_there = corners.seen(key).positive(ball.at_most, "at_most", "the locking limit")
+            peaks.append((corners, limits_there))
+        result = cls(points, of_ball, others, limit, at_peaks, peaks)
+        result.write()
+        return result
 
     def refresh(self) -> None:
         """Take the present values of all limits; collective."""
-        for item in (self.ball, *self.others):
-            item.refresh()
+        for limited in (self.ball, *self.others):
+            limited.refresh()
         self.write()
 
     def write(self) -> None:
@@ -323,9 +326,9 @@ class LimitsOnMesh:
 
 def _in_cells(group: Sequence[Placed]) -> Any:
     """One limit with the values of all in their cells."""
-    first, found = group[0].given, {}
+    first, values = group[0].given, {}
     kind: type[StrainLimit] = type(first)
     for name in marked(kind, ScalarRule) if group[0].cells is not None else ():
         parts = [Placed(getattr(p.given, name), p.key_of(name), p.cells) for p in group]
-        found[name] = Value(InCells(parts, _ELSEWHERE.get(name, 0.0)))
-    return first.model_copy(update=found) if found else first
+        values[name] = Value(InCells(parts, _ELSEWHERE.get(name, 0.0)))
+    return first.model_copy(update=values) if values else first

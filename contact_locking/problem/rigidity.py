@@ -70,18 +70,16 @@ class GroupMotions:
             for tool in data.loose_tools
             if on_every_rank(domain.comm, tool.contact.surface.is_of(marks))
         ]
-        free = np.hstack([item for _, item in parts])
+        free = np.hstack([at for _, at in parts])
         self.free = np.pad(free, ((0, 0), (0, len(self._tools))))
         count = self.free.shape[1]
         self.at_contacts = [
             MotionsAtContact(contact, fields, marks, self._tools)
             for contact in (data.contacts if count else ())
         ]
-        of_contacts = [
-            np.concatenate(domain.comm.allgather(item.normals)) for item in self.at_contacts
-        ]
+        of_contacts = [np.concatenate(domain.comm.allgather(at.normals)) for at in self.at_contacts]
         self.normals = np.vstack([np.zeros((0, count)), *of_contacts])
-        rubs = [not item.contact.friction.frictionless for item in self.at_contacts]
+        rubs = [not at.contact.friction.frictionless for at in self.at_contacts]
         self.rubs = np.repeat(np.array(rubs, dtype=bool), [len(rows) for rows in of_contacts])
 
     @property
@@ -104,8 +102,8 @@ class GroupMotions:
         work = JointForm(forms.external_work(ufl.TestFunction(self._space), self._data))
         work.assemble_vector(loads)
         owned = dofmap.index_map.size_local * dofmap.index_map_bs
-        own = self._of_body[:, :owned] @ loads.array[:owned]
-        return np.asarray(self._domain.comm.allreduce(own))
+        local = self._of_body[:, :owned] @ loads.array[:owned]
+        return np.asarray(self._domain.comm.allreduce(local))
 
     def require_held(self, work: FloatArray) -> None:
         """Raise InputError if the part can move rigidly without resistance; collective.
@@ -117,8 +115,8 @@ class GroupMotions:
         comm = self._domain.comm
         triangles = [
             np.linalg.qr(rows, mode="r")
-            for item in self.at_contacts
-            for rows in comm.allgather(item.tangents())
+            for at in self.at_contacts
+            for rows in comm.allgather(at.tangents())
         ]
         tangents = np.vstack([np.zeros((0, len(work))), *triangles])
         motion = loose_motion(self.normals, tangents, self.rubs, work)
@@ -155,8 +153,8 @@ class GroupMotions:
             return None
 
         def resistance(motion: FloatArray) -> FloatArray:
-            rows = [item.resistance(motion) for item in self.at_contacts]
-            return np.vstack([part for own in rows for part in comm.allgather(own)])
+            rows = [at.resistance(motion) for at in self.at_contacts]
+            return np.vstack([of_rank for local in rows for of_rank in comm.allgather(local)])
 
         resultant = self._resultant(self.work)
         motion = self._lifted_slide(resultant, resistance)
@@ -165,14 +163,14 @@ class GroupMotions:
         if motion is None:
             return None
         what = "friction" if self.rubs.any() else "contact"
-        told = self._coulomb(resultant)
-        if told is None:
-            told = f"it is free to move (rigid motion: {self._words(motion)})"
-        mu = [maximum(comm, item.largest_coefficient()) for item in self.at_contacts]
+        words = self._coulomb(resultant)
+        if words is None:
+            words = f"it is free to move (rigid motion: {self._words(motion)})"
+        mu = [maximum(comm, at.largest_coefficient()) for at in self.at_contacts]
         proof = "proved on this mesh"
         if any(0.0 < value < _LEAST_MU for value in mu):
             proof += f", coefficients below {_LEAST_MU:g} counted as zero"
-        return f"{what} cannot hold the body, whatever the pressure ({proof}): {told}"
+        return f"{what} cannot hold the body, whatever the pressure ({proof}): {words}"
 
     def _lifted_slide(
         self,
@@ -196,11 +194,11 @@ class GroupMotions:
 
         In words; collective.  The motion slides along the foundation, or else may leave it, too.
         """
-        told = self._coulomb(self._resultant(self.work)) if self._knows_friction() else None
-        if told is not None:
+        words = self._coulomb(self._resultant(self.work)) if self._knows_friction() else None
+        if words is not None:
             return (
                 "friction cannot hold the body, by the resultants of the loads (no proof, as R "
-                f"moves the bound to other places): {told}"
+                f"moves the bound to other places): {words}"
             )
         return self._unstopped(sliding_motions(self.normals), self.normals[:0]) or self._unstopped(
             np.eye(len(self.work)), self.normals
@@ -214,7 +212,7 @@ class GroupMotions:
 
         def rub(motion: FloatArray) -> FloatArray:
             none = np.zeros(len(motion))
-            rubbed = (item.rub(motion, self._data.bounds) for item in self.at_contacts)
+            rubbed = (at.rub(motion, self._data.bounds) for at in self.at_contacts)
             return np.asarray(comm.allreduce(sum(rubbed, none)))
 
         motion = driven_motion(some, normals, self.work, rub)
@@ -229,7 +227,7 @@ class GroupMotions:
         words = self._words(motion)
         rate = float(np.linalg.norm(moved if words.startswith("translation") else turn))
         how = "lifts off" if len(normals) else "slides"
-        depends = any(item.contact.friction.depends_on_slip for item in self.at_contacts)
+        depends = any(at.contact.friction.depends_on_slip for at in self.at_contacts)
         of_which = "the solver reached" + ", which another slip changes" * depends
         return (
             f"friction cannot hold the body with the friction bound that {of_which}: it {how} "
@@ -242,7 +240,7 @@ class GroupMotions:
         if resultant is None:
             return None
         along, pressing = resultant
-        mu = np.array([item.largest_coefficient() for item in self.at_contacts])
+        mu = np.array([at.largest_coefficient() for at in self.at_contacts])
         held = maximum(self._domain.comm, mu) * pressing
         push = float(np.linalg.norm(along))
         if push <= held * (1.0 + _ROUNDING):
@@ -252,12 +250,12 @@ class GroupMotions:
 
     def _knows_friction(self) -> bool:
         """Whether the friction of all contacts is known before a solve; collective."""
-        return all([item.knows_friction() for item in self.at_contacts])
+        return all([at.knows_friction() for at in self.at_contacts])
 
     def _normal(self) -> FloatArray | None:
         """The normal (d,) of the foundation of one part, None if there are several; collective."""
-        own, comm = [item.contact.normals[item.own] for item in self.at_contacts], self._domain.comm
-        every = np.concatenate([rows for part in own for rows in comm.allgather(part)] or [[]])
+        normals, comm = [at.contact.normals[at.own] for at in self.at_contacts], self._domain.comm
+        every = np.concatenate([rows for part in normals for rows in comm.allgather(part)] or [[]])
         is_one = len(self.parts) == 1 and every.size and np.ptp(every, axis=0).max() <= _ROUNDING
         return every[0] if is_one else None
 
@@ -287,15 +285,15 @@ class GroupMotions:
     def _translation(self, direction: FloatArray) -> FloatArray:
         """The motion (f,) nearest to a translation along a direction (d,)."""
         # A body of revolution can move along its axis alone, which is the last direction.
-        given = direction[-1:] if self._domain.axisymmetric else direction
-        wanted = np.zeros(len(self.free))
-        wanted[: len(given)] = given
-        return np.asarray(np.linalg.lstsq(self.free, wanted)[0])
+        components = direction[-1:] if self._domain.axisymmetric else direction
+        target = np.zeros(len(self.free))
+        target[: len(components)] = components
+        return np.asarray(np.linalg.lstsq(self.free, target)[0])
 
     def _words(self, motion: FloatArray) -> str:
         """A motion (f,) of the part in words; collective."""
-        name, own = self._of_part(motion)
-        words = describe_motion(own, self._domain.bounding_box)
+        name, share = self._of_part(motion)
+        words = describe_motion(share, self._domain.bounding_box)
         return words if len(self.parts) == 1 else f"{words} of {name}"
 
     def _of_part(self, motion: FloatArray) -> tuple[str, FloatArray]:
@@ -310,7 +308,7 @@ class GroupMotions:
         """Raise InputError if the part can move with its tools as one rigid body; collective."""
         if not self._tools or not self.of_body:
             return
-        local = np.sum([item.gram() for item in self.at_contacts], axis=0)
+        local = np.sum([at.gram() for at in self.at_contacts], axis=0)
         gram = self._domain.comm.allreduce(local)
         sizes = np.diag(gram)
         for motion in null_motions(gram, sizes).T:
@@ -379,17 +377,17 @@ class Rigidity:
 
         ``displacements`` and ``supports`` are the boundary parts that conditions hold.
         """
-        domain, data, found = self._domain, self._data, {}
-        touching = [part for contact in data.contacts for part in (*contact.on, *contact.against)]
-        springs = [item.on for item in data.springs if isinstance(item, Springs)]
+        domain, data, held = self._domain, self._data, {}
+        touching = [name for contact in data.contacts for name in (*contact.on, *contact.against)]
+        springs = [spring.on for spring in data.springs if isinstance(spring, Springs)]
         for group, motions in self._groups():
             sliding = sliding_motions(motions.normals).shape[1]
             counts = [free.shape[1] for _, free in motions.parts]
             loosest = group[int(np.argmax(counts))]
             for number, free in zip(group, counts, strict=True):
-                own = dofs_of(domain, self._space, number)
-                conditions = free_motions(domain, self._space, self._constraints, own)
-                found[number] = Held(
+                dofs = dofs_of(domain, self._space, number)
+                conditions = free_motions(domain, self._space, self._constraints, dofs)
+                held[number] = Held(
                     domain.part_names[number],
                     _touching(domain, number, displacements),
                     _touching(domain, number, touching),
@@ -400,7 +398,7 @@ class Rigidity:
                     _touching(domain, number, springs),
                     conditions.shape[1] - free,
                 )
-        return [found[number] for number in sorted(found)]
+        return [held[number] for number in sorted(held)]
 
     def require_held(self) -> None:
         """Raise InputError for a part that is free to move under the present loads."""
@@ -434,19 +432,20 @@ class Rigidity:
           for the present bound G alone that there is no equilibrium.
         """
         names = self._domain.part_names
-        for group, found in self._groups():
-            if not found.of_body:
+        for group, motions in self._groups():
+            if not motions.of_body:
                 continue
-            told = found.describe_unheld() or found.describe_slide()
-            if told is not None:
+            words = motions.describe_unheld() or motions.describe_slide()
+            if words is not None:
                 of = " and ".join(names[number] for number in group)
-                return f"{of}: {told}" if len(names) > 1 else told
+                return f"{of}: {words}" if len(names) > 1 else words
         return None
 
     def is_unheld(self) -> bool:
         """Whether the first search of :meth:`describe_slide` has found a motion, with its proof."""
         return any(
-            found.of_body and found.describe_unheld() is not None for _, found in self._groups()
+            motions.of_body and motions.describe_unheld() is not None
+            for _, motions in self._groups()
         )
 
     def describe_loose(self) -> str | None:
@@ -454,9 +453,9 @@ class Rigidity:
 
         Tools may press the body less than at other times.
         """
-        for _, found in self._groups():
+        for _, motions in self._groups():
             try:
-                found.require_held(found.work)
+                motions.require_held(motions.work)
             except InputError as error:
                 return str(error)
         return None
@@ -467,17 +466,17 @@ class Rigidity:
         For each part the coefficients (m, f) of its motions, and the values (g, n) of the motions
         of all parts at the local dofs, ghosts included.
         """
-        found = [self._of_part(number) for number in range(len(self._domain.part_names))]
-        return [free for free, _, _ in found], np.vstack([fields for _, fields, _ in found])
+        parts = [self._of_part(number) for number in range(len(self._domain.part_names))]
+        return [free for free, _, _ in parts], np.vstack([fields for _, fields, _ in parts])
 
     def _of_part(self, number: int) -> tuple[FloatArray, FloatArray, BoolArray]:
         """The coefficients (m, f) of the free motions of a part, their values (f, n), its dofs."""
         domain, space = self._domain, self._space
-        own = dofs_of(domain, space, number)
-        free = free_motions(domain, space, self._constraints, own)
-        fields = (free.T @ rigid_motions(space, domain.axisymmetric)) * own
+        dofs = dofs_of(domain, space, number)
+        free = free_motions(domain, space, self._constraints, dofs)
+        fields = (free.T @ rigid_motions(space, domain.axisymmetric)) * dofs
         past = motions_past(self._data.springs, space, fields)
-        return free @ past, past.T @ fields, own
+        return free @ past, past.T @ fields, dofs
 
     def _groups(self) -> Iterator[tuple[tuple[int, ...], GroupMotions]]:
         """The numbers of the parts that touch each other, and their motions."""
@@ -486,8 +485,8 @@ class Rigidity:
         for contact in data.contacts:
             if contact.against:
                 facets = domain.facets((*contact.on, *contact.against))
-                here = domain.comm.allgather(np.unique(domain.parts[domain.owners(facets)]))
-                joined = set(map(int, np.concatenate(here)))
+                touching = domain.comm.allgather(np.unique(domain.parts[domain.owners(facets)]))
+                joined = set(map(int, np.concatenate(touching)))
                 apart = [group for group in groups if not group & joined]
                 groups = [*apart, set().union(*(group for group in groups if group & joined))]
         for group in sorted(tuple(sorted(group)) for group in groups):
@@ -497,11 +496,12 @@ class Rigidity:
             yield group, GroupMotions(domain, self._space, data, parts, np.vstack(fields), marks)
 
 
-def _touching(domain: Domain, part: int, names: Sequence[str]) -> tuple[str, ...]:
+def _touching(domain: Domain, number: int, names: Sequence[str]) -> tuple[str, ...]:
     """The named boundary parts that have facets of one part of the body; collective."""
     names = list(dict.fromkeys(names))
-    there = [
-        bool(np.any(domain.parts[domain.owners(domain.facets((name,)))] == part)) for name in names
+    is_touching = [
+        bool(np.any(domain.parts[domain.owners(domain.facets((name,)))] == number))
+        for name in names
     ]
-    anywhere = np.any(domain.comm.allgather(there), axis=0)
-    return tuple(name for name, here in zip(names, anywhere, strict=True) if here)
+    anywhere = np.any(domain.comm.allgather(is_touching), axis=0)
+    return tuple(name for name, touches in zip(names, anywhere, strict=True) if touches)

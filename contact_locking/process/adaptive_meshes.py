@@ -45,7 +45,7 @@ _LEAST_FALL, _MESHES = 0.95, 4
 def adapted(
     solve_on: Callable[[Domain], S],
     domain: Domain,
-    given: Adaptation,
+    adaptation: Adaptation,
     monitor: Monitor,
     curved: tuple[Curved, ...] = (),
 ) -> Iterator[S]:
@@ -70,21 +70,21 @@ def adapted(
         now, tangents = time.perf_counter(), solution.report.tangents
         error = solution.certificate.errors["mesh"]["relative"]
         sizes = {name: solution.facts[name] for name in ("dofs", "cells")}
-        more = {"estimate": error, "tangents": tangents, "seconds": now - since}
-        meshes.append(sizes | more)
+        effort = {"estimate": error, "tangents": tangents, "seconds": now - since}
+        meshes.append(sizes | effort)
         shown = "no error" if error is None else f"estimate {100.0 * error:.3g} %"
         words = f"{sizes['dofs']} unknowns, {shown}, {tangents} tangents, {now - since:.1f} s"
         since = now
-        is_reached, stopped = _end(solution, given)
-        if len(meshes) >= given.max_meshes:
-            stopped = stopped or f"adapt.max_meshes, {given.max_meshes}, is reached"
+        is_reached, stopped = _end(solution, adaptation)
+        if len(meshes) >= adaptation.max_meshes:
+            stopped = stopped or f"adapt.max_meshes, {adaptation.max_meshes}, is reached"
         errors = [entry["estimate"] for entry in meshes[-_MESHES:]]
         stagnates = len(errors) == _MESHES and None not in errors
         stagnates = stagnates and errors[-1] > _LEAST_FALL * errors[0]
         try:
             finer = None
             if not stopped:
-                finer = _refined(domain, solution, given, stagnates, curved)
+                finer = _refined(domain, solution, adaptation, stagnates, curved)
         except NotRefined as reason:
             stopped = str(reason)
         monitor.mesh(len(meshes), words)
@@ -92,14 +92,18 @@ def adapted(
             text = f"the meshes were not refined until adapt.tolerance was reached: {stopped}"
             solution = solution.warned(text)
             monitor.message(f"warning: {text}")
-        about = {"tolerance": given.tolerance, "reached": is_reached, "stopped": stopped or None}
+        about = {
+            "tolerance": adaptation.tolerance,
+            "reached": is_reached,
+            "stopped": stopped or None,
+        }
         yield solution.telling(
             adapt={**about, "meshes": [dict(entry) for entry in meshes]},
             wall_seconds=time.perf_counter() - began,
         )
 
 
-def _end(solution: Solution, given: Adaptation) -> tuple[bool, str]:
+def _end(solution: Solution, adaptation: Adaptation) -> tuple[bool, str]:
     """Whether the mesh is fine enough, and why the loop ends here, empty if it goes on."""
     estimate, criteria = solution.certificate.errors["mesh"], solution.certificate.criteria
     broken = {name for name, criterion in criteria.items() if not criterion.holds}
@@ -113,7 +117,7 @@ def _end(solution: Solution, given: Adaptation) -> tuple[bool, str]:
         if solution.facts["elastic_energy"] == 0.0:
             return True, "the body is at rest"
         return False, f"no error: {estimate.get('reason')}"
-    if estimate["relative"] <= given.tolerance:
+    if estimate["relative"] <= adaptation.tolerance:
         return True, "the estimate is below the tolerance"
     return False, ""
 
@@ -121,16 +125,16 @@ def _end(solution: Solution, given: Adaptation) -> tuple[bool, str]:
 def _refined(
     domain: Domain,
     solution: Solution,
-    given: Adaptation,
+    adaptation: Adaptation,
     stagnates: bool,
     curved: tuple[Curved, ...],
 ) -> Domain:
     """The next mesh; collective.  Raises NotRefined."""
-    found = gather_cells(domain, squared_contributions(solution))
+    squares = gather_cells(domain, squared_contributions(solution))
     entered = entered_places(solution)
 
     def marks(data: MeshData) -> BoolArray:
-        assert found is not None
+        assert squares is not None
         if stagnates and not entered:
             sizes = longest_edges(data.points, data.cells.nodes)
             least = int(np.argmin(sizes))
@@ -139,9 +143,9 @@ def _refined(
                 "the error has hardly fallen over the last meshes; the smallest cells, of size "
                 f"{sizes[least]:.2g}, are at {centre}, where the solution may be singular"
             )
-        return marked_cells(found, given.share) | cells_at(entered, data)
+        return marked_cells(squares, adaptation.share) | cells_at(entered, data)
 
-    return finer_mesh(domain, solution, marks, given.max_dofs, curved)
+    return finer_mesh(domain, solution, marks, adaptation.max_dofs, curved)
 
 
 def adapt(
@@ -266,13 +270,13 @@ def squared_contributions(solution: Solution) -> FloatArray:
 def cells_at(places: list[tuple[float, ...]], data: MeshData) -> BoolArray:
     """The cells (k,) that have one of some places."""
     corners = data.points[data.cells.nodes]
-    found = np.zeros(len(corners), dtype=bool)
+    marks = np.zeros(len(corners), dtype=bool)
     inverse = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
     for place in places:
-        rest = np.einsum("kij,kj->ki", inverse, np.array(place) - corners[:, 0])
-        shares = np.column_stack([1.0 - rest.sum(axis=1), rest])
-        found |= shares.min(axis=1) > _INSIDE
-    return found
+        others = np.einsum("kij,kj->ki", inverse, np.array(place) - corners[:, 0])
+        shares = np.column_stack([1.0 - others.sum(axis=1), others])
+        marks |= shares.min(axis=1) > _INSIDE
+    return marks
 
 
 def refined(mesh: WholeMesh, marked: BoolArray, curved: tuple[Curved, ...] = ()) -> WholeMesh:
@@ -358,7 +362,7 @@ def finer_mesh(
     """
     mesh = gather_mesh(domain)
     radii = domain.smoothing_radii or {
-        one.contact.key: default_radius(one.surface) for one in solution.contacts
+        fields.contact.key: default_radius(fields.surface) for fields in solution.contacts
     }
     held: list[WholeMesh] = []
 

@@ -299,8 +299,8 @@ def read(directory: str | Path, problem: DiscreteProblem, is_step: bool = False)
                 memories.append((vectors("old_place", *at), scalars("old_slip", *at)))
         spaces = multiplier_spaces(problem.data, Kept(), problem.domain.mesh)
         multipliers = Multipliers.none(problem.data, spaces, tuple(forces))
-        for number, part in enumerate(multipliers.parts):
-            layout.fill(part, arrays.get(f"locking_stress_{number}"))
+        for number, y in enumerate(multipliers.parts):
+            layout.fill(y, arrays.get(f"locking_stress_{number}"))
         multipliers.add_up(problem.data)
     if comm.bcast("old_displacement" in arrays):
         old_displacement = field("old_displacement", problem.u.function_space).x.array
@@ -373,7 +373,7 @@ def _fields(solution: Solution) -> dict[str, fem.Function]:
     """The stored fields by name; in a step, with what friction remembered in it; collective."""
     fields = {"displacement": solution.displacement}
     fields["places"] = _places(solution.displacement.function_space)
-    fields |= {f"locking_stress_{i}": part for i, part in enumerate(solution.locking_parts)}
+    fields |= {f"locking_stress_{i}": y for i, y in enumerate(solution.locking_parts)}
     for number, contact in enumerate(solution.contacts):
         surface = contact.surface
         scalars = {

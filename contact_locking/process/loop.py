@@ -76,7 +76,9 @@ def row_of(
         "tangents": report.tangents,
         "linear": report.linear,
         "residual": certificate.residual,
-        "nearest_criterion": max(item.value / item.limit for item in certificate.criteria.values()),
+        "nearest_criterion": max(
+            criterion.value / criterion.limit for criterion in certificate.criteria.values()
+        ),
         "seconds": seconds,
     }
     return row
@@ -150,8 +152,8 @@ class Process(Iterator[S]):
         self.problem, self.history = problem, Table()
         # An expression of UFL can be called as well.
         is_constant = isinstance(time, fem.Constant) or not callable(time)
-        own = partial(setattr, time, "value") if is_constant else time
-        self._set_time = None if time is None else own
+        setter = partial(setattr, time, "value") if is_constant else time
+        self._set_time = None if time is None else setter
         self._solver, self._monitor = problem.solver, problem.solver.monitor
         steps = steps if isinstance(steps, Steps) else Steps(times=tuple(steps))
         self._timeline = Timeline(steps)
@@ -198,8 +200,8 @@ class Process(Iterator[S]):
                     if timeline.fail():
                         continue
                     if solution is not None and self._stops:
-                        told = timeline.explained(timeline.failed.get(at, ""), at, -math.inf)
-                        yield self._stopped(solution, told["reason"])
+                        words = timeline.explained(timeline.failed.get(at, ""), at, -math.inf)
+                        yield self._stopped(solution, words["reason"])
                         return
                 self._put(at)
                 # The proofs of balance are asked for where a solve has failed before.
@@ -232,24 +234,24 @@ class Process(Iterator[S]):
                 continue
             state = self._solver.state(report)
             energy, after = energy_balance(before or Moment.at_rest(state), state)
-            found = self._solution(state, energy, at)
+            candidate = self._solution(state, energy, at)
             # Half the step misses a foundation between the nodes as well.
-            entering = found.certificate.criteria.get(ENTRY)
+            entering = candidate.certificate.criteria.get(ENTRY)
             if (
-                not found.converged
+                not candidate.converged
                 and (entering is None or entering.holds)
-                and self._halve(f"the step to t = {at:.6g} did not converge ({found.reason})")
+                and self._halve(f"the step to t = {at:.6g} did not converge ({candidate.reason})")
             ):
                 continue
-            if not found.converged:
+            if not candidate.converged:
                 # Where the process stops, its words begin with the last time.
                 last_time = solution.time if solution and not self._stops else -math.inf
-                told = timeline.explained(found.reason, at, last_time)
-                found = found.telling(**told)
+                words = timeline.explained(candidate.reason, at, last_time)
+                candidate = candidate.telling(**words)
                 if solution is not None and self._stops:
-                    yield self._stopped(solution, found.reason)
+                    yield self._stopped(solution, candidate.reason)
                     return
-            solution, before = found, after
+            solution, before = candidate, after
             seconds = clocks.perf_counter() - began
             self.history.append(row_of(solution, self.history, at, energy, seconds))
             solution = self._with_history(solution)
@@ -285,15 +287,15 @@ class Process(Iterator[S]):
             self._put(at)
         if verdict is None:
             return False
-        told = SolverReport(is_infeasible=True, reason=verdict.reason, suggestion=verdict.way_out)
-        self._timeline.refuse(beyond, told)
+        report = SolverReport(is_infeasible=True, reason=verdict.reason, suggestion=verdict.way_out)
+        self._timeline.refuse(beyond, report)
         return True
 
     def _end(self, last: S, ended: str | None = None) -> dict[str, Any]:
         """The entries of a last solution with which the process ends, in words, or fails."""
-        told = [*last.warnings, *self._halved[len(last.halved) :]]
+        warnings = [*last.warnings, *self._halved[len(last.halved) :]]
         steps = {**last.facts["steps"], "halvings": len(self._halved), "ended": ended}
-        return {"steps": steps, "warnings": told if ended is None else [ended, *told]}
+        return {"steps": steps, "warnings": warnings if ended is None else [ended, *warnings]}
 
     def _stopped(self, last: S, reason: str) -> S:
         """The last solution, which is that of a process that goes no farther."""
@@ -321,10 +323,10 @@ class Process(Iterator[S]):
         if solution.probes is not None:
             sampled = in_step(solution.probes, len(self.history), solution.time)
             self._probes = sampled.after(self._probes or Table())
-        told = [*solution.warnings, *self._halved, *self._solver.unused_options()]
+        warnings = [*solution.warnings, *self._halved, *self._solver.unused_options()]
         steps = totals(self.history, len(self._halved), self._planned)
         return dataclasses.replace(
-            solution.telling(restart=restart, steps=steps, warnings=told),
+            solution.telling(restart=restart, steps=steps, warnings=warnings),
             probes=self._probes,
             history=Table.of(self.history.rows),
             halved=self._halved,
@@ -424,9 +426,9 @@ class Timeline:
         if self.refused is None:
             return {}
         time, report = self.refused
-        told = [f"{report.reason}, at t = {time:.6g}"]
+        reasons = [f"{report.reason}, at t = {time:.6g}"]
         if reached > -math.inf:
-            told.append(f"the last time that was reached is t = {reached:.6g}")
+            reasons.append(f"the last time that was reached is t = {reached:.6g}")
         if time > at:
-            told.append(f"the step to t = {at:.6g} did not converge: {reason}")
-        return {"reason": "; ".join(told), "suggestion": report.suggestion}
+            reasons.append(f"the step to t = {at:.6g} did not converge: {reason}")
+        return {"reason": "; ".join(reasons), "suggestion": report.suggestion}

@@ -78,8 +78,8 @@ class ProblemSolver:
             held_by_friction=problem.sliding > 0,
             loose=loose,
         )
-        one = fem.Constant(problem.domain.mesh, 1.0)
-        self._volume = integral(problem.domain, one * problem.data.dx)
+        unit = fem.Constant(problem.domain.mesh, 1.0)
+        self._volume = integral(problem.domain, unit * problem.data.dx)
 
     @property
     def target(self) -> Target:
@@ -155,7 +155,7 @@ class ProblemSolver:
     def may_lock_up(self) -> bool:
         """Whether limits of the strain may leave nothing admissible; collective."""
         sets = self.system.data.sets
-        limits = np.concatenate([np.zeros(1), *(item.inverse_limit.x.array for item in sets)])
+        limits = np.concatenate([np.zeros(1), *(law.inverse_limit.x.array for law in sets)])
         return self.target.penalty.is_strict and maximum(self.system.comm, limits) > 0.0
 
     def verdict(self) -> Verdict | None:
@@ -321,7 +321,7 @@ def state_of(state: SolvedState) -> State:
         fields.contact.state_after(problem.u, fields.state != OPEN, fields.holds)
         for fields in state.contacts
     )
-    return State(saved, state.multipliers, after)
+    return State(saved, after)
 
 
 def _facts(state: SolvedState) -> dict[str, Any]:
@@ -362,10 +362,10 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
     domain, tools = state.problem.domain, state.system.tools
     entries: list[dict[str, Any]] = []
     for fields in state.contacts:
-        found = computed("contact", Contacts(domain, (fields,)))
+        numbers = computed("contact", Contacts(domain, (fields,)))
         contact, against = fields.contact, fields.contact.against
         places = {"on": list(contact.on), **({"against": list(against)} if against else {})}
-        entry = {"name": contact.given.name, **places, **found}
+        entry = {"name": contact.given.name, **places, **numbers}
         for tool, size in zip(tools, tools.travels, strict=True):
             if tool.contact is fields.contact:
                 entry["tool"] = tool.summary(size)

@@ -89,14 +89,14 @@ def entry_between_nodes(contact: NodalContact, u: fem.Function, touches: BoolArr
     deeper = above > depths
     depths, weights[deeper] = np.maximum(depths, above), behind[deeper]
     number = int(np.argmax(depths)) if len(depths) else -1
-    found: tuple[float, list[float]] = (0.0, [])
+    deepest: tuple[float, list[float]] = (0.0, [])
     if number >= 0 and depths[number] > 0.0:
-        found = float(depths[number]), facets.place(number, weights[number])
-    told = comm.allgather(found)
-    depth, place = max(told)
+        deepest = float(depths[number]), facets.place(number, weights[number])
+    of_ranks = comm.allgather(deepest)
+    depth, place = max(of_ranks)
     if depth <= maximum(comm, facets.rounding):
         return Entry()
-    rank = told.index((depth, place))
+    rank = of_ranks.index((depth, place))
     direction, along = comm.bcast(
         facets.motion(number, weights[number]) if comm.rank == rank else None, rank
     )
@@ -106,10 +106,10 @@ def entry_between_nodes(contact: NodalContact, u: fem.Function, touches: BoolArr
     indentation = max(depth, moved + overlap, _LEAST * largest)
     is_missed = moved + facets.overlap_nearby(touches) < _SEEN * indentation
     missed = maximum(comm, depths[is_missed])
-    own = [
+    notable = [
         tuple(facets.place(i, weights[i])) for i in np.flatnonzero(depths > NOTABLE * indentation)
     ]
-    places = {at for part in comm.allgather(own) for at in part}
+    places = {at for of_rank in comm.allgather(notable) for at in of_rank}
     return Entry(
         depth, depth / indentation, tuple(place), missed / indentation, tuple(sorted(places))
     )
@@ -213,8 +213,8 @@ class _Facets:
         away = corners[np.concatenate([np.zeros(0, dtype=int), *near]).astype(int)]
         away = away - self._moved[facet, 0]
         inverse = np.linalg.pinv((self._moved[:, 1:] - self._moved[:, :1]).transpose(0, 2, 1))
-        rest = np.einsum("pij,pj->pi", inverse[facet], away)
-        shares = np.concatenate([1.0 - rest.sum(axis=1, keepdims=True), rest], axis=1)
+        others = np.einsum("pij,pj->pi", inverse[facet], away)
+        shares = np.concatenate([1.0 - others.sum(axis=1, keepdims=True), others], axis=1)
         normals = facet_normals(self._moved)
         normals *= np.sign(np.sum(normals * self._outward, axis=1))[:, None]
         normals /= np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)[:, None]
@@ -245,12 +245,12 @@ class _Facets:
         comm = contact.surface.domain.comm
         points = np.concatenate(comm.allgather(contact.surface.points[touches]))
         overlaps = np.concatenate(comm.allgather(-contact.gaps[touches]))
-        found = np.full(count, -np.inf)
+        largest = np.full(count, -np.inf)
         if len(points) and count:
             middles = self._x[:, : self._dim].mean(axis=1)
             near = cKDTree(points).query_ball_point(middles, _AROUND * self._radius)
-            found[:] = [max(overlaps[some], default=-np.inf) for some in near]
-        return found
+            largest[:] = [max(overlaps[some], default=-np.inf) for some in near]
+        return largest
 
     def _best(self, weights: FloatArray, facets: IntArray) -> tuple[FloatArray, FloatArray]:
         """The deepest (m, d) of points (m, q, d) of m facets, and its depth (m,)."""
@@ -265,8 +265,8 @@ class _Facets:
         shape, basis = weights.shape[:2], self._basis(weights)
 
         def of(values: FloatArray) -> FloatArray:
-            found = np.einsum("mqn,mni->imq", basis, values[facets])
-            return found.reshape(len(found), -1)
+            at_points = np.einsum("mqn,mni->imq", basis, values[facets])
+            return at_points.reshape(len(at_points), -1)
 
         opening = self._contact.foundation.opening(
             of(self._x),
@@ -278,8 +278,8 @@ class _Facets:
     def _basis(self, weights: FloatArray) -> FloatArray:
         """The nodal functions (m, q, n) of a facet at points (m, q, d)."""
         points = weights[..., 1:].reshape(-1, self._dim - 1)
-        found = nodal_functions(*self._kind, points)
-        return found.reshape(*weights.shape[:-1], found.shape[1])
+        functions = nodal_functions(*self._kind, points)
+        return functions.reshape(*weights.shape[:-1], functions.shape[1])
 
     def _known_curvature(
         self, normals: FloatArray, corners: IndexArray, touches: BoolArray
@@ -366,8 +366,8 @@ def uncovered_entry(
 def _on_flat_side(domain: Domain, contact: NodalContact, places: FloatArray) -> BoolArray:
     """Which places (k, d) lie in the plane of one contact's part of Gamma_C if it is flat."""
     normals, points = contact.surface.body_normals(), contact.surface.points
-    own = [(normals[0], points[0])] if len(points) else []
-    normal, point = next(pair for pairs in domain.comm.allgather(own) for pair in pairs)
+    first = [(normals[0], points[0])] if len(points) else []
+    normal, point = next(pair for pairs in domain.comm.allgather(first) for pair in pairs)
     near = _FLAT * domain.extent
     heights = np.abs((points - point) @ normal)
     if maximum(domain.comm, heights) > near:

@@ -20,6 +20,7 @@ _COLUMNS = {
     **{"pressure": "pressure", "traction": "traction_tangent", "bound": "bound"},
     **{"state": "state", "normal": "normal", "contact": "contact"},
 }
+_STRESSES, _NUMBERS = ("pressure", "traction", "bound"), ("state", "normal", "contact")
 
 
 @dataclass(frozen=True)
@@ -70,30 +71,33 @@ class ContactPoints:
     @property
     def table(self) -> Table:
         """The columns of contact.csv, with states as words."""
-        columns: dict[str, Any] = {}
+        columns, units = dict[str, Any](), dict[str, str]()
         for key, name in _COLUMNS.items():
-            values = getattr(self, key)
+            values, before = getattr(self, key), len(columns)
             if key == "state":
                 columns[name] = [STATE_NAMES[state] for state in values]
             elif values.ndim == 1:
                 columns[name] = values
             else:
                 columns |= zip(_with_axes(name, AXES[: self.dim]), values.T, strict=True)
-        return Table(columns)
+            if key not in _NUMBERS:
+                unit = "stress" if key in _STRESSES else "length"
+                units |= dict.fromkeys([*columns][before:], unit)
+        return Table(columns, units)
 
     @classmethod
     def of(cls, table: Table) -> ContactPoints:
         """The points of a :attr:`table`.  Raises KeyError for a column that is not there."""
         axes = [axis for axis in AXES if axis in table.columns]
-        found: dict[str, Any] = {}
+        columns: dict[str, Any] = {}
         for key, name in _COLUMNS.items():
             if key == "state":
-                found[key] = np.array([STATE_NAMES.index(x) for x in table.columns[name]], int)
+                columns[key] = np.array([STATE_NAMES.index(x) for x in table.columns[name]], int)
             elif name in table.columns:
-                found[key] = table.column(name)
+                columns[key] = table.column(name)
             else:
-                found[key] = np.column_stack([table.column(x) for x in _with_axes(name, axes)])
-        return cls(**found | {"contact": table.whole("contact")})
+                columns[key] = np.column_stack([table.column(x) for x in _with_axes(name, axes)])
+        return cls(**columns | {"contact": table.whole("contact")})
 
 
 def _with_axes(name: str, axes: Sequence[str]) -> list[str]:
@@ -124,7 +128,7 @@ def joined(
         )
     )
     firsts = itertools.accumulate((len(table) for table, _ in contacts), initial=0)
-    facets = [first + own for first, (_, own) in zip(firsts, contacts, strict=False)]
+    facets = [first + numbers for first, (_, numbers) in zip(firsts, contacts, strict=False)]
     return points, np.concatenate([np.empty((0, dim), dtype=np.int64), *facets])
 
 
@@ -159,7 +163,7 @@ def curves(segments: IntArray) -> list[IntArray]:
     for joined in neighbours.values():
         joined.sort()
     ends = [point for point, joined in neighbours.items() if len(joined) == 1]
-    found = []
+    found_curves = []
     for start in [*sorted(ends), *sorted(neighbours)]:
         curve = [start]
         while neighbours[curve[-1]]:
@@ -167,8 +171,8 @@ def curves(segments: IntArray) -> list[IntArray]:
             neighbours[following].remove(curve[-1])
             curve.append(following)
         if len(curve) > 1:
-            found.append(np.array(curve, dtype=np.int64))
-    return sorted(found, key=lambda curve: int(curve[0]))
+            found_curves.append(np.array(curve, dtype=np.int64))
+    return sorted(found_curves, key=lambda curve: int(curve[0]))
 
 
 def along_curves(x: FloatArray, segments: FloatArray) -> IntArray:

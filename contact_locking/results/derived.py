@@ -136,14 +136,17 @@ class Contacts:
 
     def integral(self, density: Callable[[ContactFields], FloatArray], size: int = 0) -> Any:
         """The integral of a density (k,), or (k, size), over Gamma_C of the contacts."""
-        integrals = (one.surface.integral(density(one)) for one in self.fields)
+        integrals = (fields.surface.integral(density(fields)) for fields in self.fields)
         return sum(integrals, np.zeros(size) if size else 0.0)
 
     def peak(self, values: Callable[[ContactFields], FloatArray]) -> Any:
         """The largest of values (k,) and its place, as :func:`~contact_locking.parallel.peak`."""
-        found = np.concatenate([np.empty(0), *(values(one) for one in self.fields)])
-        places = [np.empty((0, self.domain.dim)), *(one.surface.points for one in self.fields)]
-        return peak(self.domain.comm, found, np.concatenate(places))
+        nodal = np.concatenate([np.empty(0), *(values(fields) for fields in self.fields)])
+        places = [
+            np.empty((0, self.domain.dim)),
+            *(fields.surface.points for fields in self.fields),
+        ]
+        return peak(self.domain.comm, nodal, np.concatenate(places))
 
 
 def gather_contacts(
@@ -153,7 +156,7 @@ def gather_contacts(
     gathered = [contact.gather() for contact in contacts]
     if domain.comm.rank != 0:
         return None, None
-    return joined([part for part in gathered if part is not None], domain.dim)
+    return joined([of_contact for of_contact in gathered if of_contact is not None], domain.dim)
 
 
 def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, fem.Function]:
@@ -166,9 +169,9 @@ def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, 
     vectors = u.function_space
     scalars = _compat.collapse(vectors.sub(0))[0]
     dim = u.ufl_shape[0]
-    found = {name: fem.Function(scalars, name=name) for name in _SCALAR_FIELDS}
+    functions = {name: fem.Function(scalars, name=name) for name in _SCALAR_FIELDS}
     state = fem.Function(scalars, name="contact_state")
-    found["tangential_traction"] = fem.Function(vectors, name="tangential_traction")
+    functions["tangential_traction"] = fem.Function(vectors, name="tangential_traction")
     area = np.zeros(len(scalars.tabulate_dof_coordinates()))
     for fields in contacts:
         np.add.at(area, fields.surface.nodes, fields.surface.weights)
@@ -176,15 +179,15 @@ def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, 
         nodes = fields.surface.nodes
         share = fields.surface.weights / area[nodes]
         for name, attribute in _SCALAR_FIELDS.items():
-            found[name].x.array[nodes] += share * getattr(fields, attribute)
+            functions[name].x.array[nodes] += share * getattr(fields, attribute)
         state.x.array[nodes] = np.maximum(state.x.array[nodes], fields.state)
-        tractions = found["tangential_traction"].x.array.reshape(-1, dim)
+        tractions = functions["tangential_traction"].x.array.reshape(-1, dim)
         tractions[fields.surface.blocks] += share[:, None] * fields.traction
     state.x.scatter_forward()
-    for function in found.values():
+    for function in functions.values():
         function.x.scatter_forward()
         make_nodal(function, [fields.surface.controls for fields in contacts])
-    return found | {"contact_state": state}
+    return functions | {"contact_state": state}
 
 
 # A cell is locked if |eps| >= M (1 - 1e-6).
@@ -216,7 +219,7 @@ class BodyFields:
     )
 
     def __init__(
-        self, problem: DiscreteProblem, system: PenalisedSystem, found: Multipliers
+        self, problem: DiscreteProblem, system: PenalisedSystem, multipliers: Multipliers
     ) -> None:
         self.domain, self.system, limits = problem.domain, system, problem.limits
         self.displacement = system.u
@@ -227,12 +230,12 @@ class BodyFields:
         self.strain_norm = self._at_points(data.element, norm, "strain_norm")
         stress = functools.partial(data.elastic_stress, eps)
         self.elastic_stress = self._at_points(data.element, stress, "elastic_stress")
-        self.locking_stress, self.locking_parts = found.locking_stress, found.parts
-        shares = [(item, functools.partial(item.utilisation, eps)) for item in data.limits]
+        self.locking_stress, self.locking_parts = multipliers.locking_stress, multipliers.parts
+        shares = [(law, functools.partial(law.utilisation, eps)) for law in data.limits]
         #: The utilisation of each set of strains but the ball.
         self.utilisations = [
-            self._at_points(data.element, share, item.name, number)
-            for number, (item, share) in enumerate(shares)
+            self._at_points(data.element, share, law.name, number)
+            for number, (law, share) in enumerate(shares)
         ]
         self.locking_limit = limits.limit
         self.is_limited = (
@@ -249,8 +252,8 @@ class BodyFields:
             self._peaks = self._at_points(at_peaks, norm, "strain_norm")
         self._limit_at_peaks = limits.limit_at_peaks
         self._utilisations_at_peaks = [
-            self._at_points(at_peaks, share, item.name, number)
-            for number, (item, share) in enumerate(shares)
+            self._at_points(at_peaks, share, law.name, number)
+            for number, (law, share) in enumerate(shares)
         ]
         self.von_mises = self._von_mises(problem)
 
@@ -297,8 +300,8 @@ class BodyFields:
         It is `LARGEST` where K has limits but none in that direction, and inf where K has none.
         """
         limit = ball.copy()
-        used = np.max([item.x.array for item in self.utilisations], axis=0)
-        is_limited = np.max([item.inverse_limit.x.array for item in data.limits], axis=0) > 0.0
+        used = np.max([field.x.array for field in self.utilisations], axis=0)
+        is_limited = np.max([field.inverse_limit.x.array for field in data.limits], axis=0) > 0.0
         along = np.where(is_limited, LARGEST, np.inf)
         where = used > 1.0 / LARGEST
         along[where] = self.strain_norm.x.array[where] / used[where]
@@ -348,9 +351,11 @@ class BodyFields:
         """The entries of summary.json about the sets of strains beside the ball; collective."""
         return [
             {
-                "name": item.name,
-                "utilisation_max": self.largest(item),
-                "locked_fraction": self.share((item.x.array >= 1.0 - _LOCKED_MARGIN).astype(float)),
+                "name": utilisation.name,
+                "utilisation_max": self.largest(utilisation),
+                "locked_fraction": self.share(
+                    (utilisation.x.array >= 1.0 - _LOCKED_MARGIN).astype(float)
+                ),
             }
-            for item in self.utilisations
+            for utilisation in self.utilisations
         ]

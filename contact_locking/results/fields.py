@@ -70,14 +70,14 @@ def discontinuous(solution: Solution) -> list[fem.Function]:
 def _fill(copy: fem.Function, function: fem.Function, name: str, solution: Solution) -> None:
     """Give a discontinuous function the values of a field; collective."""
     space = copy.function_space
-    given, wanted = function.function_space.dofmap, space.dofmap
-    values = function.x.array.reshape(-1, given.bs)[given.list]
+    source, target = function.function_space.dofmap, space.dofmap
+    values = function.x.array.reshape(-1, source.bs)[source.list]
     # On the axis of an axisymmetric body the hoop strain is no number at a node.
     kinematics = solution.element.kinematics
     element, is_constant = solution.element, values.shape[1] == 1
     is_nodal = not function.function_space.element.basix_element.discontinuous
     # Whether there is a point of the strains beside each node.
-    each = given.list.shape[1] == wanted.list.shape[1]
+    each = source.list.shape[1] == target.list.shape[1]
     varies = element.strain_degree > 0 and not kinematics.axisymmetric
     if name == "strain_norm" and varies:
         eps = kinematics.strain(solution.displacement)
@@ -85,7 +85,7 @@ def _fill(copy: fem.Function, function: fem.Function, name: str, solution: Solut
         copy.interpolate(compiled.interpolation(norm, space))
     elif is_constant or is_nodal or (name == "locked" and each):
         # A constant has one value in a cell, which every node receives.
-        copy.x.array.reshape(-1, wanted.bs)[wanted.list] = values
+        copy.x.array.reshape(-1, target.bs)[target.list] = values
     else:
         copy.interpolate(function)
         if name == "locked":
@@ -136,9 +136,9 @@ def _explained(file: io.VTXWriter, path: Path) -> Iterator[None]:
         # The destructor of ADIOS2 would write again, and an exception in a destructor ends the
         # process.  One more reference to the file prevents the call of the destructor.
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(file))
-        told = re.search(r"errno = (\d+)", str(error))
+        number_text = re.search(r"errno = (\d+)", str(error))
         full = shutil.disk_usage(path.parent).free < _NO_ROOM_BYTES
-        number = int(told[1]) if told else errno.ENOSPC if full else errno.EIO
+        number = int(number_text[1]) if number_text else errno.ENOSPC if full else errno.EIO
         raise OSError(number, os.strerror(number), str(path)) from error
 
 

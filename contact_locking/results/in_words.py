@@ -41,8 +41,8 @@ def weakest(summary: Mapping[str, Any]) -> Weakness | None:
 
     The keys of the summary may be dotted, as in the row of a study.
     """
-    found = list(_weaknesses(summary))
-    return max(found, key=lambda weakness: weakness.share) if found else None
+    weaknesses = list(_weaknesses(summary))
+    return max(weaknesses, key=lambda weakness: weakness.share) if weaknesses else None
 
 
 def verdict(summary: Mapping[str, Any]) -> str:
@@ -64,7 +64,11 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     sizes = [count(summary[key], name) for key, name in kinds.items()]
     element = summary["discretisation"]
     body = "; axisymmetric" if element.get("axisymmetric") else ""
-    found = [
+    weakness = weakest(summary)
+    weak = "not known" if weakness is None else weakness.words
+    if weakness is not None and weakness.is_rough:
+        weak = f"{weak}; it takes {weakness.advice}"
+    all_rows = [
         ("converged", f"{verdict(summary)} (residual {summary['residual']:.1e})"),
         ("restart", summary.get("restart")),
         *_quantities(summary),
@@ -73,30 +77,30 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("criteria", _criteria(summary["certificate"]["criteria"])),
         *(row for words in wings.WORDS for row in words(summary)),
         ("estimated", _estimated(summary)),
-        ("weakest number", _weakest(summary)),
+        ("weakest number", weak),
         ("derivatives", (summary.get("share_at_change") or {}).get("in_words")),
         ("size", f"{', '.join(sizes)}; elements of degree {element['degree']}{body}"),
         ("iterations", ", ".join(counts)),
         ("time", f"{summary['wall_seconds']:.1f} s"),
     ]
-    return [(name, words) for name, words in found if words]
+    return [(name, words) for name, words in all_rows if words]
 
 
 def _quantities(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     """The computed quantities that the summary knows, of several contacts those of each."""
     units, contacts = summary.get("units", {}), summary["contacts"]
-    for key, item in of_result((), units).items():
-        if item.compute is None or item.detail:
+    for key, quantity in of_result((), units).items():
+        if quantity.compute is None or quantity.detail:
             continue
-        of_each = item.of == "contact" and len(contacts) != 1
-        told = [
-            value_in_words(item, entry[key], entry.get(f"{key}_at"))
+        of_each = quantity.of == "contact" and len(contacts) != 1
+        values = [
+            value_in_words(quantity, entry[key], entry.get(f"{key}_at"))
             + (f" on {entry['name']}" if of_each else "")
             for entry in (contacts if of_each else [summary])
-            if entry.get(key) is not None and entry.get(item.beside or key) is not None
+            if entry.get(key) is not None and entry.get(quantity.beside or key) is not None
         ]
-        if told:
-            yield item.name, ", ".join(told)
+        if values:
+            yield quantity.name, ", ".join(values)
 
 
 def value_in_words(quantity: Quantity, value: Any, place: Sequence[float] | None = None) -> str:
@@ -109,16 +113,12 @@ def value_in_words(quantity: Quantity, value: Any, place: Sequence[float] | None
     return words if place is None else f"{words} {quantity.at} {vector(place)}"
 
 
-def _may_adapt(summary: Mapping[str, Any]) -> bool:
-    """Whether meshes are adapted: not in steps, or of boxes."""
-    element = summary.get("discretisation") or {}
-    return not (summary.get("steps") or element.get("cells") == "box")
-
-
 def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:
     if (mesh := relative(summary, "mesh")) is not None:
         words = f"the error of the mesh is about {_roughly(mesh)}, by an estimate"
-        adapt = ", or the section adapt" if _may_adapt(summary) else ""
+        # Meshes are not adapted in steps, nor those of boxes.
+        is_fixed = summary.get("steps") or look_up(summary, "discretisation.cells") == "box"
+        adapt = "" if is_fixed else ", or the section adapt"
         yield Weakness(mesh, words, f"a finer mesh{adapt}")
     measured, bound = relative(summary, "penalty_measured"), relative(summary, "penalty")
     if measured:
@@ -150,25 +150,25 @@ def vector(values: Iterable[float], largest: float = 0.0) -> str:
 
     ``largest`` is the largest of the numbers that the vector is computed from, if that is known.
     """
-    given = list(values)
-    least = 1e-12 * max(map(abs, given), default=0.0)
+    numbers = list(values)
+    least = 1e-12 * max(map(abs, numbers), default=0.0)
     least = max(least, 1e-14 * largest)
-    shown = [0.0 if abs(value) < least else value + 0.0 for value in given]
+    shown = [0.0 if abs(value) < least else value + 0.0 for value in numbers]
     return "(" + ", ".join(f"{value:.4g}" for value in shown) + ")"
 
 
 def _tools(contacts: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
     """How the forces on each free foundation have moved it."""
-    found = []
+    rows = []
     for entry in contacts:
         if tool := entry.get("tool"):
-            told = [f"moved by {tool['travel']:.6g} along {vector(tool['direction'])}"]
+            words = [f"moved by {tool['travel']:.6g} along {vector(tool['direction'])}"]
             if tool["force"] or "spring_force" not in tool:
-                told.append(f"pushed by {tool['force']:.6g}")
+                words.append(f"pushed by {tool['force']:.6g}")
             if "spring_force" in tool:
-                told.append(f"spring force {tool['spring_force']:.6g}")
-            found.append((f"foundation on {entry['name']}", ", ".join(told)))
-    return found
+                words.append(f"spring force {tool['spring_force']:.6g}")
+            rows.append((f"foundation on {entry['name']}", ", ".join(words)))
+    return rows
 
 
 def _reactions(summary: Mapping[str, Any]) -> str:
@@ -189,7 +189,7 @@ def _criteria(criteria: Mapping[str, Mapping[str, Any]]) -> str:
     ]
     if failed:
         return f"{len(failed)} of {len(criteria)} fail: {'; '.join(failed)}"
-    name, entry = max(criteria.items(), key=lambda item: item[1]["value"] / item[1]["limit"])
+    name, entry = max(criteria.items(), key=lambda pair: pair[1]["value"] / pair[1]["limit"])
     share = per_cent(entry["value"] / entry["limit"])
     return f"all {len(criteria)} hold; nearest to its limit: {spaced(name)}, at {share} of it"
 
@@ -207,13 +207,6 @@ def _roughly(share: float) -> str:
     return f"{100.0 * share:.2g} %" if share < 1.0 else per_cent(share)
 
 
-def _weakest(summary: Mapping[str, Any]) -> str:
-    weak = weakest(summary)
-    if weak is None:
-        return "not known"
-    return f"{weak.words}; it takes {weak.advice}" if weak.is_rough else weak.words
-
-
 def spaced(name: str) -> str:
     """A key of the summary as words."""
     return name.replace("_", " ")
@@ -224,7 +217,7 @@ def number(value: Any) -> float | None:
     if isinstance(value, bool) or not (isinstance(value, int | float) or value in ("inf", "-inf")):
         return None
     try:
-        found = float(value)
+        converted = float(value)
     except OverflowError:
         return None
-    return None if math.isnan(found) else found
+    return None if math.isnan(converted) else converted

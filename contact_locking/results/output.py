@@ -77,7 +77,7 @@ class UnitLabels(Concept):
     def labels(self, per_thickness: bool) -> dict[str, str]:
         """The label of each unit; ``per_thickness`` says that results are those of a plane body."""
         length, force = self.length, self.force
-        found = {
+        labels = {
             "length": length,
             "force": f"{force}/{length}" if per_thickness else force,
             "stress": self.stress or f"{force}/{length}²",
@@ -85,7 +85,7 @@ class UnitLabels(Concept):
             "energy": force if per_thickness else f"{force}·{length}",
             "force · length": force if per_thickness else f"{force}·{length}",
         }
-        return found if self.time is None else {**found, "time": self.time}
+        return labels if self.time is None else {**labels, "time": self.time}
 
 
 class Chart(Concept):

@@ -66,13 +66,13 @@ def locate(domain: Domain, probes: Sequence[Probe]) -> ProbePoints:
             key = dotted("output", "probes", index, *place)
             which = f"point {number}, at ({shown})," if place == ("line",) else f"({shown})"
             raise InputError(f"{which} is outside of the mesh of the body", key)
-    own = np.flatnonzero((first == whole) & (first != _NONE))
+    owned = np.flatnonzero((first == whole) & (first != _NONE))
     return ProbePoints(
         x,
         np.array([index for index, *_ in listed], dtype=np.int64),
         np.array([number for _, number, *_ in listed], dtype=np.int64),
-        own.astype(np.int64),
-        cells[own],
+        owned.astype(np.int64),
+        cells[owned],
     )
 
 
@@ -94,10 +94,10 @@ def _first_cells(domain: Domain, x: FloatArray) -> tuple[IntArray, IndexArray]:
     tree = geometry.bb_tree(mesh, dim, entities=entities, padding=padding)
     places = np.zeros((len(x), 3))
     places[:, :dim] = x
-    found = geometry.compute_collisions_points(tree, places)
+    collisions = geometry.compute_collisions_points(tree, places)
     corners = nodes[_compat.cell_corners(mesh)]
     for point in range(len(x)):
-        candidates = found.links(point)
+        candidates = collisions.links(point)
         local = np.array([_pulled_back(mesh, corners[cell], x[point]) for cell in candidates])
         inside = domain.kind.room(local.reshape(-1, dim)) >= -_MARGIN
         if inside.any():
@@ -151,14 +151,16 @@ def sample(points: ProbePoints, solution: Solution) -> Table:
         values[numbers] = of_rank
     places = {"probe": points.probe, "point": points.number}
     places |= zip(AXES, points.x.T, strict=False)
-    return Table(places | dict(zip(names, values.T, strict=True)))
+    units = dict.fromkeys([*axes, *(f"u_{axis}" for axis in axes)], "length")
+    units |= {name: "stress" for name in names if "stress" in name}
+    return Table(places | dict(zip(names, values.T, strict=True)), units)
 
 
 def in_step(sampled: Table, step: int, time: float) -> Table:
     """The table with the columns ``step``, from 1, and ``t``; as it is for step 0."""
     every = np.ones(len(sampled), dtype=np.int64)
     when = {"step": step * every, "t": time * every} if step and len(sampled) else {}
-    return Table(when | sampled.columns)
+    return Table(when | sampled.columns, sampled.units)
 
 
 def _local_values(points: ProbePoints, field: fem.Function) -> FloatArray:

@@ -272,13 +272,15 @@ QUANTITIES |= {item.key: item for item in _ELSEWHERE}
 
 def computed(of: Of, fields: BodyFields | Contacts) -> dict[str, Any]:
     """The quantities of the body or of some contacts, for summary.json; collective."""
-    found: dict[str, Any] = {}
-    for key, item in QUANTITIES.items():
-        if item.compute is not None and item.of == of:
-            value = item.compute(fields)
-            for name, part in zip((key, f"{key}_at"), value if item.at else (value,), strict=False):
-                found[name] = np.asarray(part).tolist()
-    return found
+    values: dict[str, Any] = {}
+    for key, quantity in QUANTITIES.items():
+        if quantity.compute is not None and quantity.of == of:
+            value = quantity.compute(fields)
+            for name, number in zip(
+                (key, f"{key}_at"), value if quantity.at else (value,), strict=False
+            ):
+                values[name] = np.asarray(number).tolist()
+    return values
 
 
 def of_result(contacts: Sequence[str], units: Mapping[str, str]) -> dict[str, Quantity]:
@@ -286,25 +288,27 @@ def of_result(contacts: Sequence[str], units: Mapping[str, str]) -> dict[str, Qu
 
     Of several contacts each has its own: ``contacts.NAME.pressure_max`` for ``pressure_max``.
     """
-    found: dict[str, Quantity] = {}
-    for key, item in QUANTITIES.items():
-        labelled = replace(item, unit=units.get(item.unit, item.unit))
-        if item.of == "contact" and len(contacts) > 1:
+    quantities: dict[str, Quantity] = {}
+    for key, quantity in QUANTITIES.items():
+        labelled = replace(quantity, unit=units.get(quantity.unit, quantity.unit))
+        if quantity.of == "contact" and len(contacts) > 1:
             for name in contacts:
-                own = replace(labelled, key=f"contacts.{name}.{key}", name=f"{item.name} on {name}")
-                found[own.key] = own
+                of_contact = replace(
+                    labelled, key=f"contacts.{name}.{key}", name=f"{quantity.name} on {name}"
+                )
+                quantities[of_contact.key] = of_contact
         else:
-            found[key] = labelled
-    return found
+            quantities[key] = labelled
+    return quantities
 
 
-def columns(found: Mapping[str, Any], dim: int, ending: str = "") -> dict[str, float]:
+def columns(values: Mapping[str, Any], dim: int, ending: str = "") -> dict[str, float]:
     """The columns of history.csv for the computed quantities of a summary or of a contact."""
     row: dict[str, float] = {}
-    for key, item in QUANTITIES.items():
-        if item.compute is not None and key in found:
-            value = [math.nan] * dim if item.is_place and found[key] is None else found[key]
-            if not (item.is_resultant and value is None):
+    for key, quantity in QUANTITIES.items():
+        if quantity.compute is not None and key in values:
+            value = [math.nan] * dim if quantity.is_place and values[key] is None else values[key]
+            if not (quantity.is_resultant and value is None):
                 row |= components(f"{key}{ending}", value)
     return row
 
@@ -312,7 +316,7 @@ def columns(found: Mapping[str, Any], dim: int, ending: str = "") -> dict[str, f
 def components(name: str, value: Any) -> dict[str, float]:
     """A column for a number, NaN for one that is not known, or one for each axis of a vector."""
     if isinstance(value, list):
-        return {f"{name}_{axis}": part for axis, part in zip(AXES, value, strict=False)}
+        return {f"{name}_{axis}": component for axis, component in zip(AXES, value, strict=False)}
     return {name: math.nan if value is None else value}
 
 

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from contact_locking.mesh.domain import Domain
     from contact_locking.problem.forms import ProblemData
     from contact_locking.results.derived import ContactFields
-    from contact_locking.solver.multipliers import Multipliers
     from contact_locking.solver.task import SavedState, SolverReport
 
 
@@ -33,14 +32,13 @@ _VERDICT = ("converged", "reason", "suggestion", "warnings")
 
 @dataclass(frozen=True)
 class State:
-    """Displacement, multipliers, travel of foundations, and the memory of friction.
+    """What the next solve may take from a solution.
 
     A solver may start from ``saved``; ``contacts`` are the memories of friction at each contact
     after the step that has ended with the solution.
     """
 
     saved: SavedState
-    multipliers: Multipliers
     contacts: tuple[ContactState, ...]
 
 
@@ -194,11 +192,11 @@ def _jsonable(value: Any, key: str, not_finite: dict[str, str]) -> Any:
     match value:
         case dict():
             return {
-                str(name): _jsonable(item, f"{key}.{name}" if key else str(name), not_finite)
-                for name, item in value.items()
+                str(name): _jsonable(entry, f"{key}.{name}" if key else str(name), not_finite)
+                for name, entry in value.items()
             }
         case list() | tuple() | np.ndarray():
-            return [_jsonable(item, f"{key}.{i}", not_finite) for i, item in enumerate(value)]
+            return [_jsonable(entry, f"{key}.{i}", not_finite) for i, entry in enumerate(value)]
         case np.generic():
             return _jsonable(value.item(), key, not_finite)
         case float() if not math.isfinite(value):

@@ -100,7 +100,7 @@ def _case(
     return Case(values, label, name, folder, parameters.model_copy(update={"output": output}))
 
 
-FAILURE, PROGRESS, LOG = "failure.json", "progress.json", "log.txt"
+FAILURE, LOG = "failure.json", "log.txt"
 
 State = Literal["converged", "not converged", "failed", "not run"]
 
@@ -156,7 +156,7 @@ def begin(case: Case) -> None:
     """Prepare the folder for `run`, and remove the files of an earlier attempt.  Raises OSError."""
     case.folder.mkdir(parents=True, exist_ok=True)
     remove_abandoned(case.folder)
-    for name in (FAILURE, PROGRESS, LOG):
+    for name in (FAILURE, LOG):
         (case.folder / name).unlink(missing_ok=True)
     write_text(case.folder / PARAMETERS, study_file.dump(case.parameters))
 
@@ -166,9 +166,9 @@ def conclude(case: Case, why: Callable[[], str]) -> Outcome:
 
     Records the reason.  Raises OSError if this fails.
     """
-    found = outcome(case)
-    if found.finished:
-        return found
+    result = outcome(case)
+    if result.finished:
+        return result
     reason = why()
     record = {"version": __version__, "fingerprint": case.name, "reason": reason}
     text = json.dumps(record, indent=2, ensure_ascii=False) + "\n"
@@ -218,15 +218,17 @@ def row_of(values: Mapping[str, Any], name: str, outcome: Outcome) -> dict[str, 
 def _flat(value: Any, key: str) -> list[tuple[str, Any]]:
     match value:
         case dict():
-            below = [_flat(item, f"{key}.{name}" if key else name) for name, item in value.items()]
+            below = [
+                _flat(element, f"{key}.{name}" if key else name) for name, element in value.items()
+            ]
             return [pair for pairs in below for pair in pairs]
-        case list() if all(isinstance(item, str) for item in value):
+        case list() if all(isinstance(element, str) for element in value):
             return [(key, "; ".join(value))]
-        case list() if any(isinstance(item, dict) for item in value):
+        case list() if any(isinstance(element, dict) for element in value):
             named = by_name(value)
             return _flat(named, key) if len(named) > 1 else []
         case list():
-            below = [_flat(item, f"{key}.{index}") for index, item in enumerate(value)]
+            below = [_flat(element, f"{key}.{index}") for index, element in enumerate(value)]
             return [pair for pairs in below for pair in pairs]
     return [(key, _plain(value))]
 
@@ -236,9 +238,9 @@ def _plain(value: Any) -> Any:
         case float() if not math.isfinite(value):
             return str(value)
         case dict():
-            return {key: _plain(item) for key, item in value.items()}
+            return {key: _plain(element) for key, element in value.items()}
         case list() | tuple():
-            return [_plain(item) for item in value]
+            return [_plain(element) for element in value]
     return value
 
 

@@ -23,7 +23,7 @@ from typing import Any
 
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.results.folder import PARAMETERS
-from contact_locking.running.cases import LOG, PROGRESS, Case, begin
+from contact_locking.running.cases import LOG, Case, begin
 
 #: The program that solves a case; its arguments follow.  With -P, Python takes no modules from the
 #: current folder, which may have come with the study.
@@ -72,8 +72,15 @@ def environment(jobs: int, ranks: int) -> dict[str, str]:
 
 def words(case: Case) -> list[str]:
     """The arguments that solve a case in its folder, once `begin` has prepared it."""
-    progress = str(case.folder / PROGRESS)
-    return [case.command, str(case.folder / PARAMETERS), "--progress", progress]
+    return [case.command, str(case.folder / PARAMETERS)]
+
+
+def end_of(log: Path) -> str:
+    """The end of the log of a case, as far as it is there."""
+    with contextlib.suppress(OSError), log.open("rb") as stream:
+        stream.seek(max(0, log.stat().st_size - _LOG_TAIL))
+        return stream.read().decode("utf-8", errors="replace")
+    return ""
 
 
 def explain(code: int, log: Path) -> str:
@@ -83,10 +90,7 @@ def explain(code: int, log: Path) -> str:
         name = signal.Signals(number).name
         hint = ", perhaps for want of memory" if number == signal.SIGKILL else ""
         return f"was killed by {name}{hint}"
-    text = ""
-    with contextlib.suppress(OSError), log.open("rb") as stream:
-        stream.seek(max(0, log.stat().st_size - _LOG_TAIL))
-        text = stream.read().decode("utf-8", errors="replace")
+    text = end_of(log)
     if code and (crash := _CRASH.search(text)):
         return f"crashed: {crash[1]}; see {log}"
     if code and (errors := _ERROR.findall(text)):

@@ -68,8 +68,8 @@ def run(
     where data cannot be used at a later time, the steps before are written first.
     """
     target, listener = Path(directory), monitor or Monitor()
-    given = None if restart is None or save_state else checkpoints.locate(restart).resolve()
-    if given == checkpoints.locate(target).resolve():
+    start = None if restart is None or save_state else checkpoints.locate(restart).resolve()
+    if start == checkpoints.locate(target).resolve():
         raise InputError(
             f"the results would replace the checkpoint in {target} that the run starts from: add "
             "--checkpoint to save the new state there, or give another folder by --output"
@@ -158,8 +158,8 @@ class FieldSeries(contextlib.ExitStack):
         with _explained_alone(self._target, comm):
             if self._series is None:
                 self._series = fields.Series(functions, self._path, comm)
-            for own, new in zip(self._series.functions, functions, strict=True):
-                own.x.array[:] = new.x.array
+            for function, new in zip(self._series.functions, functions, strict=True):
+                function.x.array[:] = new.x.array
             self._series.add(solution.time)
 
     def finish(self) -> Path:
@@ -216,9 +216,9 @@ def write(
         if series is not None:
             on_root_of(comm, target, partial(series.rename, staging / names.FIELDS))
         elif output.fields and "vtx" in output.formats:
-            with FieldSeries(target, comm) as own:
-                own.add(solution)
-                made = own.finish()
+            with FieldSeries(target, comm) as fields_file:
+                fields_file.add(solution)
+                made = fields_file.finish()
                 on_root_of(comm, target, partial(made.rename, staging / names.FIELDS))
         if output.fields and "xdmf" in output.formats:
             with _explained_alone(target, comm):

@@ -22,7 +22,7 @@ from contact_locking.results.folder import (
     require_own,
 )
 from contact_locking.running.cases import (
-    PROGRESS,
+    LOG,
     Case,
     Outcome,
     State,
@@ -30,11 +30,10 @@ from contact_locking.running.cases import (
     conclude,
     each_once,
     outcome,
-    read_mapping,
     row_of,
     write_rows,
 )
-from contact_locking.running.executor import Executor, Plan, Slot, launcher
+from contact_locking.running.executor import Executor, Plan, Slot, end_of, launcher
 from contact_locking.running.signals import stoppable
 from contact_locking.study_file import StudyFile
 from contact_locking.study_file.parameters import Parameters
@@ -105,17 +104,17 @@ def finish(study: Study, parameters: Parameters, plan: Plan, console: Console) -
                     view.line(f"warning: the file system of {directory} has no locks", "yellow")
                 require_own(directory, (PARAMETERS, TABLE_CSV, TABLE_LINES))
                 cases, before = study.cases, study.finished
-                told = f", {before} finished before" if before else ""
-                view.line(f"{len(cases)} cases in {directory}{told}")
+                words = f", {before} finished before" if before else ""
+                view.line(f"{len(cases)} cases in {directory}{words}")
                 asked, cores = plan.jobs * plan.ranks, os.cpu_count() or 1
                 if asked > cores:
-                    told = (
+                    words = (
                         f"{asked} processes share the {cores} cores of this machine, and are slow"
                     )
-                    view.line(f"warning: {told}", "yellow")
+                    view.line(f"warning: {words}", "yellow")
                 if repeated := len(cases) - len(study.outcomes):
-                    told = f"{repeated} repeat the values of others, and are solved once"
-                    view.line(f"warning: {told}", "yellow")
+                    words = f"{repeated} repeat the values of others, and are solved once"
+                    view.line(f"warning: {words}", "yellow")
                 for folder in (directory, directory / "cases"):
                     remove_abandoned(folder)
                 write_text(directory / PARAMETERS, study_file.dump(parameters))
@@ -227,18 +226,9 @@ class View:
         outer = Table.grid()
         outer.add_row(Text(", ".join(counts), style="bold"))
         inner = Table.grid(padding=(0, 2))
-        for one in running:
-            cells = (one.case.label, status(one.case), duration(one.seconds))
+        for slot in running:
+            last = end_of(slot.case.folder / LOG).strip().rpartition("\n")[2] or "starting"
+            cells = (slot.case.label, last.strip(), duration(slot.seconds))
             inner.add_row(*(Text(f"  {printable(cell)}", no_wrap=True) for cell in cells))
         outer.add_row(inner)
         return outer
-
-
-def status(case: Case) -> str:
-    """The latest progress that a running case has recorded."""
-    now = read_mapping(case.folder / PROGRESS)
-    if now is None:
-        return "starting"
-    if "iteration" not in now:
-        return str(now.get("message", ""))
-    return f"n = {now.get('n')}  iteration {now['iteration']}  residual {now.get('residual')}"

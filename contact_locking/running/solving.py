@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import re
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
@@ -19,6 +18,7 @@ from contact_locking import study_file, wings
 from contact_locking._version import __version__
 from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.errors import InputError, with_key
+from contact_locking.fields.findings import Finding
 from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
@@ -45,7 +45,6 @@ _WINGS = {
     "certificate.error_bound": "theory",
     "certificate.critical_friction": "theory",
 }
-_NUMBERS = re.compile(r"(?<![\w.])[-+]?\d[\d.e+-]*")
 
 
 def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None = None) -> Settings:
@@ -99,12 +98,12 @@ class SolvableStudy:
     ) -> Solution:
         """The solution in a state, with title, probes and parameters of the study file."""
         problem, parameters = self.problem, self.parameters
-        found = self.solver.solution(state, criteria, parameters.certificate)
-        labels = parameters.output.labels(found.domain.dim, found.domain.axisymmetric)
-        facts = {"title": parameters.title, "units": labels, **found.facts}
-        probes = sample(problem.probes, found) if len(problem.probes) else None
+        solution = self.solver.solution(state, criteria, parameters.certificate)
+        labels = parameters.output.labels(solution.domain.dim, solution.domain.axisymmetric)
+        facts = {"title": parameters.title, "units": labels, **solution.facts}
+        probes = sample(problem.probes, solution) if len(problem.probes) else None
         return dataclasses.replace(
-            found, facts=facts, probes=probes, parameters=parameters, problem=self._fingerprint
+            solution, facts=facts, probes=probes, parameters=parameters, problem=self._fingerprint
         )
 
     def solution(
@@ -233,7 +232,7 @@ def solve_steps(
     fingerprint = on_root(comm, lambda: study_file.fingerprint(parameters))
     for warning in problem.warnings:
         monitor.message(f"warning: {warning}")
-    told = set[str]()
+    said = set[Any]()
     with contextlib.closing(SolvableStudy(problem, monitor, petsc_options)) as study:
         for solution in study.solutions(restart):
             for number, chart in enumerate(parameters.output.charts):
@@ -241,10 +240,10 @@ def solve_steps(
                     values = partial(solution.history.values, getattr(chart, axis))
                     with_key(f"output.charts.{number}.{axis}", values)
             for warning in solution.warnings:
-                # Steps differ in the numbers of a warning, but for those in keys, as contact.1.
-                words = _NUMBERS.sub("", warning)
-                if words not in told:
-                    told.add(words)
+                # The findings of several steps differ in their numbers.
+                about = (warning.code, warning.key) if isinstance(warning, Finding) else warning
+                if about not in said:
+                    said.add(about)
                     monitor.message(f"warning: {warning}")
             entries: dict[str, Any] = {"version": __version__, "fingerprint": fingerprint}
             entries["wall_seconds"] = time.perf_counter() - start

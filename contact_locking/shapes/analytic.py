@@ -125,10 +125,10 @@ class LevelSetAt:
     def _evaluated(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         if self._function.expression is not None:
             return self._function.with_gradient(x, self._time)
-        found = self._function.data(x)
-        if not isinstance(found, tuple | list) or np.shape(found[-1]) != x.shape:
+        values = self._function.data(x)
+        if not isinstance(values, tuple | list) or np.shape(values[-1]) != x.shape:
             raise InputError("the function of a LevelSet returns f (k,) and its gradient (d, k)")
-        return found[0], found[1]
+        return values[0], values[1]
 
     def slope(self, x: FloatArray) -> FloatArray:
         """``|grad f|`` (k,) at points (d, k)."""

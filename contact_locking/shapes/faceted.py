@@ -92,10 +92,10 @@ class FacetedFoundation(Shape):
         """The outward unit normals (m, d) of the facets."""
         edges = self.facets[:, 1:] - self.facets[:, :1]
         if edges.shape[2] == 2:
-            found = edges[:, 0, ::-1] * np.array([1.0, -1.0])
+            normals = edges[:, 0, ::-1] * np.array([1.0, -1.0])
         else:
-            found = np.cross(edges[:, 0], edges[:, 1])
-        return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])
+            normals = np.cross(edges[:, 0], edges[:, 1])
+        return np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])
 
     def way_out(self, x: FloatArray, towards: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Where rays from points (d, k) inside first leave the foundation.
@@ -106,7 +106,7 @@ class FacetedFoundation(Shape):
         """
         start, normals = self.facets[:, 0], self.normals
         to_shares = np.linalg.pinv(np.swapaxes(self.facets[:, 1:] - start[:, None], 1, 2))
-        depths, found = np.full(x.shape[1], np.inf), np.zeros(x.shape)
+        depths, ways = np.full(x.shape[1], np.inf), np.zeros(x.shape)
         for number, (place, ray) in enumerate(zip(x.T, towards.T, strict=True)):
             away, slope = start - place, normals @ ray
             leaves = slope > _GRAZING
@@ -118,8 +118,8 @@ class FacetedFoundation(Shape):
             leaves &= (way > 0.0) & (least >= -_GRAZING)
             if leaves.any():
                 first = int(np.argmin(np.where(leaves, way, np.inf)))
-                depths[number], found[:, number] = depth[first], normals[first]
-        return depths, found
+                depths[number], ways[:, number] = depth[first], normals[first]
+        return depths, ways
 
 
 _Corners = Annotated[
@@ -165,19 +165,19 @@ class Polyline(FacetedFoundation):
         from contact_locking.parallel import on_root
         from contact_locking.shapes.tool_files import read_corners
 
-        found: Polyline = self
+        line: Polyline = self
         if self.file is not None:
             path = Path(self.file)
-            found = Polyline(on_root(comm, lambda: read_corners(path, _MOST_CORNERS)))
-        if len(found.corners) < 2:
+            line = Polyline(on_root(comm, lambda: read_corners(path, _MOST_CORNERS)))
+        if len(line.corners) < 2:
             raise InputError("has no segment: give at least two corners at different places")
-        if (crossing := found.crossing()) is not None:
+        if (crossing := line.crossing()) is not None:
             first, second = crossing
             raise InputError(
                 f"crosses or touches itself: segments {first + 1} and {second + 1} meet, so that "
                 "it has no two sides"
             )
-        return found
+        return line
 
     @property
     def warnings(self) -> list[str]:
@@ -187,9 +187,9 @@ class Polyline(FacetedFoundation):
     @cached_property
     def corners(self) -> FloatArray:
         """The corners (m, 2), without those that are where the corner before is."""
-        found = np.array(self.points, dtype=float)
-        kept = np.append(True, np.any(np.diff(found, axis=0) != 0.0, axis=1))
-        return np.asarray(found[kept])
+        corners = np.array(self.points, dtype=float)
+        kept = np.append(True, np.any(np.diff(corners, axis=0) != 0.0, axis=1))
+        return np.asarray(corners[kept])
 
     @property
     def is_closed(self) -> bool:
@@ -225,19 +225,22 @@ class Polyline(FacetedFoundation):
 
     def crossing(self) -> tuple[int, int] | None:
         """The numbers of two segments that meet without being neighbours; None if no two do."""
-        start, end = self.corners[:-1], self.corners[1:]
-        count = len(start)
-        low, high = np.minimum(start, end), np.maximum(start, end)
-        for one in range(count - 1):
-            rest = slice(one + 1, count)
-            near = np.all((low[one] <= high[rest]) & (high[one] >= low[rest]), axis=1)
-            for other in map(int, one + 1 + np.flatnonzero(near)):
-                follows = other == one + 1 or (self.is_closed and other - one == count - 1)
-                test = _folds_back if follows else _meet
-                if test(
-                    end[one] - start[one], end[other] - start[other], start[other] - start[one]
-                ):
-                    return one, other
+        start, way = self.corners[:-1], np.diff(self.corners, axis=0)
+        count, ends = len(start), np.stack([self.corners[:-1], self.corners[1:]])
+        low, high = ends.min(axis=0), ends.max(axis=0)
+        for first in range(count - 1):
+            others = slice(first + 1, count)
+            near = np.all((low[first] <= high[others]) & (high[first] >= low[others]), axis=1)
+            other = first + 1 + np.flatnonzero(near)
+            a, b, offset = way[first], way[other].T, (start[other] - start[first]).T
+            follows = (other == first + 1) | (self.is_closed & (other - first == count - 1))
+            # Of two neighbours one runs back along the other.
+            folds = (_cross(a, b) == 0.0) & (a @ b < 0.0)
+            meets = _cross(a, offset) * _cross(a, offset + b) <= 0.0
+            meets &= _cross(b, -offset) * _cross(b, a[:, None] - offset) <= 0.0
+            both = other[np.where(follows, folds, meets)]
+            if len(both):
+                return first, int(both[0])
         return None
 
     def _signed(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -310,11 +313,11 @@ class TriangulatedSurface(FacetedFoundation):
         if self.file is None:
             return self
         path, shift = Path(self.file), self.shift or (0.0, 0.0, 0.0)
-        found = on_root(
+        read = on_root(
             comm, lambda: read_surface(path, self.scale, shift, self.turned, self.spacing)
         )
-        surface = TriangulatedSurface(*found[:2])
-        surface.warnings.extend(found[2])
+        surface = TriangulatedSurface(*read[:2])
+        surface.warnings.extend(read[2])
         return surface
 
     @cached_property
@@ -351,7 +354,7 @@ class TriangulatedSurface(FacetedFoundation):
 
     def sharp_points(self, box: FloatArray, spacing: float) -> FloatArray:
         middle, radius = box.mean(axis=0), 0.5 * float(np.linalg.norm(np.ptp(box, axis=0)))
-        found = [self.points]
+        sharp = [self.points]
         for start, end in self.points[self._edges[1]]:
             length = float(np.linalg.norm(end - start))
             along = (end - start) / length
@@ -359,8 +362,8 @@ class TriangulatedSurface(FacetedFoundation):
             low, high = np.clip([foot - radius, foot + radius], 0.0, length)
             if np.linalg.norm(start + np.clip(foot, 0.0, length) * along - middle) <= radius:
                 count = int(np.ceil((high - low) / spacing)) + 1
-                found.append(start + np.linspace(low, high, count)[:, None] * along)
-        points = np.concatenate(found)
+                sharp.append(start + np.linspace(low, high, count)[:, None] * along)
+        points = np.concatenate(sharp)
         return np.asarray(points[np.all((points >= box[0]) & (points <= box[1]), axis=1)])
 
     @cached_property
@@ -394,10 +397,10 @@ class TriangulatedSurface(FacetedFoundation):
         if self._last and np.array_equal(self._last[0][0], x):
             return self._last[0][1:]
         distances, places = np.empty(x.shape[1]), np.empty((x.shape[1], 3))
-        found = [0.0, 0.0, 0.0]
+        closest = [0.0, 0.0, 0.0]
         for number, point in enumerate(x.T):
-            distances[number] = self._distance.EvaluateFunctionAndGetClosestPoint(point, found)
-            places[number] = found
+            distances[number] = self._distance.EvaluateFunctionAndGetClosestPoint(point, closest)
+            places[number] = closest
         self._last[:] = [(x.copy(), distances, places.T)]
         return distances, places.T
 
@@ -436,29 +439,17 @@ def _nearest_on_segments(
     start, along = segments[:, 0], segments[:, 1] - segments[:, 0]
     square = np.sum(along**2, axis=1)
     rows = max(_AT_ONCE // len(along), 1)
-    numbers, found = [], []
-    for part in np.array_split(points, max(len(points) // rows, 1)):
-        away = part[:, None] - start
+    numbers, nearest_shares = [], []
+    for some in np.array_split(points, max(len(points) // rows, 1)):
+        away = some[:, None] - start
         shares = np.clip(np.einsum("kmi,mi->km", away, along) / square, 0.0, 1.0)
-        left = away - shares[:, :, None] * along
-        nearest = np.argmin(np.sum(left**2, axis=2), axis=1)
+        offset = away - shares[:, :, None] * along
+        nearest = np.argmin(np.sum(offset**2, axis=2), axis=1)
         numbers.append(nearest)
-        found.append(shares[np.arange(len(part)), nearest])
-    number, share = np.concatenate(numbers), np.concatenate(found)
+        nearest_shares.append(shares[np.arange(len(some)), nearest])
+    number, share = np.concatenate(numbers), np.concatenate(nearest_shares)
     return start[number] + share[:, None] * along[number], number, share
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(a[0] * b[1] - a[1] * b[0])
-
-
-def _folds_back(first: FloatArray, second: FloatArray, offset: FloatArray) -> bool:
-    """Whether of two neighbours one runs back along the other."""
-    return bool(_cross(first, second) == 0.0 and first @ second < 0.0)
-
-
-def _meet(first: FloatArray, second: FloatArray, offset: FloatArray) -> bool:
-    """Whether two segments with overlapping boxes meet; ``offset`` is from start to start."""
-    across = _cross(first, offset) * _cross(first, offset + second)
-    back = _cross(second, -offset) * _cross(second, first - offset)
-    return bool(across <= 0.0 and back <= 0.0)

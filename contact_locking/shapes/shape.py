@@ -68,7 +68,7 @@ class Shape(Concept):
     turn_normal: ClassVar[str] = ""
 
     @classmethod
-    def __pydantic_init_subclass__(cls, **more: Any) -> None:
+    def __pydantic_init_subclass__(cls, **options: Any) -> None:
         if "key" in cls.__dict__:
             SHAPES[cls.key] = cls
 

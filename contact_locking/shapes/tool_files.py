@@ -71,19 +71,19 @@ def checked(corners: FloatArray, origin: str) -> Surface:
     left, for an edge of more than two triangles, at which no side is outside, and for neighbours
     that look to different sides.
     """
-    told = []
+    warnings = []
     edges = np.roll(corners, -1, axis=1) - corners
     longest = np.linalg.norm(edges, axis=2).max(axis=1)
     flat = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) <= _FLAT * longest**2
     if flat.all():
         raise InputError(f"{origin} holds degenerate triangles only, which have no area")
     if flat.any():
-        told.append(f"{origin}: {flat.sum()} degenerate triangles were left out")
+        warnings.append(f"{origin}: {flat.sum()} degenerate triangles were left out")
     points, numbers = _distinct(corners[~flat].reshape(-1, 3))
     triangles: IntArray = numbers.reshape(-1, 3)
     first = np.unique(keys(np.sort(triangles, axis=1), len(points)), return_index=True)[1]
     if copies := len(triangles) - len(first):
-        told.append(f"{origin}: {copies} copies of triangles were left out")
+        warnings.append(f"{origin}: {copies} copies of triangles were left out")
         triangles = triangles[np.sort(first)]
     sides = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     _, first, counts = np.unique(
@@ -104,11 +104,11 @@ def checked(corners: FloatArray, origin: str) -> Surface:
             "faces coherently)"
         )
     if rim := int(np.sum(counts == 1)):
-        told.append(
+        warnings.append(
             f"{origin}: the surface is open, {rim} edges have one triangle only; the tool is "
             "behind the triangles, and the body must not reach around the rim"
         )
-    return points, triangles, told
+    return points, triangles, warnings
 
 
 def _distinct(rows: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -221,22 +221,22 @@ def _numbers(path: Path) -> FloatArray:
     require_size(path)
     try:
         if path.suffix.lower() == ".npy":
-            found = np.load(path, allow_pickle=False)
+            numbers = np.load(path, allow_pickle=False)
         else:
             try:
-                found = _rows(path, 0)
+                numbers = _rows(path, 0)
             except ValueError:
-                found = _rows(path, 1)
-        found = np.asarray(found, dtype=float)
+                numbers = _rows(path, 1)
+        numbers = np.asarray(numbers, dtype=float)
     except (ValueError, TypeError, EOFError, OSError) as error:
         raise InputError(f"{path} cannot be read as rows of numbers: {error}") from None
-    if found.ndim != 2:
-        raise InputError(f"{path} has {found.ndim} axes; a table has 2")
-    is_finite = np.isfinite(found)
+    if numbers.ndim != 2:
+        raise InputError(f"{path} has {numbers.ndim} axes; a table has 2")
+    is_finite = np.isfinite(numbers)
     if not is_finite.all():
         row, count = int(np.argmin(is_finite.all(axis=1))) + 1, np.count_nonzero(~is_finite)
         raise InputError(f"{path}: {count} of its numbers are not finite, the first in row {row}")
-    return found
+    return numbers
 
 
 def _rows(path: Path, heading: int) -> FloatArray:

@@ -38,7 +38,7 @@ class StudyProblem(DiscreteProblem):
 
     def __init__(self, parameters: Parameters, domain: Domain, element: Element) -> None:
         self.parameters = parameters
-        told = [f"{domain.origin}: {warning}" for warning in domain.warnings]
+        of_mesh = [f"{domain.origin}: {warning}" for warning in domain.warnings]
         parameters.check_dimension(domain.dim)
         self.probes = locate(domain, parameters.output.probes)
         steps, loads = parameters.steps, parameters.loads
@@ -52,12 +52,12 @@ class StudyProblem(DiscreteProblem):
             springs=loads.of("springs"),
             **_material(domain, parameters.material),
         )
-        contacts = [_with_radius(domain, item) for item in parameters.contacts]
+        contacts = [_with_radius(domain, contact) for contact in parameters.contacts]
         body.require_free(contacts)
         super().__init__(body, contacts, parameters.penalty, clock)
         self.rigidity.require_held()
         # Two contacts may have one section of friction.
-        self.warnings = list(dict.fromkeys([*told, *self.warnings]))
+        self.warnings = list(dict.fromkeys([*of_mesh, *self.warnings]))
 
     def advance(self, time: float) -> None:
         """Put the data that depend on the time to a time; collective.
@@ -80,7 +80,7 @@ class StudyProblem(DiscreteProblem):
             "regions": sorted(self.domain.cell_names),
             "boundary parts": sorted(self.domain.facet_names),
             "groups": groups(self.domain),
-            "held by": {part.name: str(part) for part in self.held},
+            "held by": {held.name: str(held) for held in self.held},
             "smallest eigenvalue of A": self.material.ellipticity,
         }
         if self.contacts:
@@ -101,19 +101,19 @@ def _with_radius(domain: Domain, contact: Contact) -> Contact:
     return contact.model_copy(update={"friction": friction})
 
 
-def _material(domain: Domain, given: MaterialParameters) -> dict[str, Any]:
+def _material(domain: Domain, material: MaterialParameters) -> dict[str, Any]:
     """The entries of a `Body` about its material; collective.
 
     Raises InputError for a region that the mesh does not have.
     """
     index_map = domain.mesh.topology.index_map(domain.dim)
     everywhere: IndexArray = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
-    law = given.elasticity.model_copy(update={"plane": given.plane})
+    law = material.elasticity.model_copy(update={"plane": material.plane})
     elasticity = [Placed(law, "material.elasticity", everywhere)]
-    limited: list[tuple[str, Region]] = [("material", given)]
+    limited: list[tuple[str, Region]] = [("material", material)]
     # The limits of a region replace those of the material and of regions before it.
     owner, regions = np.zeros(len(everywhere), dtype=np.int32), []
-    for name, region in given.regions.items():
+    for name, region in material.regions.items():
         key = f"material.regions.{name}"
         regions.append(domain.cells(name, key))
         if region.elasticity is not None:
@@ -128,13 +128,13 @@ def _material(domain: Domain, given: MaterialParameters) -> dict[str, Any]:
             key = dotted(above, *place)
             limits.append(Placed(limit, key, inside, key if "locking_limit" in place else ""))
     eigenstrains = []
-    for place, item in given.eigenstrains:
+    for place, eigenstrain in material.eigenstrains:
         key, inside = dotted("material", *place), everywhere
-        if item.on is not None:
-            parts = [domain.cells(name, f"{key}.on") for name in item.on]
+        if eigenstrain.on is not None:
+            parts = [domain.cells(name, f"{key}.on") for name in eigenstrain.on]
             inside = np.unique(np.concatenate(parts)).astype(np.int32)
             regions.append(inside)
-        eigenstrains.append(Placed(item, key, inside))
+        eigenstrains.append(Placed(eigenstrain, key, inside))
     return dict(elasticity=elasticity, eigenstrains=eigenstrains, limits=limits, regions=regions)
 
 
@@ -180,17 +180,17 @@ def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
 
     Raises InputError for parts of ``mesh.parts`` that do not fit the mesh or have no facets.
     """
-    given = parameters.mesh
-    if given.geometry is not None:
-        domain = sources.from_geometry(given.geometry, comm, parameters.refined_names)
-    elif is_xdmf(path := Path(given.file or "")):
+    section = parameters.mesh
+    if section.geometry is not None:
+        domain = sources.from_geometry(section.geometry, comm, parameters.refined_names)
+    elif is_xdmf(path := Path(section.file or "")):
         # SciPy, which these meshes need, would take a tenth of the time of `check` for others.
         from contact_locking.mesh.xdmf import from_xdmf
 
         domain = from_xdmf(path, comm)
     else:
         domain = sources.from_file(path, comm, parameters.touching)
-    if given.axisymmetric:
+    if section.axisymmetric:
         domain = half_section(domain)
-    require_fitting(given, BodyKind(domain.dim), "mesh")
-    return with_parts(domain, given.parts, "mesh.parts") if given.parts else domain
+    require_fitting(section, BodyKind(domain.dim), "mesh")
+    return with_parts(domain, section.parts, "mesh.parts") if section.parts else domain

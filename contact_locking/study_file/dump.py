@@ -43,22 +43,22 @@ def plain(value: Any) -> Any:
         case Value():
             return value.data
         case MeshParameters():
-            return {key: plain(item) for key, item in value.model_dump().items()}
+            return {key: plain(entry) for key, entry in value.model_dump().items()}
         case Concept():
             fields = type(value).model_fields.items()
-            given = {
+            values = {
                 value.key_of(name): getattr(value, name)
                 for name, field in fields
                 if not field.exclude
             }
-            if ONLY in given:
-                return plain(given[ONLY])
-            return {key: plain(item) for key, item in given.items() if item is not None}
+            if ONLY in values:
+                return plain(values[ONLY])
+            return {key: plain(entry) for key, entry in values.items() if entry is not None}
         case dict():
-            return {key: plain(item) for key, item in value.items()}
+            return {key: plain(entry) for key, entry in value.items()}
         case list() | tuple():
-            items = CommentedSeq(plain(item) for item in value)
-            if not any(isinstance(item, dict) for item in items):
+            items = CommentedSeq(plain(entry) for entry in value)
+            if not any(isinstance(entry, dict) for entry in items):
                 items.fa.set_flow_style()
             return items
     return value
@@ -109,23 +109,23 @@ def _normalised(
     # Every part of Gamma_C with its complete law of friction, wherever the file defines it.
     contacts = [
         {
-            "on": part.on,
-            "gap": part.gap.data,
-            "foundation": part.foundation and _foundation(part.foundation, digest),
-            "friction": part.friction and part.friction.model_dump(),
+            "on": contact.on,
+            "gap": contact.gap.data,
+            "foundation": contact.foundation and _foundation(contact.foundation, digest),
+            "friction": contact.friction and contact.friction.model_dump(),
         }
-        for part in parameters.contacts
+        for contact in parameters.contacts
     ]
     return {**data, "contact": contacts, "mesh": mesh_identity(parameters, digest)}
 
 
-def _foundation(given: Foundation, digest: Callable[[str], str]) -> dict[str, Any]:
-    data = given.model_dump()
-    if given.file is not None:
-        more = data[given.shape_key] if given.shape_key == "surface" else {}
-        data[given.shape_key] = {**more, "file": digest(given.file)}
-    if given.moved is not None:
-        data["motion"] = given.moved.model_dump()
+def _foundation(foundation: Foundation, digest: Callable[[str], str]) -> dict[str, Any]:
+    data = foundation.model_dump()
+    if foundation.file is not None:
+        keys = data[foundation.shape_key] if foundation.shape_key == "surface" else {}
+        data[foundation.shape_key] = {**keys, "file": digest(foundation.file)}
+    if foundation.moved is not None:
+        data["motion"] = foundation.moved.model_dump()
     return data
 
 

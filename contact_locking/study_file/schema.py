@@ -83,18 +83,18 @@ def _rows(models: Sections, prefix: str, known: dict[Sections, str]) -> Iterator
             having.setdefault(name, []).append(field)
     for name, fields_ in having.items():
         key = f"{prefix}{name}"
-        path, found = sections_in(fields_[0].annotation)
-        defaults = {"required" if one.is_required() else _shown(one.default) for one in fields_}
+        path, sections = sections_in(fields_[0].annotation)
+        defaults = {"required" if info.is_required() else _shown(info.default) for info in fields_}
         default = defaults.pop() if len(defaults) == 1 else "required"
-        told = "; ".join(dict.fromkeys(one.description or "" for one in fields_))
-        row = Row(key, default, unit_of(fields_[0]), told)
-        if found in known:
-            yield row._replace(description=f"{told}; its keys: those of {known[found]}")
+        description = "; ".join(dict.fromkeys(info.description or "" for info in fields_))
+        row = Row(key, default, unit_of(fields_[0]), description)
+        if sections in known:
+            yield row._replace(description=f"{description}; its keys: those of {known[sections]}")
             continue
         yield row
-        if found:
-            known[found] = key
-            yield from _rows(found, ".".join((key, *path, "")), known)
+        if sections:
+            known[sections] = key
+            yield from _rows(sections, ".".join((key, *path, "")), known)
     if models == (MeshParameters,):
         yield from _builder_rows(prefix)
 
@@ -140,8 +140,8 @@ _VERSION = "http://json-schema.org/draft-07/schema#"
 
 def schema() -> dict[str, Any]:
     """The JSON schema of a study file; .inf is the text ".inf", as JSON has no infinity."""
-    found = _json(Parameters.model_json_schema(by_alias=True))
-    sections = found["$defs"]
+    whole = _json(Parameters.model_json_schema(by_alias=True))
+    sections = whole["$defs"]
     sections["MeshParameters"] = _json(_mesh_schema())
     sections["StudyParameters"]["properties"] |= {
         kind: {"$ref": "#/$defs/VariedKeys", "description": about["description"]}
@@ -155,15 +155,15 @@ def schema() -> dict[str, Any]:
     sections["VariedKeys"] = {"type": "object", "additionalProperties": values}
     sections["VariedValues"] = _varied_values()
     head = {"$schema": _VERSION, "title": "A study file of contact-locking"}
-    return head | found
+    return head | whole
 
 
 def _mesh_schema() -> dict[str, Any]:
     about = visible_fields(MeshParameters)
     file = {"type": "string", "description": about["file"].description}
-    told = about["axisymmetric"].description
+    about_axis = about["axisymmetric"].description
     shared: dict[str, Any] = {
-        "axisymmetric": {"type": "boolean", "default": False, "description": told},
+        "axisymmetric": {"type": "boolean", "default": False, "description": about_axis},
         "parts": {
             "type": "object",
             "additionalProperties": {"$ref": "#/$defs/BoundaryPart"},
@@ -208,12 +208,12 @@ def _json(value: Any, names: bool = False) -> Any:
     match value:
         case dict():
             return {
-                key: _json(item, names=key == "properties" and not names)
-                for key, item in value.items()
+                key: _json(entry, names=key == "properties" and not names)
+                for key, entry in value.items()
                 if (names or key != "title") and not key.startswith("<")
             }
         case list() | tuple():
-            return [_json(item) for item in value]
+            return [_json(entry) for entry in value]
         case float() if not math.isfinite(value):
             return show(value)
     return copy.copy(value)

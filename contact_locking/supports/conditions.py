@@ -6,7 +6,7 @@ import copy
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property, partial
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -21,12 +21,27 @@ from contact_locking.fields.present import Clock
 from contact_locking.mesh.domain import Domain, axis_dofs
 from contact_locking.parallel import agree, maximum, minimum, on_any_rank
 from contact_locking.supports.support import Displacement, Support
-from contact_locking.supports.supports import SAME, SMOOTH, place, pseudo_inverse
+from contact_locking.supports.supports import SAME, SMOOTH, PlacedSupport, place, pseudo_inverse
 
 # The sine of the angle between two directions that are too close to each other to be held both.
 _TOO_CLOSE = 1e-2
 # Two conditions for one direction agree up to this share of the largest prescribed value.
 _AGREES = 1e-9
+
+
+def block_diagonal(blocks: FloatArray, comm: Any) -> PETSc.Mat:
+    """The matrix with blocks (k, d, d) of the nodes of each rank on its diagonal; collective."""
+    count, dim = blocks.shape[:2]
+    matrix = PETSc.Mat().create(comm)
+    matrix.setSizes(((dim * count, None), (dim * count, None)), bsize=dim)
+    matrix.setType(PETSc.Mat.Type.AIJ)
+    first, _ = matrix.getOwnershipRange()
+    starts = dim * np.arange(dim * count + 1, dtype=PETSc.IntType)
+    of_node = first + np.arange(dim * count, dtype=PETSc.IntType).reshape(count, 1, dim)
+    columns = np.repeat(of_node, dim, axis=1).reshape(-1)
+    matrix.setPreallocationCSR((starts, columns, np.ascontiguousarray(blocks).reshape(-1)))
+    matrix.assemble()
+    return matrix
 
 
 class HeldDirections:
@@ -64,10 +79,10 @@ class HeldDirections:
     def part_of(self, values: FloatArray) -> FloatArray:
         """The components along held directions of local or owned values, and 0 elsewhere."""
         blocks, held = self._of(values)
-        found = np.zeros_like(values)
+        along = np.zeros_like(values)
         nodal = values.reshape(-1, self._dim)[blocks]
-        found.reshape(-1, self._dim)[blocks] = np.einsum("kij,kj->ki", held, nodal)
-        return found
+        along.reshape(-1, self._dim)[blocks] = np.einsum("kij,kj->ki", held, nodal)
+        return along
 
     def apply(self, values: FloatArray) -> None:
         """Give local values the prescribed components along the held directions."""
@@ -77,9 +92,9 @@ class HeldDirections:
     def without(self, nodes: IndexArray) -> HeldDirections:
         """The same directions, but not at some local nodes."""
         kept = ~np.isin(self.nodes, nodes)
-        found = HeldDirections(self._comm, self.nodes[kept], self._owned, self.held[kept])
-        found.values = self.values[kept]
-        return found
+        directions = HeldDirections(self._comm, self.nodes[kept], self._owned, self.held[kept])
+        directions.values = self.values[kept]
+        return directions
 
     def eliminate(self, matrix: PETSc.Mat, holds: bool = True) -> None:
         """Replace an assembled matrix A by ``P A P + s H``, or by ``P A P`` alone; collective.
@@ -89,9 +104,9 @@ class HeldDirections:
         """
         if not self._is_anywhere:
             return
-        own, (first, _) = self.nodes[self._mine], matrix.getOwnershipRange()
+        owned, (first, _) = self.nodes[self._mine], matrix.getOwnershipRange()
         diagonal = matrix.getDiagonal()
-        stiffness = diagonal.array_r.reshape(-1, self._dim)[own].max(axis=1)
+        stiffness = diagonal.array_r.reshape(-1, self._dim)[owned].max(axis=1)
         # PETSc multiplies matrices that are stored entry by entry.
         plain, projection = matrix.convert("aij", PETSc.Mat()), self._projection(matrix)
         projected = plain.PtAP(projection)
@@ -99,36 +114,29 @@ class HeldDirections:
         matrix.zeroEntries()
         matrix.axpy(1.0, projected, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         if holds:
-            rows = (first // self._dim + own[:, None]).astype(PETSc.IntType)
+            rows = (first // self._dim + owned[:, None]).astype(PETSc.IntType)
             blocks = stiffness[:, None, None] * self.held[self._mine]
             matrix.setValuesBlockedRCV(rows, rows, blocks, addv=PETSc.InsertMode.ADD_VALUES)
             matrix.assemble()
-        for item in (diagonal, plain, projection, projected):
-            item.destroy()
+        for petsc_object in (diagonal, plain, projection, projected):
+            petsc_object.destroy()
 
     def projected_columns(self, rows: PETSc.Mat) -> PETSc.Mat:
         """``B P`` for linear forms B (n, k) of displacements; B is given away; collective."""
         if not self._is_anywhere:
             return rows
         projection = self._projection(rows)
-        found = rows.matMult(projection)
-        for item in (projection, rows):
-            item.destroy()
-        return found
+        product = rows.matMult(projection)
+        for petsc_object in (projection, rows):
+            petsc_object.destroy()
+        return product
 
     def _projection(self, like: PETSc.Mat) -> PETSc.Mat:
         """P, to be multiplied to a matrix from the right; collective."""
-        from scipy.sparse import bsr_matrix
-
         first, last = like.getOwnershipRangeColumn()
-        count = (last - first) // self._dim
-        blocks = np.tile(np.eye(self._dim), (count, 1, 1))
+        blocks = np.tile(np.eye(self._dim), ((last - first) // self._dim, 1, 1))
         blocks[self.nodes[self._mine]] -= self.held[self._mine]
-        local = bsr_matrix((blocks, np.arange(count), np.arange(count + 1))).tocsr()
-        columns = (local.indices + first).astype(PETSc.IntType)
-        csr = local.indptr.astype(PETSc.IntType), columns, local.data
-        size = (last - first, None)
-        return PETSc.Mat().createAIJ((size, size), csr=csr, comm=like.getComm())
+        return block_diagonal(blocks, like.getComm())
 
     def _of(self, values: FloatArray) -> tuple[IndexArray, FloatArray]:
         """The nodes that an array of values has, and their projections."""
@@ -141,18 +149,14 @@ class HeldDirections:
         return on_any_rank(self._comm, self._mine)
 
 
-class _Condition(NamedTuple):
-    """Directions (k, d) at nodes (k,), axes if there are ``dofs`` (k,), and how to read values."""
+class _OnAxes:
+    """A condition for dofs (k,), as a `PlacedSupport` along axes; ``read`` has its values."""
 
-    key: str
-    nodes: IndexArray
-    directions: FloatArray
-    dofs: IndexArray | None
-    read: Callable[[], FloatArray]
-
-
-def _along_axes(key: str, dofs: IndexArray, read: Callable[[], FloatArray], dim: int) -> _Condition:
-    return _Condition(key, dofs // dim, np.eye(dim)[dofs % dim], dofs, read)
+    def __init__(
+        self, key: str, dofs: IndexArray, read: Callable[[], FloatArray], dim: int
+    ) -> None:
+        self.key, self.dofs, self.read = key, dofs, read
+        self.nodes, self.directions = dofs // dim, np.eye(dim)[dofs % dim]
 
 
 class Constraints:
@@ -179,19 +183,16 @@ class Constraints:
         self.components = tuple(item for item in placed if item.component is not None)
         self.oblique = tuple(item for item in placed if item.component is None)
         self._is_timed = bool(given) or any(item.present.value.is_timed for item in placed)
-        self._prescribed = [
-            _Condition(item.key, item.nodes, item.directions, item.dofs, item.read)
-            for item in (*self.oblique, *self.components)
-        ]
+        empty, dim = np.empty(0, dtype=np.int32), domain.dim
+        self._prescribed: list[PlacedSupport | _OnAxes] = [*self.oblique, *self.components]
         for number, condition in enumerate(given):
             dofs = np.asarray(condition.dof_indices()[0], dtype=np.int32)
             read = partial(self._read, condition, dofs)
-            self._prescribed.append(_along_axes(f"bcs.{number}", dofs, read, domain.dim))
+            self._prescribed.append(_OnAxes(f"bcs.{number}", dofs, read, dim))
         if domain.axisymmetric:
             dofs = axis_dofs(domain, space)
             zero = np.zeros_like(dofs, dtype=float).copy
-            self._prescribed.append(_along_axes("", dofs, zero, domain.dim))
-        empty, dim = np.empty(0, dtype=np.int32), domain.dim
+            self._prescribed.append(_OnAxes("", dofs, zero, dim))
         fixed = [empty, *(item.dofs for item in self._prescribed if item.dofs is not None)]
         self.dofs: IndexArray = np.unique(np.concatenate(fixed)).astype(np.int32)
         self._values = fem.Function(space)
@@ -224,18 +225,18 @@ class Constraints:
 
     def _combine(self) -> None:
         """Find the displacements that all conditions prescribe; collective."""
-        values, u = [item.read() for item in self._prescribed], self._values.x.array
-        for condition, own in zip(self._prescribed, values, strict=True):
+        values, u = [support.read() for support in self._prescribed], self._values.x.array
+        for condition, amounts in zip(self._prescribed, values, strict=True):
             if condition.dofs is not None:
-                u[condition.dofs] = own
+                u[condition.dofs] = amounts
         nodes, comm = self.directions.nodes, self.domain.comm
-        wanted = np.zeros(self._rows.shape[:2])
-        for number, item in enumerate(self.oblique):
-            wanted[np.searchsorted(nodes, item.nodes), number] = values[number]
+        prescribed = np.zeros(self._rows.shape[:2])
+        for number, support in enumerate(self.oblique):
+            prescribed[np.searchsorted(nodes, support.nodes), number] = values[number]
         nodal, count = u.reshape(-1, self.domain.dim), len(self.oblique)
         fixed = self._mask.reshape(nodal.shape)[nodes] == 0.0
-        wanted[:, count:] = np.where(fixed, nodal[nodes], 0.0)
-        self.directions.values = np.einsum("kir,kr->ki", self._inverse, wanted)
+        prescribed[:, count:] = np.where(fixed, nodal[nodes], 0.0)
+        self.directions.values = np.einsum("kir,kr->ki", self._inverse, prescribed)
         whole = u.copy()
         self.directions.apply(whole)
         largest = maximum(comm, np.abs(np.concatenate([np.zeros(1), whole, *values])))
@@ -244,34 +245,37 @@ class Constraints:
     def _refuse_conflict(self, u: FloatArray, values: Sequence[FloatArray], most: float) -> None:
         """Raise InputError where a condition prescribes another value than that of ``u``."""
         nodal = u.reshape(-1, self.domain.dim)
-        for item, own in zip(self._prescribed, values, strict=True):
-            defect = np.abs(np.sum(item.directions * nodal[item.nodes], axis=1) - own)
+        for condition, prescribed in zip(self._prescribed, values, strict=True):
+            defect = np.abs(
+                np.sum(condition.directions * nodal[condition.nodes], axis=1) - prescribed
+            )
             if not np.any(defect > most):
                 continue
             number = int(np.argmax(defect))
-            node, way = item.nodes[number], item.directions[number]
+            node, way = condition.nodes[number], condition.directions[number]
             where = self.domain.where(self._points[node])
-            there = [
+            others = [
                 (other, other_values[place])
                 for other, other_values in zip(self._prescribed, values, strict=True)
                 for place in np.flatnonzero(other.nodes == node)
-                if other is not item and abs(other.directions[place] @ way) > SAME
+                if other is not condition and abs(other.directions[place] @ way) > SAME
             ]
-            other, value = there[-1]
+            other, value = others[-1]
             if not other.key:
-                told = f"moves the axis x = 0 along x at {where}, where u_r is zero"
-                raise InputError(told, item.key)
+                message = f"moves the axis x = 0 along x at {where}, where u_r is zero"
+                raise InputError(message, condition.key)
             axis = f"component {AXES[np.argmax(np.abs(way))]} of the "
+            axis = "" if condition.dofs is None else axis
             raise InputError(
-                f"prescribes {own[number]:.6g} for the {'' if item.dofs is None else axis}"
-                f"displacement at {where}, where another condition prescribes another value: "
+                f"prescribes {prescribed[number]:.6g} for the {axis}displacement at "
+                f"{where}, where another condition prescribes another value: "
                 f"{other.key} prescribes {value:.6g}; give both conditions the same value there",
-                item.key,
+                condition.key,
             )
 
     def _refuse_close(self, nodes: IndexArray) -> None:
         """Raise InputError for two directions at a node that are almost the same."""
-        for second, item in enumerate(self.oblique):
+        for second, support in enumerate(self.oblique):
             for first in range(len(self._rows[0]) if len(nodes) else 0):
                 if second <= first < len(self.oblique):
                     continue
@@ -281,7 +285,7 @@ class Constraints:
                 sine = np.linalg.norm(rows - cosine[:, None] * others, axis=1)
                 close = (sine > SAME) & (sine < _TOO_CLOSE)
                 is_normal = first < len(self.oblique) and self.oblique[first].is_normal
-                if is_normal and item.is_normal:
+                if is_normal and support.is_normal:
                     close |= (sine > SAME) & (np.abs(cosine) > SMOOTH)
                 if np.any(held & close):
                     where = self.domain.where(self._points[nodes[np.argmax(held & close)]])
@@ -289,7 +293,7 @@ class Constraints:
                         f"at {where} the direction is almost, and not quite, that of another "
                         "condition; let one entry with both names in its on hold both boundary "
                         "parts, or give both conditions the same direction",
-                        item.key,
+                        support.key,
                     )
 
     @cached_property
@@ -366,15 +370,15 @@ class Constraints:
 
     def with_fixed(self, nodes: IndexArray) -> Constraints:
         """These conditions, and zero for all components at some local nodes; collective."""
-        found, dim = copy.copy(self), self.space.dofmap.index_map_bs
-        found.__dict__.pop("_mask", None)
-        found.__dict__.pop("conditions", None)
-        own = (dim * nodes[:, None] + np.arange(dim)).reshape(-1)
-        found.dofs = np.union1d(self.dofs, own).astype(np.int32)
-        found._values = self._values.copy()
-        found._values.x.array[own] = 0.0
-        found.directions = self.directions.without(nodes)
-        return found
+        constraints, dim = copy.copy(self), self.space.dofmap.index_map_bs
+        constraints.__dict__.pop("_mask", None)
+        constraints.__dict__.pop("conditions", None)
+        fixed = (dim * nodes[:, None] + np.arange(dim)).reshape(-1)
+        constraints.dofs = np.union1d(self.dofs, fixed).astype(np.int32)
+        constraints._values = self._values.copy()
+        constraints._values.x.array[fixed] = 0.0
+        constraints.directions = self.directions.without(nodes)
+        return constraints
 
     def free_dofs(self) -> FloatArray:
         """1 at free and 0 at fixed local dofs, ghosts included; supports do not count."""

@@ -14,7 +14,7 @@ from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import facet_nodes
 from contact_locking.fields.present import Clock, PresentValue
-from contact_locking.mesh.cell_kind import CellKind
+from contact_locking.mesh.cell_kind import corner_normals
 from contact_locking.mesh.distribution import summed
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, on_every_rank
@@ -71,31 +71,35 @@ class PlacedSupport:
 
 
 def place(
-    domain: Domain, space: fem.FunctionSpace, given: Support | Displacement, clock: Clock
+    domain: Domain, space: fem.FunctionSpace, condition: Support | Displacement, clock: Clock
 ) -> Iterator[PlacedSupport]:
     """The nodes and the directions of a support, or of each component; collective.
 
     Raises InputError for a boundary part whose normal jumps at a node.
     """
-    facets, axes = domain.facets(given.on, f"{given.key}.on"), np.eye(domain.dim)
+    facets, axes = domain.facets(condition.on, f"{condition.key}.on"), np.eye(domain.dim)
     nodes = np.unique(fem.locate_dofs_topological(space, domain.dim - 1, facets)).astype(np.int32)
     points = np.asarray(space.tabulate_dof_coordinates()[nodes, : domain.dim].T)
-    if isinstance(given, Displacement):
-        for axis, component in enumerate(given.value):
+    if isinstance(condition, Displacement):
+        for axis, component in enumerate(condition.value):
             if component is not None:
-                key, along = f"{given.key}.value.{axis}", np.tile(axes[axis], (len(nodes), 1))
+                key, along = f"{condition.key}.value.{axis}", np.tile(axes[axis], (len(nodes), 1))
                 present = PresentValue(component, key, clock)
-                yield PlacedSupport(given.on, key, nodes, points, along, present, axis)
+                yield PlacedSupport(condition.on, key, nodes, points, along, present, axis)
         return
     is_normal, present = (
-        given.along == "normal",
-        PresentValue(given.value, f"{given.key}.value", clock),
+        condition.along == "normal",
+        PresentValue(condition.value, f"{condition.key}.value", clock),
     )
     if is_normal:
-        along = _nodal_normals(domain, space, given, facets)[nodes]
+        along = _nodal_normals(domain, space, condition, facets)[nodes]
     else:
-        along = np.tile(np.array(given.along) / np.linalg.norm(given.along), (len(nodes), 1))
-    held = PlacedSupport(given.on, given.key, nodes, points, along, present, is_normal=is_normal)
+        along = np.tile(
+            np.array(condition.along) / np.linalg.norm(condition.along), (len(nodes), 1)
+        )
+    held = PlacedSupport(
+        condition.on, condition.key, nodes, points, along, present, is_normal=is_normal
+    )
     for axis, sign in itertools.product(range(domain.dim), (-1.0, 1.0)):
         away = np.abs(along - sign * axes[axis]).max(initial=0.0)
         if on_every_rank(domain.comm, bool(away <= _ALONG_AXIS)):
@@ -123,18 +127,16 @@ def _nodal_normals(
     """The outward unit normals (k, d) at the local nodes of a support, 0 elsewhere; collective.
 
     The normal at a vertex is the mean of the normals of the facets of the support around the
-    vertex.  A facet with the edges e_i from the vertex has the weight ``1/|e_1|`` in 2D and
-    ``sin(angle)/(|e_1| |e_2|)`` in 3D: the mean is then exact for vertices on a circle or a sphere
-    (N. Max, 1999, doi:10.1080/10867651.1999.10487501).
+    vertex with the weights of `corner_normals`, and is exact on a circle or a sphere.
     """
     dim, mesh = domain.dim, domain.mesh
     cells = domain.owners(facets)
     # A ghost of a facet counts on the rank that owns the cell.
-    own = cells < mesh.topology.index_map(dim).size_local
-    facets, cells = facets[own], cells[own]
+    owned = cells < mesh.topology.index_map(dim).size_local
+    facets, cells = facets[owned], cells[owned]
     nodes, facet = facet_nodes(domain, space, facets, cells), domain.kind.facet
     corners = space.tabulate_dof_coordinates()[nodes[:, : facet.corners], :dim]
-    units, weights = _normals_at_corners(corners, facet)
+    units, weights = corner_normals(facet, corners)
     # At the other nodes of quadratic displacements the facets count alike.
     others = nodes.shape[1] - facet.corners
     weights = np.concatenate([weights, np.ones((len(nodes), others))], axis=1)
@@ -142,8 +144,8 @@ def _nodal_normals(
     outward = corners.mean(axis=1) - inside
     units = units * np.sign(np.sum(units * outward[:, None], axis=2))[..., None]
     means = units.mean(axis=1, keepdims=True)
-    rest = np.repeat(means, nodes.shape[1] - units.shape[1], axis=1)
-    units = np.concatenate([units, rest], axis=1)
+    further = np.repeat(means, nodes.shape[1] - units.shape[1], axis=1)
+    units = np.concatenate([units, further], axis=1)
     sums = summed(space.dofmap.index_map, nodes, weights[..., None] * units)
     sizes = np.linalg.norm(sums, axis=1, keepdims=True)
     normals = np.divide(sums, sizes, out=np.zeros_like(sums), where=sizes > 0.0)
@@ -161,24 +163,3 @@ def _nodal_normals(
 
     agree(domain.comm, refuse_edge)
     return normals
-
-
-def _normals_at_corners(corners: FloatArray, kind: CellKind) -> tuple[FloatArray, FloatArray]:
-    """Unit normals (f, n, d) at the corners (f, n, d) of facets of a kind, and the weights (f, n).
-
-    The normals are of either sign.
-    """
-    if kind.dim == 1:
-        edges = corners[:, 1] - corners[:, 0]
-        sizes = np.linalg.norm(edges, axis=1)[:, None]
-        unit = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / sizes
-        return np.repeat(unit[:, None], 2, axis=1), np.tile(1.0 / sizes, 2)
-    # The corners of the simplex beside each corner.
-    beside = kind.beside * kind.corners if kind.is_simplex else kind.beside
-    around = [(i, *(j for j in ends if j != i)) for i, ends in enumerate(beside)]
-    at, one, other = (corners[:, list(places)] for places in zip(*around, strict=True))
-    first, second = one - at, other - at
-    normals = np.cross(first, second)
-    sizes = np.linalg.norm(normals, axis=2)
-    squares = np.sum(first**2, axis=2) * np.sum(second**2, axis=2)
-    return normals / sizes[..., None], sizes / squares

@@ -50,8 +50,8 @@ class FaultsError(ValueError):
 
 def refuse_if(faults: Iterable[Fault]) -> None:
     """Raise FaultsError if there are faults, with the first `MOST_FAULTS` of them."""
-    if found := tuple(itertools.islice(faults, MOST_FAULTS)):
-        raise FaultsError(found)
+    if first := tuple(itertools.islice(faults, MOST_FAULTS)):
+        raise FaultsError(first)
 
 
 #: Tags of the choices that a value has. Pydantic adds them to the place of an error.
@@ -65,17 +65,17 @@ def faults_of(
 
     ``tell`` makes a message of the details of an error and its place, None for the usual one.
     """
-    found: list[Fault] = []
+    faults: list[Fault] = []
     for details in itertools.islice(error.errors(include_url=False), MOST_FAULTS):
         # Tags of kinds.OneOf begin so.
-        parts = [part for part in details["loc"] if not str(part).startswith("<one ")]
-        place = tuple(part for part in parts if part not in CHOICES)
+        parts = [name for name in details["loc"] if not str(name).startswith("<one ")]
+        place = tuple(name for name in parts if name not in CHOICES)
         cause = details.get("ctx", {}).get("error")
         if isinstance(cause, FaultsError):
-            found += [Fault((*place, *fault.place), fault.message) for fault in cause.faults]
+            faults += [Fault((*place, *fault.place), fault.message) for fault in cause.faults]
         else:
-            found.append(Fault(place, tell(details, place) or value_message(details)))
-    return found
+            faults.append(Fault(place, tell(details, place) or value_message(details)))
+    return faults
 
 
 def below(place: Place, faults: Iterable[Fault]) -> Iterator[Fault]:
@@ -244,14 +244,14 @@ _Mark = TypeVar("_Mark")
 def marked(model: type[Any], kind: type[_Mark]) -> dict[str, tuple[int, _Mark]]:
     """The fields whose type has a mark of a kind, with the number of lists around it."""
     hints = get_type_hints(model, include_extras=True)
-    found = {name: next(_marks(hints[name], kind), None) for name in model.model_fields}
-    return {name: mark for name, mark in found.items() if mark is not None}
+    marks = {name: next(_marks(hints[name], kind), None) for name in model.model_fields}
+    return {name: mark for name, mark in marks.items() if mark is not None}
 
 
 def _marks(annotation: Any, kind: type[_Mark], depth: int = 0) -> Iterator[tuple[int, _Mark]]:
-    for given in reversed(getattr(annotation, "__metadata__", ())):
+    for metadata in reversed(getattr(annotation, "__metadata__", ())):
         # A mark may be the function of a validator.
-        mark = getattr(given, "func", given)
+        mark = getattr(metadata, "func", metadata)
         if isinstance(mark, kind):
             yield depth, mark
     inside = depth + (get_origin(annotation) is tuple)
@@ -263,8 +263,8 @@ def leaves(value: Any, place: Place) -> Iterator[tuple[Place, Any]]:
     """The values in nested lists and mappings, with their places."""
     if isinstance(value, tuple | dict):
         items = value.items() if isinstance(value, dict) else enumerate(value)
-        for key, item in items:
-            yield from leaves(item, (*place, key))
+        for key, inner in items:
+            yield from leaves(inner, (*place, key))
     else:
         yield place, value
 
@@ -298,9 +298,9 @@ def dimension_faults(whole: Concept, body: BodyKind) -> Iterator[Fault]:
             if not isinstance(value, tuple):
                 continue
             size = components.number or body.dim
-            vectors = [((*here, index), one) for index, one in enumerate(value)]
+            vectors = [((*here, index), row) for index, row in enumerate(value)]
             for at, vector in vectors if depth else [(here, value)]:
                 if len(vector) != size:
-                    told = f"must have {size} components in {size}D, not {len(vector)}"
-                    yield Fault(at, f"{told}: {show(vector)}")
+                    message = f"must have {size} components in {size}D, not {len(vector)}"
+                    yield Fault(at, f"{message}: {show(vector)}")
         yield from below(place, section._faults_in(body))

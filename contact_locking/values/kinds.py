@@ -63,13 +63,13 @@ def plain(value: Any) -> Any:
 
 def _number(value: Any, infinite: bool) -> float:
     """The number, also if it is written as a constant expression such as "1/3"."""
-    wanted = "must be a number" if infinite else "must be a finite number"
+    demand = "must be a number" if infinite else "must be a finite number"
     if isinstance(value, bool) or not isinstance(value, Real | str):
-        raise ValueError(f"{wanted}, not {show(value)}")
+        raise ValueError(f"{demand}, not {show(value)}")
     try:
         return float(parse(plain(value), (), allow_infinite=infinite).numpy())
     except InputError as error:
-        raise ValueError(f"{wanted}, not {show(value)}{_reason(value, error)}") from None
+        raise ValueError(f"{demand}, not {show(value)}{_reason(value, error)}") from None
 
 
 def _reason(value: Any, error: InputError) -> str:
@@ -255,43 +255,45 @@ class OneOf(NamedTuple):
 
     def among(self, base: type[Concept]) -> dict[str, type[Concept]]:
         """The subclasses by their tags; a class of a script may have none."""
-        tagged = [one for one in base.__subclasses__() if self.tag in one.model_fields]
-        return {one.model_fields[self.tag].default: one for one in tagged}
+        tagged = [concept for concept in base.__subclasses__() if self.tag in concept.model_fields]
+        return {concept.model_fields[self.tag].default: concept for concept in tagged}
 
     def __get_pydantic_core_schema__(self, base: Any, handler: Any) -> core_schema.CoreSchema:
         known = self.among(base)
-        choices = {f"<one {name}>": handler.generate_schema(one) for name, one in known.items()}
+        choices = {
+            f"<one {name}>": handler.generate_schema(concept) for name, concept in known.items()
+        }
         anything = core_schema.typed_dict_field(core_schema.any_schema(), required=False)
-        fields = {key: anything for one in known.values() for key in one.model_fields}
+        fields = {key: anything for concept in known.values() for key in concept.model_fields}
         fields[self.tag] = core_schema.typed_dict_field(core_schema.literal_schema([*known]))
         choices["<one of them>"] = core_schema.typed_dict_schema(fields, extra_behavior="forbid")
 
         def name_of(value: Any) -> str:
-            found = value.get(self.tag) if isinstance(value, dict) else getattr(value, self.tag, "")
-            return found if isinstance(found, str) and found in known else "of them"
+            tag = value.get(self.tag) if isinstance(value, dict) else getattr(value, self.tag, "")
+            return tag if isinstance(tag, str) and tag in known else "of them"
 
         def belonging(value: Any) -> Any:
             """The keys of a mapping that are not null; those of other choices are refused."""
             if not isinstance(value, dict):
                 return value
-            name, given = name_of(value), {k: v for k, v in value.items() if v is not None}
-            for key in given if name in known else ():
-                having = [one for one, other in known.items() if key in other.model_fields]
+            name, stated = name_of(value), {k: v for k, v in value.items() if v is not None}
+            for key in stated if name in known else ():
+                having = [concept for concept, other in known.items() if key in other.model_fields]
                 if having and name not in having:
-                    told = f"belongs to {self.tag}: {' or '.join(having)}, and not to {name}"
-                    refuse_if([Fault((key,), told)])
-            return given
+                    message = f"belongs to {self.tag}: {' or '.join(having)}, and not to {name}"
+                    refuse_if([Fault((key,), message)])
+            return stated
 
         union = core_schema.tagged_union_schema(choices, lambda value: f"<one {name_of(value)}>")
         return core_schema.no_info_before_validator_function(belonging, union)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         choices = schema["schema"]["choices"]
-        found = [handler(one) for name, one in choices.items() if name != "<one of them>"]
-        for one in found:
-            section = handler.resolve_ref_schema(one)
+        schemas = [handler(choice) for name, choice in choices.items() if name != "<one of them>"]
+        for choice in schemas:
+            section = handler.resolve_ref_schema(choice)
             section["required"] = [*{self.tag: None, **dict.fromkeys(section.get("required", ()))}]
-        return {"oneOf": found}
+        return {"oneOf": schemas}
 
 
 def _along(value: Any) -> Literal["normal"] | tuple[float, ...]:
@@ -339,8 +341,8 @@ def components(value: Any) -> Any:
 def _square(rows: tuple[tuple[T, ...], ...]) -> tuple[tuple[T, ...], ...]:
     lengths = [len(row) for row in rows]
     if len(rows) not in (3, 4, 6) or set(lengths) != {len(rows)}:
-        given = f"rows of the lengths {show(lengths)}" if rows else "nothing"
-        raise ValueError(f"must be a 3x3, 4x4 or 6x6 matrix (a list of rows), not {given}")
+        words = f"rows of the lengths {show(lengths)}" if rows else "nothing"
+        raise ValueError(f"must be a 3x3, 4x4 or 6x6 matrix (a list of rows), not {words}")
     return rows
 
 
@@ -424,8 +426,8 @@ PositiveNumber = Annotated[Value, ScalarRule((), above=0.0)]
 
 def expressions(whole: Concept) -> Iterator[tuple[Place, Value, ScalarRule]]:
     """Place, value and rule of every expression below a concept that is no number."""
-    for here, concept in sections(whole):
+    for place, concept in sections(whole):
         for name, (_, rule) in marked(type(concept), ScalarRule).items():
-            for inner, value in leaves(getattr(concept, name), place_of(here, concept, name)):
+            for inner, value in leaves(getattr(concept, name), place_of(place, concept, name)):
                 if isinstance(value, Value) and value.expression and not value.is_constant:
                     yield inner, value, rule

@@ -55,23 +55,23 @@ def _columns(
         with_key(key, partial(place_of, name, header, path))
         for key, name in (("over", over), ("column", column))
     ]
-    found: list[tuple[float, float]] = []
+    pairs: list[tuple[float, float]] = []
     for number, row in enumerate(rows, 2):
         if not any(cell.strip() for cell in row):
             continue
-        if len(found) == _MOST_ROWS:
+        if len(pairs) == _MOST_ROWS:
             raise InputError(f"{path} has more than {_MOST_ROWS} rows", "file")
         point, value = (_number(row, place, f"{path}, row {number}") for place in places)
-        if found and not point > found[-1][0]:
+        if pairs and not point > pairs[-1][0]:
             raise InputError(
-                f"{path}, row {number}: {over} = {point:g} follows {found[-1][0]:g}; the "
+                f"{path}, row {number}: {over} = {point:g} follows {pairs[-1][0]:g}; the "
                 "arguments must ascend",
                 "over",
             )
-        found.append((point, value))
-    if len(found) < 2:
-        raise InputError(f"{path} has {len(found)} rows of numbers; 2 are the least", "file")
-    points, values = np.array(found).T
+        pairs.append((point, value))
+    if len(pairs) < 2:
+        raise InputError(f"{path} has {len(pairs)} rows of numbers; 2 are the least", "file")
+    points, values = np.array(pairs).T
     return points.copy(), values.copy()
 
 

@@ -94,8 +94,8 @@ class Value:
         """
         assert self.expression is not None
         places = dict(zip(AXES, points, strict=False))
-        found = self.expression.unchecked(tables, **places, **more, **{TIME: time})
-        return np.broadcast_to(found, points.shape[1:])
+        values = self.expression.unchecked(tables, **places, **more, **{TIME: time})
+        return np.broadcast_to(values, points.shape[1:])
 
     def with_gradient(self, points: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
         """The values (k,) of an expression and its gradient (d, k) at points (d, k)."""
@@ -193,14 +193,14 @@ def value_message(details: Any) -> str:
     """The message for an error of pydantic about one value."""
     if cause := details.get("ctx", {}).get("error"):
         return str(cause)
-    given = details["input"]
+    value = details["input"]
     if details["type"] == "literal_error":
         allowed = details["ctx"]["expected"].replace("'", "")
-        guess = nearest(str(given), allowed.replace(" or ", ", ").split(", "))
-        return f"must be {allowed}, not {show(given)}{guess}"
-    in_a_mapping = ", or of entries that begin with '- '" if isinstance(given, dict) else ""
+        guess = nearest(str(value), allowed.replace(" or ", ", ").split(", "))
+        return f"must be {allowed}, not {show(value)}{guess}"
+    in_a_mapping = ", or of entries that begin with '- '" if isinstance(value, dict) else ""
     template = _MESSAGES.get(details["type"])
     if template is None:
-        return f"cannot be {show(given)}: {details['msg'][:1].lower()}{details['msg'][1:]}"
+        return f"cannot be {show(value)}: {details['msg'][:1].lower()}{details['msg'][1:]}"
     context = {name: show(bound) for name, bound in details.get("ctx", {}).items()}
-    return template.format(given=show(given), how_to_list=f" in [ ]{in_a_mapping}", **context)
+    return template.format(given=show(value), how_to_list=f" in [ ]{in_a_mapping}", **context)

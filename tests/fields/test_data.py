@@ -88,6 +88,6 @@ def test_v14_four_ranks_agree_with_one(tmp_path: Path, found: list[Row]) -> None
     assert (one["ranks"], four["ranks"]) == (1, 4)
     for key in ("compliance", "elastic_energy", "strain_norm_max"):
         where = "block on four ranks beside one"
-        found.append(Row("V14", where, key.replace("_", " "), four[key], one[key], "test_data.py"))
+        found.append(Row("V14", where, key.replace("_", " "), four[key], one[key]))
         assert four[key] == pytest.approx(one[key], rel=1e-8)
     assert four["contact_force"] == pytest.approx(one["contact_force"], rel=1e-8, abs=1e-12)

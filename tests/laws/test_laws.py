@@ -23,8 +23,10 @@ from contact_locking.laws.elasticity import (
     mean_young,
 )
 from contact_locking.laws.locking import locking_energy, locking_stress, positive_part
+from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.penalty_method.equations import psi
 from contact_locking.shapes.analytic import Cylinder, HalfSpace, Sphere
+from contact_locking.shapes.shape import MovedDistance
 
 pytestmark = pytest.mark.serial
 
@@ -193,3 +195,34 @@ def test_contact_penalty_is_monotone_and_lipschitz_as_lemma_4_4(
     # With |v|_{L2(C)} <= c_0 |v|_V for u_1 - u_2 and for the test field, S^eps is Lipschitz with
     # c_0^2/eps; the lemma's c_0/eps counts one of the two only.
     assert math.sqrt(fem.assemble_scalar(operators.s_dual)) <= trace / epsilon * (1.0 + 1e-10)
+
+
+@pytest.mark.parametrize("angles", [[0.7], [0.3, -0.2, 0.5], [0.0, 0.0, 0.0]])
+def test_a_rotation_is_the_exponential_of_its_vector(angles: list[float]) -> None:
+    from scipy.linalg import expm
+
+    x, y, z = angles if len(angles) == 3 else (0.0, 0.0, angles[0])
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    size = 2 if len(angles) == 1 else 3
+    assert rotation(np.array(angles)) == pytest.approx(expm(cross)[:size, :size], abs=1e-14)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_moved_body_has_the_distance_of_the_body_where_it_was(dim: int) -> None:
+    random = np.random.default_rng(3)
+
+    def vector() -> FloatArray:
+        return random.normal(size=dim)
+
+    motion = RigidMotion(vector(), rotation(random.normal(size=1 if dim == 2 else 3)), vector())
+    x = random.normal(size=(dim, 20))
+    assert motion.place(motion.origin(x)) == pytest.approx(x)
+    centre = vector()
+    ball = MovedDistance(Sphere(tuple(centre), 0.3), motion)
+    there = Sphere(tuple(motion.place(centre[:, None])[:, 0]), 0.3)
+    assert ball.gap(x) == pytest.approx(there.gap(x))
+    assert ball.contact_normal(x) == pytest.approx(there.contact_normal(x))
+    plane = MovedDistance(HalfSpace(tuple(vector()), tuple(vector())), motion)
+    step = 1e-6 * np.array([vector()]).T
+    slope = plane.gap(x + step) - plane.gap(x)
+    assert slope == pytest.approx(-np.sum(plane.contact_normal(x) * step, axis=0), abs=1e-13)

@@ -21,13 +21,6 @@ from contact_locking.mesh.sources import from_geometry
 from contact_locking.mesh.xdmf import export, from_xdmf
 
 
-@pytest.fixture
-def folder(tmp_path: Path, comm: MPI.Intracomm) -> Path:
-    """The same folder on all ranks."""
-    found: Path = comm.bcast(tmp_path)
-    return found
-
-
 def written(folder: Path, comm: MPI.Intracomm, *mesh: Any) -> Path:
     """A file of rank 0 that all ranks read."""
     path = folder / "body.xdmf"
@@ -37,36 +30,15 @@ def written(folder: Path, comm: MPI.Intracomm, *mesh: Any) -> Path:
     return path
 
 
-# The shape of a message does not depend on the ranks, but which of several cells is named does.
-EXPECTED: dict[str, list[str]] = {
-    "a coordinate that is no number": ["node 2 at (nan, 1)", "not finite numbers"],
-    "an infinite coordinate": ["node 1 at (1, inf)"],
-    "three triangles on an edge": [
-        "3 triangles share one edge (nodes 0 and 2 at (0.5, 0.5)): 0, 1 and 2"
-    ],
-    "three tetrahedra on a face": [
-        "3 tetrahedra share one face (nodes 0, 1 and 2 at",
-        "0, 1 and 2",
-    ],
-    "a triangle twice": ["triangle 1 is triangle 0 once more, at (0.666667, 0.333333)"],
-    "a tetrahedron twice": ["tetrahedron 2 is tetrahedron 0 once more"],
-    "a triangle with a node twice": ["triangle 2 at (0.333333, 0) has the same node twice"],
-    "a triangle without area": ["triangle 2 at (1, 1) has collapsed", "one line"],
-    "a tetrahedron without volume": ["tetrahedron 1 at", "has collapsed", "one plane"],
-    "a triangle turned over": ["triangle ", "and its neighbour", "overlap: they", "nodes 0 and 2"],
-    "a tetrahedron turned over": ["tetrahedron ", "and its neighbour", "overlap: they"],
-    "two squares that share no nodes": ["two parts", "nodes 2 and 9 are both at (1, 0)"],
-    "nodes that nearly are at one place": ["two parts of the body touch", "nodes 0 and 4"],
-    "a whole body twice": ["two parts of the body touch", "and 6 more"],
-    "a hanging node": ["node 4 at (0.5, 0.5) hangs", "edge of triangle 0 (nodes 0 and 2)"],
-    "a hanging node in space": ["node 5 at (0.25, 0.25, 0) hangs", "face of tetrahedron 0"],
-    "a cell in no group": ["cells outside every group", "triangle 1 at (0.333333, 0.666667)"],
-    "a node above the plane": ["have 2 coordinates", "write a body in the plane without z"],
-    "triangles that share no nodes at all": ["falls into 101 parts"],
-}
+# Each is found by another check; the texts are those of Gmsh files.
+SAMPLE = (
+    *("a coordinate that is no number", "three tetrahedra on a face", "a triangle twice"),
+    *("a tetrahedron without volume", "a triangle turned over", "a hanging node in space"),
+    *("nodes that nearly are at one place", "a cell in no group", "a node above the plane"),
+)
 
 
-@pytest.mark.parametrize("case", EXPECTED)
+@pytest.mark.parametrize("case", SAMPLE)
 def test_a_mesh_that_is_no_body_is_refused_on_all_ranks(
     case: str, folder: Path, comm: MPI.Intracomm
 ) -> None:
@@ -74,10 +46,7 @@ def test_a_mesh_that_is_no_body_is_refused_on_all_ranks(
     path = written(folder, comm, points, given)
     with pytest.raises(InputError) as caught:
         from_xdmf(path, comm)
-    message = str(caught.value)
-    assert message.startswith(str(path)) and caught.value.key == "mesh.file"
-    for words in EXPECTED[case]:
-        assert words in message
+    assert str(caught.value).startswith(str(path)) and caught.value.key == "mesh.file"
 
 
 def test_numbers_of_nodes_that_are_not_there_are_refused(folder: Path, comm: MPI.Intracomm) -> None:

@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,10 +16,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from mpi4py import MPI
-from saved_block import on_rank_0, parameters
+from problems import block
+from slow import slow
 
 from contact_locking import meshes, save, study_file
 from contact_locking.arrays import FloatArray
+from contact_locking.command import cli
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.files import atomic
 from contact_locking.process.checkpoint import locate
@@ -26,11 +29,19 @@ from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 from contact_locking.study_file.parameters import Parameters
 
+COARSE = {2: 0.2, 3: 0.34}
+PLAIN = {"fields": False, "picture": False}
 
-@pytest.fixture
-def folder(comm: MPI.Intracomm, tmp_path: Path) -> Path:
-    """One folder for all ranks."""
-    return comm.bcast(tmp_path)
+
+def parameters(dim: int = 2, **changes: Any) -> Parameters:
+    given = {"friction__smoothing__radius": 0.4, "output": PLAIN, **changes}
+    return block(dim, given.pop("h", COARSE[dim]), **given)
+
+
+def on_rank_0(comm: MPI.Intracomm, work: Callable[[], object]) -> None:
+    if comm.rank == 0:
+        work()
+    comm.Barrier()
 
 
 class Values(NamedTuple):
@@ -222,3 +233,138 @@ def test_a_save_that_fails_leaves_the_earlier_one(
     assert {path.name for path in saved.iterdir()} == {"checkpoint"}
     monkeypatch.undo()
     assert solving.solve(parameters(), restart=saved).summary["iterations"]["tangents"] == 0
+
+
+def given(method: str, dim: int = 2, load: float = 1.0, **changes: Any) -> Parameters:
+    """The model case with its traction times ``load``."""
+    pull = [0.03 * load, *[0.0] * (dim - 2), -0.05 * load]
+    loads = {
+        "tractions": [{"on": "top", "value": pull}],
+        "displacements": [{"on": "left", "value": [0.0] * dim}],
+    }
+    h = 0.1 if dim == 2 else 0.34
+    return block(dim, h, **{"solver__method": method, "loads": loads, **changes})
+
+
+def tangents(solution: StudySolution) -> int:
+    return int(solution.summary["iterations"]["tangents"])
+
+
+def agree(one: StudySolution, other: StudySolution, digits: float = 1e-8) -> bool:
+    assert one.converged and other.converged, (one.summary["reason"], other.summary["reason"])
+    for key in ("compliance", "elastic_energy", "strain_norm_max"):
+        assert one.summary[key] == pytest.approx(other.summary[key], rel=digits), key
+    for key in ("contact_force", "friction_force"):
+        assert one.summary[key] == pytest.approx(other.summary[key], rel=10 * digits, abs=1e-9), key
+    return True
+
+
+CHANGES: dict[str, dict[str, Any]] = {
+    "friction": {"friction__coefficient": 0.33},
+    "no limit": {"material__locking_limit": float("inf")},
+    "gap": {"contact__gap": 1e-3},
+    "no friction": {"friction__coefficient": 0.0},
+}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("n", [slow(1e8), float("inf")])
+def test_a_start_from_other_data_finds_what_a_cold_start_finds_in_few_more_tangents(
+    n: float, folder: Path
+) -> None:
+    save(solving.solve(given("auto", penalty__n=n)), folder)
+    assert tangents(solving.solve(given("auto", penalty__n=n), restart=folder)) == 0
+    # Without a limit, or friction, the saved stresses would still be in equilibrium.
+    for name in ("friction", "no limit", "no friction", "gap"):
+        changed = given("auto", penalty__n=n, **CHANGES[name])
+        restarted, cold = solving.solve(changed, restart=folder), solving.solve(changed)
+        assert agree(restarted, cold), name
+        assert tangents(restarted) <= tangents(cold) + 10, name
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("changes", [{"load": 1.01}, {"friction__coefficient": 0.33}])
+def test_a_small_change_takes_half_of_the_tangents_at_most(
+    changes: dict[str, Any], folder: Path
+) -> None:
+    # Many cells are at the edge of locking on a mesh as fine as this.
+    fine: dict[str, Any] = {"mesh__h": 1 / 32, "penalty__n": 1e4}
+    save(solving.solve(given("auto", **fine)), folder)
+    changed = given("auto", **fine, **changes)
+    restarted, cold = solving.solve(changed, restart=folder), solving.solve(changed)
+    assert restarted.summary["restart"].startswith("from the state")
+    assert agree(restarted, cold)
+    assert 2 * tangents(restarted) <= tangents(cold)
+
+
+class Run:
+    """The command line on one study file in one folder."""
+
+    def __init__(self, folder: Path, comm: MPI.Intracomm) -> None:
+        self.folder, self._comm = folder, comm
+        text = study_file.dump(parameters())
+        on_rank_0(comm, lambda: (folder / "study.yml").write_text(text, encoding="utf-8"))
+
+    def __call__(self, name: str, *words: str) -> int:
+        words = (*words, "--output", str(self.folder / name))
+        code = cli.main(["run", str(self.folder / "study.yml"), *words])
+        self._comm.Barrier()
+        return code
+
+    def names(self, name: str) -> set[str]:
+        found = {path.name for path in (self.folder / name).iterdir()}
+        self._comm.Barrier()
+        return found
+
+
+@pytest.fixture
+def run(folder: Path, comm: MPI.Intracomm) -> Run:
+    return Run(folder, comm)
+
+
+RESULTS = {
+    "summary.json",
+    "parameters.yaml",
+    "contact.csv",
+    "contact_facets.csv",
+}
+
+
+def test_run_saves_a_checkpoint_if_asked_and_says_what_a_restart_did(
+    run: Run, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("a", "--quiet", "--checkpoint") == 0
+    assert run.names("a") == RESULTS | {"checkpoint"}
+    start = ("--restart", str(run.folder / "a"))
+    for changes, told in (
+        ((), "meets every criterion, nothing was left to do"),
+        (("--set", "friction.coefficient=0.31"), f"from the state in {run.folder / 'a'}\n"),
+        (("--set", "penalty.n=1e5"), f"from the state in {run.folder / 'a'}\n"),
+    ):
+        assert run("b", *start, *changes) == 0
+        output = capsys.readouterr().out
+        assert (told in output) == (comm.rank == 0)
+    # No file of an earlier run stays in the folder.
+    assert run("a", "--quiet") == 0
+    assert run.names("a") == RESULTS
+
+
+def test_run_keeps_the_checkpoint_that_it_starts_from(
+    run: Run, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("a", "--quiet", "--checkpoint") == 0
+    start = ("--quiet", "--restart", str(run.folder / "a"))
+    assert run("a", *start) == 2
+    assert ("add --checkpoint" in capsys.readouterr().err) == (comm.rank == 0)
+    assert run("a", *start, "--checkpoint", "--set", "friction.coefficient=0.1") == 0
+    assert run.names("a") == RESULTS | {"checkpoint"}
+
+
+def test_bad_restarts_return_2_with_one_message_and_leave_no_trace(
+    run: Run, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("b", "--restart", str(run.folder / "nowhere"), "--quiet") == 2
+    errors = capsys.readouterr().err
+    assert not (run.folder / "b").exists()
+    if comm.rank == 0:
+        assert errors.startswith("error: there is no checkpoint in") and errors.count("error") == 1

@@ -1,4 +1,4 @@
-"""Steps that fail are halved, down to the least, and a process goes as far as it can."""
+"""Steps that fail are halved down to the least, and a process that locks up ends and says so."""
 
 from __future__ import annotations
 
@@ -7,10 +7,18 @@ from typing import Any
 
 import pytest
 from problems import block
+from rings import floor, ring
+from seal import seal
 from sheared_block import all_of, sheared
+from slow import slow
 
-from contact_locking import solve_steps
+from contact_locking import Parameters, solve, solve_steps
+from contact_locking.process.loop import Timeline
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.process.settings import Steps
+from contact_locking.results.in_words import verdict
+from contact_locking.results.solution import StudySolution
+from contact_locking.running.run import run
 from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem
 
@@ -107,3 +115,114 @@ def test_a_process_goes_as_far_as_the_locking_limit_lets_it() -> None:
     assert not found[-1].converged and found[-1].summary["reason"].startswith("infeasible")
     last = [solution.time for solution in found if solution.converged][-1]
     assert 0.4 - 0.04 <= last <= 0.4
+
+
+STEPS = {"times": [0.3, 1.0], "least": 0.04}
+
+
+def searching(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
+    """Whether each solve may search for a solution in other ways."""
+    found, solve_one = list[bool](), ProblemSolver.solve
+
+    def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
+        found.append(given[2] if len(given) > 2 else True)
+        return solve_one(solver, *given)
+
+    monkeypatch.setattr(ProblemSolver, "solve", solved)
+    return found
+
+
+@pytest.mark.parametrize(("most", "refused"), [(1.6, "t = 1.03"), (2.4, "t = ")])
+def test_a_strip_at_its_limit_is_told_with_the_limit_as_the_cause(
+    most: float, refused: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At 1.6 the limit of 0.2 only just admits the gap; where no proof is, one of 3 % more is."""
+    tried = searching(monkeypatch)
+    steps = {"to": 1, "count": 2, "least": 0.2, "on_failure": "stop"}
+    *_, before, last = solve_steps(seal(f"-{most}*t", steps=steps))
+    assert last.converged and last.time == before.time and 0.8 <= last.time * most <= 1.6
+    assert last.summary["contacts"] == before.summary["contacts"]
+    ended = last.summary["steps"]["ended"]
+    assert "infeasible" in ended and "locking limit" in ended and refused in ended
+    assert ended in last.summary["warnings"] and ended in verdict(last.summary)
+    assert not any(tried[2:]) and len(tried) <= 6
+
+
+# It reads the files of the run, which rank 0 writes.
+def test_a_run_that_stops_has_the_last_solution_in_its_files(
+    tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solve_one = ProblemSolver.solve
+
+    def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
+        if solver.problem.clock.now > 0.6:
+            return SolverReport(reason="it is late", suggestion="be quick")
+        return solve_one(solver, *given)
+
+    monkeypatch.setattr(ProblemSolver, "solve", solved)
+    steps = {"to": 1, "count": 2, "least": 0.2, "on_failure": "stop"}
+    output = {"picture": False, "fields": False}
+    last, _ = run(seal(steps=steps, output=output), tmp_path)
+    assert isinstance(last, StudySolution) and last.converged and last.time == 0.5
+    assert len(last.history) == 1 and "it is late" in last.summary["steps"]["ended"]
+    assert (tmp_path / "history.csv").read_text().count("\n") == 2
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        ring([0.02, "-0.1*t"], floor(), steps=STEPS),
+        slow(ring([0.02, 0.0], floor(motion=[0.0, "0.1*t"]), steps=STEPS)),
+    ],
+    ids=["body", "tool"],
+)
+def test_no_time_beyond_one_at_which_nothing_is_admissible_is_tried(
+    parameters: Parameters, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times, reports, solve_one = list[float](), list[SolverReport](), ProblemSolver.solve
+
+    def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
+        assert isinstance(solver.problem, StudyProblem)
+        times.append(solver.problem.clock.now)
+        reports.append(solve_one(solver, *given))
+        return reports[-1]
+
+    monkeypatch.setattr(ProblemSolver, "solve", solved)
+    *_, last = solve_steps(parameters)
+    assert not last.converged and "infeasible" in last.summary["reason"]
+    refused = [t for t, report in zip(times, reports, strict=True) if report.is_infeasible]
+    assert refused[0] == 1.0 and len(refused) > 1
+    assert refused == sorted(set(refused), reverse=True)
+    for number, time in enumerate(times[1:], start=1):
+        assert time == 1.0 or all(time < t for t in times[:number] if t in refused)
+    # The last row is the state where the process ended; charts leave it out.
+    (*converged, failed), steps = last.history.column("converged"), last.summary["steps"]
+    assert all(converged) and not failed and steps["solved"] == len(converged)
+
+
+def test_what_is_impossible_is_not_tried_in_other_ways() -> None:
+    """The proof that nothing is admissible comes after the first approach to the solution."""
+    mesh = {"builder": "annulus", "h": 0.2}
+    found = solve(ring([0.02, -0.07], floor(), mesh=mesh, friction={"coefficient": 0.4}))
+    assert found.summary["reason"].startswith("infeasible")
+    assert found.summary["iterations"]["friction"] <= 100
+    low, high = found.summary["admissible_load_factor"]
+    assert 0.5 < low < high < 1.0
+
+
+def test_a_refused_time_bars_later_ones_up_to_the_next_planned_time() -> None:
+    timeline = Timeline(Steps(times=(1.0, 2.0)))
+    timeline.refuse(1.1, SolverReport(reason="too far"))
+    timeline.refuse(1.0, SolverReport(reason="infeasible"))
+    seen = [(timeline.target, timeline.is_barred)]
+    assert timeline.fail()
+    seen.append((timeline.target, timeline.is_barred))
+    assert timeline.explained("late", 0.5, 0.25)["reason"].startswith("infeasible, at t = 1; ")
+    timeline.succeed()
+    seen.append((timeline.target, timeline.is_barred))
+    assert seen == [(1.0, True), (0.5, False), (1.0, True)]
+    # The step to the time that is refused is halved three times at most.
+    assert [timeline.fail() for _ in range(3)] == [True, True, False]
+    timeline.skip_to(1.0)
+    timeline.succeed()
+    assert timeline.refused is None and timeline.explained("late", 2.0, 1.0) == {}

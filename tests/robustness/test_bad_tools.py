@@ -2,23 +2,161 @@
 
 from __future__ import annotations
 
+import itertools
+import json
+import math
+import re
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from changed_study import changed
+from mpi4py import MPI
 from problems import block
 from tool_files import ascii_stl, binary_stl, box
 
-from contact_locking import InputError
+from contact_locking import InputError, StudySolution, solve, study_file
 from contact_locking.arrays import FloatArray
+from contact_locking.command import cli
 from contact_locking.files.readable import LARGEST_FILE
 from contact_locking.shapes.tool_files import read_stl
+from contact_locking.study import assembly
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 
 pytestmark = pytest.mark.serial
+
+
+Polygon = Sequence[tuple[float, float]]
+
+
+def _ears(corners: FloatArray) -> list[tuple[int, int, int]]:
+    """The triangles of a polygon (m, 2) that runs counterclockwise, one ear after the other."""
+
+    def turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
+        return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+    left, found = list(range(len(corners))), []
+    while len(left) > 3:
+        for place in range(len(left)):
+            i, j, k = left[place - 1], left[place], left[(place + 1) % len(left)]
+            a, b, c = corners[[i, j, k]]
+            others = corners[[n for n in left if n not in (i, j, k)]]
+            inside = [min(turn(a, b, p), turn(b, c, p), turn(c, a, p)) >= 0.0 for p in others]
+            if turn(a, b, c) > 1e-12 and not any(inside):
+                found.append((i, j, k))
+                left.pop(place)
+                break
+    return [*found, (left[0], left[1], left[2])]
+
+
+def prism(outline: Polygon, height: float = 0.5) -> FloatArray:
+    """The polygon, counterclockwise, between z = 0 and a height."""
+    corners = np.array(outline, dtype=float)
+    low = np.c_[corners, np.zeros(len(corners))]
+    high = low + np.array([0.0, 0.0, height])
+    found = [low[[i, k, j]] for i, j, k in _ears(corners)]
+    found += [high[[i, j, k]] for i, j, k in _ears(corners)]
+    for a, b, c, d in zip(low, np.roll(low, -1, 0), np.roll(high, -1, 0), high, strict=True):
+        found += [np.array([a, b, c]), np.array([a, c, d])]
+    return np.array(found)
+
+
+def lying(outline: Polygon, width: float = 0.6) -> FloatArray:
+    """The polygon in the plane of x and z, counterclockwise seen from -y, of a width along y."""
+    flat = prism(outline, width)
+    return np.stack([flat[..., 0], width / 2 - flat[..., 2], flat[..., 1]], axis=-1)
+
+
+def turned(profile: Polygon, sides: int = 24, closed: bool = False) -> FloatArray:
+    """The profile of r and z turned about the z axis, with the tool on the left of its way."""
+    angles = np.linspace(0.0, 2.0 * np.pi, sides + 1)
+    ends = [*profile, profile[0]] if closed else list(profile)
+    found = []
+    for (r, z), (s, y) in itertools.pairwise(ends):
+        for one, other in itertools.pairwise(angles):
+            a, b = ([r * math.cos(t), r * math.sin(t), z] for t in (one, other))
+            c, d = ([s * math.cos(t), s * math.sin(t), y] for t in (other, one))
+            found += [[a, b, c]] * (r > 0.0) + [[a, c, d]] * (s > 0.0)
+    places = np.array(found)
+    # The last meridian is the first one.
+    places[np.abs(places) < 1e-14] = 0.0
+    return np.asarray(np.round(places, 12))
+
+
+def _arc(radius: float, first: float, last: float, count: int = 12) -> list[tuple[float, float]]:
+    angles = np.radians(np.linspace(first, last, count + 1))
+    return [(radius * math.cos(a), radius * math.sin(a)) for a in angles]
+
+
+def _star() -> list[tuple[float, float]]:
+    angles = np.radians(36.0 * np.arange(10))
+    return [
+        (r * math.cos(a), r * math.sin(a)) for r, a in zip([0.4, 0.16] * 5, angles, strict=True)
+    ]
+
+
+def _holed() -> FloatArray:
+    outer = np.array([[-0.35, -0.35], [0.35, -0.35], [0.35, 0.35], [-0.35, 0.35]])
+    found = []
+    for i in range(4):
+        a, b = outer[i], outer[(i + 1) % 4]
+        for z, order in ((0.0, (0, 3, 2, 1)), (0.5, (0, 1, 2, 3))):
+            quad = np.c_[[a, b, 0.5 * b, 0.5 * a], [z] * 4][list(order)]
+            found += [quad[[0, 1, 2]], quad[[0, 2, 3]]]
+        for p, q in ((a, b), (0.5 * b, 0.5 * a)):
+            wall = np.array([[*p, 0.0], [*q, 0.0], [*q, 0.5], [*p, 0.5]])
+            found += [wall[[0, 1, 2]], wall[[0, 2, 3]]]
+    return np.array(found)
+
+
+def _teeth(count: int, width: float, height: float = 0.2) -> list[tuple[float, float]]:
+    pitch = 0.8 / count
+    low = [(-0.4 + pitch * (i + share), z) for i in range(count) for share, z in (
+        (0.0, height), (0.5 - width / 2, 0.0), (0.5 + width / 2, 0.0))]  # fmt: skip
+    return [*low, (0.4, height), (0.4, 0.5), (-0.4, 0.5)]
+
+
+_DOWN = [(0.0, 0.0), *((r, 0.4 + z) for r, z in _arc(0.4, -90.0, 0.0, 8)[1:])]
+_SQUARE = [(-0.3, -0.3), (0.3, -0.3), (0.3, 0.3), (-0.3, 0.3)]
+_RING = [(0.3 + r, 0.1 + z) for r, z in _arc(0.1, -90.0, 247.5, 15)]
+
+SHAPES: dict[str, FloatArray] = {
+    "star": prism(_star()),
+    "half ring": prism([*_arc(0.4, 0.0, 180.0), *_arc(0.2, 180.0, 0.0)]),
+    "crescent": prism([*_arc(0.4, -120.0, 120.0),
+                       *((x - 0.15, y) for x, y in _arc(0.35, 100.0, -100.0))]),
+    "angle block": prism([(-0.3, -0.3), (0.3, -0.3), (0.3, -0.1), (-0.1, -0.1), (-0.1, 0.3),
+                          (-0.3, 0.3)]),
+    "cylinder": turned([(0.0, 0.0), (0.3, 0.0), (0.3, 0.5), (0.0, 0.5)]),
+    "cube": prism(_SQUARE),
+    "cube with a hole": _holed(),
+    "two shells": np.concatenate(
+        [box([-0.35, -0.3, 0.0], [-0.1, 0.3, 0.5]), box([0.1, -0.3, 0.0], [0.35, 0.3, 0.5])]
+    ),
+    "wedge": lying([(0.0, 0.0), (0.3, 0.3), (-0.3, 0.3)]),
+    "cone": turned([(0.0, 0.0), (0.4, 0.25), (0.0, 0.25)]),
+    "torus": turned(_RING, closed=True),
+    "T": prism([(-0.1, -0.3), (0.1, -0.3), (0.1, 0.1), (0.3, 0.1), (0.3, 0.3),
+                (-0.3, 0.3), (-0.3, 0.1), (-0.1, 0.1)]),
+    "U": prism([(-0.3, -0.3), (0.3, -0.3), (0.3, 0.3), (0.1, 0.3), (0.1, -0.1),
+                (-0.1, -0.1), (-0.1, 0.3), (-0.3, 0.3)]),
+    "cross": prism([(-0.1, -0.3), (0.1, -0.3), (0.1, -0.1), (0.3, -0.1), (0.3, 0.1), (0.1, 0.1),
+                    (0.1, 0.3), (-0.1, 0.3), (-0.1, 0.1), (-0.3, 0.1), (-0.3, -0.1), (-0.1, -0.1)]),
+    "hexagonal prism": prism(_arc(0.35, 0.0, 300.0, 5)),
+    "pyramid": turned([(0.0, 0.0), (0.4, 0.2), (0.0, 0.2)], sides=4),
+    "dumbbell": lying([(-0.4, 0.0), (-0.2, 0.0), (-0.2, 0.2), (0.2, 0.2), (0.2, 0.0), (0.4, 0.0),
+                       (0.4, 0.5), (-0.4, 0.5)]),
+    "bowl": turned([(0.2, 0.0), (0.4, 0.0), (0.4, 0.5), (0.0, 0.5), (0.0, 0.2)], closed=True),
+    "hemisphere": turned([*_DOWN, (0.0, 0.4)]),
+    "frustum": turned([(0.0, 0.0), (0.2, 0.0), (0.4, 0.4), (0.0, 0.4)]),
+    "plate with teeth": lying(_teeth(5, 0.08)),
+    "plate with a needle": lying(_teeth(1, 0.01)),
+}  # fmt: skip
+
 
 BELOW = box([-1.0, -1.0, -1.0], [2.0, 2.0, -0.005])
 TEXT, BINARY = ascii_stl(BELOW), binary_stl(BELOW)
@@ -215,3 +353,200 @@ def test_a_file_that_is_no_polyline_is_refused(text: str, tmp_path: Path) -> Non
 def test_an_expression_without_a_direction_is_refused() -> None:
     refusal({"expression": "(x - 0.25)**2 + y**2"}, 2)
     refusal({"expression": "0.1"}, 2)
+
+
+DEPTH = 0.02
+# The share by which the force of a coarse mesh may be off that of a fine mesh: a tool is 0.6 wide,
+# and the contact ends half a facet too early or too late on each side.
+NEAR = {0.25: 0.5, 0.125: 0.2}
+# Shapes with a tip or a ridge, which facets of a multiple of the depth can miss.
+SHARP = ("crescent", "wedge", "cone", "pyramid", "plate with teeth", "plate with a needle")
+# The other shapes with flat or round sides of the size of the facets of the finer pad.
+BLUNT = tuple(set(SHAPES) - {*SHARP, "hemisphere", "frustum"})
+
+
+def pressed(shape: str, h: float, folder: Path) -> StudySolution:
+    """A pad whose nodes are not placed by the tool, which is turned and off the middle."""
+    cosine, sine = np.cos(0.3), np.sin(0.3)
+    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    file = folder / "tool.stl"
+    file.write_bytes(binary_stl(SHAPES[shape] @ turn.T + [0.51, 0.47, 0.5 - DEPTH]))
+    return solve(
+        from_mapping(
+            {
+                "mesh": {
+                    "builder": "block",
+                    "dim": 3,
+                    "size": [1.0, 1.0, 0.5],
+                    "h": h,
+                    "structured": True,
+                },
+                "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
+                "loads": {"displacements": [{"on": "bottom", "value": [0, 0, 0]}]},
+                "contact": {"on": "top", "foundation": {"surface": str(file)}},
+                "output": {"picture": False},
+            }
+        )
+    )
+
+
+def force(solution: StudySolution) -> float:
+    return -float(solution.summary["contact_force"][2])
+
+
+def check(shape: str, sizes: list[float], finest: float, folder: Path) -> None:
+    fine = force(pressed(shape, finest, folder))
+    for h in sizes:
+        solution = pressed(shape, h, folder)
+        told = [text for text in solution.summary["warnings"] if "between the nodes" in text]
+        assert not any("inside out" in text for text in solution.summary["warnings"])
+        assert solution.converged or (told and shape in SHARP), solution.summary["reason"]
+        if shape in BLUNT or not told:
+            assert force(solution) == pytest.approx(fine, rel=NEAR[h]), h
+
+
+@pytest.mark.parametrize("shape", ["cross", "cone"])
+def test_a_shape_on_a_coarse_pad_has_the_force_or_a_warning(shape: str, tmp_path: Path) -> None:
+    check(shape, [0.25], 0.125, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", sorted(SHAPES))
+def test_every_shape_on_every_pad_has_the_force_or_a_warning(shape: str, tmp_path: Path) -> None:
+    check(shape, [0.25, 0.125], 0.0625, tmp_path)
+
+
+def _warnings(folder: Path, changes: dict[str, Any]) -> list[str]:
+    """The warnings of ``check``."""
+    return assembly.check(study_file.load(changed(folder, changes)).parameters)["warnings"]
+
+
+@pytest.mark.parametrize("load", ["-0.1 if x < 0.3 else 0", "-0.1*sqrt(x)", "-0.1*sin(5*x)"])
+def test_jumps_and_bends_of_a_load_are_not_warned_of(load: str, tmp_path: Path) -> None:
+    tractions = [{"on": "top", "value": [0, load]}]
+    changes = {"mesh.h": 0.15, "loads.tractions": tractions, "loads.body_force": [0, load]}
+    assert _warnings(tmp_path, changes) == []
+
+
+@pytest.mark.parametrize(
+    "contact", [{"gap": -1.5}, {"foundation": {"half_space": {"point": [0, 2], "normal": [0, 1]}}}]
+)
+def test_a_body_wholly_inside_the_foundation_is_warned_of(
+    contact: dict[str, Any], tmp_path: Path
+) -> None:
+    (warning,) = _warnings(tmp_path, {"contact": {"on": "bottom"} | contact})
+    assert warning.startswith(f"contact.{next(iter(contact))}: all of the body lies inside")
+    assert _warnings(tmp_path, {"contact": {"on": "bottom", "gap": -0.01}}) == []
+
+
+def test_loads_and_strains_beyond_the_theory_are_warned_of_in_numbers_that_one_can_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Newtons and millimetres beside pascals lead to such loads."""
+    changes = {"loads.tractions": [{"on": "top", "value": [0, -5e8]}]}
+    words = ["--output", str(tmp_path / "out"), "--quiet", "--set", "output={picture: false}"]
+    assert cli.main(["run", str(changed(tmp_path, changes)), *words]) == 0
+    errors = capsys.readouterr().err
+    assert "loads.tractions.0.value: it reaches 2.6e+08 times the stiffness" in errors
+    assert "e+08 times its limit: penalty.n: " in errors
+    assert "this theory is of small strains: do the units" in errors
+    assert max(map(len, re.findall(r"\d+", errors))) < 4
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert [f"warning: {text}" for text in summary["warnings"]] == errors.splitlines()
+
+
+@pytest.mark.parametrize("kernel", ["convolution", "helmholtz"])
+def test_the_default_radius_is_not_warned_of_and_smooths(kernel: str, tmp_path: Path) -> None:
+    changes = {"friction.smoothing": {"kernel": kernel}, "mesh.h": 0.25}
+    study = study_file.load(changed(tmp_path, changes))
+    made = assemble(study.parameters, MPI.COMM_SELF)
+    assert made.warnings == []
+    (contact,) = made.contacts
+    x = contact.surface.points[:, 0]
+    # The value at each node takes part of its neighbours'.
+    one = np.where(x == x.max(), 1.0, 0.0)
+    smoothed = contact.friction.smoothing.apply(one)
+    assert 0.0 < np.sort(smoothed)[-2] < smoothed.max() < 0.9
+    made.close()
+
+
+def test_a_filter_with_a_huge_radius_is_the_mean(tmp_path: Path) -> None:
+    changes = {"friction.smoothing": {"kernel": "helmholtz", "radius": 1e6}, "mesh.h": 0.1}
+    made = assemble(study_file.load(changed(tmp_path, changes)).parameters, MPI.COMM_SELF)
+    (contact,) = made.contacts
+    surface, smoothing = contact.surface, contact.friction.smoothing
+    w = np.exp(surface.points[:, 0])
+    # The node at the clamp takes no part.
+    held = np.isclose(surface.points[:, 0], 0.0)
+    is_free = (~held).astype(float)
+    mean = surface.integral(w * is_free) / surface.integral(is_free)
+    assert np.abs(smoothing.apply(w) - mean).max() < 1e-6
+    assert np.abs(smoothing.apply(np.ones_like(w)) - 1.0).max() < 1e-14
+    smoothing.destroy()
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.25])
+def test_radius_not_above_the_mesh_size_is_a_warning_only(
+    radius: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = changed(tmp_path, {"friction.smoothing.radius": radius, "mesh.h": 0.25})
+    assert cli.main(["check", str(file), "--set", f"output.directory={tmp_path}/out"]) == 0
+    warning = capsys.readouterr().err
+    assert "friction.smoothing.radius" in warning and "on bottom, so R hardly smooths" in warning
+
+
+def _pressed_from_above(foundation: dict[str, Any], **more: Any) -> dict[str, Any]:
+    """A layer below a ball."""
+    return {
+        "mesh": {"size": [3, 3], "h": 0.4, "h_contact": 0.05, "axisymmetric": True},
+        "material.elasticity": {"young": 1, "poisson": 0.2},
+        "loads": {"displacements": [{"on": "bottom", "value": [0, 0]}]},
+        "contact": {"on": "top", "foundation": foundation},
+        "friction": {"coefficient": 0.2, "smoothing": {"kernel": "none"}},
+    } | more
+
+
+def _ball(height: float, **more: Any) -> dict[str, Any]:
+    return {"sphere": {"centre": [0, height], "radius": 1}} | more
+
+
+def test_friction_on_a_ball_that_is_drawn_at_its_last_place_is_warned_of(tmp_path: Path) -> None:
+    """Its friction force is 0.00477, and that of the ball that came there 0.00240."""
+    (warning,) = _warnings(tmp_path, _pressed_from_above(_ball(3.94)))
+    assert warning.startswith("contact.foundation: it overlaps the body at rest by up to 0.06, ")
+    assert "contact.foundation.motion" in warning
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        _pressed_from_above(_ball(4.0, motion=[0, -0.06])),
+        _pressed_from_above(_ball(3.94), friction={"coefficient": 0.0}),
+        _pressed_from_above(_ball(3.9999)),
+        _pressed_from_above({"half_space": {"point": [0, 2.94], "normal": [0, -1]}}),
+        {
+            "mesh": {"builder": "annulus", "inner_radius": 1, "outer_radius": 2, "h": 0.3},
+            "loads": {"displacements": [{"on": "outer", "value": [0, 0]}]},
+            "contact": {
+                "on": "inner",
+                "foundation": {"cylinder": {"centre": [0, 0], "radius": 1.01}},
+            },
+        },
+    ],
+    ids=["it comes there", "without friction", "a touch", "a plane", "a press fit"],
+)
+def test_other_foundations_with_friction_are_not_warned_of(
+    changes: dict[str, Any], tmp_path: Path
+) -> None:
+    assert _warnings(tmp_path, changes) == []
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_foundation_at_right_angles_to_the_contact_is_warned_of_unless_it_moves(
+    moves: bool, tmp_path: Path
+) -> None:
+    foundation = {"expression": "x + 1"} | ({"motion": [0, 0]} if moves else {})
+    found = _warnings(tmp_path, {"contact": {"on": "bottom", "foundation": foundation}})
+    told = [text for text in found if "at right angles" in text]
+    assert len(told) == (0 if moves else 1)
+    assert all(text.startswith("contact.foundation.expression: ") for text in told)

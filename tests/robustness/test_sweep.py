@@ -1,22 +1,309 @@
-"""The sweep: a sample of its problems, and the design of the family of pairs."""
+"""The sweep: a sample of its problems and its design; its judge knows right from wrong."""
 
 from __future__ import annotations
 
+import copy
+import dataclasses
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
 import pytest
 from mpi4py import MPI
 from slow import slow
-from sweep import run
+from sweep import run, unseen
+from sweep.case import Case, Study, Truth, clamp, study
 from sweep.covering import pairs_in, pairs_of
+from sweep.elements import Mesh
 from sweep.families import FAMILIES, PAIRS, case_of
+from sweep.judge import Judge, complaint
+from sweep.observed import Moment, Touch, mesh_of, moment_of
 from sweep.pair_features import FEATURES, agree, rows
+from sweep.reference import Programme
 from sweep.resultants import cannot_balance
-from sweep.solve import BROKEN, REFUSED, SOLVED, judge_of, outcome_of
+from sweep.solve import (
+    BROKEN,
+    INFEASIBLE,
+    REFUSED,
+    SOLVED,
+    WRONG,
+    judge_of,
+    outcome_of,
+    outcome_of_case,
+)
+from sweep.transforms import Transform
 
+from contact_locking.running.solving import solve_assembled, solve_steps
 from contact_locking.study.assembly import assemble
+from contact_locking.study_file.dump import plain
 from contact_locking.study_file.parameters import Parameters
 
-pytest.importorskip("clarabel")
 pytestmark = pytest.mark.serial
+
+pytest.importorskip("clarabel")
+
+Judged = tuple[Study, Mesh, tuple[Moment, ...]]
+Change = Callable[[Moment], Moment]
+
+
+@cache
+def _solved(n: float, degree: int, gap: float = 1e-3) -> Judged:
+    """A block in two steps, of which a part locks, sticks, slips and stands open."""
+    data: Study = {
+        "mesh": {"builder": "block", "dim": 2, "h": 0.15},
+        "material": {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.02},
+        "loads": {
+            "tractions": [{"on": "top", "value": ["0.04*t", "-0.05*t"]}],
+            "displacements": [clamp(2)],
+        },
+        "contact": [{"on": "bottom", "gap": f"{gap} + 0.02*(1 - x)"}],
+        "friction": {
+            "coefficient": "0.1/(1 + 100*s)",
+            "smoothing": {"kernel": "convolution", "radius": 0.4},
+            "regularisation": 0.0 if math.isinf(n) else 1e-6,
+        },
+        "discretisation": {"degree": degree},
+        "penalty": {"n": n} | ({} if math.isinf(n) else {"epsilon": 1e-2}),
+        "steps": {"to": 1.0, "count": 2},
+    }
+    moments = []
+    for solution in solve_steps(Parameters.model_validate(data), MPI.COMM_SELF):
+        assert solution.converged
+        mesh = mesh_of(solution.domain, solution.displacement.function_space, data)
+        moments.append(moment_of(solution, mesh))
+    return data, mesh, tuple(moments)
+
+
+_KINDS = [(math.inf, 1), (math.inf, 2), (1e3, 1), (1e3, 2)]
+
+
+@pytest.mark.parametrize(("n", "degree"), _KINDS)
+def test_the_judge_finds_no_fault_with_a_solution(n: float, degree: int) -> None:
+    data, mesh, moments = _solved(n, degree)
+    assert complaint(Judge(data, mesh).violations(moments)) == ""
+    states = moments[-1].contacts[0]
+    slides = np.linalg.norm(states.traction, axis=1) > 0.98 * states.bound
+    assert (states.pressure > 0.0).any() and slides[states.pressure > 0.0].any()
+    assert np.abs(moments[-1].locking).max() > 0.0
+
+
+def _touch(change: Callable[[Touch], dict[str, Any]]) -> Change:
+    def changed(m: Moment) -> Moment:
+        touches = (dataclasses.replace(touch, **change(touch)) for touch in m.contacts)
+        return dataclasses.replace(m, contacts=tuple(touches))
+
+    return changed
+
+
+def _bumped(m: Moment) -> Moment:
+    """A wave, zero where the body is held, of a ten-thousandth of the displacement."""
+    wave = 1e-4 * np.abs(m.u).max() * np.sin(5.0 * m.u / np.abs(m.u).max())
+    return dataclasses.replace(m, u=m.u + wave)
+
+
+def _lying(m: Moment) -> Moment:
+    """About the force of the foundation."""
+    (entry,) = copy.deepcopy(m.summary["contacts"])
+    entry["contact_force"] = [2.0 * part for part in entry["contact_force"]]
+    return dataclasses.replace(m, summary=m.summary | {"contacts": [entry]})
+
+
+# A ten-thousandth of a field, as no solver within its tolerance may err.
+_SHARE = 1.0 + 1e-4
+_MISTAKES: list[tuple[Change, str]] = [
+    (lambda m: dataclasses.replace(m, u=_SHARE * m.u), "equilibrium"),
+    (_bumped, "equilibrium"),
+    (lambda m: dataclasses.replace(m, locking=_SHARE * m.locking), "equilibrium"),
+    (_touch(lambda t: {"pressure": _SHARE * t.pressure}), "equilibrium"),
+    (_touch(lambda t: {"traction": _SHARE * t.traction}), "equilibrium"),
+    (lambda m: dataclasses.replace(m, u=m.u + 1e-9 * np.abs(m.u).max()), "prescribed"),
+    (_touch(lambda t: {"pressure": t.pressure - 1e-4 * t.pressure.max()}), "pulling pressure"),
+    (_touch(lambda t: {"pressure": t.pressure[::-1]}), "contact law"),
+    (_touch(lambda t: {"traction": 3.0 * t.traction}), "friction above its bound"),
+    (_touch(lambda t: {"traction": -t.traction}), "friction law"),
+    (
+        _touch(lambda t: {"traction": t.traction + 1e-3 * t.bound.max() * t.normal}),
+        "friction along the normal",
+    ),
+    (_touch(lambda t: {"bound": _SHARE * t.bound}), "reported bound"),
+    (_touch(lambda t: {"gap": t.gap + 1e-4}), "reported gap"),
+    (lambda m: dataclasses.replace(m, elastic=_SHARE * m.elastic), "reported stress"),
+    (_lying, "balance of forces"),
+]
+
+
+@pytest.mark.parametrize(("n", "degree"), _KINDS)
+@pytest.mark.parametrize(("change", "law"), _MISTAKES)
+def test_the_judge_finds_a_mistake(n: float, degree: int, change: Change, law: str) -> None:
+    data, mesh, moments = _solved(n, degree)
+    found = Judge(data, mesh).violations([*moments[:-1], change(moments[-1])])
+    assert found[law] > 1.0, found
+
+
+@pytest.mark.parametrize(("n", "degree"), _KINDS)
+def test_the_judge_finds_a_solution_that_misses_the_foundation(n: float, degree: int) -> None:
+    """The solution for a foundation that is farther away is none for a near one."""
+    data, mesh, moments = _solved(n, degree, gap=4e-3)
+    near = copy.deepcopy(data) | {"contact": _solved(n, degree)[0]["contact"]}
+    found = Judge(near, mesh).violations(moments)
+    assert found["penetration" if math.isinf(n) else "contact law"] > 1.0
+    assert found["reported gap"] > 1.0
+
+
+def test_the_judge_knows_what_friction_remembers() -> None:
+    """Without the first step the second has another slip, and another coefficient."""
+    data, mesh, moments = _solved(math.inf, 1)
+    found = Judge(data, mesh).violations(moments[1:])
+    assert found["friction law"] > 1.0 or found["reported bound"] > 1.0
+
+
+def test_the_judge_knows_the_strain_beyond_its_limit_and_the_penalty() -> None:
+    data, mesh, moments = _solved(math.inf, 1)
+    tight = copy.deepcopy(data)
+    tight["material"]["locking_limit"] = 0.0199
+    assert Judge(tight, mesh).violations(moments)["strain beyond its limit"] > 1.0
+    data, mesh, moments = _solved(1e3, 1)
+    stiff = copy.deepcopy(data)
+    stiff["penalty"]["n"] = 1.1e3
+    assert Judge(stiff, mesh).violations(moments)["locking penalty"] > 1.0
+
+
+def _moved(key: str) -> Change:
+    """What the summary says of the foundation, made one per cent larger."""
+
+    def change(m: Moment) -> Moment:
+        (entry,) = copy.deepcopy(m.summary["contacts"])
+        entry["tool"][key] = (1.01 * np.array(entry["tool"][key])).tolist()
+        return dataclasses.replace(m, summary=m.summary | {"contacts": [entry]})
+
+    return change
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_judge_knows_the_forces_of_free_foundations(dim: int) -> None:
+    down = [*[0.0] * (dim - 1), -1.0]
+    foundation: Study = {
+        "half_space": {"point": [0.5] * (dim - 1) + [1.0], "normal": down},
+        "force": [0.01 * part for part in down],
+        "spring": {"stiffness": 0.5},
+    }
+    mesh = {"builder": "block", "dim": dim, "h": {2: 0.25, 3: 0.5}[dim]}
+    none = {"kernel": "none"}
+    held = {"displacements": [clamp(dim, "bottom")]}
+    data = study(mesh, held, gap=foundation, on="top", friction=0.3, smoothing=none)
+    problem = assemble(Parameters.model_validate(data), MPI.COMM_SELF)
+    judge = judge_of(problem, data)
+    moment = moment_of(solve_assembled(problem), judge.mesh)
+    assert complaint(judge.violations([moment])) == ""
+    for key, law in (("travel", "force of a tool"), ("direction", "direction of a tool")):
+        assert judge.violations([_moved(key)(moment)])[law] > 1.0, law
+
+
+def _unsaid(case: Case) -> str:
+    """What is missed without a word in a solution of the case."""
+    problem = assemble(Parameters.model_validate(case.study), MPI.COMM_SELF)
+    judge = judge_of(problem, case.study)
+    judge.given_load = unseen.load_of_band(case.truth, judge.body)
+    moment = moment_of(solve_assembled(problem), judge.mesh)
+    return unseen.complaint(case.truth, judge, moment, [], judge.violations([moment]))
+
+
+def test_what_is_missed_without_a_word_is_found() -> None:
+    """The solutions are right for the mesh, and the words of the program are taken away."""
+    held = {"displacements": [clamp(2, "bottom")]}
+    mesh = {"builder": "block", "dim": 2, "h": 0.5, "structured": True}
+    tool = {"cylinder": {"centre": [0.25, 1.05], "radius": 0.1}}
+    told = ("words",)
+    between = Case(study(mesh, held, gap=tool, on="top"), Truth(told=told))
+    assert "enters between the nodes by 1" in _unsaid(between)
+    pull = {"displacements": [clamp(2)], "tractions": [{"on": "top", "value": [0.01, 0.0]}]}
+    jump = study(mesh, pull, limit="0.02 if x < 0.3 else 0.1")
+    assert "M goes from 0.02 to 0.1" in _unsaid(Case(jump, Truth(told=told)))
+    rough = study(mesh, pull, friction="0.5 if x < 0.3 else 0.1")
+    assert "mu goes from 0.1 to 0.5" in _unsaid(Case(rough, Truth(told=told)))
+    load = [{"on": "top", "value": [0.0, "-1 if abs(x - 0.3) < 0.1 else 0"]}]
+    narrow = study(mesh, {"displacements": [clamp(2)], "tractions": load})
+    assert _unsaid(Case(narrow, Truth(told=told, band=(0.3, 0.1, 1.0)))) == ""
+    assert "narrow load is off" in _unsaid(Case(narrow, Truth(told=told, band=(0.35, 0.1, 1.0))))
+
+
+def test_a_wrong_claim_of_a_truth_is_found() -> None:
+    """The judge compares the claims of a case: the contrary claims make the outcome wrong."""
+    loads = {"displacements": [{"on": "top", "value": [0.0, -0.01]}]}
+    data = study({"builder": "block", "dim": 2, "h": 0.25}, loads, friction=0.2)
+    assert outcome_of_case(Case(data, Truth(touches=True)), checks=False).kind == SOLVED
+    for truth in (
+        Truth(touches=False),
+        Truth(admissible=False),
+        Truth(translation=(0.0, -0.01)),
+        Truth(refused="rigid motion"),
+    ):
+        assert outcome_of_case(Case(data, truth), checks=False).kind == WRONG
+
+
+def test_a_refusal_counts_as_right_only_where_it_is() -> None:
+    loads = {"tractions": [{"on": "top", "value": [0.0, 0.1]}]}
+    data = study({"builder": "block", "dim": 2, "h": 0.5}, loads)
+    assert outcome_of_case(Case(data, Truth(refused="rigid motion"))).is_good
+    assert not outcome_of_case(Case(data)).is_good
+
+
+def _stretched(limit: float, by: float) -> Study:
+    """A square between rollers that is stretched along x and free to keep its height."""
+    loads = {
+        "displacements": [
+            {"on": "left", "value": [0.0, None]},
+            {"on": "right", "value": [by, None]},
+            {"on": "top", "value": [None, 0.0]},
+        ]
+    }
+    return study({"builder": "block", "dim": 2, "h": 0.25}, loads, limit=limit, gap=1.0)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.999, 1.001, 3.0])
+def test_the_largest_factor_and_the_smallest_excess_of_a_stretched_square(share: float) -> None:
+    """The least strain is uniaxial: the factor is M/delta and the excess delta/M - 1."""
+    data = _stretched(0.02, share * 0.02)
+    problem = assemble(Parameters.model_validate(data), MPI.COMM_SELF)
+    programme = Programme(judge_of(problem, data))
+    assert programme.largest_factor() == pytest.approx(1.0 / share, rel=1e-6)
+    assert programme.smallest_excess() == pytest.approx(share - 1.0, abs=1e-6)
+
+
+def test_a_true_and_a_false_verdict_of_infeasibility_are_told_apart() -> None:
+    outcome = outcome_of_case(Case(_stretched(0.02, 0.021)))
+    assert outcome.kind == INFEASIBLE, outcome.reason
+    assert outcome.notes["excess"] == pytest.approx(0.05, abs=1e-6)
+    admissible = Truth(admissible=True)
+    assert outcome_of_case(Case(_stretched(0.02, 0.021), admissible)).kind == WRONG
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_transform_and_its_inverse_leave_a_study_as_it_was(dim: int) -> None:
+    there = Transform.random(np.random.default_rng(dim), dim, homogeneous=True)
+    rows = tuple(zip(*there.rows, strict=True))
+    back = Transform(rows, 1.0 / there.length, 1.0 / there.stress, 1.0 / there.load)
+    np.testing.assert_allclose(back.matrix @ there.matrix, np.eye(dim))
+    for family in ("anisotropic", "tilted", "overlap", "approach_curved"):
+        cases = (case_of(family, seed).study for seed in range(50))
+        # The axis of a cylinder is written out.
+        given = next(c for c in cases if c["mesh"]["dim"] == dim and "cylinder" not in str(c))
+        again = back.study(there.study(given))
+        # Numbers to rounding; of expressions there is no telling.
+        found, wanted = (_numbers(plain(Parameters.model_validate(s))) for s in (again, given))
+        assert found == pytest.approx(wanted, rel=1e-12, abs=1e-12)
+
+
+def _numbers(data: Any) -> list[float]:
+    if isinstance(data, dict | list | tuple):
+        inner = data.values() if isinstance(data, dict) else data
+        return [number for item in inner for number in _numbers(item)]
+    return [data] if isinstance(data, float) and math.isfinite(data) else []
+
+
+pytest.importorskip("clarabel")
 
 
 @pytest.mark.parametrize("family", [slow(f) if f == "grains" else f for f in FAMILIES])

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from limits_of_strain import SEVERAL, material
+from mpi4py import MPI
+from ruamel.yaml import YAML
 
+from contact_locking.errors import InputError
 from contact_locking.meshes import BUILDERS
-from contact_locking.study_file import from_mapping, schema, schema_text
+from contact_locking.study.assembly import assemble
+from contact_locking.study_file import dump, from_mapping, schema, schema_text
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.mesh import MeshParameters
+from contact_locking.study_file.parameters.wording import labels, told_apart
 from contact_locking.study_file.schema import rows
+from contact_locking.view.report.page import shown
 
 pytestmark = pytest.mark.serial
 
@@ -122,3 +132,65 @@ def test_the_json_schema_has_the_bounds_of_numbers() -> None:
     assert bounds("Settings", "max_iterations") == [{"minimum": 1, "maximum": 10**9}]
     assert bounds("Settings", "tolerance") == [{"exclusiveMinimum": 0, "exclusiveMaximum": 1}]
     assert bounds("LoadParameters", "tractions") == [{"maxItems": 200}]
+
+
+@pytest.mark.parametrize(
+    ("limit", "key"),
+    [
+        ({"norm": "deviator", "at_most": "x - 0.5"}, "at_most"),
+        ({"norm": "volume", "at_least": "0.5 - x"}, "at_least"),
+        ({"norm": "direction", "along": ["0*x", "0*x"], "at_most": 0.1}, "along"),
+        ({"norm": "direction", "along": ["1/0", 1], "at_most": 0.1}, "along.0"),
+    ],
+)
+def test_limits_that_fail_on_the_mesh_are_refused_with_their_key(
+    limit: dict[str, Any], key: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        assemble(from_mapping({"mesh": {"h": 0.3}, "material": material(limit)}), MPI.COMM_WORLD)
+    assert f"material.locking.0.{key}" in f"{caught.value.key} {caught.value}"
+
+
+def test_a_list_of_limits_is_written_and_read_back() -> None:
+    given = from_mapping({"material": {"locking": SEVERAL}})
+    again = from_mapping(YAML(typ="safe").load(dump(given)))
+    assert again == given
+
+
+LIGHT = [{"on": "top", "value": [0, -0.01]}, {"on": "right", "value": [0, 0.001]}]
+HEAVY = [{"on": "top", "value": [0, -0.02]}, {"on": "right", "value": [0, 0.001]}]
+LEAVES = (
+    st.none()
+    | st.booleans()
+    | st.integers(-3, 3)
+    | st.floats(-1, 1)
+    | st.text("ab{}: ,…", max_size=3)
+)
+VALUES = st.recursive(
+    LEAVES,
+    lambda inside: (
+        st.lists(inside, max_size=5)
+        | st.dictionaries(st.sampled_from(["on", "gap", "value", "norm"]), inside, max_size=3)
+    ),
+    max_leaves=12,
+)
+
+
+def test_the_label_of_a_case_names_every_key_that_varies() -> None:
+    rows = [{"loads.tractions": load, "penalty.n": n} for load in (LIGHT, HEAVY) for n in (10, 20)]
+    written = "[{on: top, value: [0, -0.01]}, {on: right, value: [0, 0.001]}]"
+    assert labels(rows)[1] == f"loads.tractions = {written}, penalty.n = 20"
+    assert len(set(labels(rows))) == 4
+
+
+@settings(max_examples=100, deadline=None)
+@given(values=st.lists(VALUES, max_size=6), writer=st.sampled_from([None, shown]))
+def test_different_values_have_different_texts_and_equal_values_the_same(
+    values: list[Any], writer: Any
+) -> None:
+    twice = [*values, *copy.deepcopy(values)]
+    texts = told_apart(twice) if writer is None else told_apart(twice, writer)
+    assert texts[: len(values)] == texts[len(values) :]
+    told = list(zip(values, texts, strict=False))
+    assert all(one == other for one, first in told for other, second in told if first == second)
+    assert all(len(text) < 90 for text in texts)

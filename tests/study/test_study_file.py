@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from block_study import BLOCK
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from problems import block
+from sheared_block import all_of, sheared
 
+from contact_locking import solve_steps
 from contact_locking.errors import InputError
+from contact_locking.process.loop import Timeline
+from contact_locking.process.settings import Steps
+from contact_locking.results.table import Table
 from contact_locking.study_file import dump, from_mapping, load
+from contact_locking.study_file.parameters.wording import REMOVED_KEYS, REMOVED_VALUES
 
 pytestmark = pytest.mark.serial
 
@@ -101,20 +110,11 @@ def test_overrides_replace_and_add(file: Path) -> None:
         ("penalty.n=-1", "--set penalty.n: must be > 0"),
         ("penalty={n: -1}", "--set penalty: penalty.n: must be > 0"),
         ("penalty.m=1", "--set penalty.m: unknown key"),
-        ("penalti.n=1", "--set penalti.n: penalti: unknown key (did you mean 'penalty'?)"),
-        ("loads.periodic=[left, right]", "unknown key (there are no periodic pairs"),
-        ("loads.spread=rigid", "for a rigid plate see contact.foundation.force"),
-        (
-            "material.regions={soft: {locking: [{limit: 1}]}}",
-            "known here: at_most, norm, at_least, along, matrix",
-        ),
         ("penalty.n=[1", "--set penalty.n: is not valid YAML"),
         ("penalty.n=&a 1\n--- 2", "--set penalty.n: is not valid YAML"),
         ("penalty.n.m=1", "--set penalty.n.m: 'penalty.n' is a value"),
         ("loads.tractions.1.value=[0, 1]", "indices 0 to 0, not '1'"),
         ("loads.tractions.x.value=[0, 1]", "indices 0 to 0, not 'x'"),
-        ("mesh.size=[1, 1, 1]", "--set mesh.size: must be a list of 2 numbers"),
-        ("contact.foundation.sphere={centre: [0, 0], radius: 1}", "exactly one of"),
     ],
 )
 def test_a_wrong_override_is_refused_by_its_key(file: Path, override: str, message: str) -> None:
@@ -139,3 +139,91 @@ def test_the_key_on_is_read_as_programs_of_yaml_1_1_write_it(tmp_path: Path) -> 
     parameters = from_mapping(data)
     assert parameters.contacts[0].on == ("left",)
     assert parameters.loads.tractions[0].on == ("top",)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("adapt.by", "bound"),
+        ("certificate.bound_meshes", 4),
+        ("friction.coefficient", float("inf")),
+        ("friction.smoothing.at_supports", "vanish"),
+        ("contact.foundation.tilt", {"about": [0.0, 0.0]}),
+        ("material.limits_of", "elastic"),
+        ("mesh.curved", True),
+        ("output.animation", True),
+        ("solver.friction", "nested"),
+        ("discretisation.limit_at", "gauss"),
+        ("mesh.facets", "facets.xdmf"),
+    ],
+)
+def test_what_has_gone_is_refused_by_its_key_with_what_to_do_instead(key: str, value: Any) -> None:
+    *path, last = key.split(".")
+    data: dict[str, Any] = {"contact": {"on": "bottom"}}
+    section = data
+    for name in path:
+        section = section.setdefault(name, {})
+    section[last] = value
+    with pytest.raises(InputError) as caught:
+        from_mapping(data)
+    message = str(caught.value)
+    advice = REMOVED_KEYS.get(key) or REMOVED_KEYS.get(last) or REMOVED_VALUES[last, str(value)]
+    assert key in message and advice in message
+
+
+def test_a_norm_that_has_gone_is_refused_by_its_key() -> None:
+    limit = {"norm": "largest_principal", "at_most": 0.01}
+    with pytest.raises(InputError, match=r"material\.locking\.0\.norm") as caught:
+        from_mapping({"material": {"locking": [limit]}})
+    assert REMOVED_VALUES["norm", "largest_principal"] in str(caught.value)
+
+
+def test_the_time_is_refused_without_steps() -> None:
+    with pytest.raises(ValueError, match="depends on the time t, and the file has no steps"):
+        block(contact__gap="0.1*t")
+    loads = {"displacements": [{"on": "left", "value": ["t", 0]}]}
+    with pytest.raises(ValueError, match=r"steps: \{to: 1, count: 20\}"):
+        block(loads=loads)
+    with pytest.raises(ValueError, match="unknown name 't'"):
+        block(material__locking_limit="0.02*t", steps={"to": 1, "count": 2})
+
+
+def test_steps_that_make_no_sense_are_refused() -> None:
+    for to, times in ((1, [1]), (None, []), (None, [0, 1, 1])):
+        with pytest.raises(InputError) as caught:
+            Steps(to=to, times=times)
+        assert caught.value.key == "Steps.times"
+    with pytest.raises(InputError, match="give `to` and `count`"):
+        Steps(to=1)
+
+
+def test_a_value_that_is_not_finite_at_some_time_is_refused_with_its_key() -> None:
+    loads = {"displacements": [{"on": "top", "value": [0, "-0.01/(1 - t)"]}]}
+    with pytest.raises(InputError, match="finite") as caught:
+        list(solve_steps(sheared(2, loads=loads)))
+    assert caught.value.key == "loads.displacements.0.value.1"
+
+
+def test_a_timeline_reaches_every_planned_time_whatever_fails() -> None:
+    random = np.random.default_rng(1)
+    for _ in range(50):
+        planned = [float(time) for time in np.cumsum(random.uniform(0.01, 1.0, 5))]
+        timeline = Timeline(Steps(times=planned))
+        most, reached, tries = random.uniform(0.1, 1.0), [], 0
+        while not timeline.is_over and tries < 500:
+            tries += 1
+            length = timeline.target - timeline.done
+            if length > most * random.uniform(0.5, 1.0):
+                assert timeline.fail()
+                continue
+            timeline.succeed()
+            reached.append(timeline.done)
+        assert timeline.is_over and set(planned) <= set(reached) and reached == sorted(reached)
+
+
+def test_a_history_is_read_as_it_was_written() -> None:
+    history = all_of(sheared(2))[-1].history
+    again = Table.read(history.text(), "history.csv")
+    assert again == history and again.columns == history.columns
+    with pytest.raises(InputError, match=r"history\.csv:2"):
+        Table.read(history.text().replace("\n1,", "\n1,1,"), "history.csv")

@@ -29,7 +29,6 @@ from contact_locking.study_file.parameters import Parameters
 
 LAME_LAMBDA, LAME_MU = lame_from_young(1.0, 0.3)
 K = LAME_LAMBDA + 2.0 * LAME_MU
-TEST = "test_verification.py"
 
 
 @pytest.mark.serial
@@ -50,9 +49,9 @@ def test_v1_column_in_uniaxial_strain_is_exact(
     assert summary["strain_norm_max"] == pytest.approx(exact, rel=1e-8)
     assert np.ptp(solution.strain_norm.x.array) <= 1e-8 * exact
     where = f"column, {dim}D, p = {pressure:g}, n = {n:g}, eps = {epsilon:g}"
-    found.append(Row("V1", where, "strain", summary["strain_norm_max"], exact, TEST))
+    found.append(Row("V1", where, "strain", summary["strain_norm_max"], exact))
     sunk = pressure * epsilon
-    found.append(Row("V1", where, "penetration", summary["penetration_max"], sunk, TEST))
+    found.append(Row("V1", where, "penetration", summary["penetration_max"], sunk))
     assert summary["penetration_max"] == pytest.approx(pressure * epsilon, rel=1e-8)
     assert summary["contact_force"][-1] == pytest.approx(pressure, rel=1e-8)
     assert summary["locked_fraction"] == (1.0 if pressure > K * limit else 0.0)
@@ -99,11 +98,11 @@ def pressed_cylinder(h_contact: float, **discretisation: int) -> StudySolution:
 def test_v6_hertz_line_contact_has_the_half_width_and_peak_of_theory(found: list[Row]) -> None:
     solution = pressed_cylinder(0.05)
     half = solution.summary["contact_area"] / 2
-    found.append(Row("V6", "cylinder on a plane", "half-width", half, HALF_WIDTH, TEST))
+    found.append(Row("V6", "cylinder on a plane", "half-width", half, HALF_WIDTH))
     assert half == pytest.approx(HALF_WIDTH, rel=0.05)
     if solution.contact_points is not None:
         largest = float(solution.contact_points.pressure.max())
-        found.append(Row("V6", "cylinder on a plane", "peak pressure", largest, PEAK, TEST))
+        found.append(Row("V6", "cylinder on a plane", "peak pressure", largest, PEAK))
         assert largest == pytest.approx(PEAK, rel=0.05)
 
 
@@ -171,7 +170,7 @@ def test_v15_r_keeps_constants_and_positivity(dim: int, kernel: str, found: list
     smoothing = foot.smoothing(kernel, 0.3)
     ones = np.ones(len(foot.surface.nodes))
     change = foot.maximum(smoothing.apply(3.0 * ones) - 3.0)
-    found.append(Row("V15", f"R of 3, {dim}D, {kernel}", "largest change", change, None, TEST))
+    found.append(Row("V15", f"R of 3, {dim}D, {kernel}", "largest change", change, None))
     assert change <= 1e-12
     spike = np.where(foot.surface.points[:, 0] > 0.45, 1.0, 0.0)
     smoothed = smoothing.apply(spike)
@@ -203,7 +202,7 @@ def test_v15_r_tends_to_the_identity_with_the_square_of_its_radius(
         errors.append(np.sqrt(foot.surface.integral(difference**2)))
         smoothing.destroy()
     rate = np.polyfit(np.log(radii), np.log(errors), 1)[0]
-    found.append(Row("V15", f"R - I, {kernel}", "rate in its radius", float(rate), 2.0, TEST))
+    found.append(Row("V15", f"R - I, {kernel}", "rate in its radius", float(rate), 2.0))
     assert rate == pytest.approx(2.0, abs=0.2)
 
 

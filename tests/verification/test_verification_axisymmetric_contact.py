@@ -25,8 +25,6 @@ from verification_table import Row
 
 from contact_locking.running import solving
 
-TEST = "test_verification_axisymmetric_contact.py"
-
 pytestmark = pytest.mark.serial
 
 
@@ -48,7 +46,7 @@ def test_v25_the_force_of_a_ball_at_a_depth_pushes_the_ball_to_that_depth(found:
     force = pushed(depth)["contact_force"][1]
     reached = pushed(0.0, force=[0.0, force])
     travel = reached["contacts"][0]["tool"]["travel"]
-    found.append(Row("V25", "ball in a locking layer, by its force", "depth", travel, depth, TEST))
+    found.append(Row("V25", "ball in a locking layer, by its force", "depth", travel, depth))
     assert travel == pytest.approx(depth, rel=1e-5)
     assert reached["contact_force"][1] == pytest.approx(force, rel=1e-8)
 
@@ -80,11 +78,11 @@ def test_v25_an_indented_cylinder_is_near_to_hertz_in_a_second(
     peak = float(solution.contact_points.pressure.max())
     where = "indented cylinder of radius 8, axisymmetric"
     found += [
-        Row("V25", where, "force", force, FORCE, TEST),
-        Row("V25", where, "half-width", half_width, HALF_WIDTH, TEST),
-        Row("V25", where, "peak pressure", peak, PEAK, TEST),
+        Row("V25", where, "force", force, FORCE),
+        Row("V25", where, "half-width", half_width, HALF_WIDTH),
+        Row("V25", where, "peak pressure", peak, PEAK),
         Row("V25", where, "a^3 over 3FR/(4E*)", half_width**3 / (0.75 * force * RADIUS / MODULUS),
-            1.0, TEST),
+            1.0),
     ]  # fmt: skip
     assert force == pytest.approx(FORCE, rel=0.02)
     assert half_width == pytest.approx(HALF_WIDTH, rel=0.01)
@@ -126,5 +124,5 @@ def test_v25_a_locking_ball_in_space_has_the_forces_of_its_half_section(found: l
         "friction": (quarter["friction_force"][0], section["friction_force"][0] / (2.0 * math.pi)),
     }
     for name, (space, flat) in pairs.items():
-        found.append(Row("V25", "pressed ball, 3D beside axisymmetric", name, space, flat, TEST))
+        found.append(Row("V25", "pressed ball, 3D beside axisymmetric", name, space, flat))
         assert space == pytest.approx(flat, rel=0.05)

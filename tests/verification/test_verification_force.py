@@ -16,7 +16,6 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.running import solving
 from contact_locking.study.assembly import assemble
 
-TEST = "test_verification_force.py"
 # A force of 10 presses a cylinder of radius 8, as its lower half, onto a plane (V6).
 FORCE, HALF_WIDTH, PEAK = 10.0, 0.681, 9.35
 
@@ -64,15 +63,15 @@ def test_v24_the_force_that_came_out_gives_the_same_state(n: float, found: list[
     problem = f"cylinder by force and by displacement, n = {n:g}"
     half = pushed.summary["contact_area"] / 2.0
     found += [
-        Row("V24", problem, "force that came out", force, FORCE, TEST),
-        Row("V24", problem, "distance of the displacements over the travel", distance, None, TEST),
-        Row("V24", problem, "half-width", half, HALF_WIDTH, TEST),
+        Row("V24", problem, "force that came out", force, FORCE),
+        Row("V24", problem, "distance of the displacements over the travel", distance, None),
+        Row("V24", problem, "half-width", half, HALF_WIDTH),
     ]
     assert force == pytest.approx(FORCE, rel=1e-6)
     assert distance <= 1e-6
     assert half == pytest.approx(HALF_WIDTH, rel=0.15)
     if pushed.contact_points is not None and moved.contact_points is not None:
         peaks = [float(one.contact_points.pressure.max()) for one in (pushed, moved)]  # type: ignore[union-attr]
-        found.append(Row("V24", problem, "peak pressure", peaks[0], PEAK, TEST))
+        found.append(Row("V24", problem, "peak pressure", peaks[0], PEAK))
         assert peaks[0] == pytest.approx(peaks[1], rel=1e-5)
         assert peaks[0] == pytest.approx(PEAK, rel=0.08)

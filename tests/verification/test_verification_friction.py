@@ -23,7 +23,6 @@ from contact_locking.running.solving import SolvableStudy
 
 pytestmark = pytest.mark.serial
 
-TEST = "test_verification_friction.py"
 #: Distances from the left corner in m, and the slips there in m (code_aster, test SSNV128).
 SLIPS = {0.0: 2.86e-5, 1.25e-3: 2.72e-5, 5.0e-3: 2.28e-5, 7.5e-3: 1.98e-5}
 
@@ -53,7 +52,7 @@ def test_v23_the_slip_of_a_plate(degree: int, found: list[Row]) -> None:
     for place, exact in SLIPS.items():
         computed = float(slip[np.argmin(np.abs(x - place))])
         what = f"slip at x = {1e3 * place:g} mm"
-        found.append(Row("V23", f"SSNV128, P{degree}", what, computed, exact, TEST))
+        found.append(Row("V23", f"SSNV128, P{degree}", what, computed, exact))
         # The reference has three digits.
         assert computed == pytest.approx(exact, rel=4e-3)
 
@@ -111,7 +110,7 @@ def test_v26_partial_slip_of_a_sphere(found: list[Row]) -> None:
     # The force of the whole body is twice that of its half.
     hertz = (3.0 * 2.0 * force * sphere * (1.0 - poisson**2) / (4.0 * young)) ** (1.0 / 3.0)
     a, by_area = radius(contact.pressure), math.sqrt(2.0 * pressed.summary["contact_area"] / np.pi)
-    found.append(Row("V26", "Hertz, 3D, P2", "radius a by moments", a, hertz, TEST))
+    found.append(Row("V26", "Hertz, 3D, P2", "radius a by moments", a, hertz))
     assert a == pytest.approx(hertz, rel=0.01)
     for solution in steps:
         assert solution.converged, solution.summary["reason"]
@@ -124,8 +123,8 @@ def test_v26_partial_slip_of_a_sphere(found: list[Row]) -> None:
         sticks = solution.summary["contact_area"] - solution.summary["slip_area"]
         stick = math.sqrt(2.0 * sticks / math.pi)
         case = f"Cattaneo-Mindlin, 3D, P2, Q = {share:.2f} mu P"
-        found.append(Row("V26", case, "c/a by moments", c / a, exact, TEST))
-        found.append(Row("V26", case, "c/a by areas", stick / by_area, exact, TEST))
+        found.append(Row("V26", case, "c/a by moments", c / a, exact))
+        found.append(Row("V26", case, "c/a by areas", stick / by_area, exact))
         assert c / a == pytest.approx(exact, rel=0.02)
         # Some ten nodes are along the radius.
         assert stick / by_area == pytest.approx(exact, rel=0.04)
@@ -169,7 +168,7 @@ def test_v37_the_torque_that_turns_a_sphere_on_a_block(found: list[Row]) -> None
     force = turned.summary["contact_force"][2]
     a = math.sqrt(2.5 * float(np.sum(forces * r2)) / float(np.sum(forces)))
     torque, exact = turned.summary["contact_moment"][2], 3.0 * math.pi / 16.0 * mu * force * a
-    found.append(Row("V37", "a sphere that turns, 3D", "torque", torque, exact, TEST))
+    found.append(Row("V37", "a sphere that turns, 3D", "torque", torque, exact))
     assert torque == pytest.approx(exact, rel=0.01)
 
 
@@ -225,7 +224,7 @@ def test_v42_the_critical_friction_of_a_triangle(
     computed = solution.summary["certificate"]["critical_friction"]["coefficient"]
     exact = math.sqrt((1.0 - poisson) / poisson)
     what = f"triangle that slides, h = {1.0 / parts:.3g}, nu = {poisson}"
-    found.append(Row("V42", what, "critical friction", computed, exact, TEST))
+    found.append(Row("V42", what, "critical friction", computed, exact))
     assert computed == pytest.approx(exact, rel=1e-6)
 
 

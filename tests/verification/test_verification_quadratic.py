@@ -27,7 +27,6 @@ from contact_locking.running import solving
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
-TEST = "test_verification_quadratic.py"
 #: The rates in V and in L2: of smooth solutions in the body and at contact, of friction by the
 #: weights of the control values, and of locking by the weights of the vertices.
 RATES = [
@@ -60,7 +59,7 @@ def test_v1_column_in_uniaxial_strain_is_exact(
     if solution.contact_points is not None:
         assert solution.contact_points.pressure == pytest.approx(pressure, rel=1e-7)
     where = f"column, {dim}D, P2"
-    found.append(Row("V1", where, "strain", summary["strain_norm_max"], exact, TEST))
+    found.append(Row("V1", where, "strain", summary["strain_norm_max"], exact))
 
 
 @pytest.mark.slow
@@ -70,9 +69,9 @@ def test_v4_a_coarse_quadratic_mesh_has_the_peak_pressure_of_hertz(
 ) -> None:
     force, half_width, peak = indented(tmp_path, 1.0, 0.25, 0.04, degree=2)
     where = "indented unit block, P2 with facets of 0.04"
-    found.append(Row("V4", where, "force", force, FORCE, TEST))
-    found.append(Row("V4", where, "half-width", half_width, HALF_WIDTH, TEST))
-    found.append(Row("V4", where, "peak pressure", peak, PEAK, TEST))
+    found.append(Row("V4", where, "force", force, FORCE))
+    found.append(Row("V4", where, "half-width", half_width, HALF_WIDTH))
+    found.append(Row("V4", where, "peak pressure", peak, PEAK))
     # The block is ten half-widths high on a fixed base, and a facet is 0.4 of a half-width.
     assert FORCE < force < 1.13 * FORCE
     assert half_width == pytest.approx(HALF_WIDTH, rel=0.13)
@@ -86,8 +85,8 @@ def test_v6_quadratic_line_contact_of_hertz_needs_half_as_many_facets(found: lis
     assert points is not None
     peak = float(points.pressure.max())
     where = "cylinder on a plane, P2 with facets of 0.1"
-    found.append(Row("V6", where, "half-width", half, LINE_HALF_WIDTH, TEST))
-    found.append(Row("V6", where, "peak pressure", peak, LINE_PEAK, TEST))
+    found.append(Row("V6", where, "half-width", half, LINE_HALF_WIDTH))
+    found.append(Row("V6", where, "peak pressure", peak, LINE_PEAK))
     # The half-width counts whole points, which are 0.07 of it apart; beyond it lies one point on
     # each side, with 2 % of the peak.
     assert half == pytest.approx(LINE_HALF_WIDTH, rel=0.07)
@@ -95,7 +94,7 @@ def test_v6_quadratic_line_contact_of_hertz_needs_half_as_many_facets(found: lis
     exact = LINE_PEAK * np.sqrt(np.maximum(1.0 - (points.x[:, 0] / LINE_HALF_WIDTH) ** 2, 0.0))
     inside = np.abs(points.x[:, 0]) < 0.7 * LINE_HALF_WIDTH
     error = np.sqrt(np.mean((points.pressure - exact)[inside] ** 2)) / LINE_PEAK
-    found.append(Row("V6", where, "error of the pressure within 0.7 a", error, None, TEST))
+    found.append(Row("V6", where, "error of the pressure within 0.7 a", error, None))
     assert error < 0.004
 
 
@@ -106,9 +105,9 @@ def test_v10_the_annulus_converges_to_its_exact_solution(found: list[Row]) -> No
     both = [errors(annulus(h, math.inf, discretisation={"degree": 2})) for h in sizes]
     v, l2 = ([pair[i] for pair in both] for i in (0, 1))
     where = "annulus, n = inf, P2"
-    found.append(Row("V10", where, "rate in V, optimal", rate(sizes, v), 2.0, TEST))
-    found.append(Row("V10", where, "relative V error, h = 1/20", v[-1], None, TEST))
-    found.append(Row("V10", where, "relative L2 error, h = 1/20", l2[-1], None, TEST))
+    found.append(Row("V10", where, "rate in V, optimal", rate(sizes, v), 2.0))
+    found.append(Row("V10", where, "relative V error, h = 1/20", v[-1], None))
+    found.append(Row("V10", where, "relative L2 error, h = 1/20", l2[-1], None))
     assert v[-1] <= 0.009
     # The strain has a kink at the edge of the ring, and the sides are straight.
     assert rate(sizes, v) == pytest.approx(1.0, abs=0.15)
@@ -127,7 +126,7 @@ def test_v11_rates_of_quadratic_elements(
     rates = rate(sizes, [e.v for e in norms]), rate(sizes, [e.l2 for e in norms])
     where = f"manufactured, 2D, P2: {name}"
     for norm, measured, expected in zip(("V", "L2"), rates, (2.0, 3.0), strict=True):
-        found.append(Row("V11", where, f"rate in {norm}, optimal", measured, expected, TEST))
+        found.append(Row("V11", where, f"rate in {norm}, optimal", measured, expected))
     # The rate in L2 of contact and friction falls from mesh to mesh, from above.
     assert rates[0] == pytest.approx(in_v, abs=0.15)
     assert rates[1] >= in_l2 - 0.15
@@ -148,12 +147,12 @@ def test_v12_error_in_v_is_of_the_order_of_epsilon_plus_h_squared(found: list[Ro
     sizes = [1 / 6, 1 / 12, 1 / 24]
     for text, factor in (("0", 0.0), ("h^2/512", 1.0 / 512.0)):
         in_v = rate(sizes, [signorini_error(h, factor * h**2) for h in sizes])
-        found.append(Row("V12", f"Signorini, P2, eps = {text}", "rate in V", in_v, 2.0, TEST))
+        found.append(Row("V12", f"Signorini, P2, eps = {text}", "rate in V", in_v, 2.0))
         assert in_v == pytest.approx(2.0, abs=0.1)
     penalties = [1e-3, 2.5e-4, 6.25e-5]
     in_v = rate(penalties, [signorini_error(1 / 24, epsilon) for epsilon in penalties])
     where = "Signorini, P2, h = 1/24"
-    found.append(Row("V12", where, "rate in V over eps", in_v, 1.0, TEST))
+    found.append(Row("V12", where, "rate in V over eps", in_v, 1.0))
     assert in_v == pytest.approx(1.0, abs=0.1)
 
 
@@ -177,7 +176,7 @@ def test_v15_r_of_control_values_keeps_constants_and_means(
     change = foot.maximum(smoothing.apply(3.0 * np.ones(len(foot.surface.nodes))) - 3.0)
     assert change <= 1e-12
     where = f"R of 3, {dim}D, {kernel}, P2"
-    found.append(Row("V15", where, "largest change", change, None, TEST))
+    found.append(Row("V15", where, "largest change", change, None))
     wave = 1.0 + np.cos(math.pi * foot.surface.points[:, 0])
     smoothed = smoothing.apply(wave)
     if kernel == "helmholtz":
@@ -212,7 +211,7 @@ def test_v16_a_nearly_incompressible_block_does_not_lock(
         assert summary["dofs"] == 578
         computed, exact = summary["compliance"], reference["compliance"]
         where = f"block on its foundation, nu = 0.4999, {name}, 578 unknowns"
-        found.append(Row("V16", where, "compliance (P2, 8450)", computed, exact, TEST))
+        found.append(Row("V16", where, "compliance (P2, 8450)", computed, exact))
         error = abs(computed / exact - 1.0)
         assert error < 0.02 if element is P2 else error > 0.2
 
@@ -239,6 +238,6 @@ def test_v17_a_thin_beam_bends_as_timoshenko_says(found: list[Row], comm: MPI.In
         summary = solved(cantilever(h), element, comm).summary
         assert summary["dofs"] == 246
         where = f"cantilever of length 20 and height 1, {name}, 246 unknowns"
-        found.append(Row("V17", where, "compliance", summary["compliance"], exact, TEST))
+        found.append(Row("V17", where, "compliance", summary["compliance"], exact))
         error = abs(summary["compliance"] / exact - 1.0)
         assert error < 0.02 if element is P2 else error > 0.4

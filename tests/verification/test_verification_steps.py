@@ -18,7 +18,6 @@ from contact_locking.running.solving import SolvableStudy
 
 pytestmark = pytest.mark.serial
 
-TEST = "test_verification_steps.py"
 YOUNG, POISSON, MU, RADIUS = 1.0, 0.45, 0.5, 2.0
 #: How far the block is pressed, and moved to and fro, and the size of the elements there.
 DEPTH, SHIFT, H = 0.037, 0.033, 0.0125
@@ -72,8 +71,8 @@ def test_v20_partial_slip_of_cattaneo_and_mindlin(found: list[Row]) -> None:
         distance = math.sqrt(np.sum(weights * error**2) / np.sum(weights * exact**2))
         problem = f"Cattaneo-Mindlin, 2D, Q = {share:.2f} mu P"
         found += [
-            Row("V20", problem, "stick half-width over a", stick / a, c / a, TEST),
-            Row("V20", problem, "traction, relative L2 error", distance, None, TEST),
+            Row("V20", problem, "stick half-width over a", stick / a, c / a),
+            Row("V20", problem, "traction, relative L2 error", distance, None),
         ]
         assert stick == pytest.approx(c, abs=H + 0.01 * a), number
         assert distance < 0.1
@@ -111,9 +110,9 @@ def test_v21_the_loop_of_cyclic_slip(found: list[Row]) -> None:
     exact = loss(share) * press**2 / YOUNG
     problem = f"cyclic slip, 2D, Q = {share:.2f} mu P"
     found += [
-        Row("V21", problem, "work lost in a cycle", first, exact, TEST),
-        Row("V21", problem, "second cycle over first", second / first, 1.0, TEST),
-        Row("V21", problem, "force after a cycle", force[ends[1]], force[ends[0]], TEST),
+        Row("V21", problem, "work lost in a cycle", first, exact),
+        Row("V21", problem, "second cycle over first", second / first, 1.0),
+        Row("V21", problem, "force after a cycle", force[ends[1]], force[ends[0]]),
     ]
     assert first == pytest.approx(exact, rel=0.1)
     assert second == pytest.approx(first, rel=1e-2)
@@ -149,7 +148,5 @@ def creep(count: int) -> tuple[float, float]:
 )
 def test_v22_a_pinch_that_holds_does_not_creep(count: int, found: list[Row]) -> None:
     moved, size = creep(count)
-    found.append(
-        Row("V22", f"pinch, {count} steps", "creep over displacement", moved / size, None, TEST)
-    )
+    found.append(Row("V22", f"pinch, {count} steps", "creep over displacement", moved / size, None))
     assert moved < 1e-6 * size

@@ -21,7 +21,6 @@ pytestmark = pytest.mark.serial
 LAME_LAMBDA, LAME_MU = lame_from_young(1.0, 0.3)
 K = LAME_LAMBDA + 2.0 * LAME_MU
 PRESSURE = 0.05
-TEST = "test_verification_strains.py"
 
 # Each limit with c and M such that c e <= M is what it says of the uniaxial strain -e.
 Limit = tuple[dict[str, Any], float, float]
@@ -89,14 +88,14 @@ def test_v27_a_column_under_pressure_has_the_strain_that_its_limit_leaves(
     summary = require_solved(solution)
     exact = strain_under(PRESSURE, n, [(c, largest)])
     where = f"column, {dim}D, limit of {limit.__name__}, n = {n:g}, {method}"
-    found.append(Row("V27", where, "strain", summary["strain_norm_max"], exact, TEST))
+    found.append(Row("V27", where, "strain", summary["strain_norm_max"], exact))
     assert summary["strain_norm_max"] == pytest.approx(exact, rel=1e-6)
     is_free = math.isinf(largest)
     assert summary["locked_fraction"] == pytest.approx(0.0 if is_free else 1.0)
     # The foundation carries the pressure, of which K e is elastic and the rest is locking stress.
     stress = solution.locking_stress.x.array.reshape(-1, dim, dim)[:, -1, -1]
     carried = 0.0 if is_free else PRESSURE - K * exact
-    found.append(Row("V27", where, "locking stress", -stress.mean(), carried, TEST))
+    found.append(Row("V27", where, "locking stress", -stress.mean(), carried))
     # In 3D the multiplier of the inequality is not unique, and rounding chooses.
     assert -stress == pytest.approx(carried, abs=1e-5 * PRESSURE)
     assert summary["contact_force"][-1] == pytest.approx(PRESSURE, rel=1e-6)
@@ -131,7 +130,7 @@ def test_v27_two_families_of_fibres_share_the_load(n: float, found: list[Row]) -
     exact = strain_under(PRESSURE, n, [(c, slack)] * 2)
     assert exact < 0.9 * PRESSURE / K
     where = f"two families of fibres in tension, n = {n:g}"
-    found.append(Row("V27", where, "strain", summary["strain_norm_max"], exact, TEST))
+    found.append(Row("V27", where, "strain", summary["strain_norm_max"], exact))
     assert summary["strain_norm_max"] == pytest.approx(exact, rel=1e-6)
     # The other way the fibres are slack.
     data["loads"]["tractions"][0]["value"] = [0.0, -PRESSURE]
@@ -171,7 +170,7 @@ def test_v27_shear_stops_at_the_limit_of_the_deviator(dim: int, n: float, found:
     assert angle < 0.8 * traction / LAME_MU
     where = f"simple shear, {dim}D, n = {n:g}"
     exact = angle / math.sqrt(2.0)
-    found.append(Row("V27", where, "strain", summary["strain_norm_max"], exact, TEST))
+    found.append(Row("V27", where, "strain", summary["strain_norm_max"], exact))
     assert summary["strain_norm_max"] == pytest.approx(exact, rel=1e-6)
     used = {entry["name"]: entry["locked_fraction"] for entry in summary["strain_sets"]}
     assert used == {"deviator": 1.0, "volume at_most": 0.0, "volume at_least": 0.0}

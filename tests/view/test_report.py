@@ -9,13 +9,16 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from report_folder import page, quick, run_folder
+from report_folder import REASON, page, quick, rows, run_folder, study_folder
 
+from contact_locking.errors import InputError
 from contact_locking.results import folder as result_files
 from contact_locking.view import report
 from contact_locking.view.report.page import environment
+from contact_locking.view.report.trends import Differences
 
 pytestmark = pytest.mark.serial
 
@@ -118,3 +121,54 @@ def test_a_folder_of_the_same_name_keeps_its_other_files(tmp_path: Path) -> None
     report.write(tmp_path)
     run_folder(tmp_path)
     assert own.exists() and not (tmp_path / "report.html").exists()
+
+
+@quick
+def test_a_report_of_a_study_has_every_case_and_the_reasons(tmp_path: Path) -> None:
+    text = page(study_folder(tmp_path))
+    assert "7 of 8 cases converged" in text and "1 failed" in text
+    assert text.count('<tr id="case-') == 8
+    # A line separator inside a reason must not cut its row in two.
+    assert "was &lt;img src=x onerror=alert(1)&gt; killed by SIGKILL\u2028perhaps" in text
+    assert REASON not in text
+    assert 'data-value="Infinity"' in text
+
+
+def test_rates_are_those_of_the_numbers(tmp_path: Path) -> None:
+    folder = study_folder(tmp_path)
+    report.write(folder)
+    names = {path.stem for path in (folder / "report").iterdir()}
+    force, error = "contact_force-over-penalty.n", "penetration_max-over-penalty.n"
+    assert {force, f"{force}-rate", f"{error}-rate"} <= names
+    # A quantity with the limit 0 needs no second chart of its distance from the limit.
+    assert error not in names
+    n = np.array([1e2, 1e3, 1e4, 1e5])
+    law: Any = 3.0 / n**1.5
+    exact = Differences("", n, law, floor=0.0)
+    assert exact.power_law() == pytest.approx((-1.5, 3.0))
+    # Below the tolerance there is no rate to see, and none in what jumps.
+    floored = Differences("", n, law, floor=1e-4)
+    assert floored.power_law() is None
+    assert Differences("", n, np.array([1.0, 0.1, 1.0, 0.1]), floor=0.0).power_law() is None
+
+
+@quick
+def test_a_study_without_numbers_to_plot_still_has_its_table(tmp_path: Path) -> None:
+    table = rows()[:2]
+    for row, state in zip(table, ("failed", "not run"), strict=True):
+        row |= {"state": state, "converged": False}
+    text = page(study_folder(tmp_path, table))
+    assert "0 of 2 cases converged, unfinished" in text
+    assert "too few cases have converged" in text
+
+
+@quick
+def test_pictures_of_the_cases_are_inside_the_page(tmp_path: Path) -> None:
+    case = study_folder(tmp_path / "study") / "cases" / rows()[0]["case"]
+    run_folder(case, picture=True)
+    text = page(tmp_path / "study")
+    assert f'href="#picture-{case.name}"' in text and f'id="picture-{case.name}"' in text
+    assert text.count("data:image/png") == 1
+    (case / "picture.png").write_bytes(b"\x89PNG no more")
+    with pytest.raises(InputError, match="damaged"):
+        report.write(tmp_path / "study")

@@ -107,9 +107,9 @@ def _write(target: Path, content: dict[str, Any]) -> str | None:
     with atomic.staging(target) as made:
         (made / FIT).write_text(summary_text(content), encoding="utf-8")
         try:
-            from contact_locking.view.report.run_charts import fit_chart
+            from contact_locking.view.report.run_charts import fit_charts
 
-            (made / FIT_PICTURE).write_bytes(fit_chart(content).png)
+            (made / FIT_PICTURE).write_bytes(fit_charts(content)[0].png)
         except ImportError as error:
             problem = f"no picture of the fit was drawn: {error.name} cannot be imported"
         for name in (FIT, FIT_PICTURE):

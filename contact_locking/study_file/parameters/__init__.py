@@ -123,8 +123,8 @@ def _no_characters(value: Any, place: Place = ()) -> Iterator[Place]:
     if isinstance(value, str) and any("\ud800" <= letter <= "\udfff" for letter in value):
         yield place
     items = value.items() if isinstance(value, dict) else ()
-    for key, item in enumerate(value) if isinstance(value, list | tuple) else items:
-        yield from _no_characters(item, (*place, key))
+    for key, inner in enumerate(value) if isinstance(value, list | tuple) else items:
+        yield from _no_characters(inner, (*place, key))
 
 
 def _named(what: str) -> AfterValidator:
@@ -200,9 +200,9 @@ class Parameters(Concept):
         cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo
     ) -> Self:
         """Let the expressions below use the names of ``parameters`` and ``tables``."""
-        given, token = data if isinstance(data, dict) else {}, SCOPE.set(Scope())
+        keys, token = data if isinstance(data, dict) else {}, SCOPE.set(Scope())
         try:
-            SCOPE.set(Scope(_numbers(given.get("parameters")), _tables(given, info.context)))
+            SCOPE.set(Scope(_numbers(keys.get("parameters")), _tables(keys, info.context)))
             return handler(data)
         except UnicodeEncodeError:
             # Pydantic cannot tell of a text that holds no character.
@@ -229,25 +229,27 @@ class Parameters(Concept):
     @property
     def refined_names(self) -> tuple[str, ...]:
         """The boundary parts of a builder that ``h_contact`` refines: Gamma_C, or what has it."""
-        own = () if self.mesh.geometry is None else self.mesh.geometry.facet_names
-        others = [name for item in self.contacts for name in item.against or ()]
+        of_builder = () if self.mesh.geometry is None else self.mesh.geometry.facet_names
+        others = [name for contact in self.contacts for name in contact.against or ()]
         names = [*self.contact_names, *others]
-        return tuple(name for name in self._of_the_mesh(names) if name in own)
+        return tuple(name for name in self._of_the_mesh(names) if name in of_builder)
 
     @property
     def touching(self) -> tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]:
         """The boundary parts of the mesh that touch each other without shared nodes, in pairs."""
         return tuple(
-            (self._of_the_mesh(item.on), self._of_the_mesh(item.against))
-            for item in self.contacts
-            if item.against
+            (self._of_the_mesh(contact.on), self._of_the_mesh(contact.against))
+            for contact in self.contacts
+            if contact.against
         )
 
     def _of_the_mesh(self, names: Sequence[str]) -> tuple[str, ...]:
         """The boundary parts of the mesh without ``mesh.parts`` that contain these parts."""
         parts = self.mesh.parts
-        found = [part for name in names for part in (parts[name].on if name in parts else (name,))]
-        return tuple(dict.fromkeys(found))
+        of_mesh = [
+            facets for name in names for facets in (parts[name].on if name in parts else (name,))
+        ]
+        return tuple(dict.fromkeys(of_mesh))
 
     def shared_loads(self) -> Iterator[tuple[str, Value]]:
         """The key and the value of each load that ``branches`` multiplies."""
@@ -262,7 +264,9 @@ class Parameters(Concept):
             raise InputError(fault.message, dotted(*fault.place))
 
     def _faults(self) -> Iterator[Fault]:
-        named = [(place, item.name) for place, item in self._contact_sections() if item.name]
+        named = [
+            (place, contact.name) for place, contact in self._contact_sections() if contact.name
+        ]
         for number, (place, name) in enumerate(named):
             if name in [other for _, other in named[:number]]:
                 yield Fault((*place, "name"), f"'{name}' is the name of another contact")
@@ -308,9 +312,9 @@ class Parameters(Concept):
                 both = is_there and getattr(self, section) is not None
                 yield (section,), both, f"{name}: other solutions are those of one problem"
         facing = "sensitivities, as derivatives do not see which points face each other"
-        for place, given in self._contact_sections():
-            turns = given.pair == "each_step" or bool(
-                given.against and has_steps and not given.pair
+        for place, contact in self._contact_sections():
+            turns = contact.pair == "each_step" or bool(
+                contact.against and has_steps and not contact.pair
             )
             yield (*place, "pair"), derived and turns, f"{facing}: take once"
 
@@ -343,8 +347,8 @@ class Parameters(Concept):
             assert value.expression is not None
             for name in sorted(value.expression.names.intersection(outside)):
                 known = [known for known in rule.variables if known not in outside]
-                told = f"unknown name '{name}'{nearest(name, known)}; known: {', '.join(known)}"
-                yield Fault(place, f"in the expression '{value}': {told} in {dim}D")
+                fault = f"unknown name '{name}'{nearest(name, known)}; known: {', '.join(known)}"
+                yield Fault(place, f"in the expression '{value}': {fault} in {dim}D")
             if self.steps is None and value.is_timed:
                 yield Fault(
                     place,
@@ -353,24 +357,24 @@ class Parameters(Concept):
                 )
 
 
-def _numbers(given: Any) -> dict[str, float]:
+def _numbers(section: Any) -> dict[str, float]:
     """The numbers of ``parameters`` that are some; the others are faults of their own."""
-    found = {}
-    for name, value in given.items() if isinstance(given, dict) else ():
+    numbers = {}
+    for name, value in section.items() if isinstance(section, dict) else ():
         with contextlib.suppress(ValidationError):
-            found[str(name)] = _NUMBER.validate_python(value)
-    return found
+            numbers[str(name)] = _NUMBER.validate_python(value)
+    return numbers
 
 
 def _tables(data: Any, folder: Any) -> dict[str, Table]:
     """The tables that can be read; the others have no values, and are faults of their own."""
     given = data.get("tables")
-    found = {}
+    tables = {}
     for name, section in given.items() if isinstance(given, dict) else ():
-        found[str(name)] = Table(str(name), np.empty(0), np.empty(0))
+        tables[str(name)] = Table(str(name), np.empty(0), np.empty(0))
         with contextlib.suppress(ValidationError):
-            found[str(name)] = TableFile.model_validate(section, context=folder).table(name)
-    return found
+            tables[str(name)] = TableFile.model_validate(section, context=folder).table(name)
+    return tables
 
 
 _NUMBER = TypeAdapter(Number)

@@ -78,18 +78,18 @@ class BoundaryPart(Concept):
 
     def holds(self, x: FloatArray, rounding: float) -> BoolArray:
         """Which of the points x (d, k) are in the plane, in the box, and keep the condition."""
-        found = np.ones(x.shape[1], dtype=bool)
+        inside = np.ones(x.shape[1], dtype=bool)
         if self.plane is not None:
             point, normal = np.array(self.plane.point), np.array(self.plane.normal)
             unit = normal / np.linalg.norm(normal)
-            found &= np.abs(unit @ x - unit @ point) <= rounding
+            inside &= np.abs(unit @ x - unit @ point) <= rounding
         if self.box is not None:
             low, high = np.array(self.box)[:, :, None]
-            found &= np.all((x >= low - rounding) & (x <= high + rounding), axis=0)
+            inside &= np.all((x >= low - rounding) & (x <= high + rounding), axis=0)
         if self.expression is not None:
             condition = parse(self.expression, POSITION[: len(x)], condition=True)
-            found &= condition.numpy(**dict(zip(POSITION, x, strict=False))) > 0.0
-        return found
+            inside &= condition.numpy(**dict(zip(POSITION, x, strict=False))) > 0.0
+        return inside
 
     def _faults(self) -> Iterator[Fault]:
         places = ("on", "plane", "box", "expression", "facing", "skin")
@@ -132,13 +132,13 @@ class MeshParameters(Concept):
 
     @classmethod
     def _completed(cls, data: dict[str, Any]) -> dict[str, Any]:
-        own = {key: value for key, value in data.items() if key not in _SHARED}
+        of_builder = {key: value for key, value in data.items() if key not in _SHARED}
         shared = {key: value for key, value in data.items() if key in _SHARED}
         builder = data.get("builder")
         if data.get("file") is not None:
             refuse_if(
                 Fault((key,), "does not go with file; a mesh comes from a builder or from a file")
-                for key in (*(["builder"] if builder is not None else []), *own)
+                for key in (*(["builder"] if builder is not None else []), *of_builder)
             )
             return {**shared, "builder": None}
         if builder is None:
@@ -148,14 +148,15 @@ class MeshParameters(Concept):
             known = ", ".join(sorted(BUILDERS))
             message = f"unknown geometry {show(builder)}{guess}; there are {known}"
             refuse_if([Fault(("builder",), message)])
-        return {**shared, "builder": builder, "geometry": _geometry(BUILDERS[builder], own)}
+        return {**shared, "builder": builder, "geometry": _geometry(BUILDERS[builder], of_builder)}
 
     @model_serializer
     def _flat(self) -> dict[str, Any]:
         shared: dict[str, Any] = {"axisymmetric": True} if self.axisymmetric else {}
         if self.parts:
             shared["parts"] = {
-                name: part.model_dump(exclude_defaults=True) for name, part in self.parts.items()
+                name: facets.model_dump(exclude_defaults=True)
+                for name, facets in self.parts.items()
             }
         if self.file is not None:
             return {"file": self.file, **shared}
@@ -170,16 +171,16 @@ class MeshParameters(Concept):
         if self.axisymmetric and self.geometry is not None:
             yield from _section_faults(str(self.builder), self.geometry)
         known = [] if self.geometry is None else list(self.geometry.facet_names)
-        for name, part in self.parts.items():
+        for name, facets in self.parts.items():
             if not name.isprintable() or not name:
                 yield Fault(("parts",), "needs names that can be printed")
             if self.geometry is not None:
                 if name in known:
                     yield Fault(("parts", name), "is the name of a part of the builder")
-                for wanted in part.on:
-                    if wanted not in known:
-                        there = ", ".join(known)
-                        message = f"no part before this one is named '{wanted}'; there are {there}"
+                for above in facets.on:
+                    if above not in known:
+                        names = ", ".join(known)
+                        message = f"no part before this one is named '{above}'; there are {names}"
                         yield Fault(("parts", name, "on"), message)
                 known.append(name)
 

@@ -103,7 +103,7 @@ class MaterialParameters(Region):
     def eigenstrains(self) -> list[tuple[Place, Eigenstrain]]:
         """The sections of strains that are not elastic, with their places in the material."""
         if isinstance(self.eigenstrain, tuple):
-            return [(("eigenstrain", i), item) for i, item in enumerate(self.eigenstrain)]
+            return [(("eigenstrain", i), section) for i, section in enumerate(self.eigenstrain)]
         return [(("eigenstrain",), self.eigenstrain)]
 
     def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
@@ -142,9 +142,9 @@ class LoadParameters(Concept):
     def of(self, *kinds: str) -> list[Any]:
         """The entries of some kinds, each with its key."""
         return [
-            item.model_copy(update={"at": dotted("loads", kind, number)})
+            concept.model_copy(update={"at": dotted("loads", kind, number)})
             for kind in kinds
-            for number, item in enumerate(getattr(self, kind))
+            for number, concept in enumerate(getattr(self, kind))
         ]
 
     @property
@@ -161,10 +161,10 @@ class LoadParameters(Concept):
 
     def numbers(self) -> Iterator[tuple[str, Value]]:
         """The key and the number or expression of each component that loads the body."""
-        for item in (*self.acting, *self.held):
-            for place, value in leaves(item.value, place_of((), item, "value")):
+        for load in (*self.acting, *self.held):
+            for place, value in leaves(load.value, place_of((), load, "value")):
                 if value is not None:
-                    yield dotted(item.key, *place), value
+                    yield dotted(load.key, *place), value
 
 
 #: Names that a table may not have.

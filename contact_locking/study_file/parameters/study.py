@@ -27,7 +27,7 @@ _RANGES: dict[str, Any] = {"geometric": np.geomspace, "linear": np.linspace}
 def _values(value: Any) -> Any:
     """Check a list of values, or a range as {geometric: [first, last, number of values]}."""
     if isinstance(value, list | tuple) and value:
-        if any(isinstance(item, float) and math.isnan(item) for item in value):
+        if any(isinstance(number, float) and math.isnan(number) for number in value):
             raise ValueError("must not contain .nan")
         return list(value)
     if isinstance(value, dict) and len(value) == 1 and next(iter(value)) in _RANGES:
@@ -109,10 +109,10 @@ class StudyParameters(Concept):
                 except KeyError as error:
                     depth = error.args[0]
                     above = parts[:depth]
-                    there = known_keys(model, above)
+                    siblings = known_keys(model, above)
                     where = f" in {'.'.join(above)}" if above else ""
-                    known = f"; known: {', '.join(there)}" if there else ""
-                    guess = meant(parts[depth], there)
+                    known = f"; known: {', '.join(siblings)}" if siblings else ""
+                    guess = meant(parts[depth], siblings)
                     yield Fault((kind, key), f"no key '{parts[depth]}'{where}{guess}{known}")
 
     def cases(self) -> list[dict[str, Any]]:
@@ -142,7 +142,7 @@ class Curve(Concept):
 def _curves(value: Any) -> Any:
     """A list of curves, also of the name of one file, or of names."""
     entries = value if isinstance(value, list | tuple) else [value]
-    return [{"file": one} if isinstance(one, str) else one for one in entries]
+    return [{"file": curve} if isinstance(curve, str) else curve for curve in entries]
 
 
 class FittedNumber(Concept):
@@ -214,8 +214,8 @@ def visible_fields(model: type[Concept]) -> dict[str, FieldInfo]:
 
 def sections_in(annotation: Any) -> tuple[Path, tuple[type[Concept], ...]]:
     """The sections that a type chooses from, and the steps to them: INDEX of a list, NAME."""
-    found = [(path, section) for path, section in _choices(annotation) if section is not None]
-    return found[0][0] if found else (), tuple(dict.fromkeys(section for _, section in found))
+    choices = [(path, section) for path, section in _choices(annotation) if section is not None]
+    return choices[0][0] if choices else (), tuple(dict.fromkeys(section for _, section in choices))
 
 
 def _choices(annotation: Any) -> Iterator[tuple[Path, type[Concept] | None]]:
@@ -239,17 +239,17 @@ def _choices(annotation: Any) -> Iterator[tuple[Path, type[Concept] | None]]:
 @cache
 def key_patterns(model: type[Any], above: Path = ()) -> tuple[Path, ...]:
     """All keys below a section by their parts, and their entries as INDEX of a list or NAME."""
-    found: dict[Path, None] = {}
+    patterns: dict[Path, None] = {}
     for name, field in visible_fields(model).items():
         key = (*above, name)
         for path, section in _choices(field.annotation):
-            found |= {(*key, *path[:end]): None for end in range(len(path) + 1)}
+            patterns |= {(*key, *path[:end]): None for end in range(len(path) + 1)}
             if section is not None:
-                found |= dict.fromkeys(key_patterns(section, (*key, *path)))
+                patterns |= dict.fromkeys(key_patterns(section, (*key, *path)))
     if model is MeshParameters:
         names = {name for builder in BUILDERS.values() for name in builder_types(builder)}
-        found |= {(*above, name): None for name in sorted(names)}
-    return tuple(found)
+        patterns |= {(*above, name): None for name in sorted(names)}
+    return tuple(patterns)
 
 
 def known_keys(model: type[Concept], place: Sequence[str | int]) -> list[str]:
@@ -258,8 +258,8 @@ def known_keys(model: type[Concept], place: Sequence[str | int]) -> list[str]:
     Raises KeyError with the index of the first part of ``place`` that does not exist.
     """
     patterns: Sequence[tuple[str, ...]] = key_patterns(model)
-    for depth, part in enumerate(place):
-        fitting = (str(part), "NAME", "INDEX") if str(part).isdecimal() else (str(part), "NAME")
+    for depth, step in enumerate(place):
+        fitting = (str(step), "NAME", "INDEX") if str(step).isdecimal() else (str(step), "NAME")
         patterns = [pattern[1:] for pattern in patterns if pattern and pattern[0] in fitting]
         if not patterns:
             raise KeyError(depth)

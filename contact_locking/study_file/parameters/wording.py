@@ -121,14 +121,14 @@ def told_apart(values: Sequence[Any], text: Text = entry) -> list[str]:
     """
     names = list(map(repr, values))
     distinct = dict(zip(names, values, strict=True))
-    found: list[str] = []
+    texts_of: list[str] = []
     for writer in (text, entry):
-        found = [_cut(_written(value, writer)) for value in distinct.values()]
-        if len(set(found)) == len(found):
+        texts_of = [_cut(_written(value, writer)) for value in distinct.values()]
+        if len(set(texts_of)) == len(texts_of):
             break
     else:
-        found = [f"{whole} (value {number})" for number, whole in enumerate(found, start=1)]
-    texts = dict(zip(distinct, found, strict=True))
+        texts_of = [f"{whole} (value {number})" for number, whole in enumerate(texts_of, start=1)]
+    texts = dict(zip(distinct, texts_of, strict=True))
     return [texts[name] for name in names]
 
 
@@ -144,10 +144,10 @@ def labels(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 def _written(value: Any, text: Text) -> str:
     match value:
         case dict():
-            pairs = (f"{key}: {_written(item, text)}" for key, item in value.items())
+            pairs = (f"{key}: {_written(inner, text)}" for key, inner in value.items())
             return f"{{{', '.join(pairs)}}}"
         case list() | tuple():
-            return f"[{', '.join(_written(item, text) for item in value)}]"
+            return f"[{', '.join(_written(inner, text) for inner in value)}]"
     return text(value)
 
 

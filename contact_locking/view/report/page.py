@@ -11,7 +11,8 @@ import functools
 import hashlib
 import io
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -236,16 +237,15 @@ class Chart:
         return Markup(head) + label + Markup(inside)
 
 
-def chart(
-    name: str, description: str, height: float, draw: Callable[..., None], *arguments: Any
-) -> Chart:
-    """The rendered figure of the common width, which ``draw(figure, *arguments)`` fills."""
+@contextmanager
+def drawn(charts: list[Chart], name: str, description: str, height: float) -> Iterator[Figure]:
+    """A figure of the common width, which joins the ``charts`` when the block has filled it."""
     # The salt makes the identifiers of a chart differ from those of other charts on the page.
     with matplotlib.rc_context(_RC | {"svg.hashsalt": name}):
-        drawing = Figure(figsize=(WIDTH, height))
-        draw(drawing, *arguments)
-        svg, png = _rendered(drawing)
-    return Chart(name, description, svg, png)
+        figure = Figure(figsize=(WIDTH, height))
+        yield figure
+        svg, png = _rendered(figure)
+    charts.append(Chart(name, description, svg, png))
 
 
 def _rendered(drawing: Figure) -> tuple[str, bytes]:

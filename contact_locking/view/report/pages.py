@@ -16,7 +16,7 @@ from contact_locking.results.contact_points import STATE_NAMES
 from contact_locking.results.folder import PARAMETERS, PICTURE
 from contact_locking.results.in_words import number, weakest
 from contact_locking.results.quantities import Quantity, by_name, look_up, of_result
-from contact_locking.study_file import source
+from contact_locking.study_file import reading as source
 from contact_locking.study_file.parameters.study import StudyParameters
 
 from .folders import Row, RunResults, StudyResults, history_in
@@ -27,7 +27,7 @@ from .run_charts import (
     branch_charts,
     contact_charts,
     derivative_charts,
-    fit_chart,
+    fit_charts,
     history_charts,
     rows_of_derivatives,
     wanted_charts,
@@ -49,7 +49,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     steps = wanted_charts(wanted, [Process(run.history)], contacts, units)
     charts = {
         "steps": steps + history_charts(run.history, contacts, units),
-        "fit": [] if run.fit is None else [fit_chart(run.fit)],
+        "fit": [] if run.fit is None else fit_charts(run.fit),
         "branch": branch_charts(summary.get("branches"), units),
         "derivatives": derivative_charts(derivatives),
         "adapt": adapt_charts(run),

@@ -23,7 +23,7 @@ from contact_locking.view.pictures import plane, style
 from contact_locking.view.pictures.style import Units, facets_within, nearest_parts
 
 from .folders import RunResults
-from .page import WIDTH, Chart, Curve, chart, drawing, gridded, legend_height, name_curves, plain
+from .page import WIDTH, Chart, Curve, drawing, drawn, gridded, legend_height, name_curves, plain
 
 
 def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
@@ -34,51 +34,63 @@ def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
     for number, own in enumerate(rows, start=1):
         points, facets = run.contact[own], facets_within(run.facets, own)
         name = run.summary["contacts"][points.contact[0]]["name"] if len(rows) > 1 else ""
-        ending, told = (f"-{number}", f": {name}") if len(rows) > 1 else ("", "")
-        charts = [
-            chart(f"{stem}{ending}", f"{about}{told}", height, draw, points, facets, units, *more)
-            for stem, about, height, draw, *more in _drawings(points, largest)
-        ]
+        ending, of = (f"-{number}", f": {name}") if len(rows) > 1 else ("", "")
+        charts: list[Chart] = []
+        if points.dim == 2:
+            along = f"along the contact boundary{of}"
+            about = f"Contact pressure, friction traction and its bound {along}"
+            with drawn(charts, f"tractions{ending}", about, 3.6) as figure:
+                axes, strip = figure.subplots(2, 1, height_ratios=(1.0, 0.07))
+                plane.draw_tractions(axes, strip, points, facets, units, largest)
+                handles = axes.get_legend_handles_labels()
+                figure.legend(*handles, loc="outside upper left", ncols=2)
+            about = f"Tangential displacement and distance to the foundation {along}"
+            with drawn(charts, f"slip{ending}", about, 2.6) as figure:
+                _opening(figure, points, facets, units)
+        else:
+            i, j, _ = _frame(points)
+            width, high = np.ptp(points.x[:, [i, j]], axis=0)
+            height = float(np.clip(0.85 * WIDTH * high / (width or 1.0), 2.0, 6.0)) + 0.9
+            seen = f"seen from the foundation{of}"
+            friction = np.linalg.norm(points.traction, axis=1)
+            for stem, about, values, label in (
+                ("pressure", "contact pressure", points.pressure, r"$-\sigma_\nu$"),
+                ("friction", "friction traction", friction, r"$|\sigma_\tau|$"),
+            ):
+                with drawn(
+                    charts, f"{stem}{ending}", f"Map of the {about}, {seen}", height
+                ) as map_:
+                    axes, flat = _map_axes(map_, points, units)
+                    look: dict[str, Any] = {"cmap": "cividis", "vmin": 0.0, "rasterized": True}
+                    colours = axes.tripcolor(*flat.T, facets, values, shading="gouraud", **look)
+                    axes.margins(0.0)
+                    words = style.labelled(f"{about} {label}", "stress", units)
+                    bar: dict[str, Any] = {"orientation": "horizontal", "aspect": 40, "pad": 0.02}
+                    map_.colorbar(colours, ax=axes, label=words, **bar)
+            about = f"Map of open, sticking and slipping points, {seen}"
+            with drawn(charts, f"states{ending}", about, height) as figure:
+                axes, flat = _map_axes(figure, points, units)
+                # A point colours the parts of its facets that are nearest to the point.
+                shapes, point = nearest_parts(flat, facets)
+                look = {"edgecolors": "face", "linewidths": 0.2, "rasterized": True}
+                parts = PolyCollection(list(shapes), cmap=style.STATES, **look)
+                parts.set_array(points.state[point])
+                parts.set_clim(-0.5, 2.5)
+                axes.add_collection(parts)
+                axes.autoscale_view()
+                axes.margins(0.0)
+                figure.legend(handles=style.state_patches(), loc="outside lower center", ncols=3)
         found.append((name, charts))
     return found
 
 
-def _drawings(contact: ContactPoints, largest: float) -> list[tuple[Any, ...]]:
-    """The stems of names, descriptions, heights, functions that draw, and their last arguments.
-
-    ``largest`` is the largest pressure of all contacts.
-    """
-    if contact.dim == 2:
-        along = "along the contact boundary"
-        tractions = f"Contact pressure, friction traction and its bound {along}"
-        slip = f"Tangential displacement and distance to the foundation {along}"
-        return [("tractions", tractions, 3.6, _profile, largest), ("slip", slip, 2.6, _opening)]
-    i, j, _ = _frame(contact)
-    width, high = np.ptp(contact.x[:, [i, j]], axis=0)
-    height = float(np.clip(0.85 * WIDTH * high / (width or 1.0), 2.0, 6.0)) + 0.9
-    seen = "seen from the foundation"
-    return [
-        ("pressure", f"Map of the contact pressure, {seen}", height, _map, False),
-        ("friction", f"Map of the friction traction, {seen}", height, _map, True),
-        ("states", f"Map of open, sticking and slipping points, {seen}", height, _state_map),
-    ]
-
-
-def _profile(
-    figure: Figure, contact: ContactPoints, facets: IntArray, units: Units, largest: float
-) -> None:
-    axes, strip = figure.subplots(2, 1, height_ratios=(1.0, 0.07))
-    plane.draw_tractions(axes, strip, contact, facets, units, largest)
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
-
-
 def _opening(figure: Figure, contact: ContactPoints, facets: IntArray, units: Units) -> None:
     axes = figure.add_subplot()
-    parts = ordered(facets)
-    positions, label = plane.abscissa([contact.x[part] for part in parts], units)
-    for number, (s, part) in enumerate(zip(positions, parts, strict=True)):
-        slip = plane.along(contact.u_tangent[part], contact.x[part], s)
-        distance = contact.gap[part] - contact.u_normal[part]
+    lines = ordered(facets)
+    positions, label = plane.abscissa([contact.x[line] for line in lines], units)
+    for number, (s, line) in enumerate(zip(positions, lines, strict=True)):
+        slip = plane.along(contact.u_tangent[line], contact.x[line], s)
+        distance = contact.gap[line] - contact.u_normal[line]
         hidden = "_" if number else ""
         axes.plot(s, slip, color=style.VERMILION, lw=1.6, label=hidden + r"tangential $u_\tau$")
         axes.plot(s, distance, color=style.BLUE, lw=1.8, label=hidden + r"distance $g - u_\nu$")
@@ -87,36 +99,6 @@ def _opening(figure: Figure, contact: ContactPoints, facets: IntArray, units: Un
     axes.set_xlabel(label, loc="left")
     axes.set_ylabel(style.labelled("length", "length", units))
     figure.legend(loc="outside upper left", ncols=2)
-
-
-def _map(
-    figure: Figure, contact: ContactPoints, facets: IntArray, units: Units, is_friction: bool
-) -> None:
-    axes, flat = _map_axes(figure, contact, units)
-    values, label = contact.pressure, r"contact pressure $-\sigma_\nu$"
-    if is_friction:
-        values = np.linalg.norm(contact.traction, axis=1)
-        label = r"friction traction $|\sigma_\tau|$"
-    colours = axes.tripcolor(
-        *flat.T, facets, values, shading="gouraud", cmap="cividis", vmin=0.0, rasterized=True
-    )
-    axes.margins(0.0)
-    label = style.labelled(label, "stress", units)
-    figure.colorbar(colours, ax=axes, orientation="horizontal", label=label, aspect=40, pad=0.02)
-
-
-def _state_map(figure: Figure, contact: ContactPoints, facets: IntArray, units: Units) -> None:
-    """A point colours the parts of its facets that are nearest to the point."""
-    axes, flat = _map_axes(figure, contact, units)
-    shapes, point = nearest_parts(flat, facets)
-    look: dict[str, Any] = {"edgecolors": "face", "linewidths": 0.2, "rasterized": True}
-    parts = PolyCollection(list(shapes), cmap=style.STATES, **look)
-    parts.set_array(contact.state[point])
-    parts.set_clim(-0.5, 2.5)
-    axes.add_collection(parts)
-    axes.autoscale_view()
-    axes.margins(0.0)
-    figure.legend(handles=style.state_patches(), loc="outside lower center", ncols=3)
 
 
 # Gamma_C is in a plane if it is thinner than this share of its extent.
@@ -207,7 +189,7 @@ def history_charts(history: Table, contacts: Sequence[str], units: Units) -> lis
     history, several = history.converged(), len(contacts) > 1
     if len(history) < 2:
         return []
-    drawn: dict[tuple[str, str], dict[str, str]] = {}
+    groups: dict[tuple[str, str], dict[str, str]] = {}
     for name in history.columns:
         column = column_of(name, contacts)
         quantity = column.quantity
@@ -218,36 +200,25 @@ def history_charts(history: Table, contacts: Sequence[str], units: Units) -> lis
         about = "place" if quantity.is_place else quantity.unit
         about = "share" if quantity.share_of else about
         about = quantity.name if several and quantity.is_resultant else about
-        drawn.setdefault((about, quantity.unit), {})[name] = column.title
-    drawn["energy", "energy"] = _WORK
-    return [
-        chart(
-            f"history-{_FILES.get(about) or re.sub('[^a-z]+', '-', about)}",
-            f"{', '.join(lines.values())} over the time",
-            2.4 + 0.1 * len(lines),
-            _over_time,
-            history,
-            style.labelled("" if about == "1" else about, unit, units),
-            style.labelled("t", "time", units),
-            lines,
-        )
-        for (about, unit), lines in drawn.items()
-    ]
-
-
-def _over_time(
-    figure: Figure, history: Table, label: str, time_label: str, lines: Mapping[str, str]
-) -> None:
-    axes = figure.add_subplot()
-    time = history.column("t")
-    for number, (column, name) in enumerate(lines.items()):
-        dashes = "-" if number < len(_COLOURS) else "--"
-        colour = _COLOURS[number % len(_COLOURS)]
-        axes.plot(time, history.column(column), dashes, color=colour, label=name)
-    # From zero on, so that rounding in a constant is not seen.
-    axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
-    axes.set(xlabel=time_label, ylabel=label)
-    figure.legend(loc="outside upper center", ncols=2, fontsize="small")
+        groups.setdefault((about, quantity.unit), {})[name] = column.title
+    groups["energy", "energy"] = _WORK
+    charts: list[Chart] = []
+    time, time_label = history.column("t"), style.labelled("t", "time", units)
+    for (about, unit), lines in groups.items():
+        stem = f"history-{_FILES.get(about) or re.sub('[^a-z]+', '-', about)}"
+        words, height = f"{', '.join(lines.values())} over the time", 2.4 + 0.1 * len(lines)
+        with drawn(charts, stem, words, height) as figure:
+            axes = figure.add_subplot()
+            for number, (name, title) in enumerate(lines.items()):
+                dashes = "-" if number < len(_COLOURS) else "--"
+                colour = _COLOURS[number % len(_COLOURS)]
+                axes.plot(time, history.column(name), dashes, color=colour, label=title)
+            # From zero on, so that rounding in a constant is not seen.
+            axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
+            label = style.labelled("" if about == "1" else about, unit, units)
+            axes.set(xlabel=time_label, ylabel=label)
+            figure.legend(loc="outside upper center", ncols=2, fontsize="small")
+    return charts
 
 
 @dataclass(frozen=True)
@@ -268,7 +239,7 @@ def wanted_charts(
 
     Raises InputError for a column that there is not.
     """
-    found = []
+    found: list[Chart] = []
     for number, one in enumerate(wanted):
         curves = []
         for process in processes:
@@ -284,7 +255,12 @@ def wanted_charts(
             stem = re.sub(r"[^A-Za-z0-9._-]+", "_", f"chart-{number}-{one['y']}-over-{one['x']}")
             height = 3.6 + legend_height(sum(bool(curve.label) for curve in curves))
             about = f"{one['y']} over {one['x']}"
-            found.append(chart(stem, about, height, _over_column, curves, x_label, y_label))
+            with drawn(found, stem, about, height) as figure:
+                axes = gridded(figure, plain(x_label), plain(y_label))
+                for curve in curves:
+                    look = drawing(curves, curve.label) | {"ms": 2.5}
+                    axes.plot(curve.x, curve.y, label=plain(curve.label), **look)
+                name_curves(figure)
     return found
 
 
@@ -297,14 +273,6 @@ def _label(text: str, contacts: Sequence[str], units: Units) -> str:
     return sign + style.labelled(column.title, column.unit, units)
 
 
-def _over_column(figure: Figure, curves: Sequence[Curve], x_label: str, y_label: str) -> None:
-    axes = gridded(figure, plain(x_label), plain(y_label))
-    for curve in curves:
-        look = drawing(curves, curve.label) | {"ms": 2.5}
-        axes.plot(curve.x, curve.y, label=plain(curve.label), **look)
-    name_curves(figure)
-
-
 def adapt_charts(run: RunResults) -> list[Chart]:
     """The charts of a run with adapted meshes; none for other runs."""
     adapt = run.summary.get("adapt", {"meshes": []})
@@ -312,14 +280,14 @@ def adapt_charts(run: RunResults) -> list[Chart]:
     if not errors:
         return []
     about = "Relative error over the number of unknowns, for each of the adapted meshes"
-    return [chart("adapt-error", about, 3.0, _errors, errors, adapt["tolerance"])]
-
-
-def _errors(figure: Figure, errors: list[tuple[float, float]], tolerance: float) -> None:
-    axes, label = gridded(figure, "unknowns", "relative error"), "estimate, by recovery"
-    axes.loglog(*zip(*errors, strict=True), color=style.BLUE, marker="o", ms=4, label=label)
-    axes.axhline(tolerance, color=style.GREY, lw=1.0, ls="--", label="tolerance", zorder=0.5)
-    axes.legend()
+    charts: list[Chart] = []
+    with drawn(charts, "adapt-error", about, 3.0) as figure:
+        axes, label = gridded(figure, "unknowns", "relative error"), "estimate, by recovery"
+        axes.loglog(*zip(*errors, strict=True), color=style.BLUE, marker="o", ms=4, label=label)
+        grey: dict[str, Any] = {"color": style.GREY, "lw": 1.0, "ls": "--", "zorder": 0.5}
+        axes.axhline(adapt["tolerance"], label="tolerance", **grey)
+        axes.legend()
+    return charts
 
 
 # More bars, charts or curves would be no picture.
@@ -347,87 +315,74 @@ def derivative_charts(rows: Sequence[tuple[str, str, Any, Any]]) -> list[Chart]:
     for result, key, _, elasticity in rows:
         if elasticity is not None:
             bars.setdefault(result, []).append((key, elasticity))
-    return [
-        chart(
-            f"elasticities-{position}",
-            f"What 1 % more of each number does to {result}, in per cent",
-            1.0 + 0.3 * min(len(own), _MOST_BARS),
-            _bars,
-            own[:_MOST_BARS],
-        )
-        for position, (result, own) in enumerate(list(bars.items())[:_MOST_CHARTS], start=1)
-    ]
+    charts: list[Chart] = []
+    for position, (result, every) in enumerate(list(bars.items())[:_MOST_CHARTS], start=1):
+        shown = every[:_MOST_BARS]
+        about = f"What 1 % more of each number does to {result}, in per cent"
+        with drawn(charts, f"elasticities-{position}", about, 1.0 + 0.3 * len(shown)) as figure:
+            axes = figure.add_subplot()
+            names = [x if len(x) <= _LONGEST else f"…{x[1 - _LONGEST :]}" for x, _ in shown]
+            colours = [style.BLUE if value >= 0.0 else style.VERMILION for _, value in shown]
+            axes.barh(range(len(shown)), [y for _, y in shown], color=colours, height=0.65)
+            axes.set_yticks(range(len(shown)), names)
+            axes.invert_yaxis()
+            axes.axvline(0.0, color=style.BLACK, lw=0.8)
+            axes.set_xlabel("change in % for 1 % more", loc="left")
+            axes.margins(x=0.08)
+    return charts
 
 
-def _bars(figure: Figure, bars: Sequence[tuple[str, float]]) -> None:
-    axes = figure.add_subplot()
-    names = [key if len(key) <= _LONGEST else f"…{key[1 - _LONGEST :]}" for key, _ in bars]
-    colours = [style.BLUE if value >= 0.0 else style.VERMILION for _, value in bars]
-    axes.barh(range(len(bars)), [value for _, value in bars], color=colours, height=0.65)
-    axes.set_yticks(range(len(bars)), names)
-    axes.invert_yaxis()
-    axes.axvline(0.0, color=style.BLACK, lw=0.8)
-    axes.set_xlabel("change in % for 1 % more", loc="left")
-    axes.margins(x=0.08)
-
-
-def branch_charts(found: Mapping[str, Any] | None, units: Units) -> list[Chart]:
+def branch_charts(diagram: Mapping[str, Any] | None, units: Units) -> list[Chart]:
     """The bifurcation diagram of the entry ``branches``: pressure and friction bound along it."""
-    if not found or not found["points"]["share"]:
+    if not diagram or not diagram["points"]["share"]:
         return []
-    points = {name: np.array(values) for name, values in found["points"].items()}
-    over = f"share of {found['over']}"
+    points = {name: np.array(values) for name, values in diagram["points"].items()}
+    over, charts = f"share of {diagram['over']}", list[Chart]()
     about = f"Total pressure and total friction bound of the solutions over the {over}"
-    return [chart("branches", about, 4.2, _branch, points, over, units)]
+    with drawn(charts, "branches", about, 4.2) as figure:
+        above, below = figure.subplots(2, 1, sharex=True)
+        dot: dict[str, Any] = {"marker": "o", "ms": 3.0}
+        marks: list[tuple[Any, str, dict[str, Any]]] = [
+            (points["index"] == 1, "index +1", dot | {"color": style.BLUE}),
+            (points["index"] == -1, "index -1", dot | {"color": style.VERMILION}),
+            (points["fold"] == 1, "fold", {"marker": "s", "color": style.BLACK, "mfc": "none"}),
+        ]
+        for axes, name, label in ((above, "pressure", r"$\int p$"), (below, "bound", r"$\int G$")):
+            axes.plot(points["share"], points[name], color=style.GREY, lw=1.0)
+            for rows, words, look in marks:
+                look = {"ms": 4.5, "ls": ""} | look
+                axes.plot(points["share"][rows], points[name][rows], label=words, **look)
+            axes.set_ylabel(style.labelled(label, "force", units))
+        below.set_xlabel(over, loc="left")
+        above.legend(loc="best")
+    return charts
 
 
-def _branch(figure: Figure, points: Mapping[str, Any], over: str, units: Units) -> None:
-    above, below = figure.subplots(2, 1, sharex=True)
-    fold: dict[str, Any] = {"marker": "s", "color": style.BLACK, "ms": 4.5, "mfc": "none"}
-    marks: list[tuple[Any, str, dict[str, Any]]] = [
-        (points["index"] == 1, "index +1", {"marker": "o", "color": style.BLUE, "ms": 3.0}),
-        (points["index"] == -1, "index -1", {"marker": "o", "color": style.VERMILION, "ms": 3.0}),
-        (points["fold"] == 1, "fold", fold),
-    ]
-    for axes, name, label in ((above, "pressure", r"$\int p$"), (below, "bound", r"$\int G$")):
-        axes.plot(points["share"], points[name], color=style.GREY, lw=1.0)
-        for own, words, look in marks:
-            axes.plot(points["share"][own], points[name][own], label=words, ls="", **look)
-        axes.set_ylabel(style.labelled(label, "force", units))
-    below.set_xlabel(over, loc="left")
-    above.legend(loc="best")
-
-
-def fit_chart(fit: Mapping[str, Any]) -> Chart:
+def fit_charts(fit: Mapping[str, Any]) -> list[Chart]:
     """Data, the model at the numbers that were found, and residuals, for curves of fit.json."""
-    curves = fit["curves"][:_MOST_CURVES]
+    curves, charts = fit["curves"][:_MOST_CURVES], list[Chart]()
     names = ", ".join(dict.fromkeys(curve["column"] for curve in curves))
     about = f"Measured {names}, the model at the fitted numbers, and the residuals"
-    return chart("fit", about, 0.5 + 2.9 * len(curves), _fit, curves)
-
-
-def _fit(figure: Figure, curves: Sequence[Mapping[str, Any]]) -> None:
-    axes = figure.subplots(2 * len(curves), 1, height_ratios=[1.0, 0.35] * len(curves))
-    several = len({curve["file"] for curve in curves}) > 1
-    for curve, (above, below) in zip(curves, axes.reshape(-1, 2), strict=True):
-        _curve(above, below, curve)
-        above.set_title(curve["file"] if several else "", loc="left")
-    axes[0].legend(loc="best")
-
-
-def _curve(above: Axes, below: Axes, curve: Mapping[str, Any]) -> None:
-    data, model = np.array(curve["data"]), np.array(curve["model"])
-    over = np.array(curve["over"] or np.arange(len(data)))
-    order = np.argsort(over, kind="stable")
-    look: dict[str, Any] = {"color": style.BLACK, "ms": 3.0, "lw": 0.8}
-    above.errorbar(over, data, curve["sigma"], fmt="o", label="data", **look)
-    above.plot(over[order], model[order], color=style.BLUE, lw=1.8, label="model", zorder=3)
-    above.set_ylabel(curve["column"])
-    style.power_beside(above)
-    above.tick_params(labelbottom=False)
-    below.axhline(0.0, color=style.BLUE, lw=1.2)
-    below.vlines(over, 0.0, data - model, color=style.GREY, lw=0.8)
-    below.plot(over, data - model, "o", color=style.VERMILION, ms=2.5)
-    below.set_ylabel("residual")
-    below.set_xlabel(curve["along"] or "row", loc="left")
-    below.sharex(above)
+    with drawn(charts, "fit", about, 0.5 + 2.9 * len(curves)) as figure:
+        pairs = figure.subplots(2 * len(curves), 1, height_ratios=[1.0, 0.35] * len(curves))
+        several = len({curve["file"] for curve in curves}) > 1
+        for curve, (above, below) in zip(curves, pairs.reshape(-1, 2), strict=True):
+            data, model = np.array(curve["data"]), np.array(curve["model"])
+            over = np.array(curve["over"] or np.arange(len(data)))
+            order = np.argsort(over, kind="stable")
+            look: dict[str, Any] = {"color": style.BLACK, "ms": 3.0, "lw": 0.8}
+            above.errorbar(over, data, curve["sigma"], fmt="o", label="data", **look)
+            line: dict[str, Any] = {"color": style.BLUE, "lw": 1.8, "zorder": 3}
+            above.plot(over[order], model[order], label="model", **line)
+            above.set_ylabel(curve["column"])
+            style.power_beside(above)
+            above.tick_params(labelbottom=False)
+            above.set_title(curve["file"] if several else "", loc="left")
+            below.axhline(0.0, color=style.BLUE, lw=1.2)
+            below.vlines(over, 0.0, data - model, color=style.GREY, lw=0.8)
+            below.plot(over, data - model, "o", color=style.VERMILION, ms=2.5)
+            below.set_ylabel("residual")
+            below.set_xlabel(curve["along"] or "row", loc="left")
+            below.sharex(above)
+        pairs[0].legend(loc="best")
+    return charts

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +19,7 @@ from contact_locking.study_file.parameters.wording import told_apart
 from contact_locking.view.pictures import style
 
 from .folders import Row
-from .page import Chart, Curve, chart, drawing, gridded, legend_height, name_curves, plain, shown
+from .page import Chart, Curve, drawing, drawn, gridded, legend_height, name_curves, plain, shown
 
 _MOST_TEXTS = 12
 
@@ -219,53 +220,50 @@ _PLOT = 2.7
 def trend_charts(trend: Trend) -> list[Chart]:
     """The chart of the values, and if there are differences, a chart of their rates."""
     stem = re.sub(r"[^A-Za-z0-9._-]", "_", f"{trend.quantity.key}-over-{trend.axis.key}")
-    about, found = f"{trend.quantity.name} over the {trend.axis.title}", []
+    about, charts = f"{trend.quantity.name} over the {trend.axis.title}", list[Chart]()
+    unit = trend.quantity.unit
+    label = trend.quantity.name if unit == "1" else f"{trend.quantity.name} [{unit}]"
     if not trend.differences or trend.compared != "zero":
         height = _PLOT + legend_height(sum(bool(curve.label) for curve in trend.curves))
-        found.append(chart(stem, about, height, _values, trend))
+        with drawn(charts, stem, about, height) as figure:
+            axes = _axes(figure, trend, label)
+            positive = all((curve.y > 0.0).all() for curve in trend.curves)
+            values = np.concatenate([curve.y for curve in trend.curves])
+            if positive and values.max() > 30.0 * values.min():
+                axes.set_yscale("log")
+            dashed: dict[str, Any] = {"lw": 1.0, "ls": (0, (5, 3))}
+            for curve in trend.curves:
+                look = drawing(trend.curves, curve.label)
+                axes.plot(curve.x, curve.y, label=plain(curve.label), **look)
+                if curve.limit is not None:
+                    axes.axhline(curve.limit, color=look["color"], zorder=0.5, **dashed)
+            if any(curve.limit is not None for curve in trend.curves):
+                at = plain(f"at {trend.axis.title} = ∞")
+                axes.plot([], [], color=style.GREY, label=at, **dashed)
+            name_curves(figure)
     if trend.differences:
         height = _PLOT + legend_height(len(trend.differences))
         about = f"{about}: distance from {trend.compared}"
-        found.append(chart(f"{stem}-rate", about, height, _rates, trend))
-    return found
-
-
-def _values(figure: Figure, trend: Trend) -> None:
-    axes = _axes(figure, trend, _label(trend))
-    positive = all((curve.y > 0.0).all() for curve in trend.curves)
-    values = np.concatenate([curve.y for curve in trend.curves])
-    if positive and values.max() > 30.0 * values.min():
-        axes.set_yscale("log")
-    for curve in trend.curves:
-        look = drawing(trend.curves, curve.label)
-        axes.plot(curve.x, curve.y, label=plain(curve.label), **look)
-        if curve.limit is not None:
-            axes.axhline(curve.limit, color=look["color"], lw=1.0, ls=(0, (5, 3)), zorder=0.5)
-    if any(curve.limit is not None for curve in trend.curves):
-        at = f"at {trend.axis.title} = ∞"
-        axes.plot([], [], color=style.GREY, lw=1.0, ls=(0, (5, 3)), label=plain(at))
-    name_curves(figure)
-
-
-def _rates(figure: Figure, trend: Trend) -> None:
-    of = f"distance from {trend.compared.removeprefix('the ')}"
-    axes = _axes(figure, trend, _label(trend) if trend.compared == "zero" else of)
-    axes.set_yscale("log")
-    for differences in trend.differences:
-        look = drawing(trend.curves, differences.label)
-        label, law = plain(differences.label) or trend.quantity.name, differences.power_law()
-        x, y, reliable = differences.x, differences.y, differences.reliable
-        if law is None:
-            axes.plot(x, y, label=label, **look)
-            continue
-        rate, factor = law
-        signed = f"{rate:.2f}".replace("-", "\N{MINUS SIGN}")
-        label, look = f"{label}: rate {signed}", look | {"ls": ""}
-        axes.plot(x[reliable], y[reliable], label=label, **look)
-        axes.plot(x[~reliable], y[~reliable], markerfacecolor="none", **look)
-        ends = x[reliable][[0, -1]]
-        axes.plot(ends, factor * ends**rate, color=look["color"], lw=1.2)
-    name_curves(figure)
+        of = f"distance from {trend.compared.removeprefix('the ')}"
+        with drawn(charts, f"{stem}-rate", about, height) as figure:
+            axes = _axes(figure, trend, label if trend.compared == "zero" else of)
+            axes.set_yscale("log")
+            for differences in trend.differences:
+                look = drawing(trend.curves, differences.label)
+                name, law = plain(differences.label) or trend.quantity.name, differences.power_law()
+                x, y, reliable = differences.x, differences.y, differences.reliable
+                if law is None:
+                    axes.plot(x, y, label=name, **look)
+                    continue
+                rate, factor = law
+                signed = f"{rate:.2f}".replace("-", "\N{MINUS SIGN}")
+                look |= {"ls": ""}
+                axes.plot(x[reliable], y[reliable], label=f"{name}: rate {signed}", **look)
+                axes.plot(x[~reliable], y[~reliable], markerfacecolor="none", **look)
+                ends = x[reliable][[0, -1]]
+                axes.plot(ends, factor * ends**rate, color=look["color"], lw=1.2)
+            name_curves(figure)
+    return charts
 
 
 def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
@@ -279,8 +277,3 @@ def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
     elif len(x) <= _MOST_TICKS:
         axes.set_xticks(x)
     return axes
-
-
-def _label(trend: Trend) -> str:
-    unit = trend.quantity.unit
-    return trend.quantity.name if unit == "1" else f"{trend.quantity.name} [{unit}]"
