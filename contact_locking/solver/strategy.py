@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from contact_locking.errors import NotConverged
+from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.solver.explain import Reasons
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.interior_point.tuning import CLOSE, WIDE, Approach
@@ -78,6 +78,9 @@ def _attempt(approach: Approach, task: Task, saved: SavedState | None) -> Attemp
         outcome = solver.finish(solver.solve(solver.iterate_of(saved)))
         return Attempt(outcome, is_from_saved=solver.from_saved)
     except NotConverged as failure:
+        rescued = None if isinstance(failure, Infeasible) else solver.rescue()
+        if rescued is not None:
+            return Attempt(rescued)
         reached = Outcome(solver.multipliers(), friction_change=solver.friction_change)
         return Attempt(reached, failure)
     finally:

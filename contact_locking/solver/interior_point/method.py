@@ -121,6 +121,19 @@ class InteriorPoint:
                 return found
         return Outcome(self.multipliers(), self._last(), self._gap, self.friction_change)
 
+    def rescue(self) -> Outcome | None:
+        """The solution that the pieces of the laws lead to from where a solve failed; collective.
+
+        None where they do not arrive.
+        """
+        if self.is_elastic or self._tangent.direct is None or not self._iterate.is_finite:
+            return None
+        pieces = self._all_pieces()
+        with np.errstate(all="ignore"):
+            if not self._take(pieces, pieces.from_last(self._last())):
+                return None
+        return Outcome(self.multipliers(), self._last(), self._gap, self.friction_change)
+
     def multipliers(self) -> Multipliers:
         """The multipliers of the present iterate; collective."""
         system = self._task.system
