@@ -28,9 +28,9 @@ from petsc4py import PETSc
 from scipy.sparse import diags
 
 from contact_locking.problem.affine_part import near_nullspace
-from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.gmres import Contexts
-from contact_locking.solver.linear.storage import IN_BLOCKS
+from contact_locking.solver.linear.ksp import IN_BLOCKS
+from contact_locking.solver.linear.multigrid import FilteredMultigrid, StiffPart
 
 PLACES = ("half", "scattered")
 DIRECTIONS = ("same", "random")

@@ -28,7 +28,7 @@ from mpi4py import MPI
 
 from contact_locking.running import solving
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
-from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, Projection
+from contact_locking.solver.linear.multigrid import FilteredMultigrid, Projection
 from contact_locking.solver.linear.tangent_solver import MultigridTangents
 from contact_locking.study_file.parameters import Parameters
 

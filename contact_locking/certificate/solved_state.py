@@ -20,9 +20,8 @@ from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.strain_sets import NormSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.derived import BodyFields, ContactFields
-from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.settings import Settings
-from contact_locking.solver.task import SolverReport, Target
+from contact_locking.solver.task import Multipliers, SolverReport, Target
 from contact_locking.supports.conditions import Constraints
 
 

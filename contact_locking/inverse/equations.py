@@ -29,8 +29,11 @@ from contact_locking.errors import InputError
 from contact_locking.parallel import maximum
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.bound_step import MovingBound
-from contact_locking.solver.interior_point.contact_cones import ContactCones, FrictionCones
-from contact_locking.solver.interior_point.contact_nodes import OnContact
+from contact_locking.solver.interior_point.contact_cones import (
+    ContactCones,
+    FrictionCones,
+    OnContact,
+)
 from contact_locking.solver.interior_point.families import Families, families_of
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain

@@ -35,7 +35,7 @@ from contact_locking.results.derived import ContactFields
 from contact_locking.results.quantities import look_up
 from contact_locking.results.solution import Solution
 from contact_locking.running.solving import SolvableStudy, settings_of, solve_assembled
-from contact_locking.solver.linear.options import UserOptions
+from contact_locking.solver.linear.ksp import UserOptions
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.task import SolverReport, Task
 from contact_locking.study.assembly import StudyProblem, assemble

@@ -36,7 +36,7 @@ from contact_locking.laws.locking import (
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem import forms
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
+from contact_locking.solver.task import ContactForces, Multipliers, multiplier_spaces
 
 
 def psi(v: Expr, delta: Expr) -> Expr:

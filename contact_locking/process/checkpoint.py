@@ -39,8 +39,15 @@ from contact_locking.results.contact_points import OPEN
 from contact_locking.results.folder import CHECKPOINT, RECORD, TEXTS_BYTES
 from contact_locking.results.solution import Solution
 from contact_locking.results.table import Table
-from contact_locking.solver.multipliers import ContactForces, Multipliers, multiplier_spaces
-from contact_locking.solver.task import Counts, Outcome, SavedState, SolverReport
+from contact_locking.solver.task import (
+    ContactForces,
+    Counts,
+    Multipliers,
+    Outcome,
+    SavedState,
+    SolverReport,
+    multiplier_spaces,
+)
 
 # A change of the written files raises this number.
 FORMAT = 8

@@ -35,7 +35,7 @@ from contact_locking.results.quantities import QUANTITIES, computed
 from contact_locking.results.solution import Differentiable, Solution, State
 from contact_locking.solver.explain import Verdict, judge
 from contact_locking.solver.linear.factorised import chosen
-from contact_locking.solver.linear.options import UserOptions
+from contact_locking.solver.linear.ksp import UserOptions
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.strategy import solve as solve_system
 from contact_locking.solver.task import SavedState, SolverReport, Target, Task

@@ -35,7 +35,7 @@ from contact_locking.results.contact_points import (
     joined,
     lexicographic,
 )
-from contact_locking.solver.multipliers import ContactForces, Multipliers
+from contact_locking.solver.task import ContactForces, Multipliers
 
 # The regularised friction traction never reaches the bound: a point slips from 99 % of the bound
 # on.

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.gmres import Gmres
+from contact_locking.solver.linear.multigrid import FilteredMultigrid, StiffPart
 
 _NODES, _FREE = 60, 3
 

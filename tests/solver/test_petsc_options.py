@@ -13,8 +13,7 @@ from problems import SMALL_BLOCK, block
 
 from contact_locking import solve
 from contact_locking.command import cli
-from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp
-from contact_locking.solver.linear.options import PREFIX, UserOptions
+from contact_locking.solver.linear.ksp import PREFIX, UserOptions, create_ksp, destroy_ksp
 
 
 @pytest.fixture

@@ -17,9 +17,9 @@ from contact_locking.errors import InputError
 from contact_locking.running import solving
 from contact_locking.solver.linear import tangent_solver
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
-from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, Projection
 from contact_locking.solver.linear.gmres import Gmres
 from contact_locking.solver.linear.ksp import LINEAR_SOLVERS, default_options
+from contact_locking.solver.linear.multigrid import FilteredMultigrid, Projection
 
 
 def _count_iterations(monkeypatch: pytest.MonkeyPatch) -> list[int]:

@@ -8,11 +8,17 @@ from contact_locking.parallel import on_any_rank
 from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet, StrainSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.bound_step import MovingBound
-from contact_locking.solver.interior_point.contact_cones import ContactCones, FrictionCones
-from contact_locking.solver.interior_point.contact_nodes import ContactNodes
+from contact_locking.solver.interior_point.contact_cones import (
+    ContactCones,
+    ContactNodes,
+    FrictionCones,
+)
 from contact_locking.solver.interior_point.family import Family
-from contact_locking.solver.interior_point.locking_cones import LockingCones, StrainHalfLines
-from contact_locking.solver.interior_point.strain_operator import StrainOperator
+from contact_locking.solver.interior_point.locking_cones import (
+    LockingCones,
+    StrainHalfLines,
+    StrainOperator,
+)
 from contact_locking.solver.task import Target
 
 _CONES: dict[type[StrainSet], type[LockingCones | StrainHalfLines]] = {

@@ -13,7 +13,7 @@ from petsc4py import PETSc
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.solver.interior_point.cones import Cone, Step
 from contact_locking.solver.interior_point.lorentz import dot
-from contact_locking.solver.multipliers import Multipliers
+from contact_locking.solver.task import Multipliers
 
 
 class Family(Cone):

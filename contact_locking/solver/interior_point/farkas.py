@@ -14,8 +14,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged, raise_callback_error
 from contact_locking.fem import compiled
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.interior_point.contact_cones import FrictionCones
-from contact_locking.solver.interior_point.contact_nodes import OnContact
+from contact_locking.solver.interior_point.contact_cones import FrictionCones, OnContact
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.task import Target

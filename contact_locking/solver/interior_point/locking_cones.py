@@ -7,18 +7,180 @@ from collections.abc import Sequence
 
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import fem, la
+from dolfinx import mesh as dmesh
+from dolfinx.fem import petsc
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.fem import compiled
+from contact_locking.fem.compiled import Kept
+from contact_locking.laws.elasticity import mandel_factor, mandel_vector
 from contact_locking.parallel import minimum
+from contact_locking.plain_text import coordinates
+from contact_locking.problem.forms import ProblemData
 from contact_locking.problem.rounding import ROUNDING
+from contact_locking.problem.strain_sets import StrainSet
 from contact_locking.solver.interior_point.cones import Balls, HalfLines
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.lorentz import aligned, norm
-from contact_locking.solver.interior_point.strain_operator import StrainOperator
-from contact_locking.solver.multipliers import Multipliers
+from contact_locking.solver.task import Multipliers
+
+
+class StrainOperator:
+    """``v -> L eps(v)`` at points with weights, and ``y -> int y : L eps(.)`` at these points.
+
+    L is the linear map of the set of strains ``law``.  Its values and its multipliers are Mandel
+    vectors (m, k), m being ``rows``, or with one row for a scalar L, at the k points of cells of
+    this rank that the set limits.  The points are the degrees of freedom ``dofs`` (k,) of the
+    spaces of strains ``scalars`` and ``tensors``, and lie in the cells ``cells`` (k,).  ``weights``
+    (k,) are the weights of the locking rule at the points, ``dx`` is the measure with this rule,
+    and ``limit`` (k,) is M.  ``kept`` is that of the system.
+    """
+
+    def __init__(
+        self, space: fem.FunctionSpace, data: ProblemData, law: StrainSet, kept: Kept
+    ) -> None:
+        mesh, element, dx = space.mesh, data.element, data.locking_dx
+        self.comm, self.dim = mesh.comm, mesh.topology.dim
+        self.space, self.dx, self.law, self.strain = space, dx, law, element.strain
+        self.dofs, self.cells, self.limit = _limited_points(law.inverse_limit)
+        self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        self._pairs = element.kinematics.mandel_pairs(self.dim)
+        vector = self._vector(element.strain(ufl.TrialFunction(space)))
+        self.rows = vector.ufl_shape[0]
+
+        def strains() -> fem.Form:
+            test = ufl.TestFunction(element.shared_strain_space(kept, mesh, (self.rows,)))
+            return compiled.form(ufl.inner(vector, test) * dx)
+
+        form = kept(("strains", law), strains)
+        by_cell = petsc.create_matrix(form)
+        # Half of the entries, at least, are zero: a normal strain knows one component only.
+        by_cell.setOption(PETSc.Mat.Option.IGNORE_ZERO_ENTRIES, True)
+        petsc.assemble_matrix(by_cell, form)
+        by_cell.assemble()
+        self._matrix = self._by_component(by_cell)
+        by_cell.destroy()
+        self.scalars = element.shared_strain_space(kept, mesh)
+        self.tensors = element.shared_strain_space(kept, mesh, element.strain_shape(mesh))
+        weights: FloatArray = kept(
+            "locking weights",
+            lambda: fem.assemble_vector(compiled.form(ufl.TestFunction(self.scalars) * dx)).array,
+        )
+        self.weights = weights[self.dofs]
+        self._displacement, self._integrals = self._matrix.createVecs()
+
+    def _vector(self, eps: Expr) -> Expr:
+        """``L eps`` as a Mandel vector, or with one row for a scalar."""
+        measured = self.law.measured(eps)
+        if measured.ufl_shape:
+            return mandel_vector(measured, self._pairs)
+        return ufl.as_vector([measured])
+
+    def strains(self, displacement: FloatArray) -> FloatArray:
+        """``L eps`` (m, k) of a displacement (owned values, others are ignored); collective."""
+        self._displacement.array_w[:] = displacement[: self._owned]
+        self._matrix.mult(self._displacement, self._integrals)
+        return self._integrals.array_r.reshape(self.rows, -1) / self.weights
+
+    def add_forces(self, multipliers: FloatArray, forces: PETSc.Vec) -> None:
+        """``forces += int y : L eps(.)``; collective."""
+        self._integrals.array_w[:] = multipliers.reshape(-1)
+        self._matrix.multTransposeAdd(self._integrals, forces, forces)
+
+    def along(self, points: IndexArray, directions: FloatArray) -> PETSc.Mat:
+        """The matrix of ``v -> directions . L eps(v)`` at points (p,) of this rank; collective."""
+        columns = len(self.limit) * np.arange(self.rows)[None, :] + points[:, None]
+        columns += self._matrix.getOwnershipRange()[0]
+        starts = self.rows * np.arange(len(points) + 1)
+        combination = PETSc.Mat().createAIJ(
+            ((len(points), None), (self._matrix.getLocalSize()[0], None)),
+            csr=(
+                starts.astype(PETSc.IntType),
+                columns.reshape(-1).astype(PETSc.IntType),
+                (directions / self.weights[points]).T.reshape(-1),
+            ),
+            comm=self.comm,
+        )
+        matrix = combination.matMult(self._matrix)
+        combination.destroy()
+        return matrix
+
+    def set_tensors(self, function: fem.Function, mandel: FloatArray) -> None:
+        """Give a function of ``tensors`` Mandel vectors (m, k) as values; collective."""
+        tensors = function.x.array.reshape(-1, *function.ufl_shape)
+        for row, (i, j) in zip(mandel, self._pairs, strict=True):
+            tensors[self.dofs, i, j] = tensors[self.dofs, j, i] = row / mandel_factor(i, j)
+        function.x.scatter_forward()
+
+    def mandel(self, function: fem.Function) -> FloatArray:
+        """The Mandel vectors (m, k) of a function of ``tensors``."""
+        tensors = function.x.array.reshape(-1, *function.ufl_shape)
+        rows = [mandel_factor(i, j) * tensors[self.dofs, i, j] for i, j in self._pairs]
+        return np.array(rows)
+
+    def set_values(self, function: fem.Function, values: FloatArray) -> None:
+        """Give a function of ``scalars`` values (k,); collective."""
+        function.x.array[self.dofs] = values
+        function.x.scatter_forward()
+
+    def describe_excess(self, ratio: FloatArray, what: str) -> str:
+        """Where ``ratio`` (k,), a measure over its limit, is largest, "" below 1; collective."""
+        found: tuple[float, list[float]] = (0.0, [])
+        if len(ratio):
+            worst = int(np.argmax(ratio))
+            mesh = self.space.mesh
+            cell = self.cells[worst : worst + 1]
+            place = dmesh.compute_midpoints(mesh, self.dim, cell)[0, : self.dim]
+            found = float(ratio[worst]), place.tolist()
+        largest, place = max(self.comm.allgather(found))
+        if largest <= 1.0:
+            return ""
+        at = coordinates(place)
+        return f"{what} is forced to {largest:.2g} times its limit near ({at})"
+
+    def nodes_at(self, points: BoolArray) -> IndexArray:
+        """The owned nodes of the cells of marked points (k,), of all ranks; collective."""
+        touched = fem.Function(self.space)
+        blocks = self.space.dofmap.list[self.cells[points]]
+        touched.x.array.reshape(-1, self.dim)[blocks.reshape(-1)] = 1.0
+        touched.x.scatter_reverse(la.InsertMode.add)
+        is_touched = touched.x.array[: self._owned].reshape(-1, self.dim)[:, 0] > 0.0
+        return np.flatnonzero(is_touched).astype(np.int32)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; collective."""
+        for item in (self._matrix, self._displacement, self._integrals):
+            item.destroy()
+
+    def _by_component(self, by_cell: PETSc.Mat) -> PETSc.Mat:
+        """The rows of the chosen points, those of one component after those of another."""
+        starts, columns, values = by_cell.getValuesCSR()
+        rows = (np.arange(self.rows)[:, None] + self.rows * self.dofs).reshape(-1)
+        counts = np.diff(starts)[rows]
+        ends = np.cumsum(counts)
+        taken = np.arange(counts.sum()) + np.repeat(starts[rows] - ends + counts, counts)
+        return PETSc.Mat().createAIJ(
+            ((len(rows), None), by_cell.getSizes()[1]),
+            csr=(np.append(0, ends).astype(PETSc.IntType), columns[taken], values[taken]),
+            comm=by_cell.getComm(),
+        )
+
+
+def _limited_points(inverse_limit: fem.Function) -> tuple[IndexArray, IndexArray, FloatArray]:
+    """The owned points with a limit, as degrees of freedom (k,), their cells, and M (k,)."""
+    space = inverse_limit.function_space
+    topology = space.mesh.topology
+    owned = topology.index_map(topology.dim).size_local
+    # The degrees of freedom of the space of strains need not follow the numbers of the cells.
+    by_cell = space.dofmap.list[:owned]
+    dofs = by_cell.reshape(-1)
+    cells = np.repeat(np.arange(owned, dtype=np.int32), by_cell.shape[1])
+    inverse = inverse_limit.x.array[dofs]
+    locks = inverse > 0.0
+    return dofs[locks], cells[locks], 1.0 / inverse[locks]
 
 
 class LimitsOfStrain(Family):

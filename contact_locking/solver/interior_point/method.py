@@ -48,8 +48,7 @@ from contact_locking.solver.interior_point.start import ElasticStart, rests
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import CLOSE, Approach, Tuning
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
-from contact_locking.solver.multipliers import Multipliers
-from contact_locking.solver.task import LastIterate, Outcome, SavedState, Task
+from contact_locking.solver.task import LastIterate, Multipliers, Outcome, SavedState, Task
 
 
 class InteriorPoint:

@@ -11,8 +11,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.parallel import maximum, on_every_rank
 from contact_locking.problem.motions import prescribed_motion
-from contact_locking.solver.interior_point.contact_cones import ContactCones
-from contact_locking.solver.interior_point.contact_nodes import OnContact
+from contact_locking.solver.interior_point.contact_cones import ContactCones, OnContact
 from contact_locking.solver.interior_point.family import Reaction
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.tangent import Tangent

@@ -18,14 +18,13 @@ from contact_locking.fem import compiled
 from contact_locking.fem.compiled import JointForm
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.interior_point.contact_nodes import ContactNodes, OnContact
+from contact_locking.solver.interior_point.contact_cones import ContactNodes, OnContact
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.border import Border
-from contact_locking.solver.linear.filtered_multigrid import StiffPart
-from contact_locking.solver.linear.ksp import is_direct
-from contact_locking.solver.linear.storage import IN_BLOCKS, stacked
+from contact_locking.solver.linear.ksp import IN_BLOCKS, is_direct, stacked
+from contact_locking.solver.linear.multigrid import StiffPart
 from contact_locking.solver.linear.tangent_solver import tangent_solver
 from contact_locking.solver.task import Task
 

@@ -19,7 +19,6 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid
 from contact_locking.solver.linear.ksp import (
     FROM_ANY_START,
     IterationListener,
@@ -27,6 +26,7 @@ from contact_locking.solver.linear.ksp import (
     destroy_ksp,
     option,
 )
+from contact_locking.solver.linear.multigrid import FilteredMultigrid
 
 #: Adds the forces that follow a displacement to its second argument; collective.
 Follow = Callable[[PETSc.Vec, PETSc.Vec], None]

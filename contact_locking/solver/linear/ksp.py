@@ -1,8 +1,14 @@
-"""Linear algebra: which PETSc options a tangent is solved with, and how users override them."""
+"""Linear solvers of PETSc: their options, how users override them, and how matrices are stored.
+
+Options are in PETSc's database as long as a solver lives.  A matrix is stored in blocks of a node's
+components, where products and assembly take half the time, or entry by entry, as factorisations and
+the Galerkin products of multigrid know nothing of blocks.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from petsc4py import PETSc
@@ -10,7 +16,126 @@ from petsc4py import PETSc
 from contact_locking import _compat
 from contact_locking.errors import InputError
 from contact_locking.solver.linear.factorised import chosen
-from contact_locking.solver.linear.options import PREFIX, InsertedOptions, of_prefix
+
+PREFIX = "contact_locking_"
+
+_NUMBERS = itertools.count(1)
+
+# Galerkin products on one rank, with the transpose written out, take half the time.  Matrices of
+# several ranks refuse this way, and PETSc asks for it without a prefix.
+_PRODUCTS_ON_ONE_RANK: dict[str, Any] = {"matptap_via": "rap"}
+
+
+class UserOptions(dict[str, Any]):
+    """Options of the user, without prefix; ``used`` are the names that PETSc has asked for."""
+
+    def __init__(self, options: Mapping[str, Any] | None = None) -> None:
+        super().__init__(options or {})
+        self.used: set[str] = set()
+
+    def unused(self) -> list[str]:
+        """The options without effect, with those of the user's own database under the prefix."""
+        names = [name for name in self if name not in self.used]
+        for name in PETSc.Options(PREFIX).getAll():
+            if name not in self and not _compat.petsc_option_used(PREFIX + name):
+                names.append(name)
+        return names
+
+
+class InsertedOptions:
+    """Options for one solver in PETSc's database, until they are removed.
+
+    They stand under ``prefix`` of this object, which no other solver has.  To be removed only after
+    the last solve: levels of multigrid and factorisations ask for theirs when they are set up, and
+    again whenever that is repeated.  Options that the user has in the database under the prefix
+    that is given (``-contact_locking_...``) win over those of ``overrides``, and those over
+    ``defaults``.
+    """
+
+    def __init__(
+        self,
+        defaults: Mapping[str, Any],
+        overrides: Mapping[str, Any] | None = None,
+        prefix: str = PREFIX,
+    ) -> None:
+        self.prefix, self._shared = f"solver{next(_NUMBERS)}_{prefix}", prefix
+        self._user = overrides if isinstance(overrides, UserOptions) else UserOptions()
+        self._of_database = PETSc.Options(prefix).getAll()
+        self._ours = {**defaults, **of_prefix(overrides or {}, prefix), **self._of_database}
+        database = PETSc.Options(self.prefix)
+        for key, value in self._ours.items():
+            database.setValue(key, value)
+        bare = _PRODUCTS_ON_ONE_RANK if PETSc.COMM_WORLD.size == 1 else {}
+        present = PETSc.Options().getAll()
+        self._bare = {name: value for name, value in bare.items() if name not in present}
+        for name, value in self._bare.items():
+            PETSc.Options().setValue(name, value)
+
+    def remove(self) -> None:
+        """Take them out again, and remember which were asked for; more than once does no harm."""
+        database, part = PETSc.Options(self.prefix), self._shared.removeprefix(PREFIX)
+        for key in self._ours:
+            if _compat.petsc_option_used(self.prefix + key):
+                if key in self._of_database:
+                    # To ask for it makes it used.
+                    PETSc.Options(self._shared).hasName(key)
+                self._user.used |= {name for name in self._user if name.lower() == part + key}
+            database.delValue(key)
+        for name in self._bare:
+            PETSc.Options().delValue(name)
+        self._ours, self._bare = {}, {}
+
+
+def of_prefix(options: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+    """The options of the user for the solvers under a prefix, without what it adds to PREFIX."""
+    part = prefix.removeprefix(PREFIX)
+    return {
+        name.removeprefix(part).lower(): value
+        for name, value in options.items()
+        if name.startswith(part)
+    }
+
+
+IN_BLOCKS, BY_ENTRY = "baij", "aij"
+
+
+class Unblocked:
+    """A matrix stored in blocks as every preconditioner can do with it."""
+
+    def __init__(self) -> None:
+        self._copy: PETSc.Mat | None = None
+
+    def of(self, matrix: PETSc.Mat) -> PETSc.Mat:
+        """The same matrix for all matrices of one pattern, with the values of this; collective.
+
+        A matrix of one rank that is stored by entry is returned itself.
+        """
+        if matrix.getType() == PETSc.Mat.Type.SEQAIJ:
+            matrix.setOption(PETSc.Mat.Option.SPD, True)
+            return matrix
+        if self._copy is None:
+            self._copy = matrix.convert(BY_ENTRY, PETSc.Mat())
+            self._copy.setNearNullSpace(matrix.getNearNullSpace())
+        else:
+            matrix.convert(BY_ENTRY, self._copy)
+        # PETSc forgets it with each new value.
+        self._copy.setOption(PETSc.Mat.Option.SPD, True)
+        return self._copy
+
+    def destroy(self) -> None:
+        """Free the matrix; collective."""
+        if self._copy is not None:
+            self._copy.destroy()
+
+
+def stacked(matrices: Sequence[PETSc.Mat]) -> PETSc.Mat:
+    """The rows of the matrices, one matrix after another on each rank, which it destroys."""
+    nest = PETSc.Mat().createNest([[matrix] for matrix in matrices], comm=matrices[0].getComm())
+    rows = nest.convert(BY_ENTRY, PETSc.Mat())
+    for item in (nest, *matrices):
+        item.destroy()
+    return rows
+
 
 LINEAR_FAILURE = "the linear solve failed (solver.linear: direct is the most robust)"
 

@@ -1,14 +1,43 @@
-"""Multigrid for an elastic matrix: algebraic, and above it the spaces that the elements have."""
+"""Algebraic multigrid with filtering: a preconditioner that locked zones do not slow down.
+
+A locked cell is stiff along one strain and soft along all others, with a contrast that grows
+without bound, which no algebraic coarsening sees.  The filter therefore takes the stiff part out:
+with ``F`` the exact solve on the degrees of freedom of stiff cells and nodes, and ``G`` a multigrid
+cycle for the matrix without their stiffness, the preconditioner is
+
+    B = F + (I - F A) G (I - A F),
+
+symmetric and positive definite whatever ``G`` misses.  A residual that vanishes on the filtered
+degrees of freedom keeps doing so, and for it ``B = (I - F A) G``: one exact solve, not two.  So
+solves start from :meth:`FilteredMultigrid.start`.  A variant of doi:10.48550/arXiv.2505.18576.
+
+Where more is stiff than can be filtered, the multigrid for the matrix without the stiffness of
+points along single directions is projected instead (:class:`Projection`).
+
+Without either, ``B`` is a multigrid cycle for ``A`` itself, which is faster as long as no cell
+is much stiffer than others; the iterations grow like the square root of the contrast.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+import scipy.sparse as sp
 from petsc4py import PETSc
 
-from contact_locking.solver.linear.ksp import configure, multigrid_options, option
-from contact_locking.solver.linear.options import PREFIX
+from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.solver.linear.ksp import (
+    PREFIX,
+    Unblocked,
+    configure,
+    create_ksp,
+    destroy_ksp,
+    direct_options,
+    multigrid_options,
+    option,
+)
 
 _PREFIX = PREFIX + "multigrid_"
 # The zones move but the mesh does not: only values are made anew.
@@ -97,3 +126,334 @@ class Multigrid:
         self._pc.destroy()
         if self._product is not None:
             self._product.destroy()
+
+
+class Projection:
+    """Projection onto the displacements that no stiff point of the body or of contact resists.
+
+    With ``A = A_0 + C^T B C``, where each row of ``C`` takes the strain of a point of a cell, or
+    the displacement of a point of contact, along a direction in which the point is stiff, and ``B``
+    holds these stiffnesses, the projection is
+
+        Q = I - K^T T^-1 C,    K = C D^-1,    T = C K^T + B^-1,
+
+    with ``D`` the diagonal blocks of ``A_0``.  For a preconditioner ``G`` of the soft matrix,
+
+        Q G Q^T + K^T T^-1 B^-1 T^-1 K
+
+    preconditions ``A`` for any stiffness: B stands in it as ``B^-1`` only, and ``Q`` depends on it
+    less, the larger it is.  T has one row for each stiff point, a scalar each: to factorise T
+    costs a small part of what factorising the stiff part of A does.  How well ``Q`` keeps the
+    energy of smooth displacements decides about the number of iterations; compare the least-squares
+    commutators of doi:10.1137/040608817, which contain the same matrix ``C D^-1 C^T``.
+
+    All of it is collective.
+
+    ``rows`` is C, (k, n), whose columns of constrained unknowns are zero, and ``stiffness`` (k,)
+    the diagonal of B, > 0, on this rank.  ``soft`` is ``A_0``, stored by entry, with blocks of the
+    components of a node.  The projection owns ``rows``.
+    """
+
+    def __init__(
+        self,
+        rows: PETSc.Mat,
+        stiffness: FloatArray,
+        soft: PETSc.Mat,
+        overrides: Mapping[str, Any],
+    ) -> None:
+        # C, the diagonal of B^-1, and K.
+        self._rows, self._compliance = rows, 1.0 / stiffness
+        inverse = _inverse_blocks(soft)
+        self._scaled = rows.matMult(inverse)
+        inverse.destroy()
+        columns = PETSc.Mat()
+        rows.transpose(columns)
+        self._coupling = self._scaled.matMult(columns)
+        columns.destroy()
+        self._change, self._right = rows.createVecs()
+        self._forces, self._forces_change = self._right.duplicate(), self._right.duplicate()
+        self._vectors = self._change, self._right, self._forces, self._forces_change
+        self._right.array_w[:] = self._compliance
+        self._coupling.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        self._coupling.setDiagonal(self._right, PETSc.InsertMode.ADD_VALUES)
+        self._coupling.setOption(PETSc.Mat.Option.SPD, True)
+        # None where nothing is stiff.
+        self._factor: PETSc.KSP | None = None
+        if rows.getSize()[0] > 0:
+            comm = rows.getComm()
+            self._factor = create_ksp(comm, direct_options(comm), overrides, PREFIX + "projection_")
+            self._factor.setOperators(self._coupling)
+            self._factor.setUp()
+
+    def apply(self, soft: Multigrid, r: PETSc.Vec, z: PETSc.Vec) -> None:
+        """``z = B r`` with ``soft`` in the place of G."""
+        if self._factor is None:
+            soft.apply(r, z)
+            return
+        change, right, forces = self._change, self._right, self._forces
+        self._scaled.mult(r, right)
+        self._factor.solve(right, forces)
+        # z = G Q^T r
+        self._rows.multTranspose(forces, change)
+        change.aypx(-1.0, r)
+        soft.apply(change, z)
+        # z = Q z + K^T T^-1 B^-1 T^-1 K r
+        self._rows.mult(z, right)
+        right.array_w[:] -= self._compliance * forces.array_r
+        self._factor.solve(right, self._forces_change)
+        self._scaled.multTranspose(self._forces_change, change)
+        z.axpy(-1.0, change)
+
+    def add_stiff(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """``y += C^T B C x``."""
+        self._rows.mult(x, self._right)
+        self._right.array_w[:] /= self._compliance
+        self._rows.multTransposeAdd(self._right, y, y)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        if self._factor is not None:
+            destroy_ksp(self._factor)
+        for item in (self._rows, self._scaled, self._coupling, *self._vectors):
+            item.destroy()
+
+
+def _inverse_blocks(matrix: PETSc.Mat) -> PETSc.Mat:
+    """The inverses of the diagonal blocks of a matrix, as a matrix; collective."""
+    # PETSc's own function returns the blocks of the first values again.
+    size, (first, last) = matrix.getBlockSize(), matrix.getOwnershipRange()
+    starts, columns, values = matrix.getDiagonalBlock().getValuesCSR()
+    shape = last - first, last - first
+    own = sp.csr_matrix((values, columns, starts), shape).tobsr((size, size))
+    nodes = np.arange(shape[0] // size)
+    is_diagonal = own.indices == np.repeat(nodes, np.diff(own.indptr))
+    blocks = np.linalg.inv(own.data[is_diagonal])
+    inverse = sp.bsr_matrix((blocks, nodes, np.arange(len(nodes) + 1)), shape).tocsr()
+    csr = [part.astype(PETSc.IntType) for part in (inverse.indptr, inverse.indices + first)]
+    sizes = matrix.getSizes()
+    return PETSc.Mat().createAIJ(sizes, csr=(*csr, inverse.data), comm=matrix.getComm())
+
+
+# A filter that is larger than it need be by this factor is made anew.
+_WASTE = 1.2
+
+
+class StiffPart(NamedTuple):
+    """The stiff part of a matrix.
+
+    ``nodes`` are the local numbers of its owned nodes; ``find_nearly`` finds them together with
+    those that may soon be stiff, too; ``assemble_rest`` gives another matrix of the same pattern
+    the values without the stiffness of ``nodes``.  ``find_rows`` returns the rows C and the
+    stiffness B of :class:`Projection`, for points that are still stiffer, and ``assemble_across``
+    assembles the matrix without ``C^T B C``.  All are collective.
+    """
+
+    nodes: IndexArray
+    find_nearly: Callable[[], IndexArray]
+    assemble_rest: Callable[[PETSc.Mat], None]
+    find_rows: Callable[[], tuple[PETSc.Mat, FloatArray]]
+    assemble_across: Callable[[PETSc.Mat], None]
+
+
+class Filter:
+    """``F``: the exact solve on the unknowns of some nodes of a matrix in blocks; collective.
+
+    ``nodes`` are the local numbers of owned nodes.  Ordering, symbolic factorisation and memory
+    are those of the first values, and serve all that follow.
+    """
+
+    def __init__(self, matrix: PETSc.Mat, nodes: IndexArray, overrides: Mapping[str, Any]) -> None:
+        self._matrix, self._nodes = matrix, nodes
+        self._comm, size = matrix.getComm(), matrix.getBlockSize()
+        first = matrix.getOwnershipRange()[0] // size
+        self._unknowns = (nodes[:, None] * size + np.arange(size)).reshape(-1)
+        numbers = (nodes + first).astype(PETSc.IntType)
+        self._rows = PETSc.IS().createBlock(size, numbers, comm=self._comm)
+        self._unblocked = Unblocked()
+        self._right = PETSc.Vec().create(self._comm)
+        self._right.setSizes((len(self._unknowns), None))
+        self._right.setUp()
+        self._left = self._right.duplicate()
+        options = direct_options(self._comm)
+        self._ksp = create_ksp(self._comm, options, overrides, PREFIX + "filter_")
+
+    def serves(self, nodes: IndexArray) -> bool:
+        """Whether it takes in these nodes, and few others; collective."""
+        comm = self._comm.tompi4py()
+        missing = len(np.setdiff1d(nodes, self._nodes, assume_unique=True))
+        counts = comm.allreduce(np.array([missing, len(nodes), len(self._nodes)]))
+        return bool(counts[0] == 0 and counts[2] <= _WASTE * counts[1])
+
+    def refresh(self) -> None:
+        """Factorise the present values of the matrix; collective."""
+        # A matrix of several ranks in blocks refuses to take the same part into the same matrix.
+        block = self._matrix.createSubMatrix(self._rows, self._rows)
+        self._ksp.setOperators(self._unblocked.of(block))
+        block.destroy()
+        self._ksp.setUp()
+
+    def add(self, factor: float, r: PETSc.Vec, z: PETSc.Vec) -> None:
+        """``z += factor F r``; collective."""
+        self._right.array_w[:] = r.array_r[self._unknowns]
+        self._ksp.solve(self._right, self._left)
+        z.array_w[self._unknowns] += factor * self._left.array_r
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; collective."""
+        destroy_ksp(self._ksp)
+        self._unblocked.destroy()
+        for item in (self._rows, self._right, self._left):
+            item.destroy()
+
+
+class FilteredMultigrid:
+    """The preconditioner ``B`` for the values of a matrix; all of it is collective.
+
+    ``matrix`` is stored in blocks (BAIJ), in which products take half the time, and has its
+    near-nullspace.  ``limit`` is the most that may be filtered; more is projected.  ``coarser`` is
+    what :class:`Multigrid` takes, and belongs to this object.  ``overrides`` are options of the
+    user.
+    """
+
+    def __init__(
+        self,
+        matrix: PETSc.Mat,
+        limit: int,
+        coarser: Sequence[CoarserSpace] = (),
+        overrides: Mapping[str, Any] | None = None,
+    ) -> None:
+        self._matrix, self._limit, self._coarser = matrix, limit, coarser
+        self._overrides = overrides or {}
+        self._unblocked = Unblocked()
+        self._smoothed = matrix
+        self._multigrid = Multigrid(matrix.getComm(), coarser, self._overrides)
+        self._product = matrix.createVecLeft()
+        self._soft: PETSc.Mat | None = None
+        self._filter: Filter | None = None
+        self._projection: Projection | None = None
+
+    @property
+    def filters(self) -> bool:
+        """Whether the filter or the projection takes part at present."""
+        return self._filter is not None or self._projection is not None
+
+    @property
+    def filters_exactly(self) -> bool:
+        """Whether the filter takes part at present."""
+        return self._filter is not None
+
+    def count(self, nodes: IndexArray) -> int:
+        """The unknowns of owned nodes on all ranks; collective."""
+        count: int = self._matrix.getComm().tompi4py().allreduce(len(nodes))
+        return count * self._matrix.getBlockSize()
+
+    def must_project(self, stiff: StiffPart) -> bool:
+        """Whether more is stiff than may be filtered; collective."""
+        return self.count(stiff.nodes) > self._limit
+
+    def refresh(self, stiff: StiffPart | None = None, smooths_more: bool = False) -> None:
+        """Set up for the present values of the matrix; collective.
+
+        Without ``stiff``, the multigrid is for the matrix to be solved with, and nothing is
+        filtered.  ``smooths_more`` lets it take more steps of its smoother.
+        """
+        projects = stiff is not None and self.must_project(stiff)
+        # Factors are free before multigrid takes memory for the new values.
+        self._release(keeps_filter=stiff is not None and not projects)
+        smoothed = self._matrix if stiff is None else self._without(stiff, projects)
+        # The residuals of its finest level stay those of the first matrix that it was given.
+        if smoothed is not self._smoothed:
+            self._multigrid.destroy()
+            self._smoothed = smoothed
+            self._multigrid = Multigrid(self._matrix.getComm(), self._coarser, self._overrides)
+        by_entry = self._unblocked.of(smoothed)
+        self._multigrid.set_up(smoothed, by_entry)
+        if smooths_more:
+            self._multigrid.smooth_more()
+        if stiff is not None and projects:
+            self._projection = Projection(*stiff.find_rows(), by_entry, self._overrides)
+        elif stiff is not None:
+            self._filter_out(stiff)
+
+    def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """``y = A x`` for an x that is zero where displacements are prescribed.
+
+        Where the projection takes part the matrix needs no values.
+        """
+        if self._projection is None:
+            self._matrix.mult(x, y)
+            return
+        self._smoothed.mult(x, y)
+        self._projection.add_stiff(x, y)
+
+    def start(self, right: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Change ``x`` so that ``right - A x`` vanishes where filtered; collective."""
+        if self._filter is not None:
+            self._matrix.mult(x, self._product)
+            self._product.aypx(-1.0, right)
+            self._filter.add(1.0, self._product, x)
+
+    def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
+        """``z = B r`` for a residual that vanishes where filtered."""
+        if self._projection is not None:
+            self._projection.apply(self._multigrid, r, z)
+            return
+        self._multigrid.apply(r, z)
+        if self._filter is not None:
+            self._matrix.mult(z, self._product)
+            self._filter.add(-1.0, self._product, z)
+
+    def apply_to_any(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
+        """``z = B r`` for any residual; collective."""
+        if self._filter is None:
+            self.apply(r, z)
+            return
+        exact, rest = self._matrix.createVecs()
+        self._filter.add(1.0, r, exact)
+        self._matrix.mult(exact, rest)
+        rest.aypx(-1.0, r)
+        self.apply(rest, z)
+        z.axpy(1.0, exact)
+        exact.destroy()
+        rest.destroy()
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; collective."""
+        self._release()
+        self._multigrid.destroy()
+        for space in self._coarser:
+            space.prolongation.destroy()
+            space.near_nullspace.destroy()
+        if self._soft is not None:
+            self._soft.destroy()
+        self._unblocked.destroy()
+        self._product.destroy()
+
+    def _without(self, stiff: StiffPart, projects: bool) -> PETSc.Mat:
+        """The matrix without the stiffness of what is filtered or projected; collective."""
+        if self._soft is None:
+            self._soft = self._matrix.duplicate()
+            self._soft.setNearNullSpace(self._matrix.getNearNullSpace())
+        (stiff.assemble_across if projects else stiff.assemble_rest)(self._soft)
+        return self._soft
+
+    def _filter_out(self, stiff: StiffPart) -> None:
+        """Factorise for the last filter, if it serves, or for a new one; collective."""
+        if self._filter is not None and not self._filter.serves(stiff.nodes):
+            self._release()
+        if self._filter is None:
+            # Nodes that will soon be stiff are taken in if they are few.
+            nearly = stiff.find_nearly()
+            most = min(_WASTE * self.count(stiff.nodes), self._limit)
+            nodes = nearly if self.count(nearly) <= most else stiff.nodes
+            self._filter = Filter(self._matrix, nodes, self._overrides)
+        self._filter.refresh()
+
+    def _release(self, keeps_filter: bool = False) -> None:
+        """Free the projection and the filter; collective."""
+        if self._projection is not None:
+            self._projection.destroy()
+            self._projection = None
+        if self._filter is not None and not keeps_filter:
+            self._filter.destroy()
+            self._filter = None

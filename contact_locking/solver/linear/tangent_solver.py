@@ -11,19 +11,18 @@ from petsc4py import PETSc
 
 from contact_locking.errors import NotConverged
 from contact_locking.solver.linear.factorised import FILTER_LIMIT, MODERATE_CONTRAST, chosen
-from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.gmres import OWN_PRECONDITIONER, Follow, Gmres
 from contact_locking.solver.linear.ksp import (
     FROM_ANY_START,
     LINEAR_FAILURE,
     IterationListener,
+    Unblocked,
     create_ksp,
     default_options,
     destroy_ksp,
     option,
 )
-from contact_locking.solver.linear.multigrid import CoarserSpace
-from contact_locking.solver.linear.storage import Unblocked
+from contact_locking.solver.linear.multigrid import CoarserSpace, FilteredMultigrid, StiffPart
 from contact_locking.solver.settings import Settings
 
 #: Gives a matrix the values of the tangent; collective.
