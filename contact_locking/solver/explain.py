@@ -17,6 +17,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
+from contact_locking.solver.interior_point.farkas import GAP_ROUNDING
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.task import Counts, Outcome, SolverReport, Target, Task
 
@@ -166,7 +167,8 @@ def judge(task: Task) -> Verdict | None:
     system = task.system
     prescribed = system.constraints.held_part(system.u.x.array)
     # Whether u = 0 is within the limit and the gaps and has the prescribed values.
-    overlaps = any(bool(np.any(contact.gaps < 0.0)) for contact in system.contacts)
+    rounding = GAP_ROUNDING * task.target.length
+    overlaps = any(bool(np.any(contact.gaps < -rounding)) for contact in system.contacts)
     rests = not system.comm.allreduce(bool(prescribed.any()) or overlaps)
     if system.held_by_friction or rests:
         return None

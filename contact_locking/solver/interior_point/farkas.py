@@ -13,6 +13,7 @@ from petsc4py import PETSc
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged, raise_callback_error
 from contact_locking.fem import compiled
+from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.contact_cones import FrictionCones, OnContact
 from contact_locking.solver.interior_point.family import Family, Reaction
@@ -25,6 +26,8 @@ _STIFFER = 1e6
 _SMALL_STRAIN = 1.0
 # The rounding that either side may have, relative to it.
 _ROUNDING = 1e-6
+# The rounding of a gap relative to the length of the body, which coordinates have.
+GAP_ROUNDING = 10.0 * ROUNDING
 # The linear solve of an iterative solver leaves this share of the imbalance, if rounding lets it.
 _ACCURACY = 1e-10
 
@@ -93,6 +96,7 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     # The residual of the linear solve and springs may work along any admissible displacement.
     farthest = system.largest_displacement() + _SMALL_STRAIN * target.length
     resistance += (tangent.left_unbalanced() + _pull_of_springs(system, rho)) * farthest
+    resistance += GAP_ROUNDING * target.length * _pressed(iterate, reactions)
     # An infinite resistance is that of a foundation that would have to pull.
     if not power - resistance > _ROUNDING * (abs(power) + abs(resistance)):
         return None
@@ -108,6 +112,13 @@ def _power(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
 def _resistance(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
     """R, infinite for a pressure that is negative somewhere; collective."""
     local = sum(item.family.resistance(item.values) for item in reactions)
+    return float(iterate.comm.allreduce(local))
+
+
+def _pressed(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
+    """The integral of all pressures; collective."""
+    pressures = [item for item in reactions if isinstance(item.family, OnContact)]
+    local = sum(float(item.family.weights @ np.abs(item.values)) for item in pressures)
     return float(iterate.comm.allreduce(local))
 
 
