@@ -104,11 +104,6 @@ def _with_axes(name: str, axes: Sequence[str]) -> list[str]:
     return [f"{name}_{axis}" if name else axis for axis in axes]
 
 
-def facets_table(facets: IntArray) -> Table:
-    """The columns of contact_facets.csv: the corners of facets (m, d) as point numbers from 0."""
-    return Table({f"point_{corner}": column for corner, column in enumerate(facets.T)})
-
-
 def joined(
     contacts: Sequence[tuple[ContactPoints, IntArray]], dim: int
 ) -> tuple[ContactPoints, IntArray]:
