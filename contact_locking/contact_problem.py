@@ -14,7 +14,6 @@ from dolfinx import mesh as dmesh
 from ufl.core.expr import Expr
 
 from contact_locking.contact.contact import Contact
-from contact_locking.contact.nodal_contact import check_friction
 from contact_locking.errors import InputError, require_kind
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.fields.present import Clock
@@ -134,7 +133,7 @@ class ContactProblem:
         penalty = _penalty(n, compliance)
         self._discrete = DiscreteProblem(body, contacts, penalty, Clock(space.mesh))
         for contact in self._discrete.contacts:
-            check_friction(contact)
+            contact.require_friction()
         self._settings, self._monitor = settings or Settings(), monitor
         if self._settings.method == "penalty":
             require_served(self._discrete)
@@ -211,7 +210,7 @@ class ContactProblem:
             raise InputError("is not finite somewhere", "L" if problem.body.work else "loads")
         problem.rigidity.require_held()
         for contact in problem.contacts:
-            check_friction(contact)
+            contact.require_friction()
         system.clear()
 
     def close(self) -> None:

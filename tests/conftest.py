@@ -54,6 +54,13 @@ def comm() -> MPI.Intracomm:
     return MPI.COMM_WORLD
 
 
+@pytest.fixture
+def folder(tmp_path: Path, comm: MPI.Intracomm) -> Path:
+    """The same folder on all ranks."""
+    found: Path = comm.bcast(tmp_path)
+    return found
+
+
 @pytest.fixture(scope="session")
 def kept_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The results of a run in two dimensions."""

@@ -21,8 +21,8 @@ from contact_locking import from_mapping, solve, solve_steps
 from contact_locking.command import cli
 from contact_locking.mesh.xdmf import from_xdmf
 from contact_locking.results.solution import summary_text
+from contact_locking.study_file.reading import read
 from contact_locking.study_file.schema import rows
-from contact_locking.study_file.source import read
 
 pytestmark = pytest.mark.serial
 

@@ -270,9 +270,16 @@ class Mollifier(Concept, Kernel):
         return common.model_copy(update=self.stated())
 
     def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
-        from contact_locking.contact.coulomb import operator_of
+        from contact_locking.contact import coulomb
 
-        return operator_of(self.kernel, self.radius, surface, free, sides)
+        if self.kernel == "none":
+            return coulomb.Identity()
+        comm, whole = surface.domain.comm, surface.whole(free, sides)
+        radius = coulomb.default_radius(surface) if self.radius is None else self.radius
+        if self.kernel == "helmholtz":
+            radius = min(radius, coulomb.LARGEST_RADIUS_SHARE * coulomb.extent_of(surface))
+            return coulomb.HelmholtzOperator(comm, whole, surface.laplacian(sides), radius)
+        return coulomb.ConvolutionOperator(comm, whole, radius)
 
     def warnings(self, surface: ContactSurface) -> list[str]:
         size = surface.domain.facet_diameter(surface.facets)

@@ -14,7 +14,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray, IntArray
+from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.contact.surface import ContactSurface, SurfaceMesh
 from contact_locking.errors import InputError, NotConverged, with_key
 from contact_locking.laws.friction import Coefficient, FrictionLaw
@@ -230,9 +230,9 @@ _DEFAULT_RADIUS_SHARE, _DEFAULT_RADIUS_FACETS = 0.1, 2.0
 # A negative friction coefficient smaller than this share of the largest value is zero with
 # rounding.
 _ROUNDING = 1e-12
-# A filter with a larger radius than this share of the extent is the mean over Gamma_C to nine
-# digits.
-_LARGEST_RADIUS_SHARE = 1e4
+#: A filter with a larger radius than this share of the extent is the mean over Gamma_C to nine
+#: digits.
+LARGEST_RADIUS_SHARE = 1e4
 # The central differences of mu take steps of this share of the slip.
 _DIFFERENCE = 1e-3
 
@@ -342,10 +342,10 @@ def _refuse_negative(mu: FloatArray, least: float, points: FloatArray, slip: Flo
 def default_radius(surface: ContactSurface) -> float:
     """The default radius of R; collective."""
     size = surface.domain.facet_diameter(surface.facets)
-    return max(_DEFAULT_RADIUS_SHARE * _extent(surface), _DEFAULT_RADIUS_FACETS * size)
+    return max(_DEFAULT_RADIUS_SHARE * extent_of(surface), _DEFAULT_RADIUS_FACETS * size)
 
 
-def _extent(surface: ContactSurface) -> float:
+def extent_of(surface: ContactSurface) -> float:
     """About the largest distance between two nodes of Gamma_C; collective.
 
     One end is the point farthest from the mean of the points, the other end the point farthest from
@@ -357,21 +357,3 @@ def _extent(surface: ContactSurface) -> float:
         distances = np.linalg.norm(places - place, axis=1)
         place = places[np.argmax(distances)]
     return float(distances.max())
-
-
-def operator_of(
-    kernel: str | None,
-    radius: float | None,
-    surface: ContactSurface,
-    free: BoolArray,
-    sides: IntArray,
-) -> Smoothing:
-    """R of a standard kernel on a surface; collective.  The arguments are those of `Kernel.on`."""
-    if kernel == "none":
-        return Identity()
-    comm, whole = surface.domain.comm, surface.whole(free, sides)
-    radius = default_radius(surface) if radius is None else radius
-    if kernel == "helmholtz":
-        radius = min(radius, _LARGEST_RADIUS_SHARE * _extent(surface))
-        return HelmholtzOperator(comm, whole, surface.laplacian(sides), radius)
-    return ConvolutionOperator(comm, whole, radius)

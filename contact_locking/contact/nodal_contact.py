@@ -365,6 +365,43 @@ class NodalContact:
             self.place()
         self.references = reference
 
+    def require_friction(self) -> None:
+        """Raise InputError for a mu or a user's own bound that is not from 0 up at each point.
+
+        Both are evaluated without slip, and the bound at a slight pressure.  Collective.
+        """
+        friction, surface, given = self.friction, self.surface, self.given.friction
+        comm, count = surface.domain.comm, len(surface.points)
+        expression = given and given.coefficient and given.coefficient.expression
+
+        def require(values: FloatArray, what: str, key: str) -> None:
+            is_right = np.isfinite(values) & (values >= 0.0)
+            if not on_every_rank(comm, is_right):
+                wrong = np.concatenate(comm.allgather(values[~is_right]))
+                raise InputError(f"{what}, and is {wrong[0]:g} somewhere", key)
+
+        def coefficients() -> FloatArray:
+            # A rank without points has no values whose shape could tell, but for an expression.
+            slip = np.zeros(count)
+            return np.array(friction.law(surface.points, slip)) if count or expression else slip
+
+        key = self.given.friction_key("coefficient")
+        mu = agree(comm, lambda: with_key(key, coefficients))
+        require(mu, "mu must be a finite number from 0 up everywhere", key)
+        if friction.is_coulomb:
+            return
+        key, kind = f"{self.key}.friction", type(friction).__name__
+        expected = f"evaluate of {kind} must give the friction bound (k,)"
+        bound: Any = friction.evaluate(np.full(count, _SLIGHT), np.zeros(count))
+
+        def require_shape() -> None:
+            if np.shape(bound) != (count,):
+                shape = np.shape(bound)
+                raise InputError(f"{expected}, here ({count},), not the shape {shape}", key)
+
+        agree(comm, require_shape)
+        require(np.asarray(bound), f"{expected} of finite numbers from 0 up without slip", key)
+
     def norm(self, values: FloatArray) -> float:
         """The L2 norm on this part of Gamma_C by the nodal weights; collective."""
         local = float(np.sum(self.surface.weights * values**2))
@@ -418,47 +455,3 @@ def place_of(
 
 # At this pressure, slight in every unit, a friction bound shows its sign; at 0 it may be 0.
 _SLIGHT = 1e-12
-
-
-def check_friction(contact: NodalContact) -> None:
-    """Raise InputError for a mu or a user's own bound that is not from 0 up at each point.
-
-    Both are evaluated without slip, and the bound at a slight pressure.  Collective.
-    """
-    law, points, comm = contact.friction.law, contact.surface.points, contact.surface.domain.comm
-    key, mu = contact.given.friction_key("coefficient"), np.zeros(len(points))
-    coefficient = None if (friction := contact.given.friction) is None else friction.coefficient
-
-    def evaluate() -> None:
-        # A rank without points has no values whose shape could tell, but for an expression.
-        if len(points) or (coefficient is not None and coefficient.expression is not None):
-            mu[:] = with_key(key, lambda: law(points, np.zeros(len(points))))
-
-    agree(comm, evaluate)
-    is_right = np.isfinite(mu) & (mu >= 0.0)
-    if not on_every_rank(comm, is_right):
-        wrong = np.concatenate(comm.allgather(mu[~is_right]))
-        raise InputError(
-            f"mu must be a finite number from 0 up everywhere, and is {wrong[0]:g} somewhere", key
-        )
-    if not contact.friction.is_coulomb:
-        _check_bound(contact, f"{contact.key}.friction")
-
-
-def _check_bound(contact: NodalContact, key: str) -> None:
-    count, comm = len(contact.surface.points), contact.surface.domain.comm
-    bound: Any = contact.friction.evaluate(np.full(count, _SLIGHT), np.zeros(count))
-    expected = f"evaluate of {type(contact.friction).__name__} must give the friction bound (k,)"
-
-    def require() -> None:
-        if np.shape(bound) != (count,):
-            raise InputError(f"{expected}, here ({count},), not the shape {np.shape(bound)}", key)
-
-    agree(comm, require)
-    is_right = np.isfinite(bound) & (np.asarray(bound) >= 0.0)
-    if not on_every_rank(comm, is_right):
-        wrong = np.concatenate(comm.allgather(np.asarray(bound)[~is_right]))
-        raise InputError(
-            f"{expected} of finite numbers from 0 up, and is {wrong[0]:g} somewhere without slip",
-            key,
-        )

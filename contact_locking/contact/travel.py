@@ -9,10 +9,9 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.contact.contact import Foundation, FoundationSpring
+from contact_locking.contact.contact import FoundationSpring
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import InputError, with_key
-from contact_locking.fields.present import Clock
 from contact_locking.parallel import maximum, minimum, on_any_rank
 from contact_locking.values.value import Value, vector_at
 
@@ -27,44 +26,76 @@ _ROUNDING = 1e-12
 _FACING = 1e-9
 
 
-class Push:
-    """The force ``F(t) d`` on a foundation, along one line with the unit vector d.
+class Travel:
+    """The displacement ``q d`` of a foundation along a unit vector d, whose size q is an unknown.
 
-    ``direction`` (d,) is d, ``largest`` is the largest F at the times of the clock, and ``key``
-    names the force in messages.  Raises InputError for a force that is zero at all times or changes
-    its direction.
+    Contact and friction limit ``u - q d`` in the place of u: ``(u - q d)_nu <= gap``.  With a force
+    ``F d`` and a spring k on the foundation the tractions on the body are in equilibrium if
+
+        int (sigma_nu nu + sigma_tau) . d + k q = F.
+
+    Across d the foundation follows its given motion, or stands still.  ``force`` is F at present,
+    ``largest`` the largest F that there will be, ``stiffness`` is k at present, and ``key`` names
+    the travel in messages.  The sizes q are those of ``Tools``.
+
+    Raises InputError for a force that is zero at all times, changes its direction or does not push
+    the foundation towards the body, and for a spring along the surface of the body.  The
+    constructor is collective.
     """
 
-    def __init__(self, foundation: Foundation, key: str, clock: Clock) -> None:
+    def __init__(self, contact: NodalContact) -> None:
+        self.contact, self.force, self.stiffness = contact, 0.0, 0.0
+        foundation, clock = contact.given.foundation, contact.clock
+        assert foundation is not None
+        self._spring: FoundationSpring | None = foundation.spring
+        self._force: Sequence[Value] = foundation.force or ()
+        self.key = f"{contact.key}.foundation.{'force' if self._force else 'spring'}"
+        self.largest = 0.0
+        self.direction: FloatArray = np.zeros(contact.surface.domain.dim)
         # Motion along a spring moves its far end.
         moved = None if foundation.spring is not None else foundation.moved
         self._translation: Sequence[Value] = () if moved is None else moved.translation or ()
-        self._force: Sequence[Value] = foundation.force or ()
-        self.key, self._clock = key, clock
-        is_timed = any(value.expression and value.is_timed for value in self._force)
-        times = clock.planned or (clock.some_times if is_timed else [clock.now])
-        forces = np.array([self._vector(self._force, time) for time in times])
-        sizes = np.linalg.norm(forces, axis=1)
-        self.largest = float(sizes.max())
-        if self.largest == 0.0:
+        if self._force:
+            is_timed = any(value.expression and value.is_timed for value in self._force)
+            times = clock.planned or (clock.some_times if is_timed else [clock.now])
+            forces = np.array([self._vector(self._force, time) for time in times])
+            sizes = np.linalg.norm(forces, axis=1)
+            self.largest = float(sizes.max())
+            if self.largest == 0.0:
+                raise InputError(
+                    "is zero at all times, so that nothing pushes the foundation; leave it out for "
+                    "a foundation that stands still",
+                    self.key,
+                )
+            first = int(np.argmax(sizes > _NO_FORCE * self.largest))
+            self.direction = forces[first] / sizes[first]
+            for time in times:
+                self._size(time)
+        else:
+            assert self._spring is not None
+            along = np.asarray(self._spring.along, dtype=float)
+            self.direction = along / np.linalg.norm(along)
+            if contact.surface.integral(contact.free * self.facing) > 0.0:
+                self.direction = 0.0 - self.direction
+        if not on_any_rank(contact.surface.domain.comm, self._towards):
+            if self._force:
+                raise InputError(
+                    "does not push the foundation towards the body: nothing would stop the "
+                    "foundation; the force acts on the foundation and points from it to the body",
+                    self.key,
+                )
             raise InputError(
-                "is zero at all times, so that nothing pushes the foundation; leave it out for a "
-                "foundation that stands still",
-                key,
+                "is along the surface of the body, so that contact does not load it; give the "
+                "direction in which the foundation gives way",
+                f"{self.key}.along",
             )
-        first = int(np.argmax(sizes > _NO_FORCE * self.largest))
-        self.direction: FloatArray = forces[first] / sizes[first]
-        for time in times:
-            self._size(time)
-
-    def size(self) -> float:
-        """F at present.  Raises InputError for a force that leaves its direction."""
-        return self._size(self._clock.now)
+        self.advance()
 
     def _vector(self, components: Sequence[Value], time: float) -> FloatArray:
         return with_key(self.key, lambda: vector_at(components, time))
 
     def _size(self, time: float) -> float:
+        """F at a time.  Raises InputError for a force that leaves its direction."""
         force = self._vector(self._force, time)
         size = float(force @ self.direction)
         at = f" at t = {time:g}" if any(value.is_timed for value in self._force) else ""
@@ -90,46 +121,10 @@ class Push:
                 )
         return size if size > _NO_FORCE * self.largest else 0.0
 
-
-class Travel:
-    """The displacement ``q d`` of a foundation along a unit vector d, whose size q is an unknown.
-
-    Contact and friction limit ``u - q d`` in the place of u: ``(u - q d)_nu <= gap``.  With a force
-    ``F d`` and a spring k on the foundation the tractions on the body are in equilibrium if
-
-        int (sigma_nu nu + sigma_tau) . d + k q = F.
-
-    Across d the foundation follows its given motion, or stands still.  ``force`` is F at present,
-    ``largest`` the largest F that there will be, ``stiffness`` is k at present, and ``key`` names
-    the travel in messages.  The sizes q are those of ``Tools``.
-
-    Raises InputError for a force that does not push the foundation towards the body, and for a
-    spring along the surface of the body.  The constructor is collective.
-    """
-
-    def __init__(self, contact: NodalContact) -> None:
-        self.contact, self.force, self.stiffness = contact, 0.0, 0.0
-        foundation, key = contact.given.foundation, f"{contact.key}.foundation"
-        assert foundation is not None
-        self._spring: FoundationSpring | None = foundation.spring
-        self._push: Push | None = None
-        if foundation.force is not None:
-            self._push = push = Push(foundation, f"{key}.force", contact.clock)
-            self.key, self.largest, self.direction = push.key, push.largest, push.direction
-        else:
-            assert self._spring is not None
-            self.key, self.largest = f"{key}.spring", 0.0
-            along = np.asarray(self._spring.along, dtype=float)
-            self.direction = along / np.linalg.norm(along)
-            if contact.surface.integral(contact.free * self.facing) > 0.0:
-                self.direction = 0.0 - self.direction
-        self._require_facing()
-        self.advance()
-
     def advance(self) -> None:
         """Take the present force and spring.  Raises InputError for unfit ones."""
-        if self._push is not None:
-            self.force = self._push.size()
+        if self._force:
+            self.force = self._size(self.contact.clock.now)
         if self._spring is not None:
             key = f"{self.contact.key}.foundation.spring.stiffness"
             self.stiffness = float(vector_at([self._spring.stiffness], self.contact.clock.now)[0])
@@ -187,18 +182,3 @@ class Travel:
     def _towards(self) -> BoolArray:
         """The nodes (k,) that the foundation comes nearer to."""
         return np.asarray(self.contact.free & (self.facing < -_FACING))
-
-    def _require_facing(self) -> None:
-        if on_any_rank(self.contact.surface.domain.comm, self._towards):
-            return
-        if self._push is None:
-            raise InputError(
-                "is along the surface of the body, so that contact does not load it; give the "
-                "direction in which the foundation gives way",
-                f"{self.key}.along",
-            )
-        raise InputError(
-            "does not push the foundation towards the body: nothing would stop the foundation; "
-            "the force acts on the foundation and points from it to the body",
-            self.key,
-        )

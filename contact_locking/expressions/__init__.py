@@ -9,14 +9,14 @@ tables     ``name(argument)`` with the name of a `Table`
 ========== ==================================================================
 """
 
-from .operations import CONSTANTS as CONSTANTS
-from .operations import FUNCTIONS as FUNCTIONS
-from .operations import MAX_DEPTH as MAX_DEPTH
-from .operations import MAX_LENGTH as MAX_LENGTH
-from .operations import POSITION as POSITION
-from .operations import TIME as TIME
 from .parsing import parse as parse
+from .tree import CONSTANTS as CONSTANTS
+from .tree import FUNCTIONS as FUNCTIONS
+from .tree import MAX_DEPTH as MAX_DEPTH
+from .tree import MAX_LENGTH as MAX_LENGTH
 from .tree import NO_TABLES as NO_TABLES
+from .tree import POSITION as POSITION
+from .tree import TIME as TIME
 from .tree import Expression as Expression
 from .tree import Lookup as Lookup
 from .tree import Table as Table

@@ -20,18 +20,26 @@ from contact_locking.arrays import LARGEST
 from contact_locking.errors import InputError
 from contact_locking.plain_text import nearest
 
-from .operations import (
+from .tree import (
     CONSTANTS,
     FUNCTIONS,
     MAX_DEPTH,
     MAX_EXPONENT,
     MAX_LENGTH,
+    NO_NUMBERS,
+    NO_TABLES,
     NUMPY,
     OPERATORS,
     POSITION,
+    Apply,
+    Expression,
+    Lookup,
+    Name,
+    Node,
+    Number,
+    Table,
     shortened,
 )
-from .tree import NO_NUMBERS, NO_TABLES, Apply, Expression, Lookup, Name, Node, Number, Table
 
 # Such as 210 GPa.
 _WITH_UNIT = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)? *[^\W\d_]+(/\w+)?\d?", re.IGNORECASE)

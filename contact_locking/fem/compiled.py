@@ -28,6 +28,7 @@ from dolfinx import fem, jit, la
 from dolfinx.fem import petsc
 from mpi4py import MPI
 from petsc4py import PETSc
+from ufl.algorithms.analysis import extract_type
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
@@ -172,24 +173,18 @@ def compiled_together(form: ufl.Form) -> list[ufl.Form]:
     groups: dict[Any, list[Any]] = {}
     for integral in form.integrals():
         kind, tags = integral.integral_type(), id(integral.subdomain_data())
-        rule = None if kind == "cell" else integral.metadata().get("quadrature_rule")
-        key = kind, rule, _is_at_one_point(integral), tags
-        groups.setdefault(key, []).append(integral)
-    return [ufl.Form(integrals) for integrals in sorted(groups.values(), key=_rank)]
+        metadata, has_place = integral.metadata(), False
+        if metadata.get("quadrature_degree", 2) <= 1:
+            has_place = bool(extract_type(integral, ufl.SpatialCoordinate))
+        rule = None if kind == "cell" else metadata.get("quadrature_rule")
+        groups.setdefault((kind, rule, has_place, tags), []).append(integral)
 
+    def rank(integrals: list[Any]) -> tuple[bool, bool]:
+        # Forms over all cells are first, as they have all entries of a matrix.
+        is_everywhere = any(integral.subdomain_id() == "everywhere" for integral in integrals)
+        return integrals[0].integral_type() != "cell", not is_everywhere
 
-def _rank(integrals: list[Any]) -> tuple[bool, bool]:
-    """The order of forms: those over all cells first, as they have all entries of a matrix."""
-    is_everywhere = any(integral.subdomain_id() == "everywhere" for integral in integrals)
-    return integrals[0].integral_type() != "cell", not is_everywhere
-
-
-def _is_at_one_point(integral: Any) -> bool:
-    """Whether an integral evaluates the coordinates in one point of a cell or facet."""
-    if integral.metadata().get("quadrature_degree", 2) > 1:
-        return False
-    places = ufl.algorithms.analysis.extract_type(integral, ufl.SpatialCoordinate)
-    return bool(places)
+    return [ufl.Form(integrals) for integrals in sorted(groups.values(), key=rank)]
 
 
 class JointForm:

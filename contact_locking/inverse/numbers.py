@@ -9,7 +9,7 @@ from typing import Any
 from contact_locking.errors import InputError
 from contact_locking.study_file.dump import plain
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.source import assign
+from contact_locking.study_file.reading import assign
 
 # These sections have no number that the equations depend on smoothly.
 _NOT_SMOOTH = (

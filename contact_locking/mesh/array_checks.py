@@ -6,6 +6,7 @@ and hanging nodes are looked for on the boundary, which consists of the facets o
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -23,14 +24,14 @@ if TYPE_CHECKING:
 
 
 class _Defect(NamedTuple):
-    """Nodes (n,) that ``cells`` (k,), by their numbers, share wrongly, the first of ``defects``.
+    """Nodes (n,) that ``cells`` (k,), by their numbers, share wrongly, the first of ``total``.
 
     ``numbers`` and ``centre`` are those of the nodes, in words.
     """
 
     nodes: IntArray
     cells: IntArray
-    defects: int
+    total: int
     numbers: str = ""
     centre: str = ""
 
@@ -42,51 +43,49 @@ def check_arrays(comm: MPI.Intracomm, share: MeshData) -> None:
     points are counted rank after rank.
     """
     kind, cells = share.kind, share.cells
-    agree(comm, lambda: _check_coordinates(share))
+
+    def check_coordinates() -> None:
+        bad = ~np.isfinite(share.points).all(axis=1)
+        if bad.any():
+            raise InputError(
+                f"the coordinates of {share.node_words(int(np.argmax(bad)))} are not finite numbers"
+                f"{and_more(int(bad.sum()))}"
+            )
+
+    agree(comm, check_coordinates)
     corners = np.sort(cells.nodes, axis=1)
     twice = np.flatnonzero((corners[:, 1:] == corners[:, :-1]).any(axis=1))
-    local = None
-    if len(twice):
-        local = _Defect(cells.nodes[twice[0]], cells.numbers[twice[:1]], len(twice))
-    if defect := _first(comm, share, local):
+    defects = [_Defect(cells.nodes[i], cells.numbers[[i]], len(twice)) for i in twice[:1]]
+    if defect := _first(comm, share, defects):
         raise InputError(
             f"{kind.name} {defect.cells[0]} at {defect.centre} has the same node twice"
-            f"{and_more(defect.defects)}"
+            f"{and_more(defect.total)}"
         )
-    total = comm.allreduce(len(share.points))
-    if defect := _first(comm, share, _shared(comm, corners, cells.numbers, 1, total)):
+    if defect := _first(comm, share, _shared(comm, share, corners, cells.numbers, 1)):
         first, other = defect.cells[:2]
         raise InputError(
             f"{kind.name} {other} is {kind.name} {first} once more, at {defect.centre}: they have "
-            f"the same nodes{and_more(defect.defects)}; remove the duplicates (in Gmsh "
+            f"the same nodes{and_more(defect.total)}; remove the duplicates (in Gmsh "
             "gmsh.model.mesh.removeDuplicateElements)"
         )
     facets = np.sort(kind.facets_of(cells.nodes), axis=1)
     numbers = np.tile(cells.numbers, len(kind.facets))
-    if defect := _first(comm, share, _shared(comm, facets, numbers, 2, total)):
+    if defect := _first(comm, share, _shared(comm, share, facets, numbers, 2)):
         raise InputError(
             f"{len(defect.cells)} {kind.plural} share one {'edge' if kind.dim == 2 else 'face'} "
             f"(nodes {defect.numbers} at {defect.centre}): {listed(defect.cells)}"
-            f"{and_more(defect.defects)}; at most two can, as cells do not overlap"
-        )
-
-
-def _check_coordinates(mesh: MeshData) -> None:
-    bad = ~np.isfinite(mesh.points).all(axis=1)
-    if bad.any():
-        raise InputError(
-            f"the coordinates of {mesh.node_words(int(np.argmax(bad)))} are not finite numbers"
-            f"{and_more(int(bad.sum()))}"
+            f"{and_more(defect.total)}; at most two can, as cells do not overlap"
         )
 
 
 def _shared(
-    comm: MPI.Intracomm, rows: IntArray, numbers: IntArray, most: int, total: int
-) -> _Defect | None:
+    comm: MPI.Intracomm, share: MeshData, rows: IntArray, numbers: IntArray, most: int
+) -> list[_Defect]:
     """The first of the rows (k, n) of nodes that more than ``most`` cells have; collective.
 
     Each rank judges the rows of all ranks whose first node it is in charge of.
     """
+    total = comm.allreduce(len(share.points))
     rank = rows[:, 0] * comm.size // max(total, 1)
     order = np.argsort(rank, kind="stable")
     ends = np.searchsorted(rank[order], np.arange(1, comm.size))
@@ -95,26 +94,25 @@ def _shared(
     values = keys(whole[:, :-1], total)
     _, first, count = np.unique(values, return_index=True, return_counts=True)
     many = first[count > most]
-    if not len(many):
-        return None
-    cells = np.sort(whole[values == values[many[0]], -1])
-    return _Defect(whole[many[0], :-1], cells, len(many))
+    cells = [np.sort(whole[values == values[row], -1]) for row in many[:1]]
+    return [_Defect(whole[many[0], :-1], some, len(many)) for some in cells]
 
 
-def _first(comm: MPI.Intracomm, share: MeshData, own: _Defect | None) -> _Defect | None:
+def _first(comm: MPI.Intracomm, share: MeshData, local: list[_Defect]) -> _Defect | None:
     """The first of the defects of all ranks, with the number of all and its words; collective."""
-    defects = [defect for defect in comm.allgather(own) if defect is not None]
+    defects = list(itertools.chain(*comm.allgather(local)))
     if not defects:
         return None
-    nodes, count = defects[0].nodes, sum(defect.defects for defect in defects)
-    local = nodes - (comm.exscan(len(share.points)) or 0)
-    mine = (local >= 0) & (local < len(share.points))
+    nodes = defects[0].nodes
+    rows = nodes - (comm.exscan(len(share.points)) or 0)
+    mine = (rows >= 0) & (rows < len(share.points))
     numbers: IntArray = np.zeros(len(nodes), dtype=np.int64)
     points: FloatArray = np.zeros((len(nodes), share.dim))
-    numbers[mine], points[mine] = share.numbers[local[mine]], share.points[local[mine]]
+    numbers[mine], points[mine] = share.numbers[rows[mine]], share.points[rows[mine]]
     words = listed(comm.allreduce(numbers))
     centre = point_words(comm.allreduce(points).mean(axis=0))
-    return defects[0]._replace(defects=count, numbers=words, centre=centre)
+    total = sum(defect.total for defect in defects)
+    return defects[0]._replace(total=total, numbers=words, centre=centre)
 
 
 # Nodes are at one place if they are nearer than this share of a facet: files hold rounded numbers.

@@ -154,7 +154,7 @@ class GroupMotions:
 
         def resistance(motion: FloatArray) -> FloatArray:
             rows = [at.resistance(motion) for at in self.at_contacts]
-            return np.vstack([name for share in rows for name in comm.allgather(share)])
+            return np.vstack([of_rank for local in rows for of_rank in comm.allgather(local)])
 
         resultant = self._resultant(self.work)
         motion = self._lifted_slide(resultant, resistance)

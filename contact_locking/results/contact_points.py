@@ -20,6 +20,7 @@ _COLUMNS = {
     **{"pressure": "pressure", "traction": "traction_tangent", "bound": "bound"},
     **{"state": "state", "normal": "normal", "contact": "contact"},
 }
+_STRESSES, _NUMBERS = ("pressure", "traction", "bound"), ("state", "normal", "contact")
 
 
 @dataclass(frozen=True)
@@ -70,16 +71,19 @@ class ContactPoints:
     @property
     def table(self) -> Table:
         """The columns of contact.csv, with states as words."""
-        columns: dict[str, Any] = {}
+        columns, units = dict[str, Any](), dict[str, str]()
         for key, name in _COLUMNS.items():
-            values = getattr(self, key)
+            values, before = getattr(self, key), len(columns)
             if key == "state":
                 columns[name] = [STATE_NAMES[state] for state in values]
             elif values.ndim == 1:
                 columns[name] = values
             else:
                 columns |= zip(_with_axes(name, AXES[: self.dim]), values.T, strict=True)
-        return Table(columns)
+            if key not in _NUMBERS:
+                unit = "stress" if key in _STRESSES else "length"
+                units |= dict.fromkeys([*columns][before:], unit)
+        return Table(columns, units)
 
     @classmethod
     def of(cls, table: Table) -> ContactPoints:
@@ -98,11 +102,6 @@ class ContactPoints:
 
 def _with_axes(name: str, axes: Sequence[str]) -> list[str]:
     return [f"{name}_{axis}" if name else axis for axis in axes]
-
-
-def facets_table(facets: IntArray) -> Table:
-    """The columns of contact_facets.csv: the corners of facets (m, d) as point numbers from 0."""
-    return Table({f"point_{corner}": column for corner, column in enumerate(facets.T)})
 
 
 def joined(

@@ -151,14 +151,16 @@ def sample(points: ProbePoints, solution: Solution) -> Table:
         values[numbers] = of_rank
     places = {"probe": points.probe, "point": points.number}
     places |= zip(AXES, points.x.T, strict=False)
-    return Table(places | dict(zip(names, values.T, strict=True)))
+    units = dict.fromkeys([*axes, *(f"u_{axis}" for axis in axes)], "length")
+    units |= {name: "stress" for name in names if "stress" in name}
+    return Table(places | dict(zip(names, values.T, strict=True)), units)
 
 
 def in_step(sampled: Table, step: int, time: float) -> Table:
     """The table with the columns ``step``, from 1, and ``t``; as it is for step 0."""
     every = np.ones(len(sampled), dtype=np.int64)
     when = {"step": step * every, "t": time * every} if step and len(sampled) else {}
-    return Table(when | sampled.columns)
+    return Table(when | sampled.columns, sampled.units)
 
 
 def _local_values(points: ProbePoints, field: fem.Function) -> FloatArray:

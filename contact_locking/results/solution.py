@@ -56,35 +56,43 @@ class Differentiable(Protocol):
 class Solution:
     """The result of a solve: each rank has a share of the fields, rank 0 all contact points.
 
-    P1 stands for the space of displacements, and P0 for that of strains.  The fields on Gamma_C are
-    functions on the whole mesh, zero off Gamma_C.  Without contact its tables are empty.
+    P1 stands for the space of displacements, and P0 for that of strains.  Without contact the
+    tables of Gamma_C are empty.
 
-    ``displacement`` (P1, vector) is u, and ``strain_norm`` (P0) is ``|eps(u)|``.
-    ``locking_limit`` (P0) is M, with other sets the largest ``|eps|`` along eps(u), and ``locked``
-    (P0) is 1 where ``|eps| >= M (1 - 1e-6)``, else 0.
-    ``elastic_stress`` (P0, (d, d)) is A eps(u), ``locking_stress`` (P0, (d, d)) is Z, and
-    ``locking_parts`` (P0) are the multipliers of the sets of strains.  ``von_mises`` (P0) is that
-    of both stresses, None if sigma_zz is not known.
-
-    ``contact_pressure`` (P1) is -sigma_nu >= 0, ``smoothed_stress`` (P1) is R sigma_nu, without
-    friction sigma_nu, ``tangential_traction`` (P1, vector) is sigma_tau, ``friction_bound`` (P1) is
-    ``mu |R sigma_nu|``, and ``contact_state`` (P1) is OPEN, STICK or SLIP.  ``contacts`` have the
-    nodal fields of each contact, on every rank; ``contact_points`` are all points of contact, and
-    ``contact_facets`` (m, d) the facets by numbers of these points; both are None on ranks other
-    than 0.
-
-    ``error_indicator`` (P0) is eta_K, the error in h by recovery, and
-    ``elastic_error_indicator`` (P0) the same for the elastic stress; each is None where it was not
-    computed.  ``state`` is all that the next solve may take from this one, ``domain`` and
-    ``element`` are the mesh with its names and the element, and ``data`` the forms of the problem.
-
-    ``converged`` says whether solver and certificate accept the solution, with the ``reason`` and a
-    ``suggestion`` in words.  ``warnings`` are findings.  ``certificate`` has the criteria, balances
-    and errors as objects, None where none was made, and ``report`` what the solver has taken.
-    ``facts`` are the numbers, by the names of summary.json.  ``time``, ``history`` and ``halved``
-    are those of a step, ``probes`` has a row for each point, on rank 0, and ``others`` are further
-    solutions of a study.  ``parameters`` are those of a study file, and ``problem`` is the
-    fingerprint of its problem.
+    Parameters
+    ----------
+    domain, element, data
+        the mesh with its names, the element, and the forms of the problem
+    displacement
+        u: P1, vectors, a length
+    strain_norm, locking_limit, locked
+        ``|eps(u)|``; M, with other sets the largest ``|eps|`` along eps(u); and 1 where
+        ``|eps| >= M (1 - 1e-6)``, else 0: P0, numbers
+    elastic_stress, locking_stress, locking_parts, von_mises
+        A eps(u) and Z, (d, d) each; the multipliers of the sets of strains; von Mises' stress of
+        both, None if sigma_zz is not known: P0, stresses
+    error_indicator, elastic_error_indicator
+        eta_K, the error in h by recovery, and that of the elastic stress: P0, the root of an
+        energy; None where they were not computed
+    contact_pressure, smoothed_stress, tangential_traction, friction_bound, contact_state
+        ``-sigma_nu >= 0``; R sigma_nu, without friction sigma_nu; the vector sigma_tau;
+        ``mu |R sigma_nu|``: P1, stresses, zero off Gamma_C; OPEN, STICK or SLIP
+    contacts
+        the nodal fields of each contact, as arrays on every rank
+    contact_points, contact_facets
+        all points of contact, and the facets (m, d) by their numbers; None on ranks but 0
+    state
+        all that the next solve may take from this one
+    converged, reason, suggestion, warnings
+        whether solver and certificate accept the solution, with words, and findings
+    certificate, report
+        criteria, balances and errors, None where none were made; what the solver has taken
+    facts
+        the numbers by the names of summary.json
+    time, history, halved, probes
+        of a step; the probes have a row for each point on rank 0, and are None without any
+    others, parameters, problem
+        further solutions of a study, its parameters, and the fingerprint of its problem
     """
 
     domain: Domain

@@ -1,4 +1,4 @@
-"""Tables of named columns, in memory and as CSV: contact points, probes, histories, studies."""
+"""Tables of named columns in memory, CSV and NPZ: contact points, probes, histories, studies."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import csv
 import io
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -19,9 +20,13 @@ Row: TypeAlias = Mapping[str, Any]
 
 @dataclass
 class Table:
-    """Columns by name, each of k numbers or words: lists, or arrays (k,)."""
+    """Columns by name, each of k numbers or words: lists, or arrays (k,).
+
+    ``units`` are those of columns: ``length``, ``stress``; others are numbers without one.
+    """
 
     columns: dict[str, Any] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(cls, rows: Sequence[Row]) -> Table:
@@ -49,7 +54,7 @@ class Table:
         if not before.columns or not self.columns:
             return self if self.columns else before
         pairs = ((name, (before.columns[name], values)) for name, values in self.columns.items())
-        return Table({name: np.concatenate(both) for name, both in pairs})
+        return Table({name: np.concatenate(both) for name, both in pairs}, self.units)
 
     def column(self, name: str) -> FloatArray:
         """The numbers (k,) of a column, empty before the first row.  Raises KeyError."""
@@ -86,6 +91,12 @@ class Table:
             [list(self.columns), *zip(*lists, strict=True)]
         )
         return stream.getvalue()
+
+    def save(self, path: str | Path) -> None:
+        """Write the columns as arrays of NumPy, their units as ``units``.  Raises OSError."""
+        units = np.array([self.units.get(name, "1") for name in self.columns])
+        arrays: Any = {name: np.asarray(values) for name, values in self.columns.items()}
+        np.savez(path, units=units, **arrays)
 
     @classmethod
     def read(cls, text: str, name: str, words: Collection[str] = ()) -> Table:

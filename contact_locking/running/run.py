@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 from mpi4py import MPI
 
 from contact_locking import study_file, wings
+from contact_locking.arrays import IntArray
 from contact_locking.errors import (
     MAKE_ROOM,
     ContactLockingError,
@@ -36,7 +37,6 @@ from contact_locking.process import checkpoint as checkpoints
 from contact_locking.process.loop import Process
 from contact_locking.results import fields
 from contact_locking.results import folder as names
-from contact_locking.results.contact_points import facets_table
 from contact_locking.results.folder import explained_in, on_root_of
 from contact_locking.results.output import Output
 from contact_locking.results.probes import in_step, locate, sample
@@ -270,6 +270,11 @@ def save_as(solution: Solution, directory: Path, name: str) -> None:
         folder, write_folder = staging / name, checkpoints.gathered(solution)
         on_root_of(comm, directory, lambda: write_folder(folder))
         on_root_of(comm, directory, lambda: atomic.put_in_place(folder, directory / name))
+
+
+def facets_table(facets: IntArray) -> Table:
+    """The columns of contact_facets.csv: the corners of facets (m, d) as point numbers from 0."""
+    return Table({f"point_{corner}": column for corner, column in enumerate(facets.T)})
 
 
 def _write_texts(solution: Solution, folder: Path) -> None:

@@ -225,21 +225,22 @@ class Polyline(FacetedFoundation):
 
     def crossing(self) -> tuple[int, int] | None:
         """The numbers of two segments that meet without being neighbours; None if no two do."""
-        start, end = self.corners[:-1], self.corners[1:]
-        count = len(start)
-        low, high = np.minimum(start, end), np.maximum(start, end)
+        start, way = self.corners[:-1], np.diff(self.corners, axis=0)
+        count, ends = len(start), np.stack([self.corners[:-1], self.corners[1:]])
+        low, high = ends.min(axis=0), ends.max(axis=0)
         for first in range(count - 1):
             others = slice(first + 1, count)
             near = np.all((low[first] <= high[others]) & (high[first] >= low[others]), axis=1)
-            for other in map(int, first + 1 + np.flatnonzero(near)):
-                follows = other == first + 1 or (self.is_closed and other - first == count - 1)
-                test = _folds_back if follows else _meet
-                if test(
-                    end[first] - start[first],
-                    end[other] - start[other],
-                    start[other] - start[first],
-                ):
-                    return first, other
+            other = first + 1 + np.flatnonzero(near)
+            a, b, offset = way[first], way[other].T, (start[other] - start[first]).T
+            follows = (other == first + 1) | (self.is_closed & (other - first == count - 1))
+            # Of two neighbours one runs back along the other.
+            folds = (_cross(a, b) == 0.0) & (a @ b < 0.0)
+            meets = _cross(a, offset) * _cross(a, offset + b) <= 0.0
+            meets &= _cross(b, -offset) * _cross(b, a[:, None] - offset) <= 0.0
+            both = other[np.where(follows, folds, meets)]
+            if len(both):
+                return first, int(both[0])
         return None
 
     def _signed(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -452,15 +453,3 @@ def _nearest_on_segments(
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(a[0] * b[1] - a[1] * b[0])
-
-
-def _folds_back(first: FloatArray, second: FloatArray, offset: FloatArray) -> bool:
-    """Whether of two neighbours one runs back along the other."""
-    return bool(_cross(first, second) == 0.0 and first @ second < 0.0)
-
-
-def _meet(first: FloatArray, second: FloatArray, offset: FloatArray) -> bool:
-    """Whether two segments with overlapping boxes meet; ``offset`` is from start to start."""
-    across = _cross(first, offset) * _cross(first, offset + second)
-    back = _cross(second, -offset) * _cross(second, first - offset)
-    return bool(across <= 0.0 and back <= 0.0)

@@ -6,6 +6,7 @@ import copy
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -26,6 +27,21 @@ from contact_locking.supports.supports import SAME, SMOOTH, PlacedSupport, place
 _TOO_CLOSE = 1e-2
 # Two conditions for one direction agree up to this share of the largest prescribed value.
 _AGREES = 1e-9
+
+
+def block_diagonal(blocks: FloatArray, comm: Any) -> PETSc.Mat:
+    """The matrix with blocks (k, d, d) of the nodes of each rank on its diagonal; collective."""
+    count, dim = blocks.shape[:2]
+    matrix = PETSc.Mat().create(comm)
+    matrix.setSizes(((dim * count, None), (dim * count, None)), bsize=dim)
+    matrix.setType(PETSc.Mat.Type.AIJ)
+    first, _ = matrix.getOwnershipRange()
+    starts = dim * np.arange(dim * count + 1, dtype=PETSc.IntType)
+    of_node = first + np.arange(dim * count, dtype=PETSc.IntType).reshape(count, 1, dim)
+    columns = np.repeat(of_node, dim, axis=1).reshape(-1)
+    matrix.setPreallocationCSR((starts, columns, np.ascontiguousarray(blocks).reshape(-1)))
+    matrix.assemble()
+    return matrix
 
 
 class HeldDirections:
@@ -117,17 +133,10 @@ class HeldDirections:
 
     def _projection(self, like: PETSc.Mat) -> PETSc.Mat:
         """P, to be multiplied to a matrix from the right; collective."""
-        from scipy.sparse import bsr_matrix
-
         first, last = like.getOwnershipRangeColumn()
-        count = (last - first) // self._dim
-        blocks = np.tile(np.eye(self._dim), (count, 1, 1))
+        blocks = np.tile(np.eye(self._dim), ((last - first) // self._dim, 1, 1))
         blocks[self.nodes[self._mine]] -= self.held[self._mine]
-        local = bsr_matrix((blocks, np.arange(count), np.arange(count + 1))).tocsr()
-        columns = (local.indices + first).astype(PETSc.IntType)
-        csr = local.indptr.astype(PETSc.IntType), columns, local.data
-        size = (last - first, None)
-        return PETSc.Mat().createAIJ((size, size), csr=csr, comm=like.getComm())
+        return block_diagonal(blocks, like.getComm())
 
     def _of(self, values: FloatArray) -> tuple[IndexArray, FloatArray]:
         """The nodes that an array of values has, and their projections."""

@@ -14,10 +14,11 @@ from solutions import of_kind
 from contact_locking import Contact, InputError, solve
 from contact_locking.arrays import IntArray
 from contact_locking.contact.contact import named
-from contact_locking.results.contact_points import ContactPoints, facets_table
+from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.in_words import rows
 from contact_locking.results.quantities import look_up
 from contact_locking.results.table import Table
+from contact_locking.running.run import facets_table
 from contact_locking.study_file import from_mapping
 
 pytestmark = pytest.mark.serial

@@ -206,13 +206,6 @@ def grid() -> FloatArray:
     return heights(*np.meshgrid(X, Y))
 
 
-@pytest.fixture
-def folder(tmp_path: Path, comm: MPI.Intracomm) -> Path:
-    """The same folder on all ranks."""
-    found: Path = comm.bcast(tmp_path)
-    return found
-
-
 def pressed(foundation: dict[str, Any]) -> StudySolution:
     contact = {"on": "bottom", "foundation": foundation}
     return solve(block(3, 0.25, contact=contact, penalty__n=1e4))

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block
+from sheared_block import all_of
 from slow import slow
 
 from contact_locking import (
@@ -21,7 +22,6 @@ from contact_locking import (
     Parameters,
     from_mapping,
     solve,
-    solve_steps,
 )
 from contact_locking.arrays import FloatArray
 from contact_locking.parallel import maximum
@@ -54,12 +54,6 @@ def pressed(dim: int, n: float, top: list[Any], motion: Any, **changes: Any) -> 
 
 def in_space(way: list[str], dim: int) -> list[str]:
     return way if dim == 2 else [way[0], "0.01*t", way[1]]
-
-
-def all_of(parameters: Parameters) -> list[StudySolution]:
-    solutions = list(solve_steps(parameters))
-    assert all(found.converged for found in solutions), solutions[-1].summary["reason"]
-    return solutions
 
 
 @pytest.mark.parametrize(("dim", "n"), [(2, 1e3), (2, math.inf), slow(3, math.inf)])

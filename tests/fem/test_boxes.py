@@ -27,13 +27,6 @@ PRESSURE, LIMIT, YOUNG, POISSON = 0.05, 0.02, 1.0, 0.3
 STIFFNESS = YOUNG * (1.0 - POISSON) / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON))
 
 
-@pytest.fixture
-def folder(tmp_path: Path, comm: MPI.Intracomm) -> Path:
-    """The same folder on all ranks."""
-    found: Path = comm.bcast(tmp_path)
-    return found
-
-
 def mesh(folder: Path, dim: int, parts: int = 3) -> str:
     """A file with distorted boxes, of rank 0 for all ranks."""
     path = folder / "boxes.msh"

@@ -21,13 +21,6 @@ from contact_locking.mesh.sources import from_geometry
 from contact_locking.mesh.xdmf import export, from_xdmf
 
 
-@pytest.fixture
-def folder(tmp_path: Path, comm: MPI.Intracomm) -> Path:
-    """The same folder on all ranks."""
-    found: Path = comm.bcast(tmp_path)
-    return found
-
-
 def written(folder: Path, comm: MPI.Intracomm, *mesh: Any) -> Path:
     """A file of rank 0 that all ranks read."""
     path = folder / "body.xdmf"

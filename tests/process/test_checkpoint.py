@@ -44,12 +44,6 @@ def on_rank_0(comm: MPI.Intracomm, work: Callable[[], object]) -> None:
     comm.Barrier()
 
 
-@pytest.fixture
-def folder(comm: MPI.Intracomm, tmp_path: Path) -> Path:
-    """One folder for all ranks."""
-    return comm.bcast(tmp_path)
-
-
 class Values(NamedTuple):
     """Values that no distribution changes: numbers, and columns over Gamma_C on rank 0."""
 

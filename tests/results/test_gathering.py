@@ -59,13 +59,6 @@ def field_of_body(solution: StudySolution, comm: MPI.Intracomm) -> int:
     return least
 
 
-@pytest.fixture
-def folder(tmp_path: Path, comm: MPI.Intracomm) -> Path:
-    """The same folder on all ranks."""
-    found: Path = comm.bcast(tmp_path)
-    return found
-
-
 def test_a_run_without_picture_and_checkpoint_gathers_nothing_of_the_size_of_the_body(
     folder: Path, comm: MPI.Intracomm
 ) -> None:

@@ -34,12 +34,6 @@ TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}
 FILES = TEXTS | {"fields.bp", "picture.png"}
 
 
-@pytest.fixture
-def folder(comm: MPI.Intracomm, tmp_path: Path) -> Path:
-    """One folder for all ranks."""
-    return comm.bcast(tmp_path)
-
-
 def listing(folder: Path, comm: MPI.Intracomm) -> set[str]:
     comm.Barrier()
     names = {path.name for path in folder.iterdir()}

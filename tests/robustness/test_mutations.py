@@ -21,7 +21,7 @@ from contact_locking.errors import InputError
 from contact_locking.running.cases import cases_of
 from contact_locking.study_file import StudyFile, dump, fingerprint, from_mapping, load
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.source import Source, read
+from contact_locking.study_file.reading import Source, read
 
 pytestmark = pytest.mark.serial
 

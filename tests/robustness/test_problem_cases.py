@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import copy
 import math
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from sweep.case import Case, Study, clamp, study
 from sweep.solve import WEDGED, outcome_of_case
 
 from contact_locking import study_file
+from contact_locking.fields.findings import Finding
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 from contact_locking.study_file.dump import plain
@@ -136,9 +138,13 @@ def test_a_sheet_that_is_lifted_needs_the_same_force_held_by_friction_and_by_a_r
 def test_a_penalty_that_is_soft_for_the_material_is_warned_of_with_one_that_does() -> None:
     """Steel in pascals on a foundation of 1/epsilon = n = 1e4 Pa/m, which it hardly feels."""
     soft = solution_of(_pressed(2e11, 1e8, penalty={"n": 1e4}))
-    (warning,) = [text for text in soft.summary["warnings"] if "enters the foundation" in text]
-    proposed = float(warning.split("penalty.n: ")[1].split()[0])
-    stiff = solution_of(_pressed(2e11, 1e8, penalty={"n": proposed}))
-    assert not stiff.summary["warnings"]
+    (finding,) = [text for text in soft.warnings if isinstance(text, Finding)]
+    assert finding.code == "contact.penetration" and finding.numbers["parameter"] == "penalty.n"
+    assert f"penalty.n: {finding.numbers['value']:.1e} leaves" in finding
+    stiff = solution_of(_pressed(2e11, 1e8, penalty={"n": finding.numbers["value"]}))
+    assert not stiff.warnings
+    # Ranks send each other what they find.
+    sent = pickle.loads(pickle.dumps(finding))
+    assert sent == finding and (sent.code, sent.numbers) == (finding.code, finding.numbers)
     largest = abs(stiff.displacement.x.array).max()
     assert stiff.summary["penetration_max"] <= 0.02 * largest

@@ -14,8 +14,8 @@ from contact_locking.meshes import BUILDERS
 from contact_locking.study_file import load, schema, schema_text
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.study import known_keys
+from contact_locking.study_file.reading import read
 from contact_locking.study_file.schema import rows
-from contact_locking.study_file.source import read
 
 pytestmark = pytest.mark.serial
 
