@@ -36,8 +36,6 @@ class Seam:
 
 #: ``(SolvedState, Lifting, Extras) -> Proofs``: what is proved, for a certificate; collective.
 PROOFS = Seam()
-#: ``(Task, SolverReport, most_tangents) -> Rescue``: what is found after a failure; collective.
-RESCUES = Seam()
 #: ``(ProblemSolver, SolverReport) -> Differentiable``: made when somebody asks.
 DERIVATIVES = Seam()
 #: ``(SolvableStudy) -> Follower | None``: what a study asks for beside its solutions; raises

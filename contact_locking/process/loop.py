@@ -160,7 +160,7 @@ class Process(Iterator[S]):
         self._planned = self._timeline.left
         self._stops = steps.on_failure == "stop"
         self._halved: tuple[str, ...] = ()
-        self._is_unbalanced, self._follows_branch = False, True
+        self._is_unbalanced = False
         self._probes: Table | None = None
         self._solutions = self._solve([] if restart is None else SavedSteps(Path(restart)).folders)
 
@@ -223,14 +223,11 @@ class Process(Iterator[S]):
                     return
                 reason = {"converged": False, "reason": f"{error.key}: {text}", "suggestion": ""}
                 raise ProcessEnded(text, error.key, self._end(solution) | reason) from error
-            reached = at == timeline.planned
             if report.is_infeasible:
                 timeline.refuse(at, report)
             if not report.converged and timeline.refused is not None:
                 timeline.failed[at] = report.reason
             self._is_unbalanced |= report.is_unbalanced
-            # The branch is followed once at most on the way to a planned time.
-            self._follows_branch = report.converged and (reached or self._follows_branch)
             if not report.converged and self._halve(
                 f"the step to t = {at:.6g} did not converge ({report.reason})"
             ):
@@ -272,11 +269,11 @@ class Process(Iterator[S]):
         is_near = self._timeline.refused is not None
         asks = not is_near and at == self._timeline.planned and self._solver.may_lock_up
         searches = not (is_near or asks)
-        report = self._solver.solve(saved, self._follows_branch, searches)
+        report = self._solver.solve(saved, searches)
         if report.converged or report.is_infeasible or not asks or self._locks_up_after(at):
             return report
         self._put(at)
-        return self._solver.solve(saved, self._follows_branch)
+        return self._solver.solve(saved)
 
     def _locks_up_after(self, at: float) -> bool:
         """Whether a proof shows that nothing is admissible a little later; collective."""

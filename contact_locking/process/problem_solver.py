@@ -33,7 +33,7 @@ from contact_locking.results.derived import (
 from contact_locking.results.output import Extras
 from contact_locking.results.quantities import QUANTITIES, computed
 from contact_locking.results.solution import Differentiable, Solution, State
-from contact_locking.solver.interior_point.feasibility import Verdict, judge
+from contact_locking.solver.explain import Verdict, judge
 from contact_locking.solver.linear.factorised import chosen
 from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.settings import Settings
@@ -104,12 +104,11 @@ class ProblemSolver:
     def solve(
         self,
         saved: SavedState | None = None,
-        follows_branch: bool = True,
         searches: bool = True,
     ) -> SolverReport:
         """Solve at present, from a saved state if that helps; collective.
 
-        ``follows_branch`` and ``searches`` are those of :class:`Task`.
+        ``searches`` is that of :class:`Task`.
         """
         self.close()
 
@@ -117,18 +116,17 @@ class ProblemSolver:
             return dataclasses.replace(
                 self.task,
                 is_unbalanced=self.is_unbalanced,
-                follows_branch=follows_branch,
                 searches=searches,
             )
 
         if self._method == "penalty":
             return penalty_method.solve(task(), saved)
-        report = solve_system(self._method, task(), saved)
+        report = solve_system(task(), saved)
         for _ in range(_MOST_FRAMES):
             start = self._next_start(report) if report.converged else None
             if start is None:
                 break
-            report = solve_system(self._method, task(), start).after(report)
+            report = solve_system(task(), start).after(report)
         else:
             warnings = [*report.warnings, _UNSETTLED]
             report = dataclasses.replace(report, warnings=warnings)
@@ -218,7 +216,7 @@ class ProblemSolver:
         limit = dataclasses.replace(self.target, penalty=problem.penalty.inequality())
         with system.preserved():
             system.clear()
-            report = solve_system("auto", dataclasses.replace(self.task, target=limit), None)
+            report = solve_system(dataclasses.replace(self.task, target=limit))
             exact = problem.u.copy()
         if not report.converged:
             return {"reason": f"not solved for n = .inf: {report.reason}"}

@@ -169,9 +169,8 @@ class Task:
 
     ``counts`` is for what the solvers take.
     ``is_unbalanced`` says whether a proof shows that no forces of contact and friction balance the
-    loads; it is collective.  ``follows_branch`` lets a solve that fails follow the branch of
-    solutions over the share of friction.  Without ``searches`` a solve that fails by the first
-    approach is given up, with a proof that nothing is admissible if there is one.
+    loads; it is collective.  Without ``searches`` a solve that fails by the first
+    attempt is given up, with a proof that nothing is admissible if there is one.
     """
 
     system: PenalisedSystem
@@ -180,7 +179,6 @@ class Task:
     monitor: Monitor = field(default_factory=Monitor)
     counts: Counts = field(default_factory=Counts)
     is_unbalanced: Callable[[], bool] = lambda: False
-    follows_branch: bool = True
     searches: bool = True
 
     def with_settings(self, **changes: Any) -> Task:

@@ -15,7 +15,6 @@ def _asks(problem: StudyProblem, *_: Any) -> bool:
 
 
 wings.PROOFS.add(f"{__name__}.bounds:proofs")
-wings.RESCUES.add(f"{__name__}.equilibria.stiffening:rescue")
 wings.FOLLOWERS.add(f"{__name__}.solutions:SectionsOfStudy", _asks)
 wings.WORDS.add(f"{__name__}.words:rows")
 wings.TABLES.add(f"{__name__}.words:equilibria")

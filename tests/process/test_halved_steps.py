@@ -125,7 +125,7 @@ def searching(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
     found, solve_one = list[bool](), ProblemSolver.solve
 
     def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
-        found.append(given[2] if len(given) > 2 else True)
+        found.append(given[1] if len(given) > 1 else True)
         return solve_one(solver, *given)
 
     monkeypatch.setattr(ProblemSolver, "solve", solved)

@@ -10,23 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import solved
-from sweep.case import Case, Study, clamp, study
-from sweep.solve import SOLVED, outcome_of_case
+from sweep.case import Study, clamp, study
 
 from contact_locking import study_file
 from contact_locking.arrays import FloatArray
-from contact_locking.errors import InputError, NotConverged
+from contact_locking.errors import InputError
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results import in_words
 from contact_locking.results.solution import Solution
 from contact_locking.running import run as writing
 from contact_locking.running import solving
 from contact_locking.running.solving import SolvableStudy
-from contact_locking.solver.strategy import solve
-from contact_locking.solver.task import Outcome, Task
+from contact_locking.solver.task import Task
 from contact_locking.study.assembly import assemble
-from contact_locking.study_file.dump import plain
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.theory import words
 from contact_locking.theory.constants import BY_KAPPA
@@ -36,7 +32,6 @@ from contact_locking.theory.equilibria.search import (
     diagram,
     equilibria,
     has_map,
-    solve_on_branch,
 )
 from contact_locking.view import report
 
@@ -112,20 +107,6 @@ def test_the_branch_turns_and_keeps_its_equation(task: Task) -> None:
 
 
 @pytest.mark.serial
-def test_the_solution_on_the_branch_is_that_of_the_method_without_friction_that_falls() -> None:
-    """There it is the only one."""
-    solver = _solver(_weakening() | {"friction": {"coefficient": 0.3}})
-    assert solver.solve().converged
-    (contact,) = solver.system.contacts
-    known = solver.system.bounds[contact]
-    solver.begin()
-    task = Task(solver.system, solver.target, solver.settings)
-    assert solve_on_branch(task)[1] == 0
-    assert contact.norm(solver.system.bounds[contact] - known) <= 1e-5 * contact.norm(known)
-    solver.close()
-
-
-@pytest.mark.serial
 def test_friction_that_alone_holds_a_body_has_no_map() -> None:
     data = study(
         {"builder": "block", "dim": 2, "h": 0.5, "structured": True},
@@ -140,15 +121,6 @@ def test_friction_that_alone_holds_a_body_has_no_map() -> None:
     solver.close()
 
 
-@pytest.mark.slow
-@pytest.mark.serial
-@pytest.mark.parametrize("file", sorted(Path(__file__).with_name("past_folds").glob("*.yml")))
-def test_a_solution_beyond_folds_is_found(file: Path) -> None:
-    """The interior point method alone does not arrive."""
-    solution = solved(study_file.load(file).parameters, MPI.COMM_SELF)
-    assert any("turns" in text for text in solution.summary["warnings"])
-
-
 def _wedged() -> ProblemSolver:
     """The block of demos/studies/lost_equilibrium.yml with more friction than it can bear."""
     path = Path(__file__).parents[2] / "demos" / "studies" / "lost_equilibrium.yml"
@@ -156,17 +128,6 @@ def _wedged() -> ProblemSolver:
     solver = SolvableStudy(assemble(parameters, MPI.COMM_SELF)).solver
     solver.begin()
     return solver
-
-
-@pytest.mark.slow
-@pytest.mark.serial
-def test_where_equilibrium_is_lost_the_branch_says_how_much_friction_has_one() -> None:
-    """The contact force of docs/studies.md, section 5, grows without a limit at 0.292."""
-    solver = _wedged()
-    task = Task(solver.system, solver.target, solver.settings)
-    with pytest.raises(NotConverged, match=r"ends near 97.3 % of friction.coefficient"):
-        solve_on_branch(task)
-    solver.close()
 
 
 @pytest.mark.slow
@@ -260,22 +221,6 @@ def test_a_study_finds_several_certified_solutions(tmp_path: Path) -> None:
     assert (folder / "equilibrium_2" / "contact.csv").exists()
 
 
-def test_the_method_of_the_solver_falls_back_on_the_branch(monkeypatch: Any) -> None:
-    """A method that takes no step leaves it to the branch, for a finite n as well."""
-    from contact_locking.solver import strategy
-
-    def fails(solver: Any, *_: Any) -> strategy.Attempt:
-        return strategy.Attempt(Outcome(), NotConverged("not tried"))
-
-    monkeypatch.setattr(strategy, "_attempt", fails)
-    solver = _solver(_weakening(1e4))
-    report = solve("auto", Task(solver.system, solver.target, solver.settings))
-    assert report.converged
-    assert report.friction_change is not None
-    assert report.friction_change <= 1e-8
-    solver.close()
-
-
 def _third_block(size: float, young: dict[str, float], mu: float, loads: dict[str, Any]) -> Study:
     """A block of thirds on local friction, of which at most ten solutions are searched."""
     mesh = {"builder": "block", "size": [1.0, size], "h": 1.0 / 3.0, "structured": True}
@@ -334,22 +279,3 @@ def test_nothing_is_searched_beside_a_solution_that_is_proved_to_be_unique(
     verdict = found.summary["certificate"]["constants"]["uniqueness"]
     assert verdict["verdict"] == BY_KAPPA and found.summary["index"] == 1
     assert "kappa is below 1" in found.summary["equilibria"]["missing"]
-
-
-_WEDGED = Path(__file__).parents[1] / "robustness" / "wedged" / "curved_overlap.yml"
-
-
-@pytest.mark.serial
-@pytest.mark.slow
-def test_bounds_that_settle_lead_to_the_solution_without_a_penalty() -> None:
-    """The branch over the share of friction took 3600 tangents for it."""
-    parameters = study_file.load(Path(__file__).with_name("huge_load.yml")).parameters
-    solution = solved(parameters, MPI.COMM_SELF)
-    assert solution.summary["iterations"]["tangents"] <= 1000
-
-
-@pytest.mark.serial
-def test_a_finite_penalty_has_the_solution_that_softer_ones_lead_to() -> None:
-    data = plain(study_file.load(_WEDGED, ["penalty.n=1e4"]).parameters)
-    outcome = outcome_of_case(Case(data), checks=False)
-    assert outcome.kind == SOLVED, outcome.reason

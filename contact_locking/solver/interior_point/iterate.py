@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.parallel import exceeded_by_few, maximum, minimum
+from contact_locking.parallel import exceeded_by_few, maximum, minimum, on_every_rank
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.solver.interior_point.contact_cones import FrictionCones
 from contact_locking.solver.interior_point.family import Direction, Family, Reaction
@@ -36,6 +36,12 @@ class Iterate:
         self.families = [family for family in tangent.families if family.takes_part]
         local = sum(family.scale * float(family.weights.sum()) for family in self.families)
         self._measure = float(self.comm.allreduce(local)) or 1.0
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether no point and no multiplier has lost its digits; collective."""
+        digits = [values for family in self.families for values in (family.x, family.z)]
+        return on_every_rank(self.comm, all(bool(np.isfinite(part).all()) for part in digits))
 
     def visit(self) -> None:
         """Look at the system's displacement: everything below is about it; collective."""

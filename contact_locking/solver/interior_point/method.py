@@ -46,7 +46,7 @@ from contact_locking.solver.interior_point.judge import Judge, Measures
 from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.interior_point.start import ElasticStart, rests
 from contact_locking.solver.interior_point.tangent import Tangent
-from contact_locking.solver.interior_point.tuning import Approach, Tuning
+from contact_locking.solver.interior_point.tuning import CLOSE, Approach, Tuning
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.task import LastIterate, Outcome, SavedState, Task
@@ -59,10 +59,15 @@ class InteriorPoint:
     ``share`` is that of the friction that acts.
     """
 
-    def __init__(self, task: Task, bound_moves: bool = True, share: float = 1.0) -> None:
-        self._task, self.bound_moves = task, bound_moves
+    def __init__(
+        self,
+        task: Task,
+        approach: Approach = CLOSE,
+        bound_moves: bool = True,
+        share: float = 1.0,
+    ) -> None:
+        self._task, self._approach, self.bound_moves = task, approach, bound_moves
         self._tuning = tuning = Tuning()
-        self.approach = tuning.approaches[0]
         self._families = families_of(task.system, task.target, tuning.least_bound, share)
         self._tangent = Tangent(task, self._families.every, tuning)
         self._iterate = Iterate(self._tangent, tuning.band)
@@ -114,6 +119,19 @@ class InteriorPoint:
         with np.errstate(all="ignore"):
             if not self._take(pieces, pieces.from_last(last)):
                 return found
+        return Outcome(self.multipliers(), self._last(), self._gap, self.friction_change)
+
+    def rescue(self) -> Outcome | None:
+        """The solution that the pieces of the laws lead to from where a solve failed; collective.
+
+        None where they do not arrive.
+        """
+        if self.is_elastic or self._tangent.direct is None or not self._iterate.is_finite:
+            return None
+        pieces = self._all_pieces()
+        with np.errstate(all="ignore"):
+            if not self._take(pieces, pieces.from_last(self._last())):
+                return None
         return Outcome(self.multipliers(), self._last(), self._gap, self.friction_change)
 
     def multipliers(self) -> Multipliers:
@@ -190,12 +208,6 @@ class InteriorPoint:
                 factor,
             )
 
-    @property
-    def approaches(self) -> tuple[Approach, ...]:
-        """Those that differ for this problem; without a moving friction bound all are one."""
-        moves = self.bound_moves and self._families.bounds
-        return self._tuning.approaches if moves else self._tuning.approaches[:1]
-
     def destroy(self) -> None:
         self._tangent.destroy()
         self._families.destroy()
@@ -223,6 +235,7 @@ class InteriorPoint:
         # Where linear solves are direct, the pieces of the laws give locking stresses their law.
         wants_law = self._has_law and self._tangent.direct is None
         steps_left = tuning.steps_for_law if wants_law else 0
+        best, stays = math.inf, 0
         can_rest = self.bound_moves and not task.system.tools.act
         for iteration in range(limit + 1):
             measures = self._judge.measure(self._iterate)
@@ -241,6 +254,14 @@ class InteriorPoint:
                 steps_left -= 1
                 self._search.aim_at_law()
             self._stop_if_infeasible(measures)
+            if measures.worst() <= tuning.nearer * best:
+                best, stays = measures.worst(), 0
+            stays += 1
+            if stays > tuning.patience:
+                self.require_feasible()
+                raise NotConverged(
+                    f"{tuning.patience} interior point iterations led no nearer ({measures})"
+                )
             self._soften(measures)
             if iteration == limit:
                 self.require_feasible()
@@ -294,7 +315,7 @@ class InteriorPoint:
             return False
         if pieces is not None and self._take(pieces, pieces.from_elastic()):
             return True
-        opening = tuning.opening(self.approach, elastic.overstrain())
+        opening = tuning.opening(self._approach, elastic.overstrain())
         least = opening * elastic.retreat() * target.length
         level = elastic.level()
         for family in tangent.families:
@@ -307,7 +328,7 @@ class InteriorPoint:
         self._iterate = Iterate(tangent, tuning.band)
         self._iterate.soften(0.0)
         self._moving = [bound for bound in bounds if self.bound_moves and bound.friction.takes_part]
-        settings, foresees = task.settings, self.approach.trusts_newton
+        settings, foresees = task.settings, self._approach.trusts_newton
         self._search = Search(self._iterate, self._moving, tuning, settings, foresees)
         return False
 
@@ -330,7 +351,7 @@ class InteriorPoint:
             suits = all(bound.follows_pressure for bound in bounds)
         else:
             suits = goes_on and not any([bound.is_zero() for bound in bounds])
-        is_first = self.approach == self._tuning.approaches[0]
+        is_first = self._approach == CLOSE
         if self._tangent.direct is None or not (self._families.every and suits and is_first):
             return None
         return self._all_pieces()
@@ -435,7 +456,7 @@ class InteriorPoint:
             close_enough = max(close_enough, tuning.bound_close)
         came_closer = self._judge.friction_change <= close_enough
         self._task.system.bounds.enter([item.contact for item in moving], used)
-        if not (came_closer and self.approach.trusts_newton):
+        if not (came_closer and self._approach.trusts_newton):
             self._left = math.inf
             for item, values in zip(moving, wanted, strict=True):
                 item.set_wanted(values)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Approach:
-    """One way to run the method; a solve that fails by one is tried again by the next.
+    """One way to run the method.
 
     ``opening`` is the least opening of contact at the start, relative to the strain times the
     length.  ``trusts_newton`` lets the predictor foresee the step of the friction bound, and leaves
@@ -20,16 +20,15 @@ class Approach:
     trusts_newton: bool
 
 
+#: Faster on fine meshes.
+CLOSE = Approach(0.1, trusts_newton=True)
+#: Finds solutions where friction changes much with the slip.
+WIDE = Approach(100.0, trusts_newton=False)
+
+
 @dataclass(frozen=True)
 class Tuning:
     """The constants of the method, measured to be fast, in the order of the algorithm."""
-
-    #: The ways to run the method.  The first is faster on fine meshes; the second finds solutions
-    #: where friction changes much with the slip.
-    approaches: tuple[Approach, ...] = (
-        Approach(0.1, trusts_newton=True),
-        Approach(100.0, trusts_newton=False),
-    )
 
     # The start.
     #: The complementarity products at the start over the density of the elastic energy.
@@ -153,6 +152,11 @@ class Tuning:
     #: length lead nowhere either.  Solves that arrive take fewer.
     short_steps: int = 9
     short: float = 0.01
+
+    #: A solve whose worst measure has not fallen to the first of these numbers times the best in so
+    #: many iterations arrives nowhere.
+    nearer: float = 0.7
+    patience: int = 12
 
     # The stopping rule.
     #: The duality gap over the energy at which the method stops.  Rounding in nearly singular cones

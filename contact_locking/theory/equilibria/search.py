@@ -79,43 +79,28 @@ def settled_from(task: Task, value: Outcome) -> Outcome:
 class Equilibria:
     """The fixed points of the map of the friction bounds of a task, found one after the other.
 
-    ``counts`` is for what they take.  A branch ends beyond ``most_tangents``.  The constructor is
-    collective, as all methods are.
+    ``counts`` is for what they take.  The constructor is collective, as all methods are.
     """
 
-    def __init__(self, task: Task, most_tangents: float = math.inf) -> None:
-        self._task, self.counts, self._most_tangents = task, Counts(), most_tangents
-        #: How the branch ends that has no more solutions, in words.
-        self.end = ""
+    def __init__(self, task: Task) -> None:
+        self._task, self.counts = task, Counts()
         self.map = BoundMap(sharpened(task.aside(self.counts)))
         self._newton = MapNewton(self.map, task.settings.friction_tolerance)
 
     def on_branch(
-        self, start: FloatArray | None = None, direction: float = 1.0, bold: bool = False
-    ) -> Iterator[tuple[FloatArray, int]]:
-        """The solutions on the branch over the share of friction, and the folds before each."""
-        folds, before = 0, None
-        branch = Branch(OverShare(self.map), bold)
+        self, start: FloatArray | None = None, direction: float = 1.0
+    ) -> Iterator[FloatArray]:
+        """The solutions on the branch over the share of friction."""
+        branch, before = Branch(OverShare(self.map)), None
         is_strict = self._task.target.penalty.is_strict
         most = _MOST_POINTS if start is None else _FEWER_POINTS
-        points = itertools.islice(branch.points(start, direction), most)
-        for point in points:
-            if is_strict and branch.reach > FARTHEST:
-                self.end = (
-                    "the branch of solutions from none of the friction on ends near "
-                    f"{100.0 * point.share:.3g} % of friction.coefficient, where the friction "
-                    f"bound is {branch.reach:.0f} times that of the pressure without friction, "
-                    "and grows"
-                )
+        for point in itertools.islice(branch.points(start, direction), most):
+            if point.share > _BEYOND or (is_strict and branch.reach > FARTHEST):
                 return
-            if self.counts.tangents > self._most_tangents or point.share > _BEYOND:
-                return
-            if before is not None:
-                folds += point.sign != before.sign
-                if (point.share - 1.0) * (before.share - 1.0) < 0.0:
-                    found = self._within(before, point)
-                    if found is not None:
-                        yield found, folds
+            if before is not None and (point.share - 1.0) * (before.share - 1.0) < 0.0:
+                solution = self._within(before, point)
+                if solution is not None:
+                    yield solution
             before = point
 
     def _within(self, before: BranchPoint, point: BranchPoint) -> FloatArray | None:
@@ -159,9 +144,9 @@ class Equilibria:
         deflation = Deflation(vectors, known, vectors.norm(first) or vectors.norm(without))
         apart = [share * without for share in shares]
         followed, tried = 0, 0
-        branches: Iterator[tuple[FloatArray, int]] = self.on_branch()
+        branches: Iterator[FloatArray] = self.on_branch()
         while True:
-            for found, _ in branches:
+            for found in branches:
                 if not deflation.is_known(found):
                     known.append(found)
                     yield found
@@ -213,29 +198,6 @@ class Equilibria:
         """Free the PETSc objects, and count for the task what was taken."""
         self._task.counts.add(self.counts)
         self.map.destroy()
-
-
-def solve_on_branch(task: Task, most_tangents: float = math.inf) -> tuple[Outcome, int]:
-    """Solve by the branch of solutions over the share of friction; collective.
-
-    Returns the solution, and how many folds lie before it.  Raises NotConverged, with the end of
-    the branch if it has one, where no solution was found with about so many tangents; the system is
-    then left as it was.
-    """
-    if not has_map(task):
-        raise NotConverged
-    task.monitor.message("following the solutions from less friction")
-    equilibria = Equilibria(task, most_tangents)
-    try:
-        with task.system.preserved(only_on_failure=True):
-            for bold in (True, False):
-                for bounds, folds in equilibria.on_branch(bold=bold):
-                    return equilibria.enter(bounds), folds
-                if equilibria.end:
-                    break
-            raise NotConverged(equilibria.end)
-    finally:
-        equilibria.destroy()
 
 
 def require_map(task: Task, key: str = "equilibria") -> None:

@@ -1,0 +1,347 @@
+"""Why a problem was not solved: what is proved, and what softer penalties show.
+
+The reasons are looked for after a failure, and each is computed when it is first asked for.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable
+from typing import ClassVar
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import Infeasible, NotConverged
+from contact_locking.laws.penalty import Penalty
+from contact_locking.parallel import maximum
+from contact_locking.solver.interior_point.method import InteriorPoint
+from contact_locking.solver.task import Counts, Outcome, SolverReport, Target, Task
+
+_MORE_ITERATIONS = "Raise solver.max_iterations if it was low."
+_BOUND_WAY_OUT = (
+    "If the friction bound does not settle, lower friction.coefficient or enlarge "
+    "friction.smoothing.radius."
+)
+# Less friction is no help for a body that friction holds.
+_HELD_BY_FRICTION = (
+    "Friction alone holds the body: if the loads need all of the friction there is, press the body "
+    "more, raise friction.coefficient, or hold the body by loads.displacements.  If the friction "
+    "bound does not settle, enlarge friction.smoothing.radius."
+)
+_VERGE_WAY_OUT = (
+    "If the strain limit only just admits the prescribed displacements and the gap, as round "
+    "numbers may be chosen, change one of them by 0.1 %: then there is a solution, or a proof that "
+    "there is none."
+)
+_WEDGED_WAY_OUT = (
+    "Lower friction.coefficient.  Where friction wedges the body in, the pressure may grow without "
+    "a bound, and there may be no equilibrium."
+)
+
+
+class Reasons:
+    """Why a task may have no solution."""
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+
+    @functools.cached_property
+    def is_unbalanced(self) -> bool:
+        """Whether no forces of contact and friction balance the loads; collective."""
+        return self._task.is_unbalanced()
+
+    @functools.cached_property
+    def verdict(self) -> Verdict | None:
+        """That nothing is admissible, None without a proof; collective."""
+        return judge(self._task)
+
+    @functools.cached_property
+    def growth(self) -> Growth | None:
+        """That forces grow with the penalty, None if they do not; collective."""
+        return find_growth(self._task)
+
+    def leave_hope(self, failure: NotConverged) -> bool:
+        """Whether there may be a solution after a failure; collective."""
+        task = self._task
+        if isinstance(failure, Infeasible) or self.is_unbalanced or not task.searches:
+            return False
+        # Penalised problems have solutions where nothing is admissible.
+        if task.target.penalty.is_strict and self.verdict is not None:
+            return False
+        return self.growth is None
+
+    def explain(self, report: SolverReport, failure: NotConverged) -> SolverReport:
+        """The report of a failure with its reason and a way out; collective.
+
+        Where forces grow, the system gets the state of the stiffer of the two penalties.
+        """
+        task, is_infeasible = self._task, isinstance(failure, Infeasible)
+        report = dataclasses.replace(
+            report,
+            is_infeasible=is_infeasible,
+            is_unbalanced=self.is_unbalanced,
+            reason=str(failure),
+            suggestion=_way_out(task),
+        )
+        if self.is_unbalanced:
+            return report
+        if task.searches and not is_infeasible and self.growth is not None:
+            self.growth.stiffer.enter(task)
+            return dataclasses.replace(
+                report,
+                **vars(self.growth.stiffer.outcome),
+                reason=f"{failure}; {self.growth.reason}",
+                suggestion=_WEDGED_WAY_OUT,
+            )
+        if (verdict := self.verdict) is not None:
+            return dataclasses.replace(
+                report,
+                is_infeasible=task.target.penalty.is_strict,
+                reason=verdict.reason,
+                suggestion=verdict.way_out,
+                admissible_factor=verdict.factor,
+            )
+        return report
+
+
+def _way_out(task: Task) -> str:
+    """What may help where the interior point method does not arrive; collective."""
+    system, advice = task.system, [_MORE_ITERATIONS]
+    if system.rubbing:
+        advice.append(_HELD_BY_FRICTION if system.held_by_friction else _BOUND_WAY_OUT)
+    inverse_limits = [strains.inverse_limit.x.array for strains in system.data.sets]
+    if maximum(system.comm, np.concatenate(inverse_limits)) > 0.0:
+        advice.append(_VERGE_WAY_OUT)
+    return "  ".join(advice)
+
+
+# Whether anything is admissible.
+
+# How close the factor that works and the one that does not have to be.
+_PRECISION = 0.01
+# The penalty that stands for an infinite one, over the stiffness.
+_STIFF = 1e6
+_ROUNDS = 8
+
+_INFEASIBLE_WAY_OUT = (
+    "Refine the mesh, lower the prescribed displacements, raise material.locking_limit (or the "
+    "limits of material.locking), or move the foundation away; a soft penalty.n has a solution "
+    "that exceeds the limit."
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Verdict:
+    """No field in ``K cap K'`` on this mesh has the prescribed values u_D; ``place`` says where.
+
+    ``factor`` brackets the largest s such that s u_D can be followed: the first number works (0 if
+    none was found), the second does not; None where scaling u_D is not the way out.
+    """
+
+    place: str
+    factor: tuple[float, float] | None
+    way_out: ClassVar[str] = _INFEASIBLE_WAY_OUT
+
+    @property
+    def reason(self) -> str:
+        """Why there is no solution, and how much can be followed, in words."""
+        if self.factor is None:
+            return self.place
+        low, high = (f"{100.0 * share:.3g}" for share in self.factor)
+        share = f"{low} to {high}" if self.factor[0] else f"less than {high}"
+        return (
+            f"{self.place}; {share} % of the prescribed displacements can be followed on this mesh"
+        )
+
+
+def judge(task: Task) -> Verdict | None:
+    """The verdict on a problem that was not solved, None without a proof; collective.
+
+    Friction and penalties have no say in it, so the problem is solved without them, unless
+    friction alone holds the body.  The system is left as it is; what it took is counted.
+    """
+    system = task.system
+    prescribed = system.constraints.held_part(system.u.x.array)
+    # Whether u = 0 is within the limit and the gaps and has the prescribed values.
+    overlaps = any(bool(np.any(contact.gaps < 0.0)) for contact in system.contacts)
+    rests = not system.comm.allreduce(bool(prescribed.any()) or overlaps)
+    if system.held_by_friction or rests:
+        return None
+    with task.system.preserved():
+        tries = Counts()
+        limit = dataclasses.replace(task.target, penalty=task.target.penalty.inequality())
+        exact, penalised = (
+            InteriorPoint(task.aside(tries, target), bound_moves=False)
+            for target in (limit, _stiff(limit))
+        )
+
+        def fails(factor: float) -> Infeasible | None:
+            system.u.x.array[:] = factor * prescribed
+            try:
+                exact.solve()
+                return None
+            except Infeasible as failure:
+                return failure
+            except NotConverged as failure:
+                unsolved = failure
+            system.u.x.array[:] = factor * prescribed
+            try:
+                penalised.solve()
+                penalised.require_feasible()
+            except Infeasible as failure:
+                return failure
+            raise unsolved
+
+        try:
+            system.remove_friction()
+            failure = fails(1.0)
+            if failure is None:
+                return None
+            scales = 0.0 < failure.factor < math.inf
+            works = _largest(fails, failure.factor) if scales else None
+            return Verdict(str(failure), works)
+        except NotConverged:
+            return None
+        finally:
+            task.counts.add(tries)
+            exact.destroy()
+            penalised.destroy()
+
+
+def _stiff(target: Target) -> Target:
+    """A penalised problem, the multipliers of which balance where nothing is admissible."""
+    n = _STIFF * target.stiffness
+    penalty = Penalty(n, target.length / n, target.penalty.regularisations)
+    return dataclasses.replace(target, penalty=penalty)
+
+
+def _largest(fails: Callable[[float], Infeasible | None], excluded: float) -> tuple[float, float]:
+    """Every try just below what is excluded either works or excludes more."""
+    for _ in range(_ROUNDS):
+        trial = (1.0 - 0.5 * _PRECISION) * excluded
+        try:
+            failure = fails(trial)
+        except NotConverged:
+            break
+        if failure is None:
+            return trial, excluded
+        excluded = trial * min(1.0, failure.factor)
+    return 0.0, excluded
+
+
+# Whether forces grow with the penalty.
+
+# Powers of ten of two penalties over the stiffness of the material.  From the softer to the stiffer
+# forces grow by this power of the penalty at least if friction wedges the body in, and by next to
+# nothing if they have a limit.
+_SOFTER, _STIFFER, _POWER = 2.5, 3.5, 0.7
+# Such forces are this many times those with next to no friction, which are of the size that loads
+# and prescribed displacements ask for; and the share of the coefficient that stands for none.
+_LARGE, _LITTLE = 2.0, 1e-3
+
+
+@dataclasses.dataclass(frozen=True)
+class PenalisedState:
+    """The solution for a softer ``penalty``, and the sum of its pressures, a ``force``."""
+
+    penalty: Penalty
+    outcome: Outcome
+    force: float
+    displacement: FloatArray
+    travels: tuple[float, ...]
+    bounds: list[FloatArray]
+
+    def enter(self, task: Task) -> None:
+        """Put displacement, travels and friction bounds into the system."""
+        system = task.system
+        system.u.x.array[:] = self.displacement
+        system.tools.travels = self.travels
+        system.bounds.enter(system.contacts, self.bounds)
+
+
+@dataclasses.dataclass(frozen=True)
+class Growth:
+    """Two penalties whose forces grow with them: friction wedges the body in.
+
+    With a finite penalty the friction bounds of all solutions have a limit.  As the penalty grows,
+    forces either settle or grow with it.  Forces that grow balance each other, whatever the loads
+    are, so that nothing but the penalty gives them their size.
+    """
+
+    softer: PenalisedState
+    stiffer: PenalisedState
+
+    @property
+    def reason(self) -> str:
+        """That there seems to be no equilibrium, in words."""
+        penalty, ratio = self.stiffer.penalty, self.stiffer.force / self.softer.force
+        return (
+            f"with penalties of {10.0**_SOFTER:.2g} and {10.0**_STIFFER:.2g} times the stiffness "
+            f"of the material there are solutions, and the stiffer one has {ratio:.2g} times the "
+            "contact force of the other: its forces grow with the penalty, and there seems to be "
+            "no equilibrium without one; the state that is left is that of "
+            f"penalty.n: {penalty.n:g}, penalty.epsilon: {penalty.epsilon:g} and "
+            f"friction.regularisation: {max(penalty.regularisations):g}"
+        )
+
+
+def find_growth(task: Task) -> Growth | None:
+    """The two penalties, None where forces do not grow or there are no solutions; collective.
+
+    The system is left as it was, and what it took is counted.
+    """
+    system = task.system
+    if task.target.penalty.epsilon > 0.0 or system.held_by_friction or not system.rubbing:
+        return None
+    task.monitor.message("solving with softer penalties, to see whether forces grow with them")
+    softer = _penalised(task, _softened(task.target, _SOFTER))
+    stiffer = softer and _penalised(task, _softened(task.target, _STIFFER))
+    if softer is None or stiffer is None or not softer.force > 0.0:
+        return None
+    if stiffer.force < 10.0 ** (_POWER * (_STIFFER - _SOFTER)) * softer.force:
+        return None
+    without = _penalised(task, task.target, share=_LITTLE)
+    is_large = without is not None and stiffer.force > _LARGE * without.force
+    return Growth(softer, stiffer) if is_large else None
+
+
+def _penalised(task: Task, target: Target, share: float = 1.0) -> PenalisedState | None:
+    """The solution for a target and a share of friction, None without one; collective."""
+    system, counts = task.system, Counts()
+    solver = InteriorPoint(task.aside(counts, target), share=share)
+    try:
+        with system.preserved():
+            system.u.x.array[:] = system.constraints.held_part(system.u.x.array)
+            outcome = solver.solve()
+            assert outcome.multipliers is not None
+            pairs = zip(system.contacts, outcome.multipliers.contacts, strict=True)
+            force = sum(float(c.surface.integral(forces.pressure)) for c, forces in pairs)
+            state = system.u.x.array.copy(), system.tools.travels
+            bounds = system.bounds.at(system.contacts)
+            return PenalisedState(target.penalty, outcome, force, *state, bounds)
+    except NotConverged:
+        return None
+    finally:
+        solver.destroy()
+        task.counts.add(counts)
+
+
+def _softened(target: Target, power: float) -> Target:
+    """The target with penalties no stiffer than a power of ten times the stiffness.
+
+    Friction is regularised as the penalty of contact would do it.  The numbers have three
+    digits, so that a message can give them.
+    """
+    penalty = target.penalty
+    n = min(penalty.n, _rounded(10.0**power * target.stiffness))
+    epsilon = max(penalty.epsilon, _rounded(target.length / (10.0**power * target.stiffness)))
+    least = _rounded(epsilon * target.young)
+    lengths = tuple(max(length, least) for length in penalty.regularisations)
+    return dataclasses.replace(target, penalty=Penalty(n, epsilon, lengths))
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.3g}")
