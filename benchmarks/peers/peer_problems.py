@@ -82,7 +82,7 @@ STUDIES["stack"] = {
             {"on": "upper_left", "value": [0.0, 0.0]},
         ],
     },
-    "contact": {"on": "upper_bottom", "against": "lower_top"},
+    "contact": {"on": "upper_bottom", "against": "lower_top", "pair": "once"},
     "friction": {"coefficient": 0.3, "smoothing": {"kernel": "none"}},
 }
 STUDIES["locking"] = STUDIES["block"] | {

@@ -248,7 +248,12 @@ class RigidFoundation(PlacedFoundation):
         if not self._is_oriented:
             self._is_oriented = True
             if self._is_reversed(surface, gap, facing):
-                self._reverse()
+                assert isinstance(self._shape, FacetedFoundation)
+                turn, self._shape = self._shape.turn, self._shape.reversed()
+                self._shape_warnings.append(
+                    f"{self._place}: it is that of a die, whose hole is inside of the outline, but "
+                    f"the body is not in the hole; the other side was taken: {turn}"
+                )
                 return self.at_nodes(surface)
         turn, inside = self._shape.turn, gap < 0.0
         # Only a part of Gamma_C need face the foundation; the rest, as the top of a ball, is
@@ -289,15 +294,6 @@ class RigidFoundation(PlacedFoundation):
         in_all = domain.comm.allreduce(np.array([inside.sum(), len(inside)], dtype=float))
         return bool(2.0 * in_all[0] > in_all[1]) and not _most(
             surface, facing > _SIDEWAYS, gap < 0.0
-        )
-
-    def _reverse(self) -> None:
-        assert isinstance(self._shape, FacetedFoundation)
-        turn = self._shape.turn
-        self._shape = self._shape.reversed()
-        self._shape_warnings.append(
-            f"{self._place}: it is that of a die, whose hole is inside of the outline, "
-            f"but the body is not in the hole; the other side was taken: {turn}"
         )
 
     def _way_out(

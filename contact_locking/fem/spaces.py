@@ -39,15 +39,6 @@ def gauss_shares(cell: str) -> FloatArray:
     return nodal_functions(cell, 1, gauss_points(cell))
 
 
-def gauss_element(cell: str, shape: tuple[int, ...] = ()) -> Any:
-    """The element of discontinuous functions whose dofs are the values at the points of the rule.
-
-    ``shape`` is the shape of the values, () for scalars.
-    """
-    scalars = _element(cell)
-    return basix.ufl.blocked_element(scalars, shape=shape) if shape else scalars
-
-
 def gauss_points(cell: str) -> FloatArray:
     """The points (q, d) of Gauss's rule of degree 2 in the reference cell, in the order of corners.
 
@@ -60,7 +51,11 @@ def gauss_points(cell: str) -> FloatArray:
 
 
 @cache
-def _element(cell: str) -> Any:
+def gauss_element(cell: str, shape: tuple[int, ...] = ()) -> Any:
+    """The element of discontinuous functions whose dofs are the values at the points of the rule.
+
+    ``shape`` is the shape of the values, () for scalars.
+    """
     kind, dim, places = basix.CellType[cell], NAMED[cell].dim, gauss_points(cell)
     number = len(places)
     # basix takes points and dual functionals for the entities of each of the dimensions 0 to 3.
@@ -68,7 +63,7 @@ def _element(cell: str) -> Any:
     above: list[list[Any]] = [[]] * (3 - dim)
     no_points = [[np.zeros((0, dim))] * len(entities) for entities in below]
     no_functionals = [[np.zeros((0, 1, 0, 1))] * len(entities) for entities in below]
-    return basix.ufl.custom_element(
+    scalars = basix.ufl.custom_element(
         kind,
         (),
         np.eye(number),
@@ -81,6 +76,7 @@ def _element(cell: str) -> Any:
         1,
         1,
     )
+    return basix.ufl.blocked_element(scalars, shape=shape) if shape else scalars
 
 
 #: A quadrature rule as the metadata of a measure; the empty rule is exact for polynomials.
