@@ -47,6 +47,8 @@ _UNSETTLED = (
     "gaps are known to some per cent; take smaller steps, or hold the bodies more firmly"
 )
 
+_APART = "where bodies face each other as they did at the solution before, nothing is admissible"
+
 
 class ProblemSolver:
     """The solver of a discrete problem, for as many solves as there are steps; collective.
@@ -127,6 +129,10 @@ class ProblemSolver:
             if start is None:
                 break
             report = solve_system(task(), start).after(report)
+            if report.is_infeasible:
+                # That holds for bodies that face each other as after the last solve.
+                reason = f"{_APART}: {report.reason}"
+                report = dataclasses.replace(report, is_infeasible=False, reason=reason)
         else:
             warnings = [*report.warnings, _UNSETTLED]
             report = dataclasses.replace(report, warnings=warnings)

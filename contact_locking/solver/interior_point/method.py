@@ -255,7 +255,8 @@ class InteriorPoint:
             self._stop_if_infeasible(measures)
             if measures.worst() <= tuning.nearer * best:
                 best, stays = measures.worst(), 0
-            stays += 1
+            # Steps along which the forces of the body are not linear are shorter.
+            stays += self._tangent.is_linear
             if stays > tuning.patience:
                 self.require_feasible()
                 raise NotConverged(
