@@ -241,11 +241,19 @@ class Contact:
         return np.asarray(found)
 
     def sides(self, normals: Array) -> Array:
-        """(f,) whether a facet joins its nodes: the normals turn little and face the body."""
+        """(f,) whether the corners of a facet are on one side.
+
+        Facets along which normals turn little and face the body join a side.
+        """
         corners = self.facets[:, : self._side.corners]
         facing = np.einsum("kd,kd->k", normals, self.outward) > _FACING
         turns = np.einsum("fid,fjd->fij", normals[corners], normals[corners])
-        return np.asarray(facing[corners].all(axis=1) & (turns > _TURNED).all(axis=(1, 2)))
+        joins = facing[corners].all(axis=1) & (turns > _TURNED).all(axis=(1, 2))
+        starts = np.repeat(corners[joins][:, :1], corners.shape[1], axis=1).ravel()
+        shape = (len(self.nodes),) * 2
+        graph = sp.csr_matrix((np.ones(starts.size), (starts, corners[joins].ravel())), shape)
+        part = connected_components(graph, directed=False)[1]
+        return np.asarray(np.ptp(part[corners], axis=1) == 0)
 
     def smoothing(self, normals: Array, free: Bools) -> Array:
         """R (k, k); nodes that are not ``free`` have no part in it."""
