@@ -25,6 +25,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from contact_locking.errors import InputError, require_kind
 from contact_locking.files.readable import similar
 from contact_locking.plain_text import printable
+from contact_locking.study_file.dump import dump
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.study import known_keys
 from contact_locking.study_file.parameters.wording import (
@@ -324,6 +325,10 @@ def _elsewhere(name: str) -> str:
     return f" (did you mean '{matches[0]}'?)" if matches else ""
 
 
+# To check as many takes some 20 s; a file of the demos has 50 values.
+_MOST_VALUES = 2_000_000
+# The dump of a shorter file, with every default, stays below the size that can be read again.
+_SHORT = MAX_BYTES // 20
 _MORE = f"there may be more that is wrong; these are the first {MOST_FAULTS} faults"
 
 
@@ -364,6 +369,10 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> StudyFile:
         keyed.sort(key=lambda fault: line if isinstance(line := origins[fault[0]], int) else 0)
         lines = [source.explain(message, key) for key, message in keyed]
         raise InputError(_listed(lines, source.explain(_MORE, "")))
+    size = Path(path).stat().st_size + sum(map(len, overrides))
+    if size > _SHORT and len(dump(parameters)) > MAX_BYTES:
+        what = f"with every default written out, is larger than {MAX_BYTES // 1000} kB"
+        raise InputError(source.explain(what, ""))
     if "directory" not in parameters.output.model_fields_set:
         output = parameters.output.model_copy(update={"directory": f"results/{Path(path).stem}"})
         parameters = parameters.model_copy(update={"output": output})
@@ -412,6 +421,8 @@ def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[
     if parameters is None or parameters.study is None:
         return parameters, faults
     cases = parameters.study.cases()
+    if fault := _too_much(data, cases):
+        return None, [fault]
     wrong: dict[str, list[str]] = {}
     for case, shown in zip(cases, labels(cases), strict=True):
         try:
@@ -430,6 +441,22 @@ def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[
             listed.append(Fault(("study",), f"in the case {first}{count}: {text}"))
         return None, listed[:MOST_FAULTS]
     return parameters, []
+
+
+def _too_much(data: dict[str, Any], cases: Sequence[Mapping[str, Any]]) -> Fault | None:
+    """The fault of a study that would take minutes to check, as each case is a copy of the file."""
+    size = sum(_size(value) for key, value in data.items() if key != "study")
+    size += max((_size(value) for case in cases for value in case.values()), default=0)
+    if len(cases) * size <= _MOST_VALUES:
+        return None
+    message = f"has {len(cases)} cases of {size} values each; at most {_MOST_VALUES} are allowed"
+    return Fault(("study",), f"{message} in all")
+
+
+def _size(value: Any) -> int:
+    if isinstance(value, dict | list | tuple):
+        return 1 + sum(map(_size, value.values() if isinstance(value, dict) else value))
+    return 1
 
 
 def _with_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
