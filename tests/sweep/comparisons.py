@@ -194,5 +194,5 @@ def _energy(judge: Judge, u: Array) -> float:
     """The energy of a problem, or what rounding makes of none: what differences are parts of."""
     K, flat = judge.body.matrix, u.ravel()
     rounding = 1e-10 * float(np.abs(flat) @ (abs(K) @ np.abs(flat)))
-    load = judge.body.loads(1.0).ravel()
+    load = judge.loads(1.0).ravel()
     return max(abs(float(flat @ (K @ flat))), abs(float(load @ flat)), rounding, 1e-300)

@@ -66,7 +66,7 @@ class Programme:
     def __init__(self, judge: Judge, bounds: Sequence[Array] = (), time: float = 1.0) -> None:
         self.judge, body = judge, judge.body
         self.basis, self.stiffness = body.basis, body.matrix
-        self.load = body.loads(time).ravel()
+        self.load = judge.loads(time).ravel()
         self.start = body.prescribed(time).ravel()
         strain = body.operator(body.law)
         m = body.law.B.shape[2]
