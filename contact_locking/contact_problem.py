@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, get_args
@@ -43,6 +44,16 @@ if TYPE_CHECKING:
 Condition: TypeAlias = fem.DirichletBC | Support | Displacement
 T = TypeVar("T", bound=Concept)
 
+# Where a study file has the loads and supports of a class.
+_SECTIONS = {
+    "BodyForce": "loads.body_force",
+    "TotalForce": "loads.forces",
+    "Traction": "loads.tractions",
+    "Pressure": "loads.pressures",
+    "Displacement": "loads.displacements",
+    "Support": "loads.supports",
+    "Spring": "loads.springs",
+}
 _KINDS = {"contacts": "a Contact", "springs": "a Spring", "loads": "a load, such as a Traction"}
 
 
@@ -277,11 +288,16 @@ def _element_of(space: fem.FunctionSpace, axisymmetric: bool) -> Element:
 
 
 def _placed(name: str, concepts: Sequence[T], kind: Any, places: NamedFacets) -> list[T]:
-    """The concepts of a list with their keys, on boundary parts; collective."""
-    placed = []
+    """The concepts of a list with their keys, on boundary parts; collective.
+
+    Loads and supports have the keys of a study file, where each kind is a list of its own.
+    """
+    placed, counts = [], Counter[str]()
     for number, concept in enumerate(concepts):
-        key = f"{name}.{number}"
-        require_kind(concept, kind, _KINDS.get(name, name), key)
+        require_kind(concept, kind, _KINDS.get(name, name), f"{name}.{number}")
+        section = _SECTIONS.get(type(concept).__name__, name)
+        key = section if section == _SECTIONS["BodyForce"] else f"{section}.{counts[section]}"
+        counts[section] += 1
         sides = {
             side: places.add(where, key if side == "on" else f"{key}.{side}")
             for side in ("on", "against")

@@ -398,8 +398,8 @@ def test_a_body_that_its_loads_alone_press_may_have_loads_later(comm: MPI.Intrac
     ("given", "key"),
     [
         ({"bcs": lambda left: [cl.Support(left, along=(0.0, 0.0))]}, "Support.along"),
-        ({"bcs": lambda left: [cl.Support(left, along=(0.0, 0.0, 1.0))]}, "supports.0.along"),
-        ({"bcs": lambda left: [cl.Support(left[:0])]}, "supports.0"),
+        ({"bcs": lambda left: [cl.Support(left, along=(0.0, 0.0, 1.0))]}, "loads.supports.0.along"),
+        ({"bcs": lambda left: [cl.Support(left[:0])]}, "loads.supports.0"),
         ({"contacts": lambda bottom: [cl.Contact(bottom[:0])]}, "contacts.0"),
         ({"mu": lambda x, s: -0.3 + s}, "contacts.0.friction.coefficient"),
         ({"mu": lambda x, s: 0.3 - x[:, 0]}, "contacts.0.friction.coefficient"),

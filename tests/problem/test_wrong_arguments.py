@@ -167,21 +167,21 @@ WRONG: dict[str, tuple[Callable[[fem.FunctionSpace], dict[str, Any]], str]] = {
     ),
     "a load at no coordinate": (
         lambda space: {"loads": [cl.BodyForce((0.0, "0.1*z"))]},
-        "loads.0.1",
+        "loads.body_force.1",
     ),
     "a pressure that is lost": (
         lambda space: {"loads": [cl.Pressure(top(space), "exp(-((x - 0.43)/0.0003)**2)")]},
-        "loads.0.value",
+        "loads.pressures.0.value",
     ),
     "a spring that pushes": (
         lambda space: {"springs": [cl.Spring(top(space), "x - 0.5")]},
-        "springs.0.stiffness",
+        "loads.springs.0.stiffness",
     ),
     "two displacements of a part": (
         lambda space: {
             "bcs": [cl.Displacement(top(space), (0.0, value)) for value in (-0.01, "-0.01*x")]
         },
-        "displacements.0.value.1",
+        "loads.displacements.0.value.1",
     ),
     "limit alone": (lambda space: {"limits": [0.02]}, "limits"),
     "n of DOLFINx": (lambda space: {"n": fem.Constant(space.mesh, 1e4)}, "n"),
