@@ -236,19 +236,23 @@ def _largest(fails: Callable[[float], Infeasible | None], excluded: float) -> tu
 
 # Whether forces grow with the penalty.
 
-# Powers of ten of two penalties over the stiffness of the material.  From the softer to the stiffer
-# forces grow by this power of the penalty at least if friction wedges the body in, and by next to
-# nothing if they have a limit.
-_SOFTER, _STIFFER, _POWER = 2.5, 3.5, 0.7
+# Powers of ten of two penalties over the stiffness of the material, and the power of the penalty by
+# which forces grow from the first to the second at least if friction wedges the body in.  Forces
+# that have a limit hardly grow.  Where the stiffer penalty is not solved for, softer ones tell.
+_PENALTIES = ((3.0, 4.0, 0.4), (2.0, 3.0, 0.7))
 # Such forces are this many times those with next to no friction, which are of the size that loads
 # and prescribed displacements ask for; and the share of the coefficient that stands for none.
-_LARGE, _LITTLE = 2.0, 1e-3
+_LARGE, _LITTLE = 3.0, 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
 class PenalisedState:
-    """The solution for a softer ``penalty``, and the sum of its pressures, a ``force``."""
+    """The solution for penalties of ``10**power`` times the stiffness.
 
+    ``force`` is the sum of its pressures.
+    """
+
+    power: float
     penalty: Penalty
     outcome: Outcome
     force: float
@@ -281,8 +285,9 @@ class Growth:
         """That there seems to be no equilibrium, in words."""
         penalty, ratio = self.stiffer.penalty, self.stiffer.force / self.softer.force
         return (
-            f"with penalties of {10.0**_SOFTER:.2g} and {10.0**_STIFFER:.2g} times the stiffness "
-            f"of the material there are solutions, and the stiffer one has {ratio:.2g} times the "
+            f"with penalties of {10.0**self.softer.power:.2g} and {10.0**self.stiffer.power:.2g} "
+            "times the stiffness of the material there are solutions, and the stiffer one has "
+            f"{ratio:.2g} times the "
             "contact force of the other: its forces grow with the penalty, and there seems to be "
             "no equilibrium without one; the state that is left is that of "
             f"penalty.n: {penalty.n:g}, penalty.epsilon: {penalty.epsilon:g} and "
@@ -299,18 +304,32 @@ def find_growth(task: Task) -> Growth | None:
     if task.target.penalty.epsilon > 0.0 or system.held_by_friction or not system.rubbing:
         return None
     task.monitor.message("solving with softer penalties, to see whether forces grow with them")
-    softer = _penalised(task, _softened(task.target, _SOFTER))
-    stiffer = softer and _penalised(task, _softened(task.target, _STIFFER))
-    if softer is None or stiffer is None or not softer.force > 0.0:
+    states: dict[float, PenalisedState | None] = {}
+    for *powers, least in _PENALTIES:
+        for power in powers:
+            if power not in states:
+                states[power] = _penalised(task, _softened(task.target, power), power)
+        softer, stiffer = (states[power] for power in powers)
+        if softer is not None and stiffer is not None:
+            return _growth_between(task, softer, stiffer, least)
+    return None
+
+
+def _growth_between(
+    task: Task, softer: PenalisedState, stiffer: PenalisedState, least: float
+) -> Growth | None:
+    """The growth by at least a power of the penalty, None without it; collective."""
+    ratio = 10.0 ** (least * (stiffer.power - softer.power))
+    if not stiffer.force > ratio * softer.force > 0.0:
         return None
-    if stiffer.force < 10.0 ** (_POWER * (_STIFFER - _SOFTER)) * softer.force:
-        return None
-    without = _penalised(task, task.target, share=_LITTLE)
+    without = _penalised(task, task.target, math.inf, share=_LITTLE)
     is_large = without is not None and stiffer.force > _LARGE * without.force
     return Growth(softer, stiffer) if is_large else None
 
 
-def _penalised(task: Task, target: Target, share: float = 1.0) -> PenalisedState | None:
+def _penalised(
+    task: Task, target: Target, power: float, share: float = 1.0
+) -> PenalisedState | None:
     """The solution for a target and a share of friction, None without one; collective."""
     system, counts = task.system, Counts()
     solver = InteriorPoint(task.aside(counts, target), share=share)
@@ -323,7 +342,7 @@ def _penalised(task: Task, target: Target, share: float = 1.0) -> PenalisedState
             force = sum(float(c.surface.integral(forces.pressure)) for c, forces in pairs)
             state = system.u.x.array.copy(), system.tools.travels
             bounds = system.bounds.at(system.contacts)
-            return PenalisedState(target.penalty, outcome, force, *state, bounds)
+            return PenalisedState(power, target.penalty, outcome, force, *state, bounds)
     except NotConverged:
         return None
     finally:
