@@ -239,7 +239,7 @@ def _largest(fails: Callable[[float], Infeasible | None], excluded: float) -> tu
 # Powers of ten of two penalties over the stiffness of the material, and the power of the penalty by
 # which forces grow from the first to the second at least if friction wedges the body in.  Forces
 # that have a limit hardly grow.  Where the stiffer penalty is not solved for, softer ones tell.
-_PENALTIES = ((3.0, 4.0, 0.4), (2.0, 3.0, 0.7))
+_PENALTIES = ((3.0, 4.0, 0.4), (2.5, 3.5, 0.7))
 # Such forces are this many times those with next to no friction, which are of the size that loads
 # and prescribed displacements ask for; and the share of the coefficient that stands for none.
 _LARGE, _LITTLE = 3.0, 1e-3
