@@ -139,12 +139,16 @@ def degree_of(kind: CellKind, corners: FloatArray) -> int:
 def functions(kind: CellKind, corners: FloatArray, points: FloatArray) -> FloatArray:
     """The functions of degree 1 (q, n, c) of the corners (q, c, d) at points (q, n, d).
 
-    On simplices these are the barycentric coordinates; quadrilaterals are convex.
+    On simplices these are the barycentric coordinates; quadrilaterals are convex.  They are not
+    numbers where the corners span nothing, as those of a facet that is seen from its side.
     """
     if kind.is_simplex:
         edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
         away = (points - corners[:, :1]).transpose(0, 2, 1)
+        is_flat = np.linalg.det(edges) == 0.0
+        edges = np.where(is_flat[:, None, None], np.eye(edges.shape[1]), edges)
         places = np.asarray(np.linalg.solve(edges, away).transpose(0, 2, 1), dtype=float)
+        places[is_flat] = np.nan
     else:
         a, b, c, d = (corners[:, i : i + 1] for i in range(4))
         b, c, d, y = b - a, c - a, d - b - c + a, points - a

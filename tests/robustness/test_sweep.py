@@ -26,6 +26,7 @@ from sweep.resultants import cannot_balance
 from sweep.solve import (
     BROKEN,
     INFEASIBLE,
+    NOT_SOLVED,
     REFUSED,
     SOLVED,
     WRONG,
@@ -328,6 +329,22 @@ def test_the_cases_of_a_family_are_study_files_and_depend_on_their_seed_alone(fa
         assert case == case_of(family, seed)
         assert case.study != case_of(family, seed + 100).study
         Parameters.model_validate(case.study)
+
+
+@pytest.mark.parametrize(
+    ("family", "seed", "kind"),
+    [
+        # A facet of the other body is seen from its side.
+        ("grains", 2021, SOLVED),
+        # Bodies in another frame than that of the data have nothing admissible.
+        ("grains", 2004, NOT_SOLVED),
+        # Corners of a facet lie on one side, though their normals turn much.
+        ("curved_3d", 2006, SOLVED),
+    ],
+)
+def test_a_problem_that_was_wrong_is_judged_right(family: str, seed: int, kind: str) -> None:
+    outcome = outcome_of(family, seed)
+    assert outcome.kind == kind, outcome.reason
 
 
 @pytest.mark.parametrize(
