@@ -205,7 +205,12 @@ class ContactProblem:
         """Put the present data into ``solver``, and the memory of friction; as in :meth:`solve`."""
         require_kind(after, Solution | None, "a solution of this problem", "after")
         problem = self._discrete
-        problem.enter(problem.at_rest() if after is None else after.state.contacts)
+        rest = problem.at_rest()
+        if after is not None:
+            sizes = [[len(memory.slip) for memory in each] for each in (after.state.contacts, rest)]
+            if on_any_rank(self.domain.comm, sizes[0] != sizes[1]):
+                raise InputError("is a solution with other contacts or on another mesh", "after")
+        problem.enter(rest if after is None else after.state.contacts)
         self.refresh()
 
     def refresh(self) -> None:

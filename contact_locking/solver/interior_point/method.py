@@ -234,7 +234,9 @@ class InteriorPoint:
         # Where linear solves are direct, the pieces of the laws give locking stresses their law.
         wants_law = self._has_law and self._tangent.direct is None
         steps_left = tuning.steps_for_law if wants_law else 0
-        best, stays = math.inf, 0
+        best, stays, penalty = math.inf, 0, task.target.penalty
+        is_penalised = penalty.epsilon > 0.0 and math.isfinite(penalty.n)
+        patience = tuning.patience_with_penalties if is_penalised else tuning.patience
         can_rest = self.bound_moves and not task.system.tools.act
         for iteration in range(limit + 1):
             measures = self._judge.measure(self._iterate)
@@ -257,10 +259,11 @@ class InteriorPoint:
                 best, stays = measures.worst(), 0
             # Steps along which the forces of the body are not linear are shorter.
             stays += self._tangent.is_linear
-            if stays > tuning.patience:
-                self.require_feasible()
+            if stays > patience:
+                if not is_penalised:
+                    self.require_feasible()
                 raise NotConverged(
-                    f"{tuning.patience} interior point iterations led no nearer ({measures})"
+                    f"{patience} interior point iterations led no nearer ({measures})"
                 )
             self._soften(measures)
             if iteration == limit:

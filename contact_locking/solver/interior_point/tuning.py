@@ -154,9 +154,11 @@ class Tuning:
     short: float = 0.01
 
     #: A solve whose worst measure has not fallen to the first of these numbers times the best in so
-    #: many iterations arrives nowhere.
+    #: many iterations arrives nowhere; of penalised locking and contact, which always have a
+    #: solution under a known bound, in so many.
     nearer: float = 0.7
-    patience: int = 12
+    patience: int = 18
+    patience_with_penalties: int = 40
 
     # The stopping rule.
     #: The duality gap over the energy at which the method stops.  Rounding in nearly singular cones
