@@ -167,7 +167,7 @@ def _rows(tests: str) -> Data:
     lines = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("[")]
     rows = {
         name: _short(computed)
-        for name, computed, exact, _ in lines
+        for name, computed, exact in lines
         # An error that should be zero is rounding.
         if exact or abs(computed) > _ROUNDING
     }

@@ -21,7 +21,7 @@ class Rows:
             name = f"{row.id} {row.problem}: {row.quantity}"
             seen[name] += 1
             count = f" ({seen[name]})" if seen[name] > 1 else ""
-            print(json.dumps([name + count, float(row.computed), row.exact, row.test]))
+            print(json.dumps([name + count, float(row.computed), row.exact]))
 
 
 if __name__ == "__main__":
