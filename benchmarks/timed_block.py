@@ -16,7 +16,7 @@ from petsc4py import PETSc
 
 from contact_locking.fem import compiled
 from contact_locking.problem import forms
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.problem.system import System
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
@@ -77,7 +77,7 @@ def warmed_up(dim: int, divisions: int, penalties: Sequence[float]) -> list[Run]
 def elastic_seconds(dim: int, divisions: int, repeats: int = 5) -> float:
     """One linear elastic solve: assembly, factorisation (or set-up) and solution; the median."""
     given = assemble(case(dim, divisions, 1.0), MPI.COMM_WORLD)
-    system = PenalisedSystem(given.data, given.u, given.constraints)
+    system = System(given.data, given.u, given.constraints)
     space, conditions = given.u.function_space, given.constraints.conditions
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     left = compiled.form(forms.elastic_form(u, v, given.data))

@@ -18,7 +18,7 @@ from contact_locking.mesh.domain import Domain, is_on_axis
 from contact_locking.parallel import maximum
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.strain_sets import NormSet, StrainSet
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.problem.system import System
 from contact_locking.results.derived import BodyFields, ContactFields
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.task import Multipliers, SolverReport, Target
@@ -54,7 +54,7 @@ class SolvedState:
     def __init__(
         self,
         problem: DiscreteProblem,
-        system: PenalisedSystem,
+        system: System,
         target: Target,
         settings: Settings,
         report: SolverReport,

@@ -24,7 +24,7 @@ from contact_locking.inverse.equations import Equations, Residual, require_solve
 from contact_locking.inverse.linearisation import Adjoint, Change, Linearisation, nearer_the_path
 from contact_locking.inverse.quantities import Quantity, quantity_of, scale_of
 from contact_locking.problem.discrete_problem import DiscreteProblem
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.problem.system import System
 from contact_locking.solver.task import LastIterate, Target, Task
 
 # The width of central differences over the value: the cube root of the rounding.
@@ -36,7 +36,7 @@ class Frozen:
     """A problem with its solver's system, at the last iterate; ``target`` gives present scales."""
 
     problem: DiscreteProblem
-    system: PenalisedSystem
+    system: System
     target: Callable[[], Target]
     iterate: LastIterate
 
@@ -45,7 +45,7 @@ class Frozen:
         return Equations(self.system, self.target(), self.iterate)
 
 
-def refresh(problem: DiscreteProblem, system: PenalisedSystem) -> None:
+def refresh(problem: DiscreteProblem, system: System) -> None:
     """Take the present data of a problem; collective."""
     problem.refresh()
     system.assemble_loads()

@@ -27,7 +27,7 @@ from mpi4py import MPI
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.parallel import maximum
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.bound_step import MovingBound
 from contact_locking.solver.interior_point.contact_cones import (
     ContactCones,
@@ -94,7 +94,7 @@ class Equations:
     whose derivatives are not known.
     """
 
-    def __init__(self, system: PenalisedSystem, target: Target, iterate: LastIterate) -> None:
+    def __init__(self, system: System, target: Target, iterate: LastIterate) -> None:
         if system.data.own_energy is not None:
             raise InputError("a derivative is not known of an energy of the user's own", "energy")
         for contact in system.rubbing:

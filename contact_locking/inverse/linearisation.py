@@ -35,7 +35,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.inverse.equations import Equations, Residual
 from contact_locking.parallel import maximum, minimum
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.bound_step import BoundLaw
 from contact_locking.solver.interior_point.cones import Step
 from contact_locking.solver.interior_point.contact_cones import ContactCones, FrictionCones
@@ -382,7 +382,7 @@ def nearer_the_path(linear: Linearisation) -> LastIterate | None:
     return LastIterate(system.u.x.array.copy(), travels, cones)
 
 
-def penalised_iterate(system: PenalisedSystem, target: Target, tolerance: float) -> LastIterate:
+def penalised_iterate(system: System, target: Target, tolerance: float) -> LastIterate:
     """The displacement of the system with the cones that its laws give; collective."""
     strain = target.mean_strain(system.energy(), system.largest_displacement(), tolerance)
     product = _PRODUCT * target.ellipticity * strain**2

@@ -32,7 +32,7 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.plain_text import nearest
 from contact_locking.problem import forms
 from contact_locking.problem.loads import ElasticSupport
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.problem.system import System
 from contact_locking.results.quantities import QUANTITIES
 from contact_locking.solver.interior_point.contact_cones import ContactCones, FrictionCones
 from contact_locking.solver.interior_point.family import Family
@@ -65,7 +65,7 @@ class Quantity(ABC):
         return self
 
 
-def scale_of(name: str, domain: Domain, system: PenalisedSystem) -> float:
+def scale_of(name: str, domain: Domain, system: System) -> float:
     """The size of a quantity of this unit, by the energy and the displacement; collective."""
     length, energy = system.largest_displacement(), abs(system.elastic_energy())
     force = energy / length if length > 0.0 else 0.0
@@ -75,7 +75,7 @@ def scale_of(name: str, domain: Domain, system: PenalisedSystem) -> float:
     return {"energy": energy, "force": force, "stress": force / face, "length": length}[unit]
 
 
-def quantity_of(name: str, domain: Domain, system: PenalisedSystem) -> Quantity:
+def quantity_of(name: str, domain: Domain, system: System) -> Quantity:
     """The quantity with a name; collective.  Raises InputError for one without a derivative."""
     parts, dim = name.split("."), domain.dim
     registered = QUANTITIES.get(parts[-1])
@@ -114,7 +114,7 @@ def quantity_of(name: str, domain: Domain, system: PenalisedSystem) -> Quantity:
     )
 
 
-def _contacts_named(name: str | None, system: PenalisedSystem) -> tuple[int, ...]:
+def _contacts_named(name: str | None, system: System) -> tuple[int, ...]:
     """The numbers of the contacts of a resultant: of a name, or None for that of the summary."""
     numbers = range(len(system.contacts))
     if name is None:
@@ -277,10 +277,10 @@ class _Reaction(Quantity):
             found += forms.elastic_form(system.u, lifted, data) - forms.external_work(lifted, data)
         return found
 
-    def springs(self, system: PenalisedSystem) -> list[ElasticSupport]:
+    def springs(self, system: System) -> list[ElasticSupport]:
         return [item for item in system.data.springs if item.on == self.part]
 
-    def lifts(self, system: PenalisedSystem) -> FloatArray | None:
+    def lifts(self, system: System) -> FloatArray | None:
         """The owned displacement whose work with reactions is the resultant; collective.
 
         It follows the directions of supports; None for a part that holds nothing.
@@ -295,6 +295,6 @@ class _Reaction(Quantity):
             found[:, direction] = shares[self.part].reshape(-1, dim)[:, self.axis]
         return found.reshape(-1)
 
-    def _unit(self, system: PenalisedSystem) -> FloatArray:
+    def _unit(self, system: System) -> FloatArray:
         """The owned unit displacement along the axis."""
         return np.tile(np.eye(system.dim)[self.axis], len(system.load) // system.dim)

@@ -35,7 +35,7 @@ from contact_locking.laws.locking import (
 )
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem import forms
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.problem.system import System
 from contact_locking.solver.task import ContactForces, Multipliers, multiplier_spaces
 
 
@@ -75,7 +75,7 @@ class Equations:
     ``v``, ``w`` and ``du`` are functions or arguments of the space of displacements.
     """
 
-    def __init__(self, system: PenalisedSystem) -> None:
+    def __init__(self, system: System) -> None:
         mesh = system.u.function_space.mesh
         self.system, self.data = system, system.data
         self.contacts = [OnGammaC(contact) for contact in system.contacts]

@@ -12,8 +12,8 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.force_balance import Tools
 from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.contact.travel import Tools
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import JointForm, Kept
 from contact_locking.laws.locking import squared_norm
@@ -120,7 +120,7 @@ class BodyForms:
         return self._forces.x.array.copy()
 
 
-class PenalisedSystem:
+class System:
     """The body of a discrete problem for a solver, with the friction bounds and tools in force.
 
     ``u`` is the displacement, at all times with the prescribed values in the constrained dofs.

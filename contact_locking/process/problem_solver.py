@@ -21,7 +21,7 @@ from contact_locking.penalty_method import method as penalty_method
 from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.discrete_problem import DiscreteProblem, distance
 from contact_locking.problem.rounding import LooseMotion
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.problem.system import System
 from contact_locking.process.findings import findings
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import (
@@ -72,7 +72,7 @@ class ProblemSolver:
         if problem.free:
             _, motions = problem.rigidity.loose()
             loose = LooseMotion(motions, problem.constraints, problem.contacts)
-        self.system = PenalisedSystem(
+        self.system = System(
             problem.data,
             problem.u,
             problem.constraints,

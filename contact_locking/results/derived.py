@@ -23,7 +23,7 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, minimum, peak
 from contact_locking.problem import forms
 from contact_locking.problem.discrete_problem import DiscreteProblem
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.problem.system import System
 from contact_locking.results.between_nodes import Entry, entry_between_nodes
 from contact_locking.results.contact_points import (
     OPEN,
@@ -218,9 +218,7 @@ class BodyFields:
         *("von_mises", "locking_parts"),
     )
 
-    def __init__(
-        self, problem: DiscreteProblem, system: PenalisedSystem, multipliers: Multipliers
-    ) -> None:
+    def __init__(self, problem: DiscreteProblem, system: System, multipliers: Multipliers) -> None:
         self.domain, self.system, limits = problem.domain, system, problem.limits
         self.displacement = system.u
         data, self._kept = system.data, system.kept

@@ -19,7 +19,7 @@ from contact_locking.laws.penalty import Penalty
 from contact_locking.monitor import Monitor
 from contact_locking.problem.forms import ProblemData
 from contact_locking.problem.rounding import ROUNDING
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.problem.system import System
 from contact_locking.solver.settings import Settings
 
 
@@ -74,7 +74,7 @@ class Multipliers:
         return cls(total, contacts, parts)
 
     @classmethod
-    def zero(cls, system: PenalisedSystem) -> Multipliers:
+    def zero(cls, system: System) -> Multipliers:
         """No stress and no forces; collective."""
         data, mesh = system.data, system.u.function_space.mesh
         forces = (ContactForces.none(len(c.surface.nodes), system.dim) for c in data.contacts)
@@ -248,7 +248,7 @@ class Task:
     attempt is given up, with a proof that nothing is admissible if there is one.
     """
 
-    system: PenalisedSystem
+    system: System
     target: Target
     settings: Settings = field(default_factory=Settings)
     monitor: Monitor = field(default_factory=Monitor)

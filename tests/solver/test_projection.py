@@ -172,7 +172,7 @@ def test_another_linear_solver_is_an_entry_of_the_table(monkeypatch: pytest.Monk
     by_entry = solving.solve(given.model_copy(update={"solver": solver}))
     assert by_entry.converged, by_entry.summary["reason"]
     assert by_entry.summary["iterations"]["linear"] > by_default.summary["iterations"]["linear"]
-    # Without a direct solver Newton does not polish: what the duality gap leaves is a square.
+    # Without a direct solver the pieces do not finish: what the duality gap leaves is a square.
     u, expected = by_entry.displacement.x.array, by_default.displacement.x.array
     assert np.abs(u - expected).max() <= 1e-4 * np.abs(expected).max()
 

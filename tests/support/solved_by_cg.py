@@ -34,7 +34,7 @@ def crushed_steel() -> Parameters:
     )
 
 
-# Either stops at a duality gap of 1e-8 of the elastic energy, unless Newton polishes it.  The gap
+# Either stops at a duality gap of 1e-8 of the elastic energy, unless the pieces finish it.  The gap
 # bounds a(e, e)/2 of the error e; energies, which are linear in e, agree to 1e-7 here.
 _SAME = 2e-7
 

@@ -32,7 +32,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.parallel import maximum, on_any_rank
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.contact_cones import ContactCones, FrictionCones
 from contact_locking.solver.interior_point.family import Direction, Reaction
 from contact_locking.solver.interior_point.lorentz import dot, norm
@@ -49,7 +49,7 @@ class MovingBound:
     that the friction cones have an inside.
     """
 
-    system: PenalisedSystem
+    system: System
     contact: NodalContact
     pressing: ContactCones
     friction: FrictionCones

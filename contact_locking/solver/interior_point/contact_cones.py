@@ -15,7 +15,7 @@ from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.fem.contact_operator import PointStiffness
 from contact_locking.parallel import maximum, minimum
 from contact_locking.problem.rounding import ROUNDING
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.cones import HalfLines
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.lorentz import aligned, dot, norm
@@ -33,7 +33,7 @@ class ContactNodes:
     Vectors are (d, k), scalars (k,); ``weights`` (k,) are those of the nodes.
     """
 
-    def __init__(self, contact: NodalContact, number: int, system: PenalisedSystem) -> None:
+    def __init__(self, contact: NodalContact, number: int, system: System) -> None:
         self.contact, self.number = contact, number
         self.comm, self.dim = system.comm, system.dim
         surface, self._active = contact.surface, contact.free

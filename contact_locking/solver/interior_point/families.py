@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from contact_locking.parallel import on_any_rank
 from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet, StrainSet
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.bound_step import MovingBound
 from contact_locking.solver.interior_point.contact_cones import (
     ContactCones,
@@ -46,7 +46,7 @@ class Families:
 
 
 def families_of(
-    system: PenalisedSystem,
+    system: System,
     target: Target,
     least_bound: float,
     share: float = 1.0,

@@ -14,7 +14,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged, raise_callback_error
 from contact_locking.fem import compiled
 from contact_locking.problem.rounding import ROUNDING
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.contact_cones import FrictionCones, OnContact
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.iterate import Iterate
@@ -122,7 +122,7 @@ def _pressed(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
     return float(iterate.comm.allreduce(local))
 
 
-def _work_beyond(system: PenalisedSystem, displacement: FloatArray, unlimited: float) -> float:
+def _work_beyond(system: System, displacement: FloatArray, unlimited: float) -> float:
     """``int c |eps(v)| (M + |eps(u)|)`` of ``v`` (owned values), u being the system's.
 
     c is the largest eigenvalue of A, and ``unlimited`` takes the place of an infinite M;
@@ -137,7 +137,7 @@ def _work_beyond(system: PenalisedSystem, displacement: FloatArray, unlimited: f
     return float(system.comm.allreduce(fem.assemble_scalar(compiled.form(form))))
 
 
-def _pull_of_springs(system: PenalisedSystem, displacement: FloatArray) -> float:
+def _pull_of_springs(system: System, displacement: FloatArray) -> float:
     """The sum of the nodal forces of springs at a displacement (owned values); collective."""
     if not system.data.springs:
         return 0.0
@@ -147,7 +147,7 @@ def _pull_of_springs(system: PenalisedSystem, displacement: FloatArray) -> float
     return float(system.comm.allreduce(float(np.abs(forces[:owned]).sum())))
 
 
-def _function(system: PenalisedSystem, displacement: FloatArray) -> fem.Function:
+def _function(system: System, displacement: FloatArray) -> fem.Function:
     """A displacement (owned values, and travels behind them) as a function; collective."""
     v = fem.Function(system.u.function_space)
     body = displacement[: len(displacement) - len(system.tools)]

@@ -17,7 +17,7 @@ from contact_locking.errors import NotConverged
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import JointForm
 from contact_locking.problem.rounding import ROUNDING
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.contact_cones import ContactNodes, OnContact
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
@@ -35,7 +35,7 @@ class RightHandSide:
     All ranks have the latter, (T,).
     """
 
-    def __init__(self, system: PenalisedSystem, vector: PETSc.Vec) -> None:
+    def __init__(self, system: System, vector: PETSc.Vec) -> None:
         self._system, self.on_nodes = system, vector
         self.on_tools: FloatArray = np.zeros(len(system.tools))
 
@@ -70,9 +70,7 @@ class RightHandSide:
         self.on_tools *= factor
 
 
-def energy_of(
-    system: PenalisedSystem, displacement: PETSc.Vec, forces: PETSc.Vec, stiffest: float
-) -> float:
+def energy_of(system: System, displacement: PETSc.Vec, forces: PETSc.Vec, stiffest: float) -> float:
     """``a(u, u)/2`` of a displacement with its elastic forces; collective."""
     energy = 0.5 * float(forces.dot(displacement))
     # The elastic forces at a body that moves far more than it is strained are small differences,

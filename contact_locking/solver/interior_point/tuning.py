@@ -166,7 +166,7 @@ class Tuning:
     gap_tolerance: float = 1e-8
     #: A gap that rounding in the cones excuses is rough above so many times the tolerance.
     gap_left: float = 10.0
-    #: Where Newton's method does not polish the solution of a penalised problem, a locking stress
+    #: Where the pieces do not finish the solution of a penalised problem, a locking stress
     #: may differ by this share of the largest from that of its law at the displacement.
     off_law: float = 3e-7
     #: There the method aims at this share of the gap's tolerance, and takes so many more steps at

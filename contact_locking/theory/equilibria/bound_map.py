@@ -27,7 +27,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.family import Reaction
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.task import LastIterate, Outcome, Task
@@ -43,7 +43,7 @@ class BoundVectors:
     (m,) are those of the nodes.  The constructor is collective.
     """
 
-    def __init__(self, system: PenalisedSystem) -> None:
+    def __init__(self, system: System) -> None:
         self._comm, self._bounds = system.comm, system.bounds
         self.contacts = system.rubbing
         self._counts = [int(np.count_nonzero(item.free)) for item in self.contacts]
